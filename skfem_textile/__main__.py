@@ -1,0 +1,7 @@
+"""``python -m skfem_textile``."""
+
+import sys
+
+from .cli import main
+
+sys.exit(main())

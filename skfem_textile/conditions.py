@@ -1,0 +1,237 @@
+"""Displacement conditions along any direction, and what they leave free."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix, identity
+from scipy.sparse.linalg import spsolve
+from skfem import CellBasis, Mesh
+
+from .fabric import Direction, unit_vectors
+
+Where: TypeAlias = str | ArrayLike | Callable[[ndarray], ndarray]
+Value: TypeAlias = ArrayLike | Callable[[ndarray, float], ndarray]
+
+# Two directions at a node closer than this (radians) are one.
+_PARALLEL = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """A displacement fixed on some nodes, whole or along one direction.
+
+    Parameters
+    ----------
+    where
+        The name of a boundary of the mesh, a function of position
+        ``(2, n) -> (n,) bool``, or node numbers.
+    value
+        Displacement in mm: with a direction, a scalar per node; without, a vector
+        per node, shape (2, n).  Either a function ``value(X, t)`` of reference
+        position and load factor, or a constant that is reached in proportion to
+        the load factor.
+    direction
+        The direction in which the displacement is fixed: a vector or a function
+        of position.  Without it the whole displacement is fixed.
+
+    Examples
+    --------
+    A clamp, an edge pulled by 5 mm, and a roller on a slope of 30°:
+
+    >>> clamp = Condition("bottom")
+    >>> pulled = Condition("top", 5.0, direction=(0, 1))
+    >>> roller = Condition(lambda x: x[0] > 99.9, direction=(-0.5, 3**0.5 / 2))
+    """
+
+    where: Where
+    value: Value = 0.0
+    direction: Direction | None = None
+
+    def nodes(self, name: str, mesh: Mesh) -> ndarray:
+        """Numbers of the nodes on which the condition acts.
+
+        Raises
+        ------
+        ValueError
+            If the boundary is unknown, or no node is found.
+        """
+        if isinstance(self.where, str):
+            known = mesh.boundaries or {}
+            if self.where not in known:
+                names = ", ".join(map(repr, known)) or "none"
+                raise ValueError(
+                    f"condition {name!r}: the mesh has no boundary {self.where!r} "
+                    f"(it has: {names})"
+                )
+            nodes = np.unique(mesh.facets[:, known[self.where]])
+        elif callable(self.where):
+            nodes = np.flatnonzero(self.where(mesh.p))
+        else:
+            nodes = np.unique(np.asarray(self.where, dtype=int))
+        if nodes.size == 0:
+            raise ValueError(f"condition {name!r} acts on no node")
+        if nodes.min() < 0 or nodes.max() >= mesh.p.shape[1]:
+            raise ValueError(
+                f"condition {name!r}: the mesh has nodes 0 to {mesh.p.shape[1] - 1}"
+            )
+        return nodes
+
+    def directions(self, name: str, X: ndarray) -> ndarray:
+        """Fixed directions at the nodes, shape (k, 2, n), with k = 1 or 2."""
+        if self.direction is None:
+            return np.broadcast_to(np.eye(2)[:, :, None], (2, *X.shape))
+        n = unit_vectors(f"condition {name!r}: direction", self.direction, X)
+        return np.broadcast_to(n, X.shape)[None]
+
+    def values(self, name: str, X: ndarray, t: float) -> ndarray:
+        """Displacements along the fixed directions, shape (k, n)."""
+        if callable(self.value):
+            value = np.asarray(self.value(X, t), dtype=float)
+        else:
+            value = t * np.asarray(self.value, dtype=float)
+            if value.shape == (2,) and self.direction is None:
+                value = value[:, None]
+        if not np.all(np.isfinite(value)):
+            raise ValueError(
+                f"condition {name!r}: the value is not finite at load factor {t:g}"
+            )
+        n = X.shape[1]
+        shape = (2, n) if self.direction is None else (1, n)
+        try:
+            if self.direction is None and value.ndim < 2 and np.any(value):
+                raise ValueError("one number is no vector")
+            return np.broadcast_to(value, shape)
+        except ValueError:
+            wanted = f"(2, {n})" if self.direction is None else f"({n},)"
+            raise ValueError(
+                f"condition {name!r}: the value must have shape {wanted}, "
+                f"not {value.shape}"
+            ) from None
+
+
+class Constraints:
+    """The conditions of a ply, resolved into fixed unknowns.
+
+    Where one inclined direction is fixed at a node, the two unknowns of that node
+    are turned so that the first lies along it: u = turn @ q.  Conditions that
+    repeat one another are merged.
+
+    Parameters
+    ----------
+    basis
+        Basis of the displacement.
+    conditions
+        Conditions by name.
+
+    Attributes
+    ----------
+    turn
+        Orthogonal matrix from the turned to the plain unknowns; None where every
+        fixed direction lies along an axis.
+    fixed, free
+        Numbers of the fixed and of the other (turned) unknowns.
+    nodes
+        Node numbers of each condition, by name.
+
+    Raises
+    ------
+    ValueError
+        If a condition is not valid, or two of them disagree.
+    """
+
+    def __init__(self, basis: CellBasis, conditions: Mapping[str, Condition]) -> None:
+        if not conditions:
+            raise ValueError("no conditions: a ply must be held somewhere")
+        mesh = basis.mesh
+        self._conditions = dict(conditions)
+        self._X = mesh.p
+        self.nodes = {k: c.nodes(k, mesh) for k, c in self._conditions.items()}
+
+        node, direction = [], []
+        for name, condition in self._conditions.items():
+            n = condition.directions(name, self._X[:, self.nodes[name]])
+            node.append(np.tile(self.nodes[name], len(n)))
+            direction.append(n.transpose(1, 0, 2).reshape(2, -1))
+        self._node = np.concatenate(node)
+        self._direction = np.concatenate(direction, axis=1)
+        self._resolve(basis)
+        self.fixed_values(1.0)
+
+    def _resolve(self, basis: CellBasis) -> None:
+        """Choose the fixed unknowns and the map from the rows' values to theirs.
+
+        A row fixes one direction at one node; ``_rows @ q[fixed] = values``.
+        """
+        dofs, n = basis.nodal_dofs[:, self._node], self._direction
+        first = self._first_rows()
+        along = np.abs(n[0] * n[1, first] - n[1] * n[0, first]) < _PARALLEL
+        whole = np.zeros(self._X.shape[1], dtype=bool)
+        whole[self._node[~along]] = True
+
+        axis = np.abs(n[:, first]).argmax(axis=0)
+        on_axis = np.abs(n[:, first]).min(axis=0) == 0
+        inclined = ~whole[self._node] & ~on_axis
+        self.turn = _turns(basis.N, dofs[:, inclined], n[:, first][:, inclined])
+
+        one = ~whole[self._node]
+        kept = np.where(on_axis, axis, 0)[one]
+        self.fixed = np.unique(
+            np.concatenate([dofs[:, ~one].ravel(), dofs[kept, np.flatnonzero(one)]])
+        )
+        self.free = np.setdiff1d(np.arange(basis.N), self.fixed)
+        rows = np.tile(np.arange(len(self._node)), 2)
+        N = csr_matrix(
+            (n.ravel(), (rows, dofs.ravel())), shape=(len(self._node), basis.N)
+        )
+        if self.turn is not None:
+            N = N @ self.turn
+        self._rows = N[:, self.fixed]
+
+    def _first_rows(self) -> ndarray:
+        """For each row, the first row at the same node."""
+        _, first, inverse = np.unique(
+            self._node, return_index=True, return_inverse=True
+        )
+        return first[inverse]
+
+    def fixed_values(self, t: float) -> ndarray:
+        """Values of the fixed unknowns at the load factor ``t``.
+
+        Raises
+        ------
+        ValueError
+            If two conditions ask a node for different displacements.
+        """
+        g = np.concatenate(
+            [
+                c.values(name, self._X[:, self.nodes[name]], t).ravel()
+                for name, c in self._conditions.items()
+            ]
+        )
+        # Rows of one node couple at most two unknowns, of full rank by choice:
+        # least squares, which leaves what disagrees in the remainder.
+        normal = (self._rows.T @ self._rows).tocsc()
+        q = np.atleast_1d(spsolve(normal, self._rows.T @ g))
+        remainder = np.abs(self._rows @ q - g)
+        if remainder.max() > 1e-9 * max(np.abs(g).max(), 1e-300):
+            node = self._node[remainder.argmax()]
+            names = [name for name, nodes in self.nodes.items() if node in nodes]
+            raise ValueError(
+                f"conditions {' and '.join(map(repr, names))} disagree at node {node} "
+                f"{tuple(self._X[:, node].round(6).tolist())}, load factor {t:g}"
+            )
+        return q
+
+
+def _turns(n_dofs: int, dofs: ndarray, n: ndarray) -> csr_matrix | None:
+    """Identity, but for the nodes whose first unknown is to lie along ``n``."""
+    if dofs.size == 0:
+        return None
+    turn = identity(n_dofs, format="lil")
+    for (i, j), (c, s) in zip(dofs.T, n.T, strict=True):
+        turn[i, i], turn[i, j], turn[j, i], turn[j, j] = c, -s, s, c
+    return turn.tocsr()

@@ -1,0 +1,87 @@
+"""Elements and rules of the fibrous quadrilateral: centre, 2×2 and hourglass.
+
+The gradient of a bilinear quadrilateral splits into its value at the centre and
+a fluctuation, ∇N(ξ) = ∇N(0) + (∇N(ξ) − ∇N(0)).  The fluctuation is exactly the
+paper's B_HGL = γ ⊗ ∇h (Hamila & Boisse 2013, §3.1).
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from skfem import CellBasis, DiscreteField, ElementQuad1, ElementVector, Mesh
+from skfem.quadrature import get_quadrature
+
+#: One point at the centre, carrying the exact area of a bilinear quadrilateral.
+CENTRE = (np.array([[0.5], [0.5]]), np.array([1.0]))
+
+#: 2×2 Gauss points.
+GAUSS = get_quadrature(ElementQuad1, 3)
+
+
+class ElementQuad1Fluctuation(ElementQuad1):
+    """Bilinear element whose gradient is the fluctuation ∇N(ξ) − ∇N(0).
+
+    The centre gradient ∇N(0) rides along: `centre_grad` returns it.
+
+    Examples
+    --------
+    The fluctuation does not see linear fields, on any quadrilateral.
+
+    >>> import numpy as np
+    >>> from skfem import Basis, MeshQuad
+    >>> mesh = MeshQuad(np.array([[0, 3, 2, 0], [0, 0, 2, 1.]]), [[0], [1], [2], [3]])
+    >>> u = Basis(mesh, ElementQuad1Fluctuation()).interpolate(mesh.p[0] - mesh.p[1])
+    >>> bool(np.allclose(u.grad, 0)), bool(np.allclose(centre_grad(u)[0], 1))
+    (True, True)
+    """
+
+    def gbasis(
+        self, mapping: Any, X: ndarray, i: int, tind: ndarray | None = None
+    ) -> tuple[DiscreteField, ...]:
+        """One basis function: its value, fluctuation and centre gradient."""
+        (field,) = super().gbasis(mapping, X, i, tind)
+        (centre,) = super().gbasis(mapping, CENTRE[0], i, tind)
+        fluctuation = field.grad - centre.grad
+        # scikit-fem's fields have a fixed set of slots; `grad3` is free here
+        # because the third derivatives of a bilinear function vanish.
+        constant = np.broadcast_to(centre.grad, fluctuation.shape)
+        return (DiscreteField(np.array(field), grad=fluctuation, grad3=constant),)
+
+
+def centre_grad(u: DiscreteField) -> ndarray:
+    """Gradient at the element centre of a field on `ElementQuad1Fluctuation`."""
+    return np.asarray(u.grad3)
+
+
+def quad_basis(mesh: Mesh, rule: tuple[ndarray, ndarray]) -> CellBasis:
+    """Basis of the displacement on ``mesh`` with the points and weights of ``rule``.
+
+    Parameters
+    ----------
+    mesh
+        A `skfem.MeshQuad`.
+    rule
+        `CENTRE` for one point, `GAUSS` for 2×2.
+    """
+    return CellBasis(mesh, ElementVector(ElementQuad1()), quadrature=rule)
+
+
+class HourglassBasis(CellBasis):
+    """Basis of the fluctuation at the 2×2 points, each of weight A/4 (§3.2).
+
+    A is the reference area of the element.
+
+    Parameters
+    ----------
+    mesh
+        A `skfem.MeshQuad`.
+    **kwargs
+        Passed to `skfem.CellBasis`: ``mapping``, ``dofs``, ``elements``.
+    """
+
+    def __init__(self, mesh: Mesh, **kwargs: Any) -> None:
+        element = ElementVector(ElementQuad1Fluctuation())
+        super().__init__(mesh, element, quadrature=GAUSS, **kwargs)
+        centre, _ = CENTRE
+        self.dx = np.abs(self.mapping.detDF(centre, self.tind)) * self.W

@@ -1,0 +1,193 @@
+"""What a ply is made of: fibre directions, tension law and shear law."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray]
+
+# Fibre families closer than this (radians) leave the fabric no second family.
+_PARALLEL = 1e-6
+
+
+class Law(Protocol):
+    """A scalar elastic law: energy, its derivative and its second derivative.
+
+    For fibres ``x`` is the fibre strain ε and ``value`` the tension T in N/mm;
+    for shear ``x`` is the shear angle Γ in radians and ``value`` the shear
+    moment M_s in N·mm/mm².  All three take and return arrays.
+    """
+
+    def energy(self, x: ndarray) -> ndarray:
+        """Energy density in N·mm/mm², zero at x = 0."""
+        ...
+
+    def value(self, x: ndarray) -> ndarray:
+        """Derivative of the energy."""
+        ...
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """Derivative of the value."""
+        ...
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The law ``value = stiffness · x``.
+
+    Raises
+    ------
+    ValueError
+        If the stiffness is negative or not finite.
+    """
+
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.stiffness) and self.stiffness >= 0):
+            raise ValueError(
+                f"stiffness must be a finite number >= 0, got {self.stiffness}"
+            )
+
+    def energy(self, x: ndarray) -> ndarray:
+        """½ stiffness x²."""
+        return 0.5 * self.stiffness * x**2
+
+    def value(self, x: ndarray) -> ndarray:
+        """Stiffness times x."""
+        return self.stiffness * x
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """The stiffness."""
+        return np.full_like(x, self.stiffness)
+
+
+class Family(NamedTuple):
+    """One fibre family: its name, reference direction and tension law."""
+
+    name: str
+    direction: Direction
+    tension: Law
+
+
+@dataclass(frozen=True, eq=False)
+class Fabric:
+    """A biaxial fabric: two fibre families that resist stretch, and shear between them.
+
+    Parameters
+    ----------
+    tension
+        Fibre stiffness E in N/mm (tension T = E ε), or a `Law` T(ε); one for
+        both families or a pair (warp, weft).
+    shear
+        Shear stiffness G in N·mm/mm² (moment M_s = G Γ), or a `Law` M_s(Γ).
+    warp, weft
+        Reference direction of each family: a vector, a function of position
+        ``(2, ...) -> (2, ...)``, or one vector per element, shape
+        (2, n_elements).  Normalised here, so any length will do.
+
+    Raises
+    ------
+    ValueError
+        If a stiffness is negative, or a direction is zero or not finite, or warp
+        and weft are parallel.
+
+    Examples
+    --------
+    >>> fabric = Fabric(tension=1e4, shear=0.5, warp=(1, 1), weft=(-1, 1))
+    >>> fabric.families[0].tension
+    Linear(stiffness=10000.0)
+    """
+
+    tension: float | Law | tuple[float | Law, float | Law] = 1e4
+    shear: float | Law = 0.0
+    warp: Direction = (1.0, 0.0)
+    weft: Direction = (0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        _ = self.families, self.shear_law
+        if not (callable(self.warp) or callable(self.weft)):
+            counts = [np.size(d) // 2 for d in (self.warp, self.weft)]
+            self.directions(np.zeros((2, max(counts), 1)))
+
+    @property
+    def families(self) -> tuple[Family, Family]:
+        """Warp and weft."""
+        pair = self.tension if isinstance(self.tension, tuple) else (self.tension,) * 2
+        if len(pair) != 2:
+            raise ValueError("tension must be one law or a pair (warp, weft)")
+        return (
+            Family("warp", self.warp, _law("tension", pair[0])),
+            Family("weft", self.weft, _law("tension", pair[1])),
+        )
+
+    @property
+    def shear_law(self) -> Law:
+        """Shear moment M_s(Γ)."""
+        return _law("shear", self.shear)
+
+    def directions(self, x: ndarray) -> tuple[ndarray, ndarray]:
+        """Unit reference directions (A₁, A₂) at the points ``x``.
+
+        Parameters
+        ----------
+        x
+            Reference positions, shape (2, n_elements, n_points).
+
+        Returns
+        -------
+        tuple of ndarray
+            Each of a shape that broadcasts with ``x``.
+        """
+        A1, A2 = (unit_vectors(f.name, f.direction, x) for f in self.families)
+        if np.any(np.abs(A1[0] * A2[1] - A1[1] * A2[0]) < _PARALLEL):
+            raise ValueError("warp and weft are parallel: they must cross at an angle")
+        return A1, A2
+
+
+def is_zero(law: Law) -> bool:
+    """Whether a law needs no term at all."""
+    return isinstance(law, Linear) and law.stiffness == 0
+
+
+def _law(name: str, law: float | Law) -> Law:
+    if not isinstance(law, int | float | np.number):
+        if not all(hasattr(law, part) for part in ("energy", "value", "tangent")):
+            raise ValueError(
+                f"{name} must be a number or a law with energy, value and tangent"
+            )
+        return law
+    try:
+        return Linear(float(law))
+    except ValueError as error:
+        raise ValueError(f"{name} {error}") from None
+
+
+def unit_vectors(name: str, direction: Direction, x: ndarray) -> ndarray:
+    """Unit vectors of a direction field at the points ``x``.
+
+    Raises
+    ------
+    ValueError
+        If the direction has a wrong shape, or is zero or not finite somewhere.
+    """
+    a = np.asarray(direction(x) if callable(direction) else direction, dtype=float)
+    if not callable(direction):
+        a = a.reshape(a.shape + (1,) * (x.ndim - a.ndim))
+    try:
+        fits = len(a) == 2 and np.broadcast_shapes(a.shape, x.shape) == x.shape
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise ValueError(
+            f"{name} must be a vector (2,), a function of position or one vector per "
+            f"element (2, n_elements); got shape {a.shape} for points {x.shape}"
+        )
+    length = np.linalg.norm(a, axis=0)
+    if not np.all(np.isfinite(length) & (length > 0)):
+        raise ValueError(f"{name} must be a non-zero finite vector everywhere")
+    return a / length

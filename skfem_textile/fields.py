@@ -1,0 +1,49 @@
+"""Fields of a displaced ply, one value per node or element, for files and pictures."""
+
+import numpy as np
+from numpy import ndarray
+
+from .elements import CENTRE
+from .ply import Ply
+
+
+def point_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
+    """``displacement`` in mm, shape (n_nodes, 3)."""
+    return {"displacement": _in_space(ply.nodal(u))}
+
+
+def cell_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
+    """Fibre strains, tensions and directions, and the shear angle, per element.
+
+    Of several points in an element the value of largest magnitude is given, so
+    that the extremes of a field are those of the ply; directions are those at the
+    centre.
+
+    Returns
+    -------
+    dict
+        ``fibre_strain_1``, ``fibre_strain_2``, ``fibre_tension_1``,
+        ``fibre_tension_2`` (N/mm) and ``shear_angle`` (degrees), shape
+        (n_elements,); ``fibre_direction_1`` and ``fibre_direction_2``, shape
+        (n_elements, 3).  1 is the warp, 2 the weft.
+    """
+    strain, tension = ply.fibre_strain(u), ply.fibre_tension(u)
+    centre, _ = CENTRE
+    direction = ply.fibre_direction(u, centre)[..., 0]
+    fields = {"shear_angle": np.degrees(_extreme(ply.shear_angle(u)))}
+    for i in range(2):
+        fields[f"fibre_strain_{i + 1}"] = _extreme(strain[i])
+        fields[f"fibre_tension_{i + 1}"] = _extreme(tension[i])
+        fields[f"fibre_direction_{i + 1}"] = _in_space(direction[i])
+    return fields
+
+
+def _extreme(x: ndarray) -> ndarray:
+    """Of each element's points the value of largest magnitude."""
+    largest = np.abs(x).argmax(axis=-1)
+    return np.take_along_axis(x, largest[:, None], axis=-1)[:, 0]
+
+
+def _in_space(x: ndarray) -> ndarray:
+    """Columns of plane vectors as rows of vectors in space."""
+    return np.pad(x, ((0, 1), (0, 0))).T

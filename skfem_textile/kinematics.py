@@ -1,0 +1,115 @@
+"""Fibre strain and shear angle of a deformation gradient, with their derivatives.
+
+Pointwise formulas that know nothing of meshes.  Every tensor carries its
+components first and the points last, as in scikit-fem: a deformation gradient
+``F`` has shape ``(d, 2, ...)``, a reference fibre direction ``A`` shape
+``(2, ...)``; first derivatives with respect to ``F`` have shape ``(d, 2, ...)``
+and second derivatives ``(d, 2, d, 2, ...)``.  The points may broadcast.
+
+Here d = 2: the ply stays in its plane.
+"""
+
+import numpy as np
+from numpy import ndarray
+from skfem.helpers import cross, det, dot, mul
+
+
+def deformation_gradient(grad_u: ndarray) -> ndarray:
+    """Deformation gradient F = I + ∇u.
+
+    Parameters
+    ----------
+    grad_u
+        Displacement gradient, shape (2, 2, ...).
+    """
+    return _identity(grad_u) + grad_u
+
+
+def area_ratio(F: ndarray) -> ndarray:
+    """Current area per reference area, det F; not positive where the ply folds."""
+    return det(F)
+
+
+def fibre_strain(F: ndarray, A: ndarray) -> ndarray:
+    """Logarithmic fibre strain ε = ln λ, with λ = ‖a‖ and a = F·A.
+
+    Parameters
+    ----------
+    F
+        Deformation gradient, shape (d, 2, ...).
+    A
+        Unit reference direction of the fibre, shape (2, ...).
+    """
+    a = mul(F, A)
+    return 0.5 * np.log(dot(a, a))
+
+
+def fibre_strain_d(F: ndarray, A: ndarray) -> ndarray:
+    """First derivative ∂ε/∂F = a ⊗ A / λ², shape (d, 2, ...)."""
+    a = mul(F, A)
+    return np.einsum("i...,J...->iJ...", a / dot(a, a), A)
+
+
+def fibre_strain_dd(F: ndarray, A: ndarray) -> ndarray:
+    """Second derivative ∂²ε/∂F² = (δ_ik/λ² − 2 a_i a_k/λ⁴) A_J A_L."""
+    a = mul(F, A)
+    e = a / dot(a, a)
+    m = _identity(F) / dot(a, a) - 2 * np.einsum("i...,k...->ik...", e, e)
+    return np.einsum("ik...,J...,L...->iJkL...", m, A, A)
+
+
+def shear_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
+    """Shear angle Γ = ∠(A₁, A₂) − ∠(a₁, a₂) in radians.
+
+    Positive where warp and weft close up; smooth until they fold onto one
+    another.  Its rate is Γ̇ = f²·L·f₁ + f¹·L·f₂ (Hamila & Boisse 2013, §3.2).
+
+    Parameters
+    ----------
+    F
+        Deformation gradient, shape (d, 2, ...).
+    A1, A2
+        Unit reference directions of warp and weft, shape (2, ...).
+    """
+    return _angle(A1, A2) - _angle(mul(F, A1), mul(F, A2))
+
+
+def shear_angle_d(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
+    """First derivative ∂Γ/∂F = ∂θ₁/∂F − ∂θ₂/∂F, shape (d, 2, ...).
+
+    θ_α is the inclination of a_α: ∂θ/∂F = p ⊗ A / λ² with p = a turned by 90°.
+    """
+    return _inclination_d(F, A1) - _inclination_d(F, A2)
+
+
+def shear_angle_dd(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
+    """Second derivative ∂²Γ/∂F² = ∂²θ₁/∂F² − ∂²θ₂/∂F², shape (d, 2, d, 2, ...)."""
+    return _inclination_dd(F, A1) - _inclination_dd(F, A2)
+
+
+def _identity(T: ndarray) -> ndarray:
+    """Identity of as many rows as T, broadcasting over the points of T."""
+    return np.eye(len(T)).reshape(len(T), len(T), *(1,) * (T.ndim - 2))
+
+
+def _angle(b: ndarray, c: ndarray) -> ndarray:
+    """Angle from b to c in (−π, π]."""
+    return np.arctan2(cross(b, c), dot(b, c))
+
+
+def _turned(a: ndarray) -> ndarray:
+    """The vector a turned by +90°."""
+    return np.stack([-a[1], a[0]])
+
+
+def _inclination_d(F: ndarray, A: ndarray) -> ndarray:
+    a = mul(F, A)
+    return np.einsum("i...,J...->iJ...", _turned(a) / dot(a, a), A)
+
+
+def _inclination_dd(F: ndarray, A: ndarray) -> ndarray:
+    """∂²θ/∂F² = −(p_i a_k + a_i p_k) A_J A_L / λ⁴."""
+    a = mul(F, A)
+    e = a / dot(a, a)
+    m = np.einsum("i...,k...->ik...", _turned(e), e)
+    return -np.einsum("ik...,J...,L...->iJkL...", m + m.swapaxes(0, 1), A, A)

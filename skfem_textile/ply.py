@@ -1,0 +1,194 @@
+"""A ply: a mesh, a fabric and a formulation, as a function of the displacement."""
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import csr_matrix
+from skfem import ElementQuad1, MeshQuad, asm
+
+from . import kinematics as kin
+from .elements import quad_basis
+from .fabric import Fabric, is_zero
+from .forms import shear, tension
+from .formulations import Formulation, Term
+from .meshes import check_quads
+
+
+class Ply:
+    """Internal energy of a ply and its derivatives.
+
+    Only the terms that the fabric and the formulation need are built: no shear
+    term without shear stiffness, no hourglass basis without stabilisation.
+
+    Parameters
+    ----------
+    mesh
+        The reference configuration.
+    fabric
+        Fibre directions and laws.
+    formulation
+        `Full` or `OnePoint`.
+
+    Attributes
+    ----------
+    basis
+        `skfem.CellBasis` of the displacement at the ply's own points.  Every
+        ``u`` below is a DOF vector of this basis.
+    terms
+        The terms of the energy, each with its forms and its basis.
+
+    Raises
+    ------
+    MeshError
+        If the mesh is not a sound mesh of quadrilaterals.
+    ValueError
+        If the fabric has no stiffness at all, or a fibre direction is not valid
+        somewhere on the mesh.
+
+    Examples
+    --------
+    >>> from skfem import MeshQuad
+    >>> from skfem_textile import Fabric, OnePoint, Ply
+    >>> ply = Ply(MeshQuad().refined(3), Fabric(1e4), OnePoint(stabilisation=1.0))
+    >>> u = ply.basis.zeros()
+    >>> float(ply.energy(u)), ply.residual(u).shape, ply.tangent(u).shape
+    (0.0, (162,), (162, 162))
+    """
+
+    def __init__(
+        self, mesh: MeshQuad, fabric: Fabric, formulation: Formulation
+    ) -> None:
+        check_quads(mesh)
+        self.mesh = mesh
+        self.fabric = fabric
+        self.formulation = formulation
+        self.basis = quad_basis(mesh, formulation.rule)
+        fabric.directions(np.asarray(self.basis.global_coordinates()))
+        self.terms = self._needed_terms()
+
+    def _needed_terms(self) -> list[Term]:
+        terms = []
+        if not all(is_zero(family.tension) for family in self.fabric.families):
+            terms.append(Term("tension", tension(self.fabric), self.basis))
+        if not is_zero(self.fabric.shear_law):
+            terms.append(Term("shear", shear(self.fabric), self.basis))
+        if not terms:
+            raise ValueError("the fabric has no stiffness: give it tension or shear")
+        return terms + self.formulation.stabilising_terms(self.basis, self.fabric)
+
+    def energies(self, u: ndarray) -> dict[str, float]:
+        """Energy of each term in N·mm, by the name of the term."""
+        return {
+            name: float(asm(forms.energy, basis, u=u))
+            for name, forms, basis in self.terms
+        }
+
+    def energy(self, u: ndarray) -> float:
+        """Internal energy in N·mm."""
+        return sum(self.energies(u).values())
+
+    def residual(self, u: ndarray) -> ndarray:
+        """Internal nodal forces in N: the derivative of the energy."""
+        return sum(asm(forms.residual, basis, u=u) for _, forms, basis in self.terms)
+
+    def tangent(self, u: ndarray, tension: ndarray | None = None) -> csr_matrix:
+        """Derivative of the residual in N/mm.
+
+        Parameters
+        ----------
+        u
+            Displacement.
+        tension
+            Fibre tensions to use in the geometric stiffness instead of those of
+            ``u``, shape (2, n_elements, n_points).
+        """
+        geometric = {} if tension is None else {"tension": tension}
+        return sum(
+            asm(forms.tangent, basis, u=u, **(geometric if name == "tension" else {}))
+            for name, forms, basis in self.terms
+        )
+
+    def gradient(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Displacement gradient ∇u, shape (2, 2, n_elements, n_points).
+
+        Parameters
+        ----------
+        u
+            Displacement.
+        points
+            Reference coordinates in the unit square, shape (2, n_points); the
+            ply's own points if not given.
+        """
+        xi = self.basis.X if points is None else points
+        scalar = ElementQuad1()
+        n_nodes = len(scalar.doflocs)
+        dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
+        nodal = u[self.basis.element_dofs].reshape(n_nodes, 2, -1)
+        du_dxi = np.einsum("ain,ajq->ijnq", nodal, dN)
+        return np.einsum("ijnq,jknq->iknq", du_dxi, self.basis.mapping.invDF(xi))
+
+    def deformation_gradient(
+        self, u: ndarray, points: ndarray | None = None
+    ) -> ndarray:
+        """Deformation gradient F, shape (2, 2, n_elements, n_points)."""
+        return kin.deformation_gradient(self.gradient(u, points))
+
+    def area_ratio(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Current area per reference area, det F, shape (n_elements, n_points)."""
+        return kin.area_ratio(self.deformation_gradient(u, points))
+
+    def fibre_strain(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Fibre strain of warp and weft, shape (2, n_elements, n_points)."""
+        F = self.deformation_gradient(u, points)
+        return np.array([kin.fibre_strain(F, A) for A in self.directions(points)])
+
+    def fibre_tension(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Tension of warp and weft in N/mm, shape (2, n_elements, n_points)."""
+        strains = self.fibre_strain(u, points)
+        families = self.fabric.families
+        return np.array(
+            [f.tension.value(e) for f, e in zip(families, strains, strict=True)]
+        )
+
+    def predicted_tension(self, u: ndarray, du: ndarray) -> ndarray:
+        """Fibre tensions after the increment ``du``, to first order in it.
+
+        At the ply's own points, shape (2, n_elements, n_points): T(ε) + T′ ∂ε·∇du.
+        """
+        F, dF = self.deformation_gradient(u), self.gradient(du)
+        tensions = []
+        for family, A in zip(self.fabric.families, self.directions(), strict=True):
+            eps = kin.fibre_strain(F, A)
+            d_eps = np.einsum("iJ...,iJ...", kin.fibre_strain_d(F, A), dF)
+            law = family.tension
+            tensions.append(law.value(eps) + law.tangent(eps) * d_eps)
+        return np.array(tensions)
+
+    def fibre_direction(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Current unit direction of warp and weft, (2, 2, n_elements, n_points).
+
+        The first axis is the family, the second the component.
+        """
+        F = self.deformation_gradient(u, points)
+        a = np.array([kin.mul(F, A) for A in self.directions(points)])
+        return a / np.linalg.norm(a, axis=1, keepdims=True)
+
+    def shear_angle(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Shear angle Γ in radians, shape (n_elements, n_points)."""
+        F = self.deformation_gradient(u, points)
+        return kin.shear_angle(F, *self.directions(points))
+
+    def directions(self, points: ndarray | None = None) -> tuple[ndarray, ndarray]:
+        """Unit reference directions of warp and weft at the points."""
+        xi = self.basis.X if points is None else points
+        return self.fabric.directions(self.basis.mapping.F(xi))
+
+    def nodal(self, u: ndarray) -> ndarray:
+        """A DOF vector as one column per node, shape (2, n_nodes)."""
+        return u[self.basis.nodal_dofs]
+
+    def __repr__(self) -> str:
+        terms = ", ".join(term.name for term in self.terms)
+        return (
+            f"<Ply of {self.mesh.nelements} elements, {self.basis.N} unknowns, "
+            f"{self.formulation}, terms: {terms}>"
+        )

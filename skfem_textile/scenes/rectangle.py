@@ -1,0 +1,70 @@
+"""Quadrilateral meshes of a rectangle, regular or with jittered nodes."""
+
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from skfem import MeshQuad
+
+Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical"]
+
+KINDS: tuple[str, ...] = get_args(Kind)
+
+
+def rectangle(
+    width: float,
+    height: float,
+    size: tuple[int, int],
+    kind: str = "irregular",
+    jitter: float = 0.3,
+    seed: int = 1,
+) -> MeshQuad:
+    """Mesh of [0, width] × [0, height] with edges named left, bottom, right, top.
+
+    Parameters
+    ----------
+    width, height
+        Sides in mm.
+    size
+        Number of elements along x and y.
+    kind
+        ``aligned`` with the axes; ``irregular``, every node moved; ``horizontal``,
+        nodes moved along x only, so that horizontal element edges stay aligned;
+        ``vertical``, along y only.  Boundary nodes slide along their edges.
+    jitter
+        Largest move, as a share of the spacing.
+    seed
+        Seed of the moves.
+
+    Raises
+    ------
+    ValueError
+        If the kind is unknown, the size not positive, or the jitter not in [0, 1).
+
+    Examples
+    --------
+    >>> rectangle(40, 60, (10, 15)).nelements
+    150
+    """
+    nx, ny = size
+    if kind not in KINDS:
+        raise ValueError(f"unknown mesh {kind!r}: choose one of {', '.join(KINDS)}")
+    if nx < 1 or ny < 1:
+        raise ValueError(f"the mesh needs at least 1x1 elements, got {nx}x{ny}")
+    if not 0 <= jitter < 1:
+        raise ValueError(f"jitter must be in [0, 1), got {jitter}")
+
+    x, y = np.meshgrid(np.linspace(0, width, nx + 1), np.linspace(0, height, ny + 1))
+    rng = np.random.default_rng(seed)
+    dx = (2 * rng.random(x.shape) - 1) * jitter * width / nx
+    dy = (2 * rng.random(y.shape) - 1) * jitter * height / ny
+    if kind in ("irregular", "horizontal"):
+        x[:, 1:-1] += dx[:, 1:-1]
+    if kind in ("irregular", "vertical"):
+        y[1:-1] += dy[1:-1]
+
+    node = np.arange(x.size).reshape(x.shape)
+    corners = node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]
+    mesh = MeshQuad(
+        np.stack([x.ravel(), y.ravel()]), np.stack([c.ravel() for c in corners])
+    )
+    return mesh.with_defaults()

@@ -1,0 +1,127 @@
+"""A scene: geometry, conditions and exact answer of one problem."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy import ndarray
+from skfem import MeshQuad
+
+from ..conditions import Condition
+from ..elements import CENTRE
+from ..result import Result
+
+ExactField = Callable[[ndarray, float], ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One problem, ready to be given a fabric's stiffness and a formulation.
+
+    Attributes
+    ----------
+    name
+        Name of the scene.
+    mesh
+        Reference configuration.
+    warp, weft
+        Fibre directions.
+    conditions
+        Displacement conditions by name.
+    driven
+        The condition on whose nodes the reaction is reported.
+    displacement
+        Exact displacement ``(X, t) -> (2, n)`` at the load factor t.
+    shear_angle
+        Exact shear angle ``(X, t) -> (n,)`` in radians.
+    rotation
+        Angle in radians by which the whole problem has been turned.
+    """
+
+    name: str
+    mesh: MeshQuad
+    warp: tuple[float, float]
+    weft: tuple[float, float]
+    conditions: dict[str, Condition]
+    driven: str
+    displacement: ExactField
+    shear_angle: ExactField
+    rotation: float = 0.0
+
+    def rotated(self, angle: float) -> "Scene":
+        """The same problem with mesh, fibres and conditions turned together.
+
+        Parameters
+        ----------
+        angle
+            Angle in radians, anticlockwise about the origin.
+        """
+        if angle == 0:
+            return self
+        Q = _rotation(angle)
+        displacement, shear_angle = self.displacement, self.shear_angle
+        return replace(
+            self,
+            mesh=replace(self.mesh, doflocs=Q @ self.mesh.p),
+            warp=tuple(Q @ self.warp),
+            weft=tuple(Q @ self.weft),
+            conditions={k: _turned(c, Q) for k, c in self.conditions.items()},
+            displacement=lambda X, t: Q @ displacement(Q.T @ X, t),
+            shear_angle=lambda X, t: shear_angle(Q.T @ X, t),
+            rotation=self.rotation + angle,
+        )
+
+    def reaction(self, result: Result) -> ndarray:
+        """Force on the driven edge in N, along the axes of the unrotated problem."""
+        force = result.states[-1].reactions[self.driven]
+        return _rotation(self.rotation).T @ force
+
+    def errors(self, result: Result) -> dict[str, float]:
+        """Distance of the last converged state from the exact answer.
+
+        The displacement error is taken over all nodes, unweighted.  The shear
+        angle at the element centre is compared with the exact one at the mean of
+        the vertices, weighted by reference area.
+        """
+        ply, mesh, t = result.ply, self.mesh, result.states[-1].load_factor
+        centre, _ = CENTRE
+        off = ply.nodal(result.u) - self.displacement(mesh.p, t)
+        distance = np.linalg.norm(off, axis=0)
+        angle = ply.shear_angle(result.u, centre)[:, 0]
+        off_angle = angle - self.shear_angle(mesh.p[:, mesh.t].mean(axis=1), t)
+        area = np.abs(ply.basis.mapping.detDF(centre))[:, 0]
+        rms_angle = np.sqrt(np.average(off_angle**2, weights=area))
+        return {
+            "displacement_error_rms": float(np.sqrt(np.mean(distance**2))),
+            "displacement_error_max": float(distance.max()),
+            "shear_angle_error_rms_deg": float(np.degrees(rms_angle)),
+        }
+
+    def summary(self, result: Result) -> dict[str, str | int | float | bool]:
+        """The result's summary with this scene's reaction and errors."""
+        reaction_x, reaction_y = self.reaction(result).tolist()
+        return {
+            "scene": self.name,
+            **result.summary(),
+            "reaction_x": reaction_x,
+            "reaction_y": reaction_y,
+            **self.errors(result),
+        }
+
+
+def _rotation(angle: float) -> ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def _turned(condition: Condition, Q: ndarray) -> Condition:
+    """The condition in the problem turned by Q; its nodes are named or numbered."""
+    value, direction = condition.value, condition.direction
+    if direction is not None and not callable(direction):
+        direction = Q @ direction
+
+    def turned_value(X: ndarray, t: float) -> ndarray:
+        u = value(Q.T @ X, t) if callable(value) else t * np.asarray(value)
+        return u if direction is not None or np.ndim(u) == 0 else Q @ u
+
+    return replace(condition, value=turned_value, direction=direction)

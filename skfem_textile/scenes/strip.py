@@ -1,0 +1,80 @@
+"""Scene `strip`: a ply laid on a circle (Hamila & Boisse 2013, §2.2).
+
+A strip of 40 mm × 60 mm, warp along x and weft along y, is clamped along its
+bottom.  Its right edge moves along x onto a circle of radius R, so that the weft
+bends onto circles and the warp stays straight: x = X e₁ + (R(1 − cos(Y/R)),
+R sin(Y/R)).  No fibre is stretched, and the shear angle is Γ = Y/R.
+"""
+
+import numpy as np
+from numpy import ndarray
+from skfem import MeshQuad
+
+from ..conditions import Condition
+from ..meshes import MeshError
+from .rectangle import rectangle
+from .scene import Scene
+
+WIDTH, HEIGHT, RADIUS = 40.0, 60.0, 55.0
+
+
+def strip(
+    mesh: str | MeshQuad = "irregular",
+    size: tuple[int, int] = (10, 15),
+    jitter: float = 0.3,
+    seed: int = 1,
+) -> Scene:
+    """The strip of §2.2.
+
+    Parameters
+    ----------
+    mesh
+        A mesh with its bottom on y = 0, or the kind of `rectangle` to make.
+        Boundaries named ``bottom`` and ``right`` are used where the mesh has them;
+        else the lowest and the rightmost edges.
+    size, jitter, seed
+        Of the mesh to make.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid, or its bottom does not lie on y = 0.
+    """
+    if isinstance(mesh, str):
+        mesh = rectangle(WIDTH, HEIGHT, size, mesh, jitter, seed)
+    else:
+        mesh = _with_edges(mesh)
+    return Scene(
+        name="strip",
+        mesh=mesh,
+        warp=(1.0, 0.0),
+        weft=(0.0, 1.0),
+        conditions={
+            "bottom": Condition("bottom"),
+            "right": Condition(
+                "right", lambda X, t: displacement(X, t)[0], direction=(1.0, 0.0)
+            ),
+        },
+        driven="right",
+        displacement=displacement,
+        shear_angle=lambda X, t: t * X[1] / RADIUS,
+    )
+
+
+def displacement(X: ndarray, t: float) -> ndarray:
+    """Exact displacement at the load factor t: the weft on a circle of radius R/t."""
+    if t == 0:
+        return np.zeros_like(X)
+    R = RADIUS / t
+    return np.stack([R * (1 - np.cos(X[1] / R)), R * np.sin(X[1] / R) - X[1]])
+
+
+def _with_edges(mesh: MeshQuad) -> MeshQuad:
+    edges = {**mesh.with_defaults().boundaries, **(mesh.boundaries or {})}
+    for name in ("bottom", "right"):
+        if name not in edges:
+            raise MeshError(f"strip: the mesh has no straight {name} edge; name it")
+    bottom = mesh.p[1, mesh.facets[:, edges["bottom"]]]
+    if np.abs(bottom).max() > 1e-6 * np.ptp(mesh.p[1]):
+        raise MeshError("strip: the bottom edge of the mesh must lie on y = 0")
+    return mesh.with_boundaries({k: edges[k] for k in ("bottom", "right")})

@@ -1,0 +1,172 @@
+"""Incremental solution: a growing load, in steps that are cut where they fail."""
+
+from collections.abc import Callable, Mapping
+from time import perf_counter
+
+import numpy as np
+from numpy import ndarray
+
+from .conditions import Condition, Constraints
+from .newton import (
+    Clock,
+    Descent,
+    Equilibrium,
+    MixedNewton,
+    NoEquilibriumError,
+    Problem,
+)
+from .ply import Ply
+from .result import Result, State
+
+
+class StepError(RuntimeError):
+    """No converged state was found; ``result`` holds every state before it."""
+
+    result: Result
+
+
+class LoadStepper:
+    """Load a ply in equal steps, halving the step where it does not converge.
+
+    Each step tries mixed Newton, which takes large steps along nearly
+    inextensible fibres, then descent on the energy.  A state with det F ≤ 0 at
+    any 2×2 point is refused.
+
+    Parameters
+    ----------
+    ply
+        The ply to load.
+    conditions
+        Displacement conditions by name.
+    steps
+        Number of equal steps to the load factor 1.
+    max_halvings
+        How often a step may be halved before the run stops.
+    progress
+        Called with each converged `State`.
+
+    Raises
+    ------
+    ValueError
+        If a condition is not valid or ``steps`` is less than 1.
+
+    Examples
+    --------
+    A square ply sheared by 45°:
+
+    >>> from skfem import MeshQuad
+    >>> from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
+    >>> ply = Ply(MeshQuad().refined(2), Fabric(1e4, shear=1.0), Full())
+    >>> def arc(X, t):
+    ...     angle = np.full(X.shape[1], t * np.pi / 4)
+    ...     return np.stack([np.sin(angle), np.cos(angle) - 1])
+    >>> conditions = {
+    ...     "clamp": Condition(lambda X: X[1] == 0),
+    ...     "slide": Condition(lambda X: X[1] == 1, arc),
+    ... }
+    >>> stepper = LoadStepper(ply, conditions, steps=2)
+    >>> result = stepper.run()
+    >>> round(result.summary()["max_shear_angle_deg"], 1)
+    45.0
+    """
+
+    def __init__(
+        self,
+        ply: Ply,
+        conditions: Mapping[str, Condition],
+        steps: int = 20,
+        *,
+        max_halvings: int = 8,
+        progress: Callable[[State], None] | None = None,
+    ) -> None:
+        if steps < 1:
+            raise ValueError(f"steps must be at least 1, got {steps}")
+        self.problem = Problem(ply, Constraints(ply.basis, conditions))
+        self.steps = steps
+        self.max_halvings = max_halvings
+        self.progress = progress
+
+    def run(self) -> Result:
+        """Apply the whole load.
+
+        Raises
+        ------
+        StepError
+            If a step fails however often it is halved.
+        """
+        start = perf_counter()
+        self.problem.clock = Clock()
+        u = self.problem.ply.basis.zeros()
+        rest = Equilibrium(u, self.problem.residual(u), (), 0.0)
+        states = [self._state(0.0, rest)]
+        try:
+            for t in np.linspace(0.0, 1.0, self.steps + 1)[1:]:
+                self._advance(states, float(t), self.max_halvings)
+        except StepError as error:
+            error.result = self._result(states, start)
+            raise
+        return self._result(states, start)
+
+    def _result(self, states: list[State], start: float) -> Result:
+        clock = self.problem.clock
+        return Result(
+            ply=self.problem.ply,
+            states=states,
+            converged=states[-1].load_factor == 1.0,
+            newton_iterations=clock.solves,
+            wall_time_s=perf_counter() - start,
+            assembly_time_s=clock.seconds["assembly"],
+            solve_time_s=clock.seconds.get("solve", 0.0),
+        )
+
+    def _advance(self, states: list[State], t: float, halvings: int) -> None:
+        """Add the state at the load factor ``t``, and any needed on the way."""
+        last = states[-1]
+        try:
+            state = self._equilibrium(last, t)
+        except NoEquilibriumError as failure:
+            if halvings == 0:
+                raise StepError(
+                    f"stopped at load factor {last.load_factor:.6g}: the step to "
+                    f"{t:.6g} failed ({failure}) after {self.max_halvings} halvings; "
+                    "try more steps or a larger stabilisation"
+                ) from None
+            self._advance(states, 0.5 * (last.load_factor + t), halvings - 1)
+            self._advance(states, t, halvings - 1)
+        else:
+            states.append(state)
+            if self.progress is not None:
+                self.progress(state)
+
+    def _equilibrium(self, last: State, t: float) -> State:
+        """Converged state at the load factor ``t``, not folded."""
+        fixed_values = self.problem.constraints.fixed_values(t)
+        try:
+            found = self._attempt(MixedNewton(), last.u, fixed_values)
+        except NoEquilibriumError:
+            found = self._attempt(Descent(), last.u, fixed_values)
+        return self._state(t, found)
+
+    def _attempt(
+        self, strategy: MixedNewton | Descent, u: ndarray, fixed_values: ndarray
+    ) -> Equilibrium:
+        with np.errstate(all="ignore"):  # what is not finite is caught
+            found = strategy(self.problem, u, fixed_values)
+        if self.problem.is_folded(found.u):
+            raise NoEquilibriumError("an element folds: det F <= 0")
+        return found
+
+    def _state(self, t: float, found: Equilibrium) -> State:
+        ply, clock = self.problem.ply, self.problem.clock
+        forces = ply.nodal(found.f)
+        return State(
+            load_factor=t,
+            u=found.u,
+            reactions={
+                name: forces[:, nodes].sum(axis=1)
+                for name, nodes in self.problem.constraints.nodes.items()
+            },
+            energies=clock.time("assembly", ply.energies, found.u),
+            residuals=found.residuals,
+            tolerance=found.tolerance,
+        )

@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
+from skfem_textile.conditions import Constraints
+from skfem_textile.elements import GAUSS, quad_basis
+
+MESH = MeshQuad().refined(2).with_defaults()
+BASIS = quad_basis(MESH, GAUSS)
+
+
+def resolved(t=1.0, **conditions):
+    """Displacement with all that is not fixed left at zero."""
+    constraints = Constraints(BASIS, conditions)
+    q = BASIS.zeros()
+    q[constraints.fixed] = constraints.fixed_values(t)
+    u = q if constraints.turn is None else constraints.turn @ q
+    return constraints, u[BASIS.nodal_dofs]
+
+
+def test_a_clamp_fixes_both_components():
+    constraints, _ = resolved(clamp=Condition("bottom"))
+    assert len(constraints.fixed) == 2 * 5
+    assert constraints.turn is None
+
+
+def test_a_constant_value_grows_with_the_load_factor():
+    _, u = resolved(0.5, pull=Condition("top", (1.0, 2.0)))
+    np.testing.assert_allclose(u[:, MESH.p[1] == 1].T, [[0.5, 1.0]] * 5)
+
+
+def test_a_value_may_depend_on_position_and_load_factor():
+    constraints, u = resolved(
+        0.25, right=Condition("right", lambda X, t: t * X[1] ** 2, direction=(-2, 0))
+    )
+    right = MESH.p[0] == 1
+    np.testing.assert_allclose(u[0, right], -0.25 * MESH.p[1, right] ** 2)
+    assert constraints.turn is None
+    assert len(constraints.fixed) == 5
+
+
+def test_an_inclined_direction_turns_the_unknowns():
+    n = np.array([3.0, 4.0]) / 5
+    constraints, u = resolved(slope=Condition("right", 2.0, direction=n))
+    right = MESH.p[0] == 1
+    np.testing.assert_allclose(n @ u[:, right], 2.0)
+    assert len(constraints.fixed) == 5
+    turn = constraints.turn
+    assert abs(turn.T @ turn - np.eye(BASIS.N)).max() < 1e-15
+
+
+def test_two_directions_at_a_node_fix_it_whole():
+    constraints, u = resolved(
+        slope=Condition("right", 2.0, direction=(3, 4)),
+        top=Condition("top", 1.0, direction=(0, 1)),
+    )
+    corner = np.flatnonzero((MESH.p == 1).all(axis=0))[0]
+    np.testing.assert_allclose(u[:, corner], [2.0, 1.0])
+    assert len(constraints.fixed) == 4 + 4 + 2
+
+
+def test_conditions_that_agree_are_merged():
+    constraints, _ = resolved(
+        clamp=Condition("bottom"),
+        again=Condition("bottom", direction=(1, 1)),
+        right=Condition("right", lambda X, t: t * X[1], direction=(1, 0)),
+    )
+    assert len(constraints.fixed) == 2 * 5 + 4
+
+
+def test_conditions_that_disagree_are_refused():
+    with pytest.raises(ValueError, match="'clamp' and 'right' disagree at node"):
+        resolved(clamp=Condition("bottom"), right=Condition("right", (0.0, 1.0)))
+
+
+def test_conditions_that_disagree_later_are_refused_when_they_do():
+    constraints, _ = resolved(
+        clamp=Condition("bottom"),
+        right=Condition("right", lambda X, t: t * (1 - t) + 0 * X),
+    )
+    with pytest.raises(ValueError, match=r"disagree at node .* load factor 0.5"):
+        constraints.fixed_values(0.5)
+
+
+@pytest.mark.parametrize(
+    ("condition", "message"),
+    [
+        (Condition("inside"), "no boundary 'inside' .*'left'"),
+        (Condition(lambda X: X[0] > 9), "acts on no node"),
+        (Condition([0, 99]), "nodes 0 to 24"),
+        (Condition("top", direction=(0, 0)), "direction must be a non-zero"),
+        (Condition("top", np.nan, direction=(1, 0)), "not finite"),
+        (Condition("top", 3.0), r"must have shape \(2, 5\)"),
+        (Condition("top", lambda X, t: X[0]), r"must have shape \(2, 5\)"),
+        (Condition("top", (1, 2), direction=(1, 0)), r"must have shape \(5,\)"),
+    ],
+)
+def test_bad_conditions_are_refused(condition, message):
+    with pytest.raises(ValueError, match=f"condition 'c'.*{message}"):
+        Constraints(BASIS, {"c": condition})
+
+
+def test_a_ply_must_be_held():
+    with pytest.raises(ValueError, match="must be held"):
+        Constraints(BASIS, {})
+
+
+def test_an_inclined_roller_does_no_work_along_its_slope():
+    """A ply pressed against a smooth slope is pushed back at right angles to it."""
+    n = np.array([np.sin(0.4), np.cos(0.4)])
+    ply = Ply(MESH, Fabric(100.0, 5.0), Full())
+    result = LoadStepper(
+        ply,
+        {
+            "clamp": Condition("bottom"),
+            "slope": Condition("top", 0.1, direction=n),
+        },
+        steps=2,
+    ).run()
+    force = result.states[-1].reactions["slope"]
+    assert abs(force @ [n[1], -n[0]]) < 1e-8 * np.linalg.norm(force)
+    assert force @ n > 1.0
+    top = MESH.p[1] == 1
+    np.testing.assert_allclose(n @ ply.nodal(result.u)[:, top], 0.1)

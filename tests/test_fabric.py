@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import Fabric, Full, Linear, Ply
+
+POINTS = np.zeros((2, 6, 1))
+
+
+def test_directions_are_normalised():
+    A1, A2 = Fabric(warp=(3, 4), weft=(0, 1e-30)).directions(POINTS)
+    np.testing.assert_allclose(A1.ravel(), [0.6, 0.8])
+    np.testing.assert_allclose(A2.ravel(), [0.0, 1.0])
+
+
+def test_a_direction_may_be_constant_a_function_or_one_per_element():
+    x = np.random.default_rng(0).random((2, 6, 4))
+    per_element = np.tile([[1.0], [2.0]], 6)
+    fabrics = [
+        Fabric(warp=(1, 2)),
+        Fabric(warp=per_element),
+        Fabric(warp=lambda x: np.stack([1 + 0 * x[0], 2 + 0 * x[0]])),
+    ]
+    for fabric in fabrics:
+        A1, _ = fabric.directions(x)
+        np.testing.assert_allclose(np.broadcast_to(A1, x.shape)[1], 2 / 5**0.5)
+
+
+def test_tension_is_one_law_or_a_pair():
+    warp, weft = Fabric(tension=(1e4, 2e4)).families
+    assert (warp.tension, weft.tension) == (Linear(1e4), Linear(2e4))
+    warp, weft = Fabric(tension=Linear(5.0)).families
+    assert warp.tension == weft.tension == Linear(5.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"tension": -1.0}, "tension stiffness must be a finite number >= 0, got -1.0"),
+        ({"tension": (1.0, -1.0)}, "tension stiffness"),
+        ({"tension": (1.0, 1.0, 1.0)}, "a pair"),
+        ({"tension": "stiff"}, "tension must be a number or a law"),
+        ({"shear": -0.5}, "shear stiffness"),
+        ({"shear": float("nan")}, "shear stiffness"),
+        ({"warp": (0, 0)}, "warp must be a non-zero finite vector"),
+        ({"weft": (np.nan, 1)}, "weft must be a non-zero finite vector"),
+        ({"warp": (1, 1), "weft": (-2, -2)}, "parallel"),
+        ({"warp": (1, 0, 0)}, "warp must be a vector"),
+        ({"warp": 1.0}, "warp must be a vector"),
+        ({"warp": np.ones((2, 5)), "weft": np.ones((2, 4))}, "weft must be a vector"),
+    ],
+)
+def test_bad_fabrics_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Fabric(**arguments)
+
+
+def test_directions_that_turn_parallel_on_the_mesh_are_refused():
+    fabric = Fabric(warp=lambda x: np.stack([x[0] - 0.125, 1 + 0 * x[0]]))
+    with pytest.raises(ValueError, match="parallel"):
+        Ply(MeshQuad().refined(2).translated((1e-9, 0)), fabric, Full()).directions(
+            np.array([[0.5], [0.5]])
+        )
+
+
+def test_one_direction_per_element_must_count_the_elements():
+    fabric = Fabric(warp=np.tile([[1.0], [0.0]], 5))
+    with pytest.raises(ValueError, match="one vector per element"):
+        Ply(MeshQuad().refined(1), fabric, Full())

@@ -1,0 +1,192 @@
+import numpy as np
+import pytest
+from helpers import derivative, distorted, one_quad, wobble
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from skfem import Basis, BilinearForm, ElementVector, MeshQuad, asm
+from skfem.helpers import grad
+
+from skfem_textile import (
+    CENTRE,
+    GAUSS,
+    ElementQuad1Fluctuation,
+    Fabric,
+    Full,
+    HourglassBasis,
+    Linear,
+    OnePoint,
+    Ply,
+    quad_basis,
+)
+from skfem_textile.elements import centre_grad
+from skfem_textile.scenes.rectangle import rectangle
+
+seeds = st.integers(0, 2**32 - 1)
+FORMULATIONS = [Full(), OnePoint(0.0), OnePoint(3.0)]
+few = settings(max_examples=15, deadline=None)
+
+
+class Stiffening(Linear):
+    """A law that is not linear: value = stiffness · (x + x³)."""
+
+    def energy(self, x):
+        return self.stiffness * (x**2 / 2 + x**4 / 4)
+
+    def value(self, x):
+        return self.stiffness * (x + x**3)
+
+    def tangent(self, x):
+        return self.stiffness * (1 + 3 * x**2)
+
+
+FABRICS = [
+    Fabric(100.0, 0.0),
+    Fabric((100.0, 0.0), 2.0, warp=(2, 1), weft=(-1, 1)),
+    Fabric(
+        Stiffening(100.0), Stiffening(2.0), warp=lambda x: np.stack([1 + x[1], x[0]])
+    ),
+]
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+@pytest.mark.parametrize("fabric", FABRICS, ids=["plain", "one family", "curved"])
+@given(seed=seeds)
+@few
+def test_residual_and_tangent_are_derivatives(formulation, fabric, seed):
+    ply = Ply(distorted(seed), fabric, formulation)
+    u, du = wobble(ply, seed), wobble(ply, seed + 1, 1.0)
+    work, f, K = derivative(ply.energy, u, du), ply.residual(u), ply.tangent(u)
+    scale = np.abs(f).max() * np.abs(du).sum()
+    assert work == pytest.approx(f @ du, abs=1e-7 * scale)
+    np.testing.assert_allclose(
+        derivative(ply.residual, u, du), K @ du, atol=1e-6 * abs(K).max()
+    )
+    assert abs(K - K.T).max() < 1e-12 * abs(K).max()
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+@given(seed=seeds, angle=st.floats(-np.pi, np.pi))
+@few
+def test_a_superposed_rotation_costs_nothing(formulation, seed, angle):
+    ply = Ply(distorted(seed), FABRICS[1], formulation)
+    u = wobble(ply, seed)
+    Q = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    x = ply.mesh.p + ply.nodal(u)
+    turned = (Q @ x - ply.mesh.p).T.ravel()
+    assert ply.energy(turned) == pytest.approx(ply.energy(u), rel=1e-10)
+
+
+@given(seed=seeds)
+@few
+def test_the_fluctuation_is_the_papers_hourglass_matrix(seed):
+    """grad N(ξ) − grad N(0) = γ ⊗ ∇h, with γ from §3.1 and h = ξη."""
+    mesh = distorted(seed, size=(1, 1)).translated((1.0, 2.0))
+    mesh = one_quad(
+        mesh.p[:, mesh.t[:, 0]] + 0.2 * np.random.default_rng(seed).random((2, 4))
+    )
+    basis = Basis(mesh, ElementQuad1Fluctuation(), quadrature=GAUSS)
+    b = np.array([centre_grad(basis.basis[i][0])[:, 0, 0] for i in range(4)])
+    h = np.array([1.0, -1.0, 1.0, -1.0])
+    gamma = (h - b @ (mesh.p @ h)) / 4
+    xi, eta = 2 * GAUSS[0] - 1
+    dh = 2 * np.array([eta, xi])  # gradient of ξη in the unit square
+    grad_h = np.einsum("jknq,jq->knq", basis.mapping.invDF(GAUSS[0]), dh)
+    for i in range(4):
+        np.testing.assert_allclose(
+            basis.basis[i][0].grad, gamma[i] * grad_h, atol=1e-13
+        )
+
+
+@BilinearForm
+def all_gradient_components(u, v, w):
+    C = np.random.default_rng(0).random((2, 2, 2, 2))
+    return np.einsum("iJ...,iJkL,kL...->...", grad(v), C, grad(u))
+
+
+def split_and_whole(mesh, hourglass_basis):
+    split = sum(
+        asm(all_gradient_components, basis)
+        for basis in (quad_basis(mesh, CENTRE), hourglass_basis)
+    )
+    return split.toarray(), asm(
+        all_gradient_components, quad_basis(mesh, GAUSS)
+    ).toarray()
+
+
+def test_centre_and_hourglass_make_up_a_linear_problem_on_parallelograms():
+    skew = np.array([[1.0, 0.4], [0.1, 0.8]])
+    mesh = MeshQuad(skew @ MeshQuad().refined(1).p, MeshQuad().refined(1).t)
+    split, whole = split_and_whole(mesh, HourglassBasis(mesh))
+    np.testing.assert_allclose(split, whole, atol=1e-14)
+
+
+def test_centre_and_hourglass_make_up_a_linear_problem_on_any_quad():
+    mesh = distorted(5)
+    element = ElementVector(ElementQuad1Fluctuation())
+    split, whole = split_and_whole(mesh, Basis(mesh, element, quadrature=GAUSS))
+    np.testing.assert_allclose(split, whole, atol=1e-14)
+    with_quarter_areas, _ = split_and_whole(mesh, HourglassBasis(mesh))
+    assert np.abs(with_quarter_areas - whole).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("formulation", "shear", "modes"),
+    [
+        (Full(), 0.0, 4),
+        (Full(), 1.0, 3),
+        (OnePoint(1.0), 0.0, 4),
+        (OnePoint(1.0), 1.0, 3),
+        (OnePoint(0.0), 0.0, 6),
+        (OnePoint(0.0), 1.0, 5),
+    ],
+)
+def test_zero_energy_modes_of_one_element(formulation, shear, modes):
+    ply = Ply(one_quad(), Fabric(1.0, shear), formulation)
+    stiffness = np.linalg.eigvalsh(ply.tangent(ply.basis.zeros()).toarray())
+    assert np.sum(stiffness < 1e-12) == modes
+
+
+def polyline(knots, turns):
+    """A path of unit speed through the origin, bent at the knots."""
+    steps = np.diff(knots) * np.array([np.cos(turns), np.sin(turns)])
+    return np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+@given(seed=seeds)
+@few
+def test_any_sum_of_two_unit_speed_paths_costs_no_energy(formulation, seed):
+    """x = f(X₁) + g(X₂) with |f′| = |g′| = 1, bent along the lines of the mesh."""
+    mesh = rectangle(3, 2, (4, 5), "aligned")
+    rng = np.random.default_rng(seed)
+    X, Y = np.unique(mesh.p[0]), np.unique(mesh.p[1])
+    f = polyline(X, rng.uniform(-0.6, 0.6, X.size - 1))
+    g = polyline(Y, np.pi / 2 + rng.uniform(-0.6, 0.6, Y.size - 1))
+    x = f[:, np.searchsorted(X, mesh.p[0])] + g[:, np.searchsorted(Y, mesh.p[1])]
+    ply = Ply(mesh, Fabric(1e4), formulation)
+    u = (x - mesh.p).T.ravel()
+    assert np.abs(ply.shear_angle(u)).max() > 0.01
+    assert np.abs(ply.fibre_strain(u)).max() < 1e-14
+    assert ply.energy(u) < 1e-20
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+@given(seed=seeds)
+@few
+def test_uniform_shear_costs_no_energy_on_any_mesh(formulation, seed):
+    ply = Ply(distorted(seed), Fabric(1e4), formulation)
+    a, b = np.random.default_rng(seed).uniform(-0.7, 0.7, 2)
+    F = np.array([[np.cos(a), np.sin(b)], [np.sin(a), np.cos(b)]])
+    u = ((F - np.eye(2)) @ ply.mesh.p).T.ravel()
+    assert ply.energy(u) < 1e-20
+    np.testing.assert_allclose(ply.shear_angle(u), a + b, atol=1e-12)
+
+
+def test_the_listing_order_of_a_cell_does_not_matter():
+    mesh = distorted(2)
+    clockwise = MeshQuad(mesh.p, mesh.t[::-1])
+    energies = []
+    for m in (mesh, clockwise):
+        ply = Ply(m, FABRICS[1], OnePoint(2.0))
+        energies.append(ply.energy(wobble(ply, 7)))
+    assert energies[0] == pytest.approx(energies[1], rel=1e-12)

@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+from helpers import derivative
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skfem_textile import kinematics as kin
+
+seeds = st.integers(0, 2**32 - 1)
+angles = st.floats(-np.pi, np.pi)
+
+WARP, WEFT = np.array([1.0, 0.0]), np.array([0.5, 0.75**0.5])
+
+
+def some_F(seed):
+    return np.eye(2) + 0.3 * np.random.default_rng(seed).standard_normal((2, 2))
+
+
+def rotation(angle):
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+MEASURES = [
+    (
+        lambda F: kin.fibre_strain(F, WEFT),
+        lambda F: kin.fibre_strain_d(F, WEFT),
+        lambda F: kin.fibre_strain_dd(F, WEFT),
+    ),
+    (
+        lambda F: kin.shear_angle(F, WARP, WEFT),
+        lambda F: kin.shear_angle_d(F, WARP, WEFT),
+        lambda F: kin.shear_angle_dd(F, WARP, WEFT),
+    ),
+]
+
+
+@pytest.mark.parametrize("measure", MEASURES, ids=["fibre strain", "shear angle"])
+@given(seed=seeds)
+def test_derivatives_are_exact(measure, seed):
+    value, first, second = measure
+    F = some_F(seed)
+    if np.linalg.det(F) < 0.1:
+        return
+    dF = np.random.default_rng(seed + 1).standard_normal((2, 2))
+    along = np.sum(first(F) * dF)
+    np.testing.assert_allclose(derivative(value, F, dF, 1e-6), along, atol=1e-6)
+    twice = np.einsum("iJkL,kL->iJ", second(F), dF)
+    np.testing.assert_allclose(
+        derivative(first, F, dF, 1e-6), twice, atol=1e-5 * np.abs(second(F)).max()
+    )
+
+
+@given(seed=seeds, angle=angles)
+def test_a_rotation_changes_neither_strain_nor_shear(seed, angle):
+    F = some_F(seed)
+    if np.linalg.det(F) < 0.1:
+        return
+    QF = rotation(angle) @ F
+    assert kin.fibre_strain(QF, WEFT) == pytest.approx(kin.fibre_strain(F, WEFT))
+    assert kin.shear_angle(QF, WARP, WEFT) == pytest.approx(
+        kin.shear_angle(F, WARP, WEFT)
+    )
+
+
+def test_strain_is_logarithmic():
+    assert kin.fibre_strain(2 * np.eye(2), WARP) == pytest.approx(np.log(2))
+
+
+@given(angle=st.floats(-1.0, 1.5))
+def test_closing_fibres_shear_by_the_angle_they_close(angle):
+    A1, A2 = np.eye(2)
+    F = np.array([[1.0, np.sin(angle)], [0.0, np.cos(angle)]])
+    assert kin.shear_angle(F, A1, A2) == pytest.approx(angle, abs=1e-12)
+    assert kin.fibre_strain(F, A2) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_shear_rate_is_the_papers():
+    """Γ̇ = f²·L·f₁ + f¹·L·f₂, at any state (§3.2)."""
+    F, L = some_F(3), some_F(4)
+    f = [F @ A / np.linalg.norm(F @ A) for A in (WARP, WEFT)]
+    # f¹ ⟂ f₂ and f² ⟂ f₁, each turned towards its own family
+    f1_up = np.array([f[1][1], -f[1][0]])
+    f2_up = np.array([-f[0][1], f[0][0]])
+    rate = f2_up @ L @ f[0] + f1_up @ L @ f[1]
+    assert np.sum(kin.shear_angle_d(F, WARP, WEFT) * (L @ F)) == pytest.approx(rate)
+
+
+def test_points_broadcast():
+    F = np.broadcast_to(np.eye(2)[:, :, None, None], (2, 2, 5, 4))
+    A = WEFT[:, None, None]
+    assert kin.fibre_strain(F, A).shape == (5, 4)
+    assert kin.shear_angle_d(F, WARP[:, None, None], A).shape == (2, 2, 5, 4)
+    assert kin.fibre_strain_dd(F, A).shape == (2, 2, 2, 2, 5, 4)

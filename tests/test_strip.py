@@ -1,0 +1,171 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, Full, LoadStepper, MeshError, OnePoint, Ply
+from skfem_textile.scenes import strip
+
+# Reached with 100 equal steps by another implementation; E = 1e4 N/mm, 10×15
+# elements, jitter 0.3, seed 1.
+REFERENCE = {
+    "full": (
+        Full(),
+        0.0,
+        {
+            "energy": 309.76916548919075,
+            "reaction_x": -148.3961878536957,
+            "max_fibre_strain": 0.022199404792817644,
+            "max_fibre_strain_2x2": 0.022199404792817644,
+            "displacement_error_rms": 0.06033311240160868,
+            "displacement_error_max": 0.1979173671845811,
+            "shear_angle_error_rms_deg": 1.1620839883210572,
+            "min_det_F": 0.4960615234242935,
+        },
+    ),
+    "full, G = 0.5": (
+        Full(),
+        0.5,
+        {
+            "energy": 544.527175113822,
+            "reaction_x": -147.15344766067116,
+            "max_fibre_strain": 0.022126224942610608,
+            "max_fibre_strain_2x2": 0.022126224942610608,
+            "displacement_error_rms": 0.06835889555476524,
+            "displacement_error_max": 0.2926630091322241,
+            "shear_angle_error_rms_deg": 1.2607798892758206,
+            "min_det_F": 0.5076109281437159,
+        },
+    ),
+    "one point, C_s = 10": (
+        OnePoint(10.0),
+        0.0,
+        {
+            "energy": 7.7185562127911576,
+            "reaction_x": -3.497139205282485,
+            "max_fibre_strain": 0.0015558477638997733,
+            "max_fibre_strain_2x2": 0.0705881858497068,
+            "displacement_error_rms": 0.1566349374839819,
+            "displacement_error_max": 0.6677882798184213,
+            "shear_angle_error_rms_deg": 3.383372398928698,
+            "min_det_F": 0.2702009700029627,
+        },
+    ),
+    "one point, C_s = 5, G = 0.5": (
+        OnePoint(5.0),
+        0.5,
+        {
+            "energy": 232.3382821788743,
+            "reaction_x": -10.094014087999845,
+            "max_fibre_strain": 0.0018934199811072238,
+            "max_fibre_strain_2x2": 0.12490061916140488,
+            "displacement_error_rms": 0.31772824402541117,
+            "displacement_error_max": 1.019765855203384,
+            "shear_angle_error_rms_deg": 6.659397983590098,
+            "min_det_F": 0.2870012197906599,
+        },
+    ),
+}
+
+
+def run(scene, formulation, shear=0.0, steps=20, E=1e4):
+    ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
+    return LoadStepper(ply, scene.conditions, steps).run()
+
+
+@pytest.mark.parametrize("case", REFERENCE)
+def test_the_reference_is_reached(case):
+    formulation, shear, expected = REFERENCE[case]
+    scene = strip("irregular", (10, 15), 0.3, 1)
+    summary = scene.summary(run(scene, formulation, shear))
+    assert summary["converged"]
+    for key, value in expected.items():
+        assert summary[key] == pytest.approx(value, rel=1e-4), key
+
+
+def test_the_generator_makes_the_reference_nodes():
+    nodes = strip().mesh.p.T
+    np.testing.assert_allclose(nodes[1], [5.081112871182, 0.0], atol=1e-12)
+    np.testing.assert_allclose(nodes[12], [3.591356119598, 4.837706852462], atol=1e-12)
+    np.testing.assert_allclose(nodes[21], [40.0, 3.94497761353], atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["aligned", "horizontal"])
+def test_meshes_along_the_warp_do_not_lock(kind):
+    scene = strip(kind)
+    summary = scene.summary(run(scene, Full()))
+    assert summary["max_fibre_strain"] < 1e-9
+    assert abs(summary["reaction_x"]) < 1e-5
+
+
+def test_meshes_along_the_weft_lock():
+    scene = strip("vertical")
+    summary = scene.summary(run(scene, Full()))
+    assert summary["max_fibre_strain"] > 1e-3
+
+
+def test_one_point_and_stabilisation_unlock():
+    scene = strip()
+    locked, unlocked = (run(scene, f).summary() for f in (Full(), OnePoint(1.0)))
+    assert unlocked["max_fibre_strain"] < locked["max_fibre_strain"] / 20
+    assert unlocked["energy"] < locked["energy"] / 100
+
+
+@pytest.mark.parametrize("angle", [0.3, np.pi / 2, -2.5])
+@pytest.mark.parametrize("formulation", [Full(), OnePoint(10.0)], ids=repr)
+def test_a_rotated_problem_has_the_same_answer(formulation, angle):
+    scene = strip(size=(5, 8))
+    turned = scene.rotated(angle)
+    plain, rotated = (run(s, formulation, 0.1, 10) for s in (scene, turned))
+    a, b = scene.summary(plain), turned.summary(rotated)
+    assert b["energy"] == pytest.approx(a["energy"], rel=1e-10)
+    for key in ("reaction_x", "reaction_y", "displacement_error_rms"):
+        assert b[key] == pytest.approx(a[key], rel=1e-6), key
+    c, s = np.cos(angle), np.sin(angle)
+    np.testing.assert_allclose(
+        rotated.states[-1].reactions["right"],
+        np.array([[c, -s], [s, c]]) @ plain.states[-1].reactions["right"],
+        rtol=1e-6,
+    )
+
+
+def test_the_exact_motion_stretches_no_fibre():
+    scene = strip("aligned", (40, 60))
+    ply = Ply(scene.mesh, Fabric(1e4), Full())
+    for t in (1e-3, 0.5, 1.0):
+        u = scene.displacement(scene.mesh.p, t).T.ravel()
+        centre = np.array([[0.5], [0.5]])
+        assert np.abs(ply.fibre_strain(u, centre)).max() < 1e-4
+        X = scene.mesh.p[:, scene.mesh.t].mean(axis=1)
+        off = ply.shear_angle(u, centre)[:, 0] - scene.shear_angle(X, t)
+        assert np.abs(off).max() < 1e-4
+
+
+def test_a_mesh_brings_its_own_names_or_is_named_by_its_edges():
+    mesh = strip("irregular").mesh
+    unnamed = dataclasses.replace(mesh, _boundaries=None)
+    scene = strip(unnamed)
+    np.testing.assert_array_equal(
+        np.sort(scene.mesh.boundaries["right"]), np.sort(mesh.boundaries["right"])
+    )
+    half = mesh.boundaries["right"][:5]
+    named = dataclasses.replace(mesh, _boundaries={"right": half})
+    np.testing.assert_array_equal(strip(named).mesh.boundaries["right"], half)
+
+
+def test_a_mesh_off_the_clamp_line_is_refused():
+    with pytest.raises(MeshError, match="must lie on y = 0"):
+        strip(strip().mesh.translated((0, 5)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"mesh": "diagonal"}, "unknown mesh 'diagonal'"),
+        ({"size": (0, 15)}, "at least 1x1"),
+        ({"jitter": 1.0}, "jitter must be in"),
+    ],
+)
+def test_bad_meshes_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        strip(**arguments)
