@@ -38,7 +38,8 @@ def rectangle(
     Raises
     ------
     ValueError
-        If the kind is unknown, the size not positive, or the jitter not in [0, 1).
+        If the kind is unknown, the size not positive, the jitter not in [0, 1) or the
+        seed negative.
 
     Examples
     --------
@@ -52,6 +53,8 @@ def rectangle(
         raise ValueError(f"the mesh needs at least 1x1 elements, got {nx}x{ny}")
     if not 0 <= jitter < 1:
         raise ValueError(f"jitter must be in [0, 1), got {jitter}")
+    if seed < 0:
+        raise ValueError(f"seed must be at least 0, got {seed}")
 
     x, y = np.meshgrid(np.linspace(0, width, nx + 1), np.linspace(0, height, ny + 1))
     rng = np.random.default_rng(seed)

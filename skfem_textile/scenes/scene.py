@@ -55,7 +55,14 @@ class Scene:
         ----------
         angle
             Angle in radians, anticlockwise about the origin.
+
+        Raises
+        ------
+        ValueError
+            If the angle is not finite.
         """
+        if not np.isfinite(angle):
+            raise ValueError(f"rotation must be a finite angle, got {angle}")
         if angle == 0:
             return self
         Q = _rotation(angle)

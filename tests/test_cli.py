@@ -1,0 +1,157 @@
+import csv
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from skfem_textile import cli, offscreen
+from skfem_textile.newton import Problem
+
+QUICK = ["--size", "3x4", "--steps", "3", "--cs", "10", "--no-render"]
+
+
+def run(tmp_path, *arguments):
+    return cli.main(["run", "strip", "--out", str(tmp_path / "out"), *arguments])
+
+
+def refused(capsys, *arguments):
+    """The one line with which bad input is refused."""
+    try:
+        code = cli.main(arguments)
+    except SystemExit as end:
+        code = end.code
+    out, err = capsys.readouterr()
+    assert code == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    return err
+
+
+def test_list_names_the_scenes(capsys):
+    assert cli.main(["list"]) == 0
+    assert capsys.readouterr().out.startswith("strip ")
+
+
+def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
+    assert run(tmp_path, *QUICK, "--shear-stiffness", "0.5") == 0
+    out = tmp_path / "out"
+    assert {p.name for p in out.iterdir()} == {"summary.json", "history.csv", "fields"}
+    summary = json.loads((out / "summary.json").read_text())
+    assert set(summary) == {
+        *("scene", "formulation", "n_elements", "n_dofs", "converged", "load_factor"),
+        *("load_steps", "newton_iterations", "energy", "tension_energy"),
+        *("shear_energy", "stabilisation_energy", "max_fibre_strain"),
+        *("max_fibre_strain_2x2", "max_fibre_tension", "max_shear_angle_deg"),
+        *("min_det_F", "wall_time_s", "assembly_time_s", "solve_time_s", "reaction_x"),
+        *("reaction_y", "displacement_error_rms", "displacement_error_max"),
+        "shear_angle_error_rms_deg",
+    }
+    assert summary["scene"] == "strip"
+    assert summary["formulation"] == "one-point"
+    assert summary["converged"] is True
+    assert summary["n_elements"] == 12
+    assert summary["shear_energy"] > 0
+    with open(out / "history.csv") as file:
+        assert len(list(csv.DictReader(file))) == summary["load_steps"] + 1
+    assert len(list((out / "fields").iterdir())) == summary["load_steps"] + 1
+    assert "max_fibre_strain" in capsys.readouterr().out
+
+
+def test_a_rotated_run_reports_the_unrotated_axes(tmp_path):
+    reactions = []
+    for angle in ("0", "35"):
+        assert run(tmp_path, *QUICK, "--rotate", angle) == 0
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        reactions.append((summary["reaction_x"], summary["reaction_y"]))
+    assert reactions[0] == pytest.approx(reactions[1], rel=1e-6)
+
+
+def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(Problem, "is_folded", lambda self, u: abs(u).max() > 10)
+    assert run(tmp_path, *QUICK) == 1
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["converged"] is False
+    assert 0 < summary["load_factor"] < 1
+    fields = sorted((tmp_path / "out" / "fields").iterdir())
+    assert len(fields) == summary["load_steps"] + 1
+    assert capsys.readouterr().err.startswith("skfem-textile: stopped at load factor")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--cs", "-1"), "stabilisation must be"),
+        (("--cs", "much"), "--cs"),
+        (("--fibre-stiffness", "-5"), "tension stiffness must be"),
+        (("--fibre-stiffness", "0"), "no stiffness"),
+        (("--shear-stiffness", "nan"), "shear stiffness must be"),
+        (("--steps", "0"), "steps must be at least 1"),
+        (("--size", "10"), "'10' is not like 10x15"),
+        (("--size", "0x5"), "at least 1x1"),
+        (("--jitter", "2"), "jitter must be in"),
+        (("--seed", "-1"), "seed must be"),
+        (("--rotate", "nan"), "rotation must be"),
+        (("--mesh", "curly"), "--mesh curly: neither a file nor aligned"),
+        (("--formulation", "fuller"), "--formulation"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_is_written(
+    tmp_path, capsys, arguments, message
+):
+    out = str(tmp_path / "out")
+    error = refused(capsys, "run", "strip", "--out", out, "--no-render", *arguments)
+    assert message in error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bad_mesh_file_is_refused(tmp_path, capsys):
+    file = tmp_path / "bad.msh"
+    file.write_text("no mesh")
+    out = str(tmp_path / "out")
+    assert "bad.msh" in refused(
+        capsys, "run", "strip", "--out", out, "--mesh", str(file)
+    )
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_unknown_scene_is_refused(tmp_path, capsys):
+    error = refused(capsys, "run", "stripe", "--out", str(tmp_path))
+    assert "'stripe'" in error
+    assert "strip" in error
+
+
+def test_an_output_folder_that_cannot_be_written_is_refused(tmp_path, capsys):
+    (tmp_path / "file").write_text("in the way")
+    out = str(tmp_path / "file" / "out")
+    assert "file" in refused(capsys, "run", "strip", "--out", out, *QUICK)
+
+
+def test_without_gl_everything_else_is_written(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("pyvista")
+    monkeypatch.setattr(offscreen, "_can_draw", lambda environment: False)
+    offscreen.require_offscreen.cache_clear()
+    try:
+        assert run(tmp_path, *QUICK[:-1]) == 0
+    finally:
+        offscreen.require_offscreen.cache_clear()
+    assert (tmp_path / "out" / "summary.json").exists()
+    assert not list((tmp_path / "out").glob("*.png"))
+    said = [x for x in capsys.readouterr().out.splitlines() if "libegl1" in x]
+    assert len(said) == 1
+
+
+def test_pictures_are_written_and_nothing_is_said_on_stderr(tmp_path):
+    pytest.importorskip("pyvista")
+    command = [sys.executable, "-m", "skfem_textile", "run", "strip", *QUICK[:-1]]
+    child = subprocess.run(
+        [*command, "--out", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={k: v for k, v in os.environ.items() if k != "DISPLAY"},
+    )
+    assert child.stderr == ""
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert {"fibre_strain.png", "shear_angle.png"} <= names

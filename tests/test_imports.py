@@ -1,0 +1,16 @@
+import subprocess
+import sys
+
+HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "meshio", "tqdm")
+OPTIONAL_SOLVERS = ("cvxopt", "pypardiso", "numba")
+
+
+def test_importing_the_package_loads_nothing_that_is_only_used_later():
+    script = (
+        "import sys, skfem_textile, skfem_textile.scenes, skfem_textile.cli;"
+        f"print([m for m in {HEAVY + OPTIONAL_SOLVERS!r} if m in sys.modules])"
+    )
+    child = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert child.stdout.strip() == "[]"

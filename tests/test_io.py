@@ -1,0 +1,191 @@
+import json
+
+import meshio
+import numpy as np
+import pytest
+from helpers import distorted, wobble
+
+from skfem_textile import Fabric, Full, LoadStepper, MeshError, OnePoint, Ply
+from skfem_textile.fields import cell_fields
+from skfem_textile.io import (
+    all_or_nothing,
+    read_mesh,
+    write_fields,
+    write_history,
+    write_summary,
+)
+from skfem_textile.scenes import strip
+
+POINTS = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0.0]])
+QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
+
+INP = """*HEADING
+*NODE
+1, 0.0, 0.0
+2, 1.0, 0.0
+3, 2.0, 0.0
+4, 0.0, 1.0
+5, 1.0, 1.0
+6, 2.0, 1.0
+*ELEMENT, TYPE=CPS4, ELSET=PLY
+1, 1, 2, 5, 4
+2, 2, 3, 6, 5
+*NSET, NSET=bottom
+1, 2, 3
+*NSET, NSET=right
+3, 6
+*NSET, NSET=corner
+1
+"""
+
+
+def saved(path, cells, points=POINTS, **more):
+    meshio.Mesh(points, cells, **more).write(path)
+    return path
+
+
+def test_vtu_is_read(tmp_path):
+    mesh = read_mesh(saved(tmp_path / "m.vtu", {"quad": QUADS}))
+    np.testing.assert_array_equal(mesh.t, QUADS.T)
+    np.testing.assert_array_equal(mesh.p, POINTS[:, :2].T)
+
+
+def test_abaqus_node_sets_become_boundaries(tmp_path):
+    (tmp_path / "m.inp").write_text(INP)
+    mesh = read_mesh(tmp_path / "m.inp")
+    assert set(mesh.boundaries) == {"bottom", "right"}
+    bottom = mesh.p[1, mesh.facets[:, mesh.boundaries["bottom"]]]
+    assert bottom.shape == (2, 2)
+    assert np.all(bottom == 0)
+
+
+def test_gmsh_physical_groups_become_boundaries(tmp_path):
+    tags = {
+        "gmsh:physical": [[3, 3], [1, 1, 2]],
+        "gmsh:geometrical": [[1, 1], [1, 1, 2]],
+    }
+    meshio.Mesh(
+        POINTS,
+        [("quad", QUADS), ("line", [[0, 1], [1, 2], [2, 5]])],
+        cell_data=tags,
+        field_data={
+            "bottom": np.array([1, 1]),
+            "right": np.array([2, 1]),
+            "ply": np.array([3, 2]),
+        },
+    ).write(tmp_path / "m.msh", file_format="gmsh22")
+    boundaries = read_mesh(tmp_path / "m.msh").boundaries
+    assert {k: len(v) for k, v in boundaries.items()} == {"bottom": 2, "right": 1}
+
+
+@pytest.mark.parametrize(
+    ("cells", "points", "message"),
+    [
+        ({"triangle": [[0, 1, 4]]}, POINTS[[0, 1, 1, 1, 4]], "found triangle"),
+        (
+            [("quad", QUADS[:1]), ("triangle", [[1, 2, 5]])],
+            POINTS,
+            "only four-node quadrilaterals are supported, found quad, triangle",
+        ),
+        ({"quad": QUADS[:, [0, 2, 1, 3]]}, POINTS, r"2 quad.* inverted or degenerate"),
+        ({"quad": QUADS[:1]}, POINTS, r"2 node.*belong to no quadrilateral.*: 2, 5"),
+        (
+            {"quad": QUADS},
+            POINTS + np.outer(np.arange(6), [0, 0, 1]),
+            "plane z = const",
+        ),
+        ({"line": [[0, 1]]}, POINTS, "found none"),
+    ],
+    ids=["triangles", "mixed", "inverted", "unused", "space", "lines"],
+)
+def test_bad_meshes_are_refused_by_name(tmp_path, cells, points, message):
+    path = saved(tmp_path / "bad.vtu", cells, points)
+    with pytest.raises(MeshError, match=f"bad.vtu: .*{message}"):
+        read_mesh(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("no.vtu", None), ("empty.vtu", ""), ("text.msh", "hello"), ("mesh.xyzzy", "1 2")],
+)
+def test_unreadable_files_are_refused_in_one_line(tmp_path, capfd, name, content):
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    with pytest.raises(MeshError, match=name) as error:
+        read_mesh(tmp_path / name)
+    assert "\n" not in str(error.value)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.fixture
+def result():
+    scene = strip(size=(2, 3))
+    ply = Ply(scene.mesh, Fabric(1e4, 0.5), OnePoint(5.0))
+    return LoadStepper(ply, scene.conditions, steps=2).run()
+
+
+def test_fields_are_written_for_every_state(tmp_path, result):
+    write_fields(result, tmp_path)
+    files = sorted(tmp_path.iterdir())
+    assert [f.name for f in files] == [f"step_000{i}.vtu" for i in range(3)]
+    saved = meshio.read(files[-1])
+    assert set(saved.point_data) == {"displacement"}
+    assert set(saved.cell_data) == {
+        "fibre_strain_1",
+        "fibre_strain_2",
+        "fibre_tension_1",
+        "fibre_tension_2",
+        "shear_angle",
+        "fibre_direction_1",
+        "fibre_direction_2",
+    }
+    u = result.ply.nodal(result.u)
+    np.testing.assert_allclose(saved.point_data["displacement"][:, :2], u.T)
+    np.testing.assert_allclose(
+        saved.cell_data["shear_angle"][0],
+        np.degrees(result.ply.shear_angle(result.u))[:, 0],
+    )
+    np.testing.assert_allclose(
+        np.linalg.norm(saved.cell_data["fibre_direction_2"][0], axis=1), 1.0
+    )
+
+
+def test_of_several_points_the_extreme_is_shown():
+    ply = Ply(distorted(1), Fabric(10.0), Full())
+    u = wobble(ply, 1)
+    strain = ply.fibre_strain(u)[0]
+    shown = cell_fields(ply, u)["fibre_strain_1"]
+    np.testing.assert_array_equal(np.abs(shown), np.abs(strain).max(axis=1))
+    assert (shown < 0).any()
+
+
+def test_history_and_summary_are_written(tmp_path, result):
+    write_history(result, tmp_path / "history.csv")
+    header, *rows = (tmp_path / "history.csv").read_text().splitlines()
+    assert header.startswith(
+        "load_factor,iterations,residual,tolerance,bottom_reaction_x"
+    )
+    assert len(rows) == 3
+    write_summary(result.summary(), tmp_path / "summary.json")
+    assert json.loads((tmp_path / "summary.json").read_text()) == result.summary()
+
+
+def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
+    with all_or_nothing(tmp_path / "out") as folder:
+        (folder / "fields").mkdir()
+        (folder / "fields" / "old").write_text("1")
+    (tmp_path / "out" / "mine").write_text("kept")
+
+    def interrupted():
+        with all_or_nothing(tmp_path / "out") as folder:
+            (folder / "half").write_text("2")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"fields", "mine"}
+    with all_or_nothing(tmp_path / "out") as folder:
+        (folder / "fields").mkdir()
+        (folder / "fields" / "new").write_text("3")
+    assert [p.name for p in (tmp_path / "out" / "fields").iterdir()] == ["new"]
+    assert (tmp_path / "out" / "mine").read_text() == "kept"

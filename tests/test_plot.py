@@ -1,0 +1,85 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, offscreen
+from skfem_textile.scenes import strip
+
+pv = pytest.importorskip("pyvista")
+plot = pytest.importorskip("skfem_textile.plot")
+
+
+@pytest.fixture(scope="module")
+def results():
+    scene = strip(size=(3, 4))
+    return [
+        LoadStepper(Ply(scene.mesh, Fabric(1e4), f), scene.conditions, steps=4).run()
+        for f in (Full(), OnePoint(10.0))
+    ]
+
+
+def limits(plotter):
+    """Colour limits of every panel that shows a ply."""
+    return {
+        tuple(actor.mapper.scalar_range)
+        for renderer in plotter.renderers
+        for actor in renderer.actors.values()
+        if isinstance(actor, pv.Actor)
+    }
+
+
+def test_fibre_strain_is_drawn_on_one_symmetric_scale(results, tmp_path):
+    file = tmp_path / "strain.png"
+    plotter = plot.fibre_strain(*results, filename=file)
+    largest = 100 * max(np.abs(r.ply.fibre_strain(r.u)).max() for r in results)
+    ((low, high),) = limits(plotter)
+    assert (low, high) == pytest.approx((-largest, largest))
+    image = pv.read(file)
+    assert image.dimensions[0] > 600
+    assert [p.name for p in tmp_path.iterdir()] == ["strain.png"]
+    colours = np.unique(image.point_data.active_scalars, axis=0)
+    assert len(colours) > 20
+
+
+def test_shear_angle_is_drawn_in_degrees(results):
+    ((low, high),) = limits(plot.shear_angle(*results))
+    angles = [np.degrees(r.ply.shear_angle(r.u)) for r in results]
+    assert high == pytest.approx(max(a.max() for a in angles))
+    assert low <= 0
+
+
+def test_titles_must_match(results):
+    with pytest.raises(ValueError, match="2 results need as many titles: 1"):
+        plot.fibre_strain(*results, titles=["one"])
+    with pytest.raises(ValueError, match="at least one result"):
+        plot.shear_angle()
+
+
+def test_without_off_screen_gl_the_package_is_named(results, monkeypatch):
+    monkeypatch.setattr(offscreen, "_can_draw", lambda environment: False)
+    offscreen.require_offscreen.cache_clear()
+    try:
+        with pytest.raises(RuntimeError, match="install the Debian package libegl1"):
+            plot.shear_angle(*results)
+    finally:
+        offscreen.require_offscreen.cache_clear()
+
+
+def test_a_crash_of_vtk_is_survived(monkeypatch):
+    monkeypatch.setattr(offscreen, "_DRAW", "import os; os.abort()")
+    assert not offscreen._can_draw({})
+
+
+def test_nothing_is_said_on_stderr():
+    script = (
+        "from skfem_textile import *; from skfem_textile import plot;"
+        "from skfem_textile.scenes import strip; s = strip(size=(2, 3));"
+        "p = Ply(s.mesh, Fabric(), Full());"
+        "plot.fibre_strain(LoadStepper(p, s.conditions, 1).run(), filename='x.png')"
+    )
+    child = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert child.stderr == ""
