@@ -159,7 +159,6 @@ class Constraints:
         self._node = np.concatenate(node)
         self._direction = np.concatenate(direction, axis=1)
         self._resolve(basis)
-        self.fixed_values(1.0)
 
     def _resolve(self, basis: CellBasis) -> None:
         """Choose the fixed unknowns and the map from the rows' values to theirs.

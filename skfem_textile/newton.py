@@ -1,9 +1,10 @@
 """Two ways to equilibrium at a given load: mixed Newton, and descent on the energy."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -130,81 +131,82 @@ class Equilibrium:
     tolerance: float
 
 
-@dataclass(frozen=True)
-class MixedNewton:
+class Iterate(NamedTuple):
+    """A tangent, the displacement to which it led, and the forces there."""
+
+    K: csr_matrix
+    u: ndarray
+    f: ndarray
+
+
+def balanced(problem: Problem, iterates: Iterator[Iterate], most: int) -> Equilibrium:
+    """Take iterates, ``most`` of them at most, until the forces balance.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If the iteration gives up, or the forces never balance.
+    """
+    residuals: list[float] = []
+    for K, u, f in islice(iterates, most):
+        residuals.append(problem.unbalanced(f))
+        tolerance = problem.tolerance(K, u, f)
+        if residuals[-1] <= tolerance:
+            return Equilibrium(u, f, tuple(residuals), tolerance)
+    raise NoEquilibriumError(
+        f"{residuals[-1]:.2g} N unbalanced after {most} iterations, "
+        f"tolerance {tolerance:.2g} N"
+    )
+
+
+def mixed_newton(
+    problem: Problem, u: ndarray, fixed_values: ndarray
+) -> Iterator[Iterate]:
     """Mixed-integration-point Newton (Magisano, Leonetti & Garcea 2017).
 
     The geometric stiffness takes the fibre tensions that the previous iteration
     predicted, T(ε) + T′ ∂ε·∇du, not those of its displacement, which are far
     larger wherever nearly inextensible fibres turn.  The residual is unchanged.
     """
-
-    max_iterations: int = 25
-
-    def __call__(
-        self, problem: Problem, u: ndarray, fixed_values: ndarray
-    ) -> Equilibrium:
-        """Find the equilibrium from ``u`` or raise `NoEquilibriumError`."""
-        tension, residuals = None, []
+    tension, f = None, problem.residual(u)
+    while True:
+        K = problem.tangent(u, tension)
+        du = problem.increment(K, f, u, fixed_values)
+        tension = problem.ply.predicted_tension(u, du)
+        u = u + du
         f = problem.residual(u)
-        for _ in range(self.max_iterations):
-            K = problem.tangent(u, tension)
-            du = problem.increment(K, f, u, fixed_values)
-            tension = problem.ply.predicted_tension(u, du)
-            u = u + du
-            f = problem.residual(u)
-            residuals.append(problem.unbalanced(f))
-            tolerance = problem.tolerance(K, u, f)
-            if residuals[-1] <= tolerance:
-                return Equilibrium(u, f, tuple(residuals), tolerance)
-        raise NoEquilibriumError(
-            f"{residuals[-1]:.2g} N unbalanced after {self.max_iterations} iterations, "
-            f"tolerance {tolerance:.2g} N"
-        )
+        yield Iterate(K, u, f)
 
 
-@dataclass(frozen=True)
-class Descent:
+def descent(problem: Problem, u: ndarray, fixed_values: ndarray) -> Iterator[Iterate]:
     """Descent on the energy, which ends in a stable equilibrium.
 
     Without the geometric stiffness of fibres in compression the tangent gives a
-    direction of descent.  A line search halves the increment until the energy
-    falls as it should and no element folds.  Slower than Newton near the end.
+    direction of descent.  A line search shortens every increment but the first,
+    which brings the fixed unknowns to their values.  Slower than Newton near the
+    end.
     """
-
-    max_iterations: int = 200
-
-    def __call__(
-        self, problem: Problem, u: ndarray, fixed_values: ndarray
-    ) -> Equilibrium:
-        """Find the equilibrium from ``u`` or raise `NoEquilibriumError`."""
-        residuals = []
+    f = problem.residual(u)
+    search = False
+    while True:
+        pull = np.maximum(problem.ply.fibre_tension(u), 0.0)
+        K = problem.tangent(u, pull)
+        du = problem.increment(K, f, u, fixed_values)
+        u = u + (_shortened(problem, u, du, f) if search else du)
         f = problem.residual(u)
-        for i in range(self.max_iterations):
-            pull = np.maximum(problem.ply.fibre_tension(u), 0.0)
-            K = problem.tangent(u, pull)
-            du = problem.increment(K, f, u, fixed_values)
-            u = u + (du if i == 0 else self._shortened(problem, u, du, f))
-            f = problem.residual(u)
-            residuals.append(problem.unbalanced(f))
-            tolerance = problem.tolerance(K, u, f)
-            if residuals[-1] <= tolerance:
-                return Equilibrium(u, f, tuple(residuals), tolerance)
-        raise NoEquilibriumError(
-            f"{residuals[-1]:.2g} N unbalanced after {self.max_iterations} iterations, "
-            f"tolerance {tolerance:.2g} N"
-        )
+        yield Iterate(K, u, f)
+        search = True
 
-    @staticmethod
-    def _shortened(problem: Problem, u: ndarray, du: ndarray, f: ndarray) -> ndarray:
-        """The increment, halved until the energy falls enough (Armijo)."""
-        energy = problem.energy(u)
-        slope = float(problem.free(f) @ problem.free(du))
-        if slope > 0:
-            du, slope = -du, -slope
-        for _ in range(20):
-            allowed = energy + 1e-4 * slope + 1e-12 * abs(energy)
-            if problem.energy(u + du) <= allowed and not problem.is_folded(u + du):
-                return du
-            du, slope = du / 2, slope / 2
-        raise NoEquilibriumError("no descent of the energy")
+
+def _shortened(problem: Problem, u: ndarray, du: ndarray, f: ndarray) -> ndarray:
+    """The increment, halved until the energy falls enough (Armijo) unfolded."""
+    energy = problem.energy(u)
+    slope = float(problem.free(f) @ problem.free(du))
+    if slope > 0:
+        du, slope = -du, -slope
+    for _ in range(20):
+        allowed = energy + 1e-4 * slope + 1e-12 * abs(energy)
+        if problem.energy(u + du) <= allowed and not problem.is_folded(u + du):
+            return du
+        du, slope = du / 2, slope / 2
+    raise NoEquilibriumError("no descent of the energy")

@@ -1,19 +1,20 @@
 """Incremental solution: a growing load, in steps that are cut where they fail."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from time import perf_counter
 
 import numpy as np
-from numpy import ndarray
 
 from .conditions import Condition, Constraints
 from .newton import (
     Clock,
-    Descent,
     Equilibrium,
-    MixedNewton,
+    Iterate,
     NoEquilibriumError,
     Problem,
+    balanced,
+    descent,
+    mixed_newton,
 )
 from .ply import Ply
 from .result import Result, State
@@ -82,7 +83,9 @@ class LoadStepper:
         if steps < 1:
             raise ValueError(f"steps must be at least 1, got {steps}")
         self.problem = Problem(ply, Constraints(ply.basis, conditions))
-        self.steps = steps
+        self.load_factors = np.linspace(0.0, 1.0, steps + 1)[1:].tolist()
+        for t in self.load_factors:
+            self.problem.constraints.fixed_values(t)  # refuses what is not valid
         self.max_halvings = max_halvings
         self.progress = progress
 
@@ -100,8 +103,8 @@ class LoadStepper:
         rest = Equilibrium(u, self.problem.residual(u), (), 0.0)
         states = [self._state(0.0, rest)]
         try:
-            for t in np.linspace(0.0, 1.0, self.steps + 1)[1:]:
-                self._advance(states, float(t), self.max_halvings)
+            for t in self.load_factors:
+                self._advance(states, t, self.max_halvings)
         except StepError as error:
             error.result = self._result(states, start)
             raise
@@ -140,18 +143,17 @@ class LoadStepper:
 
     def _equilibrium(self, last: State, t: float) -> State:
         """Converged state at the load factor ``t``, not folded."""
-        fixed_values = self.problem.constraints.fixed_values(t)
+        problem = self.problem
+        fixed_values = problem.constraints.fixed_values(t)
         try:
-            found = self._attempt(MixedNewton(), last.u, fixed_values)
+            found = self._attempt(mixed_newton(problem, last.u, fixed_values), 25)
         except NoEquilibriumError:
-            found = self._attempt(Descent(), last.u, fixed_values)
+            found = self._attempt(descent(problem, last.u, fixed_values), 200)
         return self._state(t, found)
 
-    def _attempt(
-        self, strategy: MixedNewton | Descent, u: ndarray, fixed_values: ndarray
-    ) -> Equilibrium:
+    def _attempt(self, iterates: Iterator[Iterate], most: int) -> Equilibrium:
         with np.errstate(all="ignore"):  # what is not finite is caught
-            found = strategy(self.problem, u, fixed_values)
+            found = balanced(self.problem, iterates, most)
         if self.problem.is_folded(found.u):
             raise NoEquilibriumError("an element folds: det F <= 0")
         return found
