@@ -17,7 +17,7 @@ Where: TypeAlias = str | ArrayLike | Callable[[ndarray], ndarray]
 Value: TypeAlias = ArrayLike | Callable[[ndarray, float], ndarray]
 
 # Two directions at a node closer than this (radians) are one.
-_PARALLEL = 1e-9
+_PARALLEL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Condition:
     ----------
     where
         The name of a boundary of the mesh, a function of position
-        ``(2, n) -> (n,) bool``, or node numbers.
+        ``(2, n) -> (n,) bool``, one bool per node, or node numbers.
     value
         Displacement in mm: with a direction, a scalar per node; without, a vector
         per node, shape (2, n).  Either a function ``value(X, t)`` of reference
@@ -57,7 +57,7 @@ class Condition:
         Raises
         ------
         ValueError
-            If the boundary is unknown, or no node is found.
+            If the boundary is unknown, the nodes are not valid, or there are none.
         """
         if isinstance(self.where, str):
             known = mesh.boundaries or {}
@@ -68,10 +68,18 @@ class Condition:
                     f"(it has: {names})"
                 )
             nodes = np.unique(mesh.facets[:, known[self.where]])
-        elif callable(self.where):
-            nodes = np.flatnonzero(self.where(mesh.p))
         else:
-            nodes = np.unique(np.asarray(self.where, dtype=int))
+            where = self.where(mesh.p) if callable(self.where) else self.where
+            chosen = np.asarray(where)
+            if chosen.dtype == bool and chosen.shape == (mesh.p.shape[1],):
+                nodes = np.flatnonzero(chosen)
+            elif chosen.dtype.kind in "iu" and not callable(self.where):
+                nodes = np.unique(chosen)
+            else:
+                raise ValueError(
+                    f"condition {name!r}: where must be a boundary's name, node "
+                    "numbers, or true or false for each node"
+                )
         if nodes.size == 0:
             raise ValueError(f"condition {name!r} acts on no node")
         if nodes.min() < 0 or nodes.max() >= mesh.p.shape[1]:
@@ -94,23 +102,40 @@ class Condition:
         else:
             value = t * np.asarray(self.value, dtype=float)
             if value.shape == (2,) and self.direction is None:
-                value = value[:, None]
+                value = np.broadcast_to(value[:, None], X.shape)
         if not np.all(np.isfinite(value)):
             raise ValueError(
                 f"condition {name!r}: the value is not finite at load factor {t:g}"
             )
-        n = X.shape[1]
-        shape = (2, n) if self.direction is None else (1, n)
-        try:
-            if self.direction is None and value.ndim < 2 and np.any(value):
-                raise ValueError("one number is no vector")
-            return np.broadcast_to(value, shape)
-        except ValueError:
-            wanted = f"(2, {n})" if self.direction is None else f"({n},)"
+        shape = X.shape if self.direction is None else X.shape[1:]
+        one_for_all = value.ndim == 0 and (self.direction is not None or value == 0)
+        if value.shape != shape and not one_for_all:
             raise ValueError(
-                f"condition {name!r}: the value must have shape {wanted}, "
+                f"condition {name!r}: the value must have shape {shape}, "
                 f"not {value.shape}"
-            ) from None
+            )
+        return np.broadcast_to(value, shape).reshape(-1, X.shape[1])
+
+    def turned(self, Q: ndarray) -> "Condition":
+        """The same condition in a problem turned by the rotation Q."""
+        where, direction = self.where, self.direction
+
+        def turned_value(X: ndarray, t: float) -> ndarray:
+            plain = Q.T @ X
+            n = self.values("turned", plain, t)
+            return Q @ n if direction is None else n[0]
+
+        def turned_where(X: ndarray) -> ndarray:
+            return where(Q.T @ X)  # type: ignore[operator]
+
+        def turned_direction(X: ndarray) -> ndarray:
+            return Q @ unit_vectors("direction", direction, Q.T @ X)  # type: ignore[arg-type]
+
+        return Condition(
+            turned_where if callable(where) else where,
+            turned_value,
+            None if direction is None else turned_direction,
+        )
 
 
 class Constraints:
@@ -189,6 +214,10 @@ class Constraints:
         if self.turn is not None:
             N = N @ self.turn
         self._rows = N[:, self.fixed]
+        # The rows of a node couple at most two unknowns, of full rank by choice: least
+        # squares, which leave a remainder where conditions disagree.
+        normal = (self._rows.T @ self._rows).tocsc()
+        self._to_fixed = spsolve(normal, self._rows.T.tocsc())
 
     def _first_rows(self) -> ndarray:
         """For each row, the first row at the same node."""
@@ -211,12 +240,10 @@ class Constraints:
                 for name, c in self._conditions.items()
             ]
         )
-        # Rows of one node couple at most two unknowns, of full rank by choice:
-        # least squares, which leaves what disagrees in the remainder.
-        normal = (self._rows.T @ self._rows).tocsc()
-        q = np.atleast_1d(spsolve(normal, self._rows.T @ g))
+        q = self._to_fixed @ g
         remainder = np.abs(self._rows @ q - g)
-        if remainder.max() > 1e-9 * max(np.abs(g).max(), 1e-300):
+        allowed = 1e-9 * np.abs(g).max() + 1e-15 * np.abs(self._X).max()
+        if remainder.max() > allowed:
             node = self._node[remainder.argmax()]
             names = [name for name, nodes in self.nodes.items() if node in nodes]
             raise ValueError(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -19,7 +19,7 @@ class Law(Protocol):
 
     For fibres ``x`` is the fibre strain ε and ``value`` the tension T in N/mm;
     for shear ``x`` is the shear angle Γ in radians and ``value`` the shear
-    moment M_s in N·mm/mm².  All three take and return arrays.
+    moment M_s in N/mm.  All three take and return arrays.
     """
 
     def energy(self, x: ndarray) -> ndarray:
@@ -63,7 +63,7 @@ class Linear:
 
     def tangent(self, x: ndarray) -> ndarray:
         """The stiffness."""
-        return np.full_like(x, self.stiffness)
+        return np.full(np.shape(x), self.stiffness)
 
 
 class Family(NamedTuple):
@@ -84,7 +84,7 @@ class Fabric:
         Fibre stiffness E in N/mm (tension T = E ε), or a `Law` T(ε); one for
         both families or a pair (warp, weft).
     shear
-        Shear stiffness G in N·mm/mm² (moment M_s = G Γ), or a `Law` M_s(Γ).
+        Shear stiffness G in N/mm (moment M_s = G Γ), or a `Law` M_s(Γ).
     warp, weft
         Reference direction of each family: a vector, a function of position
         ``(2, ...) -> (2, ...)``, or one vector per element, shape
@@ -110,14 +110,19 @@ class Fabric:
 
     def __post_init__(self) -> None:
         _ = self.families, self.shear_law
-        if not (callable(self.warp) or callable(self.weft)):
-            counts = [np.size(d) // 2 for d in (self.warp, self.weft)]
-            self.directions(np.zeros((2, max(counts), 1)))
+        given = [f for f in self.families if not callable(f.direction)]
+        sizes = [np.asarray(f.direction).size // 2 for f in given]
+        x = np.zeros((2, max(sizes, default=1), 1))
+        for family in given:
+            unit_vectors(family.name, family.direction, x)
+        if len(given) == 2:
+            self.directions(x)  # refuses parallel families
 
     @property
     def families(self) -> tuple[Family, Family]:
         """Warp and weft."""
-        pair = self.tension if isinstance(self.tension, tuple) else (self.tension,) * 2
+        one = not isinstance(self.tension, tuple | list)
+        pair: Any = (self.tension, self.tension) if one else self.tension
         if len(pair) != 2:
             raise ValueError("tension must be one law or a pair (warp, weft)")
         return (
@@ -156,7 +161,8 @@ def is_zero(law: Law) -> bool:
 
 def _law(name: str, law: float | Law) -> Law:
     if not isinstance(law, int | float | np.number):
-        if not all(hasattr(law, part) for part in ("energy", "value", "tangent")):
+        parts = ("energy", "value", "tangent")
+        if isinstance(law, type) or not all(hasattr(law, part) for part in parts):
             raise ValueError(
                 f"{name} must be a number or a law with energy, value and tangent"
             )
@@ -176,16 +182,15 @@ def unit_vectors(name: str, direction: Direction, x: ndarray) -> ndarray:
         If the direction has a wrong shape, or is zero or not finite somewhere.
     """
     a = np.asarray(direction(x) if callable(direction) else direction, dtype=float)
-    if not callable(direction):
-        a = a.reshape(a.shape + (1,) * (x.ndim - a.ndim))
+    a = a.reshape(a.shape + (1,) * (x.ndim - a.ndim))
     try:
         fits = len(a) == 2 and np.broadcast_shapes(a.shape, x.shape) == x.shape
     except (TypeError, ValueError):
         fits = False
     if not fits:
         raise ValueError(
-            f"{name} must be a vector (2,), a function of position or one vector per "
-            f"element (2, n_elements); got shape {a.shape} for points {x.shape}"
+            f"{name} must be a vector, a function of position or one vector per "
+            f"element, shape (2, n_elements); {a.shape} does not fit points {x.shape}"
         )
     length = np.linalg.norm(a, axis=0)
     if not np.all(np.isfinite(length) & (length > 0)):

@@ -39,6 +39,11 @@ def tension(fabric: Fabric) -> Forms:
     n_points): fibre tensions (warp, weft) to use in its geometric part instead
     of T(ε).
 
+    Raises
+    ------
+    ValueError
+        If the fabric has no tension stiffness.
+
     Examples
     --------
     >>> import numpy as np
@@ -51,12 +56,14 @@ def tension(fabric: Fabric) -> Forms:
     >>> bool(np.isclose(energy, 1e4 * np.log(1.01) ** 2))
     True
     """
-    # index, tension law T(ε) of each family that has any
+    # Index and tension law T(ε) of each family that has one.
     families = [
         (i, family.tension)
         for i, family in enumerate(fabric.families)
         if not is_zero(family.tension)
     ]
+    if not families:
+        raise ValueError("the fabric has no tension stiffness: leave this term out")
 
     def energy(w):
         F, A = _F(w), _A(fabric, w)
@@ -114,7 +121,7 @@ def hourglass(fabric: Fabric, C_s: float) -> Forms:
     fabric
         Gives the fibre directions; its stiffnesses play no part.
     C_s
-        Stabilisation stiffness in N·mm/mm².
+        Stabilisation stiffness in N/mm.
     """
 
     def point_and_centre(w):
@@ -180,10 +187,9 @@ def _forms(energy: Callable, stress: Callable, stiffness: Callable) -> Forms:
 
 def _once(w: FormExtraParams, function: Callable) -> Any:
     """``function(w)``, evaluated once per assembly and not once per basis function."""
-    key = function.__name__
-    if key not in w:
-        w[key] = function(w)
-    return w[key]
+    if function not in w:
+        w[function] = function(w)
+    return w[function]
 
 
 def _grad(u: DiscreteField) -> ndarray:

@@ -35,6 +35,7 @@ class Formulation(Protocol):
 class Full:
     """2×2 points and no stabilisation: locks unless a mesh follows the fibres."""
 
+    title: ClassVar[str] = "2×2 points"
     name: ClassVar[str] = "full"
     rule: ClassVar[tuple[ndarray, ndarray]] = GAUSS
 
@@ -50,7 +51,7 @@ class OnePoint:
     Parameters
     ----------
     stabilisation
-        Stabilisation stiffness C_s in N·mm/mm² (Hamila & Boisse 2013, §3.2).
+        Stabilisation stiffness C_s in N/mm (Hamila & Boisse 2013, §3.2).
 
     Raises
     ------

@@ -22,12 +22,18 @@ def deformation_gradient(grad_u: ndarray) -> ndarray:
     grad_u
         Displacement gradient, shape (2, 2, ...).
     """
-    return _identity(grad_u) + grad_u
+    identity = np.eye(*grad_u.shape[:2])
+    return identity.reshape(identity.shape + (1,) * (grad_u.ndim - 2)) + grad_u
 
 
 def area_ratio(F: ndarray) -> ndarray:
     """Current area per reference area, det F; not positive where the ply folds."""
     return det(F)
+
+
+def fibre(F: ndarray, A: ndarray) -> ndarray:
+    """Current fibre vector a = F·A, shape (d, ...); its length is the stretch λ."""
+    return mul(F, A)
 
 
 def fibre_strain(F: ndarray, A: ndarray) -> ndarray:
@@ -40,29 +46,31 @@ def fibre_strain(F: ndarray, A: ndarray) -> ndarray:
     A
         Unit reference direction of the fibre, shape (2, ...).
     """
-    a = mul(F, A)
+    a = fibre(F, A)
     return 0.5 * np.log(dot(a, a))
 
 
 def fibre_strain_d(F: ndarray, A: ndarray) -> ndarray:
     """First derivative ∂ε/∂F = a ⊗ A / λ², shape (d, 2, ...)."""
-    a = mul(F, A)
+    a = fibre(F, A)
     return np.einsum("i...,J...->iJ...", a / dot(a, a), A)
 
 
 def fibre_strain_dd(F: ndarray, A: ndarray) -> ndarray:
     """Second derivative ∂²ε/∂F² = (δ_ik/λ² − 2 a_i a_k/λ⁴) A_J A_L."""
-    a = mul(F, A)
+    a = fibre(F, A)
     e = a / dot(a, a)
-    m = _identity(F) / dot(a, a) - 2 * np.einsum("i...,k...->ik...", e, e)
+    delta = np.eye(len(a)).reshape(len(a), len(a), *(1,) * (a.ndim - 1))
+    m = delta / dot(a, a) - 2 * np.einsum("i...,k...->ik...", e, e)
     return np.einsum("ik...,J...,L...->iJkL...", m, A, A)
 
 
 def shear_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     """Shear angle Γ = ∠(A₁, A₂) − ∠(a₁, a₂) in radians.
 
-    Positive where warp and weft close up; smooth until they fold onto one
-    another.  Its rate is Γ̇ = f²·L·f₁ + f¹·L·f₂ (Hamila & Boisse 2013, §3.2).
+    Where the weft lies anticlockwise of the warp it is positive when they close up
+    and negative when they open; smooth until they fold onto one another.  Its rate
+    is Γ̇ = f²·L·f₁ + f¹·L·f₂ (Hamila & Boisse 2013, §3.2).
 
     Parameters
     ----------
@@ -71,7 +79,7 @@ def shear_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     A1, A2
         Unit reference directions of warp and weft, shape (2, ...).
     """
-    return _angle(A1, A2) - _angle(mul(F, A1), mul(F, A2))
+    return _angle(A1, A2) - _angle(fibre(F, A1), fibre(F, A2))
 
 
 def shear_angle_d(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
@@ -87,11 +95,6 @@ def shear_angle_dd(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     return _inclination_dd(F, A1) - _inclination_dd(F, A2)
 
 
-def _identity(T: ndarray) -> ndarray:
-    """Identity of as many rows as T, broadcasting over the points of T."""
-    return np.eye(len(T)).reshape(len(T), len(T), *(1,) * (T.ndim - 2))
-
-
 def _angle(b: ndarray, c: ndarray) -> ndarray:
     """Angle from b to c in (−π, π]."""
     return np.arctan2(cross(b, c), dot(b, c))
@@ -103,13 +106,13 @@ def _turned(a: ndarray) -> ndarray:
 
 
 def _inclination_d(F: ndarray, A: ndarray) -> ndarray:
-    a = mul(F, A)
+    a = fibre(F, A)
     return np.einsum("i...,J...->iJ...", _turned(a) / dot(a, a), A)
 
 
 def _inclination_dd(F: ndarray, A: ndarray) -> ndarray:
     """∂²θ/∂F² = −(p_i a_k + a_i p_k) A_J A_L / λ⁴."""
-    a = mul(F, A)
+    a = fibre(F, A)
     e = a / dot(a, a)
     m = np.einsum("i...,k...->ik...", _turned(e), e)
     return -np.einsum("ik...,J...,L...->iJkL...", m + m.swapaxes(0, 1), A, A)

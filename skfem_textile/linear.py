@@ -5,6 +5,14 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
+# A pivot this much smaller than the largest is round-off.
+_NO_PIVOT = 1e-15
+
+_MECHANISM = (
+    "some motion meets no stiffness: hold the ply in more places, or give it "
+    "stabilisation or shear stiffness"
+)
+
 
 class SingularMatrixError(RuntimeError):
     """The tangent leaves some motion without stiffness."""
@@ -16,7 +24,7 @@ def solve_symmetric(A: csr_matrix, b: ndarray) -> ndarray:
     Raises
     ------
     SingularMatrixError
-        If the matrix is singular to working precision.
+        If a pivot vanishes to working precision.
     """
     try:
         lu = splu(
@@ -26,8 +34,8 @@ def solve_symmetric(A: csr_matrix, b: ndarray) -> ndarray:
             options={"SymmetricMode": True},
         )
     except RuntimeError:
-        raise SingularMatrixError("the tangent is singular") from None
-    x = lu.solve(b)
-    if not np.isfinite(x).all():
-        raise SingularMatrixError("the tangent is singular")
-    return x
+        raise SingularMatrixError(_MECHANISM) from None
+    pivots = np.abs(lu.U.diagonal())
+    if not pivots.min() > _NO_PIVOT * pivots.max():
+        raise SingularMatrixError(_MECHANISM)
+    return lu.solve(b)

@@ -1,5 +1,7 @@
 """What a quadrilateral mesh must fulfil before anything is computed on it."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshQuad2
@@ -21,17 +23,23 @@ def check_quads(mesh: Mesh) -> None:
     Raises
     ------
     MeshError
-        If the mesh has other cells, positions that are not finite, unused nodes,
+        If the mesh has other cells, positions that are not finite, unused nodes or
+        nodes that are not there, edges of more than two quadrilaterals,
         quadrilaterals with a collapsed edge or inverted at a 2×2 point, or
         quadrilaterals that overlap a neighbour.
     """
     if not isinstance(mesh, MeshQuad) or isinstance(mesh, MeshQuad2):
         raise MeshError(f"the mesh must be a skfem.MeshQuad, not {type(mesh).__name__}")
+    listed = (mesh.t >= 0) & (mesh.t < mesh.p.shape[1])
+    _refuse("quadrilateral(s) name a node that is not there", ~listed.all(axis=0))
     _refuse("node(s) not finite", ~np.isfinite(mesh.p).all(axis=0))
     gauss, _ = GAUSS
     used = np.zeros(mesh.p.shape[1], dtype=bool)
     used[mesh.t] = True
     _refuse("node(s) belong to no quadrilateral; remove them", ~used)
+    shared = np.bincount(mesh.t2f.ravel())
+    crowded = (shared > 2)[mesh.t2f].any(axis=0)
+    _refuse("quadrilateral(s) share an edge with more than one other", crowded)
     jacobian = det(mesh.mapping().DF(gauss))
     turn = np.sign(jacobian.sum(axis=1))
     _refuse(
@@ -39,6 +47,24 @@ def check_quads(mesh: Mesh) -> None:
         _inverted(mesh, jacobian * turn[:, None]) | _collapsed(mesh),
     )
     _refuse("quadrilateral(s) lie on top of a neighbour", _overlapping(mesh, turn))
+
+
+def with_edges(mesh: MeshQuad) -> MeshQuad:
+    """Name the straight edges ``left``, ``bottom``, ``right`` and ``top``.
+
+    They are the boundary edges on the sides of the mesh's bounding box.  A side on
+    which there is none, and a name that the mesh has already, are left alone.
+    """
+    boundary = mesh.boundary_facets()
+    x = mesh.p[:, mesh.facets[:, boundary]]
+    edges = dict(mesh.boundaries or {})
+    for axis, sides in enumerate((("left", "right"), ("bottom", "top"))):
+        low, high = mesh.p[axis].min(), mesh.p[axis].max()
+        for name, side in zip(sides, (low, high), strict=True):
+            on_side = (np.abs(x[axis] - side) <= _NEGLIGIBLE * (high - low)).all(axis=0)
+            if on_side.any():
+                edges.setdefault(name, boundary[on_side])
+    return replace(mesh, _boundaries=edges)
 
 
 def _refuse(what: str, bad: ndarray) -> None:

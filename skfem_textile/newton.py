@@ -16,6 +16,7 @@ from .linear import SingularMatrixError, solve_symmetric
 from .ply import Ply
 
 _ROUND_OFF = 2.0**-53
+_HALVINGS_OF_AN_INCREMENT = 20
 
 
 class NoEquilibriumError(Exception):
@@ -111,10 +112,10 @@ class Problem:
         stiffness = float(abs(K).sum(axis=1).max())
         return 1e-8 * float(np.abs(f).max()) + rounding * stiffness
 
-    def is_folded(self, u: ndarray) -> bool:
-        """Whether det F ≤ 0 at some 2×2 point."""
+    def smallest_area_ratio(self, u: ndarray) -> float:
+        """Smallest det F at the 2×2 points; not positive where the ply folds."""
         gauss, _ = GAUSS
-        return not self.ply.area_ratio(u, gauss).min() > 0
+        return float(self.ply.area_ratio(u, gauss).min())
 
     def _turned(self, u: ndarray) -> ndarray:
         turn = self.constraints.turn
@@ -179,10 +180,11 @@ def mixed_newton(
 
 
 def descent(problem: Problem, u: ndarray, fixed_values: ndarray) -> Iterator[Iterate]:
-    """Descent on the energy, which ends in a stable equilibrium.
+    """Descent on the energy, which does not climb to a saddle as Newton may.
 
-    Without the geometric stiffness of fibres in compression the tangent gives a
-    direction of descent.  A line search shortens every increment but the first,
+    The tangent leaves out the geometric stiffness of fibres in compression; its
+    increment, or the opposite one where it is still indefinite, lowers the energy
+    if it is short enough.  A line search shortens every increment but the first,
     which brings the fixed unknowns to their values.  Slower than Newton near the
     end.
     """
@@ -199,14 +201,21 @@ def descent(problem: Problem, u: ndarray, fixed_values: ndarray) -> Iterator[Ite
 
 
 def _shortened(problem: Problem, u: ndarray, du: ndarray, f: ndarray) -> ndarray:
-    """The increment, halved until the energy falls enough (Armijo) unfolded."""
+    """The increment, halved until the energy falls enough (Armijo).
+
+    It may not fold the ply, nor fold it further if it is folded.
+    """
     energy = problem.energy(u)
     slope = float(problem.free(f) @ problem.free(du))
     if slope > 0:
         du, slope = -du, -slope
-    for _ in range(20):
+    unfolded = min(problem.smallest_area_ratio(u), 0.0)
+    for _ in range(_HALVINGS_OF_AN_INCREMENT):
         allowed = energy + 1e-4 * slope + 1e-12 * abs(energy)
-        if problem.energy(u + du) <= allowed and not problem.is_folded(u + du):
+        if (
+            problem.energy(u + du) <= allowed
+            and problem.smallest_area_ratio(u + du) > unfolded
+        ):
             return du
         du, slope = du / 2, slope / 2
     raise NoEquilibriumError("no descent of the energy")

@@ -62,8 +62,9 @@ class Ply:
         self.fabric = fabric
         self.formulation = formulation
         self.basis = quad_basis(mesh, formulation.rule)
-        fabric.directions(np.asarray(self.basis.global_coordinates()))
         self.terms = self._needed_terms()
+        for _, _, basis in self.terms:  # refuses directions that are not valid
+            fabric.directions(np.asarray(basis.global_coordinates()))
 
     def _needed_terms(self) -> list[Term]:
         terms = []
@@ -122,7 +123,7 @@ class Ply:
         scalar = ElementQuad1()
         n_nodes = len(scalar.doflocs)
         dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
-        nodal = u[self.basis.element_dofs].reshape(n_nodes, 2, -1)
+        nodal = u[self.basis.element_dofs].reshape(n_nodes, self.basis.elem.dim, -1)
         du_dxi = np.einsum("ain,ajq->ijnq", nodal, dN)
         return np.einsum("ijnq,jknq->iknq", du_dxi, self.basis.mapping.invDF(xi))
 
@@ -169,7 +170,7 @@ class Ply:
         The first axis is the family, the second the component.
         """
         F = self.deformation_gradient(u, points)
-        a = np.array([kin.mul(F, A) for A in self.directions(points)])
+        a = np.array([kin.fibre(F, A) for A in self.directions(points)])
         return a / np.linalg.norm(a, axis=1, keepdims=True)
 
     def shear_angle(self, u: ndarray, points: ndarray | None = None) -> ndarray:

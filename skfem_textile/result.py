@@ -27,8 +27,10 @@ class State:
         of the internal forces over the nodes of the condition.
     energies
         Energy in N·mm by term.
+    iterations
+        Linear solves since the state before, those of abandoned attempts included.
     residuals
-        Largest free nodal force in N after each iteration of the step.
+        Largest free nodal force in N after each iteration of the last attempt.
     tolerance
         What the last of them had to fall below.
     """
@@ -37,13 +39,9 @@ class State:
     u: ndarray
     reactions: dict[str, ndarray]
     energies: dict[str, float]
-    residuals: tuple[float, ...] = ()
-    tolerance: float = 0.0
-
-    @property
-    def iterations(self) -> int:
-        """Linear solves of the step."""
-        return len(self.residuals)
+    iterations: int
+    residuals: tuple[float, ...]
+    tolerance: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +132,7 @@ class Result:
 
 def _energies(state: State) -> dict[str, float]:
     by_term = {f"{term}_energy": state.energies.get(term, 0.0) for term in TERMS}
-    return {"energy": sum(by_term.values())} | by_term
+    return {"energy": sum(state.energies.values())} | by_term
 
 
 def _largest(x: ndarray) -> float:

@@ -1,6 +1,6 @@
 """Incremental solution: a growing load, in steps that are cut where they fail."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from time import perf_counter
 
 import numpy as np
@@ -9,7 +9,6 @@ from .conditions import Condition, Constraints
 from .newton import (
     Clock,
     Equilibrium,
-    Iterate,
     NoEquilibriumError,
     Problem,
     balanced,
@@ -19,11 +18,16 @@ from .newton import (
 from .ply import Ply
 from .result import Result, State
 
+#: What a step tries, one after the other, and in how many iterations at most.
+STRATEGIES = ((mixed_newton, 25), (descent, 200))
+
 
 class StepError(RuntimeError):
     """No converged state was found; ``result`` holds every state before it."""
 
-    result: Result
+    def __init__(self, message: str, result: Result) -> None:
+        super().__init__(message)
+        self.result = result
 
 
 class LoadStepper:
@@ -49,7 +53,8 @@ class LoadStepper:
     Raises
     ------
     ValueError
-        If a condition is not valid or ``steps`` is less than 1.
+        If a condition is not valid at some load factor, ``steps`` is no whole number
+        of at least 1, or ``max_halvings`` is negative.
 
     Examples
     --------
@@ -80,10 +85,12 @@ class LoadStepper:
         max_halvings: int = 8,
         progress: Callable[[State], None] | None = None,
     ) -> None:
-        if steps < 1:
-            raise ValueError(f"steps must be at least 1, got {steps}")
+        if steps != int(steps) or steps < 1:
+            raise ValueError(f"steps must be at least 1, and whole; got {steps}")
+        if max_halvings < 0:
+            raise ValueError(f"max_halvings must be at least 0, got {max_halvings}")
         self.problem = Problem(ply, Constraints(ply.basis, conditions))
-        self.load_factors = np.linspace(0.0, 1.0, steps + 1)[1:].tolist()
+        self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         for t in self.load_factors:
             self.problem.constraints.fixed_values(t)  # refuses what is not valid
         self.max_halvings = max_halvings
@@ -101,13 +108,15 @@ class LoadStepper:
         self.problem.clock = Clock()
         u = self.problem.ply.basis.zeros()
         rest = Equilibrium(u, self.problem.residual(u), (), 0.0)
-        states = [self._state(0.0, rest)]
+        states = [self._state(0.0, rest, [])]
         try:
             for t in self.load_factors:
                 self._advance(states, t, self.max_halvings)
-        except StepError as error:
-            error.result = self._result(states, start)
-            raise
+        except (NoEquilibriumError, ValueError) as error:
+            at = states[-1].load_factor
+            raise StepError(
+                f"stopped at load factor {at:.6g}: {error}", self._result(states, start)
+            ) from None
         return self._result(states, start)
 
     def _result(self, states: list[State], start: float) -> Result:
@@ -126,13 +135,12 @@ class LoadStepper:
         """Add the state at the load factor ``t``, and any needed on the way."""
         last = states[-1]
         try:
-            state = self._equilibrium(last, t)
+            state = self._equilibrium(states, t)
         except NoEquilibriumError as failure:
             if halvings == 0:
-                raise StepError(
-                    f"stopped at load factor {last.load_factor:.6g}: the step to "
-                    f"{t:.6g} failed ({failure}) after {self.max_halvings} halvings; "
-                    "try more steps or a larger stabilisation"
+                raise NoEquilibriumError(
+                    f"the step to {t:.6g} failed after {self.max_halvings} halvings "
+                    f"({failure}); try a larger stabilisation or more steps"
                 ) from None
             self._advance(states, 0.5 * (last.load_factor + t), halvings - 1)
             self._advance(states, t, halvings - 1)
@@ -141,24 +149,23 @@ class LoadStepper:
             if self.progress is not None:
                 self.progress(state)
 
-    def _equilibrium(self, last: State, t: float) -> State:
+    def _equilibrium(self, states: list[State], t: float) -> State:
         """Converged state at the load factor ``t``, not folded."""
-        problem = self.problem
+        problem, last, failures = self.problem, states[-1], []
         fixed_values = problem.constraints.fixed_values(t)
-        try:
-            found = self._attempt(mixed_newton(problem, last.u, fixed_values), 25)
-        except NoEquilibriumError:
-            found = self._attempt(descent(problem, last.u, fixed_values), 200)
-        return self._state(t, found)
+        for strategy, most in STRATEGIES:
+            try:
+                with np.errstate(all="ignore"):  # what is not finite is caught
+                    iterates = strategy(problem, last.u, fixed_values)
+                    found = balanced(problem, iterates, most)
+                if not problem.smallest_area_ratio(found.u) > 0:
+                    raise NoEquilibriumError("an element folds: det F <= 0")
+                return self._state(t, found, states)
+            except NoEquilibriumError as failure:
+                failures.append(f"{strategy.__name__}: {failure}")
+        raise NoEquilibriumError("; ".join(failures))
 
-    def _attempt(self, iterates: Iterator[Iterate], most: int) -> Equilibrium:
-        with np.errstate(all="ignore"):  # what is not finite is caught
-            found = balanced(self.problem, iterates, most)
-        if self.problem.is_folded(found.u):
-            raise NoEquilibriumError("an element folds: det F <= 0")
-        return found
-
-    def _state(self, t: float, found: Equilibrium) -> State:
+    def _state(self, t: float, found: Equilibrium, before: list[State]) -> State:
         ply, clock = self.problem.ply, self.problem.clock
         forces = ply.nodal(found.f)
         return State(
@@ -169,6 +176,7 @@ class LoadStepper:
                 for name, nodes in self.problem.constraints.nodes.items()
             },
             energies=clock.time("assembly", ply.energies, found.u),
+            iterations=clock.solves - sum(state.iterations for state in before),
             residuals=found.residuals,
             tolerance=found.tolerance,
         )

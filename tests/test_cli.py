@@ -69,7 +69,9 @@ def test_a_rotated_run_reports_the_unrotated_axes(tmp_path):
 
 
 def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(Problem, "is_folded", lambda self, u: abs(u).max() > 10)
+    monkeypatch.setattr(
+        Problem, "smallest_area_ratio", lambda self, u: 10 - abs(u).max()
+    )
     assert run(tmp_path, *QUICK) == 1
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["converged"] is False

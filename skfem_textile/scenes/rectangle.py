@@ -5,6 +5,8 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from skfem import MeshQuad
 
+from ..meshes import with_edges
+
 Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical"]
 
 KINDS: tuple[str, ...] = get_args(Kind)
@@ -38,8 +40,8 @@ def rectangle(
     Raises
     ------
     ValueError
-        If the kind is unknown, the size not positive, the jitter not in [0, 1) or the
-        seed negative.
+        If the kind is unknown, a side or the size not positive, the jitter not in
+        [0, 1) or the seed negative.
 
     Examples
     --------
@@ -49,6 +51,8 @@ def rectangle(
     nx, ny = size
     if kind not in KINDS:
         raise ValueError(f"unknown mesh {kind!r}: choose one of {', '.join(KINDS)}")
+    if not (0 < width < np.inf and 0 < height < np.inf):
+        raise ValueError(f"the sides must be positive, got {width} and {height}")
     if nx < 1 or ny < 1:
         raise ValueError(f"the mesh needs at least 1x1 elements, got {nx}x{ny}")
     if not 0 <= jitter < 1:
@@ -70,4 +74,4 @@ def rectangle(
     mesh = MeshQuad(
         np.stack([x.ravel(), y.ravel()]), np.stack([c.ravel() for c in corners])
     )
-    return mesh.with_defaults()
+    return with_edges(mesh)

@@ -72,7 +72,7 @@ class Scene:
             mesh=replace(self.mesh, doflocs=Q @ self.mesh.p),
             warp=tuple(Q @ self.warp),
             weft=tuple(Q @ self.weft),
-            conditions={k: _turned(c, Q) for k, c in self.conditions.items()},
+            conditions={k: c.turned(Q) for k, c in self.conditions.items()},
             displacement=lambda X, t: Q @ displacement(Q.T @ X, t),
             shear_angle=lambda X, t: shear_angle(Q.T @ X, t),
             rotation=self.rotation + angle,
@@ -119,16 +119,3 @@ class Scene:
 def _rotation(angle: float) -> ndarray:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s], [s, c]])
-
-
-def _turned(condition: Condition, Q: ndarray) -> Condition:
-    """The condition in the problem turned by Q; its nodes are named or numbered."""
-    value, direction = condition.value, condition.direction
-    if direction is not None and not callable(direction):
-        direction = Q @ direction
-
-    def turned_value(X: ndarray, t: float) -> ndarray:
-        u = value(Q.T @ X, t) if callable(value) else t * np.asarray(value)
-        return u if direction is not None or np.ndim(u) == 0 else Q @ u
-
-    return replace(condition, value=turned_value, direction=direction)

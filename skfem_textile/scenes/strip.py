@@ -11,7 +11,7 @@ from numpy import ndarray
 from skfem import MeshQuad
 
 from ..conditions import Condition
-from ..meshes import MeshError
+from ..meshes import MeshError, check_quads, with_edges
 from .rectangle import rectangle
 from .scene import Scene
 
@@ -24,13 +24,13 @@ def strip(
     jitter: float = 0.3,
     seed: int = 1,
 ) -> Scene:
-    """The strip of §2.2.
+    """A strip laid on a circle, fibres along its sides, clamped at the bottom.
 
     Parameters
     ----------
     mesh
-        A mesh with its bottom on y = 0, or the kind of `rectangle` to make.
-        Boundaries named ``bottom`` and ``right`` are used where the mesh has them;
+        A mesh with its bottom on y = 0 and less than 86 mm high, or the kind of
+        `rectangle` to make.  Boundaries named ``bottom`` and ``right`` are used where the mesh has them;
         else the lowest and the rightmost edges.
     size, jitter, seed
         Of the mesh to make.
@@ -38,12 +38,12 @@ def strip(
     Raises
     ------
     ValueError
-        If the mesh is not valid, or its bottom does not lie on y = 0.
+        If the mesh is not valid or does not fit.
     """
     if isinstance(mesh, str):
         mesh = rectangle(WIDTH, HEIGHT, size, mesh, jitter, seed)
     else:
-        mesh = _with_edges(mesh)
+        mesh = _laid_out(mesh)
     return Scene(
         name="strip",
         mesh=mesh,
@@ -69,12 +69,19 @@ def displacement(X: ndarray, t: float) -> ndarray:
     return np.stack([R * (1 - np.cos(X[1] / R)), R * np.sin(X[1] / R) - X[1]])
 
 
-def _with_edges(mesh: MeshQuad) -> MeshQuad:
-    edges = {**mesh.with_defaults().boundaries, **(mesh.boundaries or {})}
+def _laid_out(mesh: MeshQuad) -> MeshQuad:
+    """The mesh with its bottom and right edges named, if it fits the scene."""
+    check_quads(mesh)
+    mesh = with_edges(mesh)
     for name in ("bottom", "right"):
-        if name not in edges:
+        if name not in mesh.boundaries:
             raise MeshError(f"strip: the mesh has no straight {name} edge; name it")
-    bottom = mesh.p[1, mesh.facets[:, edges["bottom"]]]
+    bottom = mesh.p[1, mesh.facets[:, mesh.boundaries["bottom"]]]
     if np.abs(bottom).max() > 1e-6 * np.ptp(mesh.p[1]):
         raise MeshError("strip: the bottom edge of the mesh must lie on y = 0")
-    return mesh.with_boundaries({k: edges[k] for k in ("bottom", "right")})
+    if mesh.p[1].max() >= RADIUS * np.pi / 2:
+        raise MeshError(
+            f"strip: the mesh is {mesh.p[1].max():g} mm high; above "
+            f"{RADIUS * np.pi / 2:.1f} mm the shear angle would pass 90 degrees"
+        )
+    return mesh
