@@ -1,14 +1,15 @@
 """The command line: ``skfem-textile list`` and ``skfem-textile run SCENE``."""
 
 import argparse
+import os
 import sys
-from collections.abc import Sequence
-from importlib.metadata import version
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
+from . import __version__
 from .fabric import Fabric
 from .formulations import Formulation, Full, OnePoint
 from .ply import Ply
@@ -17,14 +18,20 @@ from .scenes import SCENES, Scene
 from .scenes.rectangle import KINDS
 from .stepper import LoadStepper, StepError
 
-BAD_INPUT, STOPPED_EARLY = 2, 1
+BAD_INPUT, STOPPED_EARLY, INTERRUPTED = 2, 1, 130
+
+_PICTURES = ("fibre_strain.png", "shear_angle.png")
+_EXIT_CODES = (
+    "exit code: 0, every step converged; 1, stopped early and the last good state "
+    "written; 2, bad input and nothing written"
+)
 
 
 class _Parser(argparse.ArgumentParser):
     """A parser that answers bad input with one line."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"{self.prog}: error: {message}\n")
+        self.exit(BAD_INPUT, f"skfem-textile: error: {message}\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,13 +40,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0 when every step converged, 1 when a run stopped early, 2 for bad input.
     """
     options = _parser().parse_args(arguments)
-    if options.command == "list":
-        for name, scene in SCENES.items():
-            print(f"{name:16}{(scene.__doc__ or '').splitlines()[0]}")
-        return 0
     try:
-        return _run(options)
-    except (ValueError, OSError) as error:
+        return _list() if options.command == "list" else _run(options)
+    except BrokenPipeError:  # nobody reads on: let Python's last flush go nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        print("skfem-textile: interrupted, nothing written", file=sys.stderr)
+        return INTERRUPTED
+    except (ValueError, OSError, MemoryError) as error:
         print(f"skfem-textile: error: {error}", file=sys.stderr)
         return BAD_INPUT
 
@@ -49,30 +58,36 @@ def _parser() -> argparse.ArgumentParser:
         prog="skfem-textile",
         description="Mechanics of woven reinforcements on scikit-fem.",
     )
-    parser.add_argument(
-        "--version", action="version", version=f"%(prog)s {version('skfem-textile')}"
-    )
+    parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("list", help="list the scenes")
     run = commands.add_parser(
-        "run",
-        help="run a scene and write its results to a folder",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        "run", help="run a scene and write its results to a folder", epilog=_EXIT_CODES
     )
     add = run.add_argument
     add("scene", choices=SCENES, help="what to run")
     add("--out", type=Path, required=True, metavar="DIR", help="where results go")
-    mesh_help = f"{', '.join(KINDS)}, or a file of quadrilaterals"
-    add("--mesh", default="irregular", metavar="KIND|FILE", help=mesh_help)
-    add("--size", type=_size, default="10x15", help="elements along x and y")
-    add("--jitter", type=float, default=0.3, help="node moves as a share of spacing")
-    add("--seed", type=int, default=1, help="seed of the node moves")
-    add("--formulation", choices=("one-point", "full"), default="one-point", help=" ")
-    add("--cs", type=float, default=1.0, help="one-point stabilisation C_s (N/mm)")
-    add("--fibre-stiffness", type=float, default=1e4, metavar="E", help="N/mm")
-    add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm")
-    add("--rotate", type=float, default=0.0, metavar="DEG", help="turn the problem")
-    add("--steps", type=int, default=20, help="load steps")
+    add(
+        "--mesh",
+        default="irregular",
+        metavar="KIND|FILE",
+        help=f"{', '.join(KINDS)} (default: irregular), or a file of quadrilaterals",
+    )
+    shown = " (default: %(default)s)"
+    add("--size", type=_size, default="10x15", help="elements along x and y" + shown)
+    add("--jitter", type=float, default=0.3, help="node moves per spacing" + shown)
+    add("--seed", type=int, default=1, help="seed of the node moves" + shown)
+    add(
+        "--formulation",
+        choices=("one-point", "full"),
+        default="one-point",
+        help="one stabilised point, or 2x2 points" + shown,
+    )
+    add("--cs", type=float, default=1.0, help="stabilisation C_s in N/mm" + shown)
+    add("--fibre-stiffness", type=float, default=1e4, metavar="E", help="N/mm" + shown)
+    add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm" + shown)
+    add("--rotate", type=float, default=0.0, metavar="DEG", help="turn it all" + shown)
+    add("--steps", type=int, default=20, help="load steps" + shown)
     add("--no-render", action="store_true", help="write no pictures")
     return parser
 
@@ -83,6 +98,12 @@ def _size(text: str) -> tuple[int, int]:
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not like 10x15") from None
     return nx, ny
+
+
+def _list() -> int:
+    for name, scene in SCENES.items():
+        print(f"{name:16}{(scene.__doc__ or '').splitlines()[0]}")
+    return 0
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -99,28 +120,25 @@ def _run(options: argparse.Namespace) -> int:
     stepper = LoadStepper(
         Ply(scene.mesh, fabric, formulation), scene.conditions, options.steps
     )
-    with io.all_or_nothing(options.out) as folder:
+    written = ("summary.json", "history.csv", f"fields/{io.STEPS}", *_PICTURES)
+    with io.ResultFolder(options.out, written) as folder:
         result, stopped = _load(stepper)
         summary = scene.summary(result)
-        io.write_summary(summary, folder / "summary.json")
+        given = {k: v for k, v in vars(options).items() if k not in ("command", "out")}
+        inputs = {"inputs": {"version": __version__, **given}}
+        io.write_summary(summary | inputs, folder / "summary.json")
         io.write_history(result, folder / "history.csv")
         io.write_fields(result, folder / "fields")
         if not options.no_render:
             _render(result, folder)
-    for key, value in summary.items():
-        print(
-            f"{key:28}{value:.6g}" if isinstance(value, float) else f"{key:28}{value}"
-        )
-    print(f"results in {options.out}")
-    if stopped:
-        print(f"skfem-textile: {stopped}", file=sys.stderr)
+    _report(summary, options.out, stopped)
     return STOPPED_EARLY if stopped else 0
 
 
 def _scene(options: argparse.Namespace) -> Scene:
     mesh = options.mesh
     if mesh not in KINDS:
-        if not Path(mesh).exists():
+        if not Path(mesh).is_file():
             raise ValueError(f"--mesh {mesh}: neither a file nor {', '.join(KINDS)}")
         from .io import read_mesh
 
@@ -132,13 +150,17 @@ def _scene(options: argparse.Namespace) -> Scene:
 
 def _load(stepper: LoadStepper) -> tuple[Result, StepError | None]:
     """The result with a progress bar on a terminal, and what stopped it early."""
-    from tqdm import tqdm
+    from rich.console import Console
+    from rich.progress import Progress
 
-    layout = "{l_bar}{bar}| load factor {n:.3f} [{elapsed}<{remaining}]"
-    with tqdm(total=1.0, disable=None, bar_format=layout, leave=False) as bar:
+    console = Console(stderr=True)
+    with Progress(
+        console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task("load factor", total=1.0)
 
         def show(state: State) -> None:
-            bar.update(state.load_factor - bar.n)
+            bar.update(task, completed=state.load_factor)
 
         stepper.progress = show
         try:
@@ -151,8 +173,23 @@ def _render(result: Result, folder: Path) -> None:
     """Write the pictures, or say in one line why there are none."""
     try:
         from . import plot
-
-        plot.fibre_strain(result, filename=folder / "fibre_strain.png")
-        plot.shear_angle(result, filename=folder / "shear_angle.png")
-    except (ImportError, RuntimeError) as error:
+    except ImportError as error:
+        print(f"no pictures: {error}; pip install 'skfem-textile[plot]'")
+        return
+    try:
+        for name, draw in zip(
+            _PICTURES, (plot.fibre_strain, plot.shear_angle), strict=True
+        ):
+            draw(result, filename=folder / name)
+    except RuntimeError as error:
         print(f"no pictures: {error}")
+
+
+def _report(summary: Mapping[str, Any], out: Path, stopped: StepError | None) -> None:
+    for key, value in summary.items():
+        print(
+            f"{key:28}{value:.6g}" if isinstance(value, float) else f"{key:28}{value}"
+        )
+    print(f"results in {out}")
+    if stopped:
+        print(f"skfem-textile: {stopped}", file=sys.stderr)

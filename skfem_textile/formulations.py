@@ -26,6 +26,11 @@ class Formulation(Protocol):
     name: ClassVar[str]
     rule: ClassVar[tuple[ndarray, ndarray]]
 
+    @property
+    def title(self) -> str:
+        """What to call it in a picture."""
+        ...
+
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """Terms beyond tension and shear; ``basis`` is that of the displacement."""
         ...
@@ -35,8 +40,8 @@ class Formulation(Protocol):
 class Full:
     """2×2 points and no stabilisation: locks unless a mesh follows the fibres."""
 
-    title: ClassVar[str] = "2×2 points"
     name: ClassVar[str] = "full"
+    title: ClassVar[str] = "2×2 points"
     rule: ClassVar[tuple[ndarray, ndarray]] = GAUSS
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
@@ -69,6 +74,11 @@ class OnePoint:
             raise ValueError(
                 f"stabilisation must be a finite number >= 0, got {self.stabilisation}"
             )
+
+    @property
+    def title(self) -> str:
+        """What to call it in a picture."""
+        return f"one point, Cs = {self.stabilisation:g}"
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """The hourglass term, unless C_s is zero."""

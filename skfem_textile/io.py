@@ -1,4 +1,4 @@
-"""Meshes in and results out, in any format that meshio knows."""
+"""Meshes in, in any format that meshio knows, and results out."""
 
 import contextlib
 import csv
@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +20,16 @@ from .fields import cell_fields, point_fields
 from .meshes import MeshError, check_quads
 from .result import Result
 
+STEPS = "step_[0-9]*.vtu"
+
 _IGNORED_CELLS = {"vertex", "line"}
 
 
 def read_mesh(path: str | os.PathLike[str]) -> MeshQuad:
     """Read a mesh of four-node quadrilaterals: Gmsh .msh, Abaqus .inp, .vtu and more.
 
-    Named groups of edges (Gmsh physical groups, Abaqus element sets) and of nodes
-    (Abaqus node sets) become boundaries of that name.
+    Named groups of edges (Gmsh physical groups) and of nodes (Abaqus node sets)
+    become boundaries of that name.
 
     Raises
     ------
@@ -40,19 +42,9 @@ def read_mesh(path: str | os.PathLike[str]) -> MeshQuad:
         raise MeshError(f"{path}: no such file")
     raw = _read(path)
     try:
-        kinds = {block.type for block in raw.cells} - _IGNORED_CELLS
-        if kinds != {"quad"}:
-            found = ", ".join(sorted(kinds)) or "none"
-            raise MeshError(
-                f"only four-node quadrilaterals are supported, found {found}"
-            )
-        if raw.points.shape[1] == 3 and np.ptp(raw.points[:, 2]) > 0:
-            raise MeshError("the mesh must lie in a plane z = const")
-        mesh = from_meshio(raw, ignore_orientation=True)
-        check_quads(mesh)
+        return _quad_mesh(raw)
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from None
-    return _with_node_sets(mesh, raw.point_sets)
 
 
 def _read(path: Path) -> meshio.Mesh:
@@ -61,11 +53,23 @@ def _read(path: Path) -> meshio.Mesh:
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             return meshio.read(path)
+    except OSError as error:
+        raise MeshError(f"{path}: {error.strerror}") from None
     except (Exception, SystemExit) as error:
-        reason = str(error) if isinstance(error, meshio.ReadError) else ""
-        raise MeshError(
-            f"{path}: not a mesh that meshio can read. {reason}".strip()
-        ) from None
+        reason = (said.getvalue() or str(error)).strip().partition("\n")[0]
+        raise MeshError(f"{path}: meshio cannot read it. {reason}".strip()) from None
+
+
+def _quad_mesh(raw: meshio.Mesh) -> MeshQuad:
+    kinds = {block.type for block in raw.cells} - _IGNORED_CELLS
+    if kinds != {"quad"}:
+        found = ", ".join(sorted(kinds)) or "none"
+        raise MeshError(f"only four-node quadrilaterals are supported, found {found}")
+    size = np.ptp(raw.points, axis=0)
+    if not np.all(size[2:] <= 1e-9 * size[:2].max()):
+        raise MeshError("the mesh must lie in a plane z = const")
+    check_quads(MeshQuad(raw.points[:, :2].T.copy(), raw.cells_dict["quad"].T.copy()))
+    return _with_node_sets(from_meshio(raw, ignore_orientation=True), raw.point_sets)
 
 
 def _with_node_sets(mesh: MeshQuad, node_sets: Mapping[str, Any]) -> MeshQuad:
@@ -83,11 +87,13 @@ def _with_node_sets(mesh: MeshQuad, node_sets: Mapping[str, Any]) -> MeshQuad:
 def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
     """Write every state as ``step_0000.vtu``, ``step_0001.vtu``, ... into a folder.
 
-    The points are those of the reference configuration; the fields are those of
-    `point_fields` and `cell_fields`.
+    Steps that the folder already holds are removed.  The points are those of the
+    reference configuration; the fields are those of `point_fields` and `cell_fields`.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
+    for stale in folder.glob(STEPS):
+        stale.unlink()
     mesh, ply = result.ply.mesh, result.ply
     points = np.pad(mesh.p, ((0, 1), (0, 0))).T
     for i, state in enumerate(result.states):
@@ -108,34 +114,61 @@ def write_history(result: Result, path: str | os.PathLike[str]) -> None:
         writer.writerows(rows)
 
 
-def write_summary(
-    summary: Mapping[str, str | int | float | bool], path: str | os.PathLike[str]
-) -> None:
+def write_summary(summary: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
     """Write a summary as JSON."""
     Path(path).write_text(json.dumps(summary, indent=2) + "\n")
 
 
-@contextlib.contextmanager
-def all_or_nothing(folder: str | os.PathLike[str]) -> Iterator[Path]:
-    """A scratch folder whose content moves into ``folder`` once it is complete.
+class ResultFolder:
+    """A folder that receives the whole result of a run at once.
 
-    What ``folder`` already holds under the same names is replaced; nothing else in
-    it is touched.
+    Parameters
+    ----------
+    path
+        The folder; made if it is not there.
+    names
+        What a run may write into it: names of files, or patterns in a subfolder.
 
     Raises
     ------
     OSError
-        If the folder cannot be written, before anything is.
+        If the folder cannot be written, or something else stands in its way.
     """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    scratch = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=folder))
-    try:
-        yield scratch
-        for item in scratch.iterdir():
-            target = folder / item.name
-            if target.is_dir():
-                shutil.rmtree(target)
-            os.replace(item, target)
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+
+    def __init__(self, path: str | os.PathLike[str], names: Sequence[str]) -> None:
+        self.path, self._names = Path(path), names
+        self._made = not self.path.exists()
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            for name in names:
+                target = self.path / name
+                if target.is_dir():
+                    raise IsADirectoryError(f"{target} is a folder")
+                if target.parent.exists() and not target.parent.is_dir():
+                    raise NotADirectoryError(f"{target.parent} is no folder")
+            self._scratch = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=self.path))
+        except OSError as error:
+            reason = error.strerror or error
+            raise OSError(f"cannot write results to {self.path}: {reason}") from None
+
+    def __enter__(self) -> Path:
+        """Give a scratch folder to write into."""
+        return self._scratch
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        """Put the scratch folder's content in place of an earlier run's."""
+        try:
+            if error is None:
+                for name in self._names:
+                    for stale in self.path.glob(name):
+                        stale.unlink()
+                for file in self._scratch.rglob("*"):
+                    target = self.path / file.relative_to(self._scratch)
+                    if file.is_dir():
+                        target.mkdir(exist_ok=True)
+                    else:
+                        file.replace(target)
+        finally:
+            shutil.rmtree(self._scratch, ignore_errors=True)
+            if self._made and error is not None:
+                shutil.rmtree(self.path, ignore_errors=True)

@@ -110,7 +110,7 @@ class Problem:
         """
         rounding = _ROUND_OFF * (np.abs(u).max() + self._element_size)
         stiffness = float(abs(K).sum(axis=1).max())
-        return 1e-8 * float(np.abs(f).max()) + rounding * stiffness
+        return float(1e-8 * np.abs(f).max() + rounding * stiffness)
 
     def smallest_area_ratio(self, u: ndarray) -> float:
         """Smallest det F at the 2×2 points; not positive where the ply folds."""

@@ -38,7 +38,8 @@ def require_offscreen() -> None:
             return
     if not _can_draw({}):
         raise RuntimeError(
-            "VTK cannot draw off screen here; install the Debian package libegl1"
+            "VTK cannot draw off screen here; "
+            "install the Debian packages libegl1 and libgl1-mesa-dri"
         )
 
 

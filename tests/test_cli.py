@@ -3,12 +3,14 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from skfem_textile import cli, offscreen
 from skfem_textile.newton import Problem
 
+MESH = Path(__file__).parents[1] / "examples" / "strip.msh"
 QUICK = ["--size", "3x4", "--steps", "3", "--cs", "10", "--no-render"]
 
 
@@ -46,8 +48,10 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
         *("max_fibre_strain_2x2", "max_fibre_tension", "max_shear_angle_deg"),
         *("min_det_F", "wall_time_s", "assembly_time_s", "solve_time_s", "reaction_x"),
         *("reaction_y", "displacement_error_rms", "displacement_error_max"),
-        "shear_angle_error_rms_deg",
+        *("shear_angle_error_rms_deg", "inputs"),
     }
+    assert summary["inputs"]["cs"] == 10.0
+    assert summary["inputs"]["size"] == [3, 4]
     assert summary["scene"] == "strip"
     assert summary["formulation"] == "one-point"
     assert summary["converged"] is True
@@ -57,6 +61,25 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
         assert len(list(csv.DictReader(file))) == summary["load_steps"] + 1
     assert len(list((out / "fields").iterdir())) == summary["load_steps"] + 1
     assert "max_fibre_strain" in capsys.readouterr().out
+
+
+def test_a_run_takes_a_mesh_file_and_full_integration(tmp_path):
+    arguments = "--mesh", str(MESH), "--formulation", "full", "--steps", "4"
+    assert run(tmp_path, *arguments, "--no-render") == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["formulation"] == "full"
+    assert summary["n_elements"] == 184
+    assert summary["energy"] == pytest.approx(162.631, rel=1e-5)
+
+
+def test_an_interrupted_run_says_so(tmp_path, capsys, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "_load", interrupt)
+    assert run(tmp_path, *QUICK) == 130
+    assert capsys.readouterr().err == "skfem-textile: interrupted, nothing written\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_rotated_run_reports_the_unrotated_axes(tmp_path):
@@ -92,6 +115,7 @@ def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypat
         (("--steps", "0"), "steps must be at least 1"),
         (("--size", "10"), "'10' is not like 10x15"),
         (("--size", "0x5"), "at least 1x1"),
+        (("--size", "1000000x1000000"), "llocate"),
         (("--jitter", "2"), "jitter must be in"),
         (("--seed", "-1"), "seed must be"),
         (("--rotate", "nan"), "rotation must be"),

@@ -91,6 +91,9 @@ def test_conditions_that_disagree_on_the_way_are_refused_before_the_run():
         (Condition("inside"), "no boundary 'inside' .*'left'"),
         (Condition(lambda X: X[0] > 9), "acts on no node"),
         (Condition([0, 99]), "nodes 0 to 24"),
+        (Condition([0.5]), "where must be"),
+        (Condition(lambda X: X[0]), "where must be"),
+        (Condition(np.array([True, False])), "where must be"),
         (Condition("top", direction=(0, 0)), "direction must be a non-zero"),
         (Condition("top", np.nan, direction=(1, 0)), "not finite"),
         (Condition("top", 3.0), r"must have shape \(2, 5\)"),
@@ -125,3 +128,48 @@ def test_an_inclined_roller_does_no_work_along_its_slope():
     assert force @ n > 1.0
     top = MESH.p[1] == 1
     np.testing.assert_allclose(n @ ply.nodal(result.u)[:, top], 0.1)
+
+
+def test_a_mask_names_its_nodes():
+    mask = MESH.p[0] == 1
+    nodes = Condition(mask).nodes("c", MESH)
+    np.testing.assert_array_equal(nodes, np.flatnonzero(mask))
+
+
+def test_directions_that_differ_by_rounding_are_one():
+    rollers = [(0.5, 3**0.5 / 2), (0.5, 0.866025)]
+    constraints, _ = resolved(
+        **{f"roller{i}": Condition("right", direction=n) for i, n in enumerate(rollers)}
+    )
+    assert len(constraints.fixed) == 5
+
+
+def test_a_constant_direction_from_a_function_is_that_of_every_node():
+    (n,) = Condition("top", direction=lambda X: (3.0, 4.0)).directions(
+        "c", MESH.p[:, :2]
+    )
+    np.testing.assert_allclose(n, [[0.6, 0.6], [0.8, 0.8]])
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        Condition(lambda X: X[1] > 0.9),
+        Condition("top", (0.2, 0.3)),
+        Condition("top", lambda X, t: t * X),
+        Condition("top", 0.3, direction=(0.0, 1.0)),
+        Condition("top", lambda X, t: t * X[0], direction=lambda X: X),
+    ],
+)
+def test_any_condition_turns_with_the_problem(condition):
+    angle = 0.7
+    Q = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    energies = []
+    for turned in (False, True):
+        mesh = MeshQuad(Q @ MESH.p, MESH.t, MESH.boundaries) if turned else MESH
+        A = (Q if turned else np.eye(2)).T
+        ply = Ply(mesh, Fabric(10.0, 1.0, *A), Full())
+        c = condition.turned(Q) if turned else condition
+        result = LoadStepper(ply, {"clamp": Condition("bottom"), "c": c}, 2).run()
+        energies.append(result.summary()["energy"])
+    assert energies[1] == pytest.approx(energies[0], rel=1e-9, abs=1e-12)

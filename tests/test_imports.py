@@ -1,7 +1,7 @@
 import subprocess
 import sys
 
-HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "meshio", "tqdm")
+HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "meshio", "rich")
 OPTIONAL_SOLVERS = ("cvxopt", "pypardiso", "numba")
 
 

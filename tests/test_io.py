@@ -8,7 +8,7 @@ from helpers import distorted, wobble
 from skfem_textile import Fabric, Full, LoadStepper, MeshError, OnePoint, Ply
 from skfem_textile.fields import cell_fields
 from skfem_textile.io import (
-    all_or_nothing,
+    ResultFolder,
     read_mesh,
     write_fields,
     write_history,
@@ -42,6 +42,11 @@ INP = """*HEADING
 def saved(path, cells, points=POINTS, **more):
     meshio.Mesh(points, cells, **more).write(path)
     return path
+
+
+def test_a_plane_may_lie_anywhere_but_for_round_off(tmp_path):
+    points = POINTS + np.outer(3 + 1e-16 * np.arange(6), [0, 0, 1])
+    assert read_mesh(saved(tmp_path / "m.vtu", {"quad": QUADS}, points)).nelements == 2
 
 
 def test_vtu_is_read(tmp_path):
@@ -95,8 +100,9 @@ def test_gmsh_physical_groups_become_boundaries(tmp_path):
             "plane z = const",
         ),
         ({"line": [[0, 1]]}, POINTS, "found none"),
+        ({"quad": QUADS + 1}, POINTS, r"1 quad.* name a node that is not there: 1"),
     ],
-    ids=["triangles", "mixed", "inverted", "unused", "space", "lines"],
+    ids=["triangles", "mixed", "inverted", "unused", "space", "lines", "index"],
 )
 def test_bad_meshes_are_refused_by_name(tmp_path, cells, points, message):
     path = saved(tmp_path / "bad.vtu", cells, points)
@@ -170,22 +176,65 @@ def test_history_and_summary_are_written(tmp_path, result):
     assert json.loads((tmp_path / "summary.json").read_text()) == result.summary()
 
 
-def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
-    with all_or_nothing(tmp_path / "out") as folder:
-        (folder / "fields").mkdir()
-        (folder / "fields" / "old").write_text("1")
-    (tmp_path / "out" / "mine").write_text("kept")
+NAMES = ("summary.json", "picture.png", "fields/step_[0-9]*.vtu")
 
-    def interrupted():
-        with all_or_nothing(tmp_path / "out") as folder:
-            (folder / "half").write_text("2")
+
+def test_a_result_replaces_the_one_before_and_nothing_else(tmp_path):
+    out = tmp_path / "out"
+    with ResultFolder(out, NAMES) as folder:
+        (folder / "fields").mkdir()
+        for name in ("summary.json", "picture.png", "fields/step_0001.vtu"):
+            (folder / name).write_text("old")
+    (out / "fields" / "mine.pvsm").write_text("kept")
+    (out / "mine").write_text("kept")
+    with ResultFolder(out, NAMES) as folder:
+        (folder / "fields").mkdir()
+        for name in ("summary.json", "fields/step_0000.vtu"):
+            (folder / name).write_text("new")
+    files = {str(p.relative_to(out)): p for p in out.rglob("*") if p.is_file()}
+    assert set(files) == {
+        "summary.json",
+        "fields/step_0000.vtu",
+        "fields/mine.pvsm",
+        "mine",
+    }
+    assert files["summary.json"].read_text() == "new"
+
+
+def test_an_interrupted_run_leaves_the_folder_as_it_was(tmp_path):
+    def interrupted(out):
+        with ResultFolder(out, NAMES) as folder:
+            (folder / "summary.json").write_text("half")
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {"fields", "mine"}
-    with all_or_nothing(tmp_path / "out") as folder:
-        (folder / "fields").mkdir()
-        (folder / "fields" / "new").write_text("3")
-    assert [p.name for p in (tmp_path / "out" / "fields").iterdir()] == ["new"]
-    assert (tmp_path / "out" / "mine").read_text() == "kept"
+        interrupted(tmp_path / "new")
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "summary.json").write_text("whole")
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(tmp_path / "old")
+    assert [p.name for p in (tmp_path / "old").iterdir()] == ["summary.json"]
+    assert (tmp_path / "old" / "summary.json").read_text() == "whole"
+
+
+def test_what_stands_in_the_way_is_refused_at_once(tmp_path):
+    (tmp_path / "summary.json").mkdir()
+    (tmp_path / "file").write_text("")
+    (tmp_path / "ours").mkdir()
+    (tmp_path / "ours" / "fields").write_text("")
+    for path, message in [
+        (tmp_path, "summary.json is a folder"),
+        (tmp_path / "file", "cannot write results to .*file"),
+        (tmp_path / "ours", "fields is no folder"),
+    ]:
+        with pytest.raises(OSError, match=message):
+            ResultFolder(path, NAMES)
+
+
+def test_stale_steps_are_removed(tmp_path, result):
+    (tmp_path / "step_0099.vtu").write_text("stale")
+    (tmp_path / "step_notes.txt").write_text("mine")
+    write_fields(result, tmp_path)
+    assert not (tmp_path / "step_0099.vtu").exists()
+    assert (tmp_path / "step_notes.txt").exists()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from helpers import derivative
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from skfem_textile import kinematics as kin
@@ -39,8 +39,7 @@ MEASURES = [
 def test_derivatives_are_exact(measure, seed):
     value, first, second = measure
     F = some_F(seed)
-    if np.linalg.det(F) < 0.1:
-        return
+    assume(np.linalg.det(F) > 0.1)
     dF = np.random.default_rng(seed + 1).standard_normal((2, 2))
     along = np.sum(first(F) * dF)
     np.testing.assert_allclose(derivative(value, F, dF, 1e-6), along, atol=1e-6)
@@ -53,8 +52,7 @@ def test_derivatives_are_exact(measure, seed):
 @given(seed=seeds, angle=angles)
 def test_a_rotation_changes_neither_strain_nor_shear(seed, angle):
     F = some_F(seed)
-    if np.linalg.det(F) < 0.1:
-        return
+    assume(np.linalg.det(F) > 0.1)
     QF = rotation(angle) @ F
     assert kin.fibre_strain(QF, WEFT) == pytest.approx(kin.fibre_strain(F, WEFT))
     assert kin.shear_angle(QF, WARP, WEFT) == pytest.approx(

@@ -127,8 +127,19 @@ CENTRE_NODE = int(np.argmin(np.abs(SQUARES.p - 0.5).sum(axis=0)))
             ),
             r"2 quadrilateral\(s\) lie on top of a neighbour: 0, 1",
         ),
+        (
+            MeshQuad(SQUARES.p, np.hstack([SQUARES.t, SQUARES.t[:, :1]])),
+            "share an edge with more than one other|on top of a neighbour",
+        ),
+        (
+            MeshQuad(SQUARES.p, np.hstack([SQUARES.t, SQUARES.t])),
+            r"8 quadrilateral\(s\) share an edge with more than one other",
+        ),
     ],
-    ids=["triangles", "nan", "inverted", "collapsed", "bow-tie", "unused", "overlap"],
+    ids=[
+        *("triangles", "nan", "inverted", "collapsed", "bow-tie", "unused", "overlap"),
+        *("twice", "thrice"),
+    ],
 )
 def test_bad_meshes_are_refused(mesh, message):
     with pytest.raises(MeshError, match=message):

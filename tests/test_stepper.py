@@ -30,6 +30,12 @@ def pulled(value, **fabric):
     return ply, CLAMP | {"pull": Condition("top", value, direction=(0, 1))}
 
 
+def refuse_long_steps(problem, u, fixed_values):
+    if fixed_values.max() - np.abs(u).max() > 0.2:
+        raise NoEquilibriumError("too long")
+    return mixed_newton(problem, u, fixed_values)
+
+
 def test_a_uniform_pull_is_exact():
     ply, conditions = pulled(0.5)
     result = LoadStepper(ply, conditions, steps=4).run()
@@ -77,12 +83,6 @@ def test_history_has_a_row_per_state_with_what_is_needed():
 
 def test_a_failed_step_is_halved(monkeypatch):
     ply, conditions = pulled(0.5)
-
-    def refuse_long_steps(problem, u, fixed_values):
-        if fixed_values.max() - np.abs(u).max() > 0.2:
-            raise NoEquilibriumError("too long")
-        return mixed_newton(problem, u, fixed_values)
-
     monkeypatch.setattr(stepper, "STRATEGIES", [(refuse_long_steps, 25)])
     result = LoadStepper(ply, conditions, steps=1).run()
     assert [s.load_factor for s in result.states] == [0.0, 0.25, 0.5, 0.75, 1.0]
@@ -102,10 +102,30 @@ def test_it_says_plainly_when_it_cannot_and_keeps_what_it_has():
     assert ply.area_ratio(result.u).min() > 0
 
 
+def test_a_value_that_goes_wrong_on_the_way_keeps_what_was_computed(monkeypatch):
+    ply, conditions = pulled(
+        lambda X, t: 0.5 * t + (np.nan if t == 0.75 else 0.0) * X[0]
+    )
+    stepper_ = LoadStepper(ply, conditions, steps=2)
+    monkeypatch.setattr(stepper, "STRATEGIES", [(refuse_long_steps, 25)])
+    with pytest.raises(StepError, match=r"not finite at load factor 0\.75") as error:
+        stepper_.run()
+    assert error.value.result.states[-1].load_factor == 0.5
+
+
+def test_iterations_include_abandoned_attempts(monkeypatch):
+    monkeypatch.setattr(stepper, "STRATEGIES", [(mixed_newton, 1), (mixed_newton, 25)])
+    ply, conditions = pulled(lambda X, t: 0.3 * t * X[0])
+    result = LoadStepper(ply, conditions, steps=2).run()
+    iterations = [state.iterations for state in result.states]
+    assert iterations[1] == len(result.states[1].residuals) + 1
+    assert sum(iterations) == result.newton_iterations
+
+
 def test_a_mechanism_is_refused():
     mesh = MeshQuad().refined(2).with_defaults()
     ply = Ply(mesh, Fabric(10.0), Full())  # no shear stiffness, only one side held
-    with pytest.raises(StepError, match="stopped at load factor 0:"):
+    with pytest.raises(StepError, match="some motion meets no stiffness"):
         LoadStepper(
             ply, {"pull": Condition("top", 0.1, direction=(0, 1))}, steps=1
         ).run()

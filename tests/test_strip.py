@@ -2,9 +2,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from skfem import MeshTri
 
 from skfem_textile import Fabric, Full, LoadStepper, MeshError, OnePoint, Ply
 from skfem_textile.scenes import strip
+from skfem_textile.scenes.rectangle import rectangle
 
 # Reached with 100 equal steps by another implementation; E = 1e4 N/mm, 10×15
 # elements, jitter 0.3, seed 1.
@@ -49,6 +51,20 @@ REFERENCE = {
             "displacement_error_max": 0.6677882798184213,
             "shear_angle_error_rms_deg": 3.383372398928698,
             "min_det_F": 0.2702009700029627,
+        },
+    ),
+    "one point, C_s = 1": (
+        OnePoint(1.0),
+        0.0,
+        {
+            "energy": 1.2650744938225296,
+            "reaction_x": 3.0659548079628003,
+            "max_fibre_strain": 0.0005726203306762351,
+            "max_fibre_strain_2x2": 0.0842094758769263,
+            "displacement_error_rms": 0.2062504654782252,
+            "displacement_error_max": 0.9549538853617378,
+            "shear_angle_error_rms_deg": 4.374981029173224,
+            "min_det_F": 0.1920662040555853,
         },
     ),
     "one point, C_s = 5, G = 0.5": (
@@ -141,6 +157,31 @@ def test_the_exact_motion_stretches_no_fibre():
         assert np.abs(off).max() < 1e-4
 
 
+def test_shear_energy_and_the_work_of_the_reactions_are_known():
+    """Ψ = 40 ∫ w(tY/R) dY for stiff fibres, and the reactions do that work."""
+    scene = strip("aligned", (8, 60))
+    G, steps = 0.5, 20
+    result = run(scene, Full(), G, steps, E=1e8)
+    exact = 40 * G / 2 * 60**3 / 3 / 55**2
+    assert result.summary()["energy"] == pytest.approx(exact, rel=2e-4)
+
+    ply, right = result.ply, scene.mesh.p[0] == 40
+    forces = [ply.nodal(ply.residual(s.u))[0, right] for s in result.states]
+    moves = [ply.nodal(s.u)[0, right] for s in result.states]
+    work = sum(
+        (forces[i] + forces[i + 1]) @ (moves[i + 1] - moves[i]) / 2
+        for i in range(steps)
+    )
+    assert work == pytest.approx(exact, rel=2e-3)
+
+
+def test_long_meshes_are_held_by_their_edges_alone():
+    mesh = rectangle(500, 10, (20, 20), "aligned")
+    assert len(mesh.boundaries["bottom"]) == 20
+    mesh = rectangle(40, 60, (100, 2), "aligned")
+    assert len(mesh.boundaries["right"]) == 2
+
+
 def test_a_mesh_brings_its_own_names_or_is_named_by_its_edges():
     mesh = strip("irregular").mesh
     unnamed = dataclasses.replace(mesh, _boundaries=None)
@@ -153,9 +194,14 @@ def test_a_mesh_brings_its_own_names_or_is_named_by_its_edges():
     np.testing.assert_array_equal(strip(named).mesh.boundaries["right"], half)
 
 
-def test_a_mesh_off_the_clamp_line_is_refused():
+def test_a_mesh_that_does_not_fit_is_refused():
+    mesh = dataclasses.replace(strip().mesh, _boundaries=None)
     with pytest.raises(MeshError, match="must lie on y = 0"):
-        strip(strip().mesh.translated((0, 5)))
+        strip(mesh.translated((0, 5)))
+    with pytest.raises(MeshError, match="600 mm high"):
+        strip(mesh.scaled(10.0))
+    with pytest.raises(MeshError, match=r"must be a skfem.MeshQuad"):
+        strip(MeshTri())
 
 
 @pytest.mark.parametrize(

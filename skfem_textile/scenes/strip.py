@@ -30,8 +30,8 @@ def strip(
     ----------
     mesh
         A mesh with its bottom on y = 0 and less than 86 mm high, or the kind of
-        `rectangle` to make.  Boundaries named ``bottom`` and ``right`` are used where the mesh has them;
-        else the lowest and the rightmost edges.
+        `rectangle` to make.  Boundaries named ``bottom`` and ``right`` are used
+        where the mesh has them; else the lowest and the rightmost edges.
     size, jitter, seed
         Of the mesh to make.
 
