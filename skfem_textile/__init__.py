@@ -3,8 +3,9 @@
 from .conditions import Condition
 from .elements import CENTRE, GAUSS, ElementQuad1Fluctuation, HourglassBasis, quad_basis
 from .fabric import Fabric, Law, Linear
-from .forms import Forms, hourglass, shear, tension
+from .forms import Forms, shear, tension
 from .formulations import Full, OnePoint
+from .hourglass import AccumulatedMoment, hourglass, hourglass_rate
 from .meshes import MeshError
 from .ply import Ply
 from .result import Result, State
@@ -15,6 +16,7 @@ __version__ = "0.1.0"
 __all__ = [
     "CENTRE",
     "GAUSS",
+    "AccumulatedMoment",
     "Condition",
     "ElementQuad1Fluctuation",
     "Fabric",
@@ -31,6 +33,7 @@ __all__ = [
     "State",
     "StepError",
     "hourglass",
+    "hourglass_rate",
     "quad_basis",
     "shear",
     "tension",

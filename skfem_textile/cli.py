@@ -84,6 +84,12 @@ def _parser() -> argparse.ArgumentParser:
         help="one stabilised point, or 2x2 points" + shown,
     )
     add("--cs", type=float, default=1.0, help="stabilisation C_s in N/mm" + shown)
+    add(
+        "--stabilisation",
+        choices=("energy", "rate"),
+        default="energy",
+        help="independent of the path, or the paper's rates" + shown,
+    )
     add("--fibre-stiffness", type=float, default=1e4, metavar="E", help="N/mm" + shown)
     add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm" + shown)
     add("--rotate", type=float, default=0.0, metavar="DEG", help="turn it all" + shown)
@@ -115,7 +121,9 @@ def _run(options: argparse.Namespace) -> int:
         options.fibre_stiffness, options.shear_stiffness, scene.warp, scene.weft
     )
     formulation: Formulation = (
-        Full() if options.formulation == "full" else OnePoint(options.cs)
+        Full()
+        if options.formulation == "full"
+        else OnePoint(options.cs, options.stabilisation)
     )
     stepper = LoadStepper(
         Ply(scene.mesh, fabric, formulation), scene.conditions, options.steps

@@ -1,13 +1,13 @@
-"""Tension, shear and hourglass: the scikit-fem forms that define this library.
+"""Tension and shear: the scikit-fem forms that define this library.
 
 The internal energy of a ply is
 
-    Ψ(u) = ∫ Σ_α ψ(ε_α) dΩ + ∫ w(Γ) dΩ + ½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))².
+    Ψ(u) = ∫ Σ_α ψ(ε_α) dΩ + ∫ w(Γ) dΩ + stabilisation.
 
 Each function here returns energy, residual (first derivative) and tangent (second
 derivative) of one of these terms, as forms that take the displacement as their
-parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.  `tension` and
-`shear` go with any basis of the displacement, `hourglass` with `HourglassBasis`.
+parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.  They go with any
+basis of the displacement.
 """
 
 from collections.abc import Callable
@@ -15,12 +15,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
-from skfem import BilinearForm, DiscreteField, Functional, LinearForm
+from skfem import BilinearForm, Functional, LinearForm
 from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot, grad
 
 from . import kinematics as kin
-from .elements import centre_grad
 from .fabric import Fabric, is_zero
 
 
@@ -66,18 +65,18 @@ def tension(fabric: Fabric) -> Forms:
         raise ValueError("the fabric has no tension stiffness: leave this term out")
 
     def energy(w):
-        F, A = _F(w), _A(fabric, w)
+        F, A = _F(w), directions(fabric, w)
         return sum(T.energy(kin.fibre_strain(F, A[i])) for i, T in families)
 
     def stress(w):
-        F, A = _F(w), _A(fabric, w)
+        F, A = _F(w), directions(fabric, w)
         return sum(
             T.value(kin.fibre_strain(F, A[i])) * kin.fibre_strain_d(F, A[i])
             for i, T in families
         )
 
     def stiffness(w):
-        F, A = _F(w), _A(fabric, w)
+        F, A = _F(w), directions(fabric, w)
         C = np.zeros(1)
         for i, T in families:
             eps, d_eps = kin.fibre_strain(F, A[i]), kin.fibre_strain_d(F, A[i])
@@ -94,77 +93,20 @@ def shear(fabric: Fabric) -> Forms:
     M_s = fabric.shear_law
 
     def energy(w):
-        return M_s.energy(kin.shear_angle(_F(w), *_A(fabric, w)))
+        return M_s.energy(kin.shear_angle(_F(w), *directions(fabric, w)))
 
     def stress(w):
-        F, A = _F(w), _A(fabric, w)
+        F, A = _F(w), directions(fabric, w)
         return M_s.value(kin.shear_angle(F, *A)) * kin.shear_angle_d(F, *A)
 
     def stiffness(w):
-        F, A = _F(w), _A(fabric, w)
+        F, A = _F(w), directions(fabric, w)
         angle, d_angle = kin.shear_angle(F, *A), kin.shear_angle_d(F, *A)
         return M_s.tangent(angle) * _outer(d_angle, d_angle) + M_s.value(
             angle
         ) * kin.shear_angle_dd(F, *A)
 
     return _forms(energy, stress, stiffness)
-
-
-def hourglass(fabric: Fabric, C_s: float) -> Forms:
-    """Hourglass stabilisation of the shear angle: ½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))².
-
-    Virtual work Σ_k A/4 M̃_k δ(Γ(ξ_k) − Γ(0)) with M̃_k = C_s (Γ(ξ_k) − Γ(0)): the
-    path-independent form of Hamila & Boisse (2013), §3.2.
-
-    Parameters
-    ----------
-    fabric
-        Gives the fibre directions; its stiffnesses play no part.
-    C_s
-        Stabilisation stiffness in N/mm.
-    """
-
-    def point_and_centre(w):
-        u = w["u"]
-        return kin.deformation_gradient(_grad(u)), kin.deformation_gradient(
-            centre_grad(u)
-        )
-
-    def difference(w):
-        (F, F0), A = point_and_centre(w), _A(fabric, w)
-        return kin.shear_angle(F, *A) - kin.shear_angle(F0, *A)
-
-    def derivatives(w):
-        (F, F0), A = point_and_centre(w), _A(fabric, w)
-        return (
-            kin.shear_angle_d(F, *A),
-            kin.shear_angle_d(F0, *A),
-            kin.shear_angle_dd(F, *A),
-            kin.shear_angle_dd(F0, *A),
-        )
-
-    @Functional
-    def energy(w):
-        return 0.5 * C_s * difference(w) ** 2
-
-    @LinearForm
-    def residual(v, w):
-        M = C_s * _once(w, difference)
-        d, d0, _, _ = _once(w, derivatives)
-        return M * (ddot(d, _grad(v)) - ddot(d0, centre_grad(v)))
-
-    @BilinearForm
-    def tangent(u, v, w):
-        M = C_s * _once(w, difference)
-        d, d0, dd, dd0 = _once(w, derivatives)
-        du = ddot(d, _grad(u)) - ddot(d0, centre_grad(u))
-        dv = ddot(d, _grad(v)) - ddot(d0, centre_grad(v))
-        return C_s * du * dv + M * (
-            _contract(_grad(v), dd, _grad(u))
-            - _contract(centre_grad(v), dd0, centre_grad(u))
-        )
-
-    return Forms(energy, residual, tangent)
 
 
 def _forms(energy: Callable, stress: Callable, stiffness: Callable) -> Forms:
@@ -176,25 +118,20 @@ def _forms(energy: Callable, stress: Callable, stiffness: Callable) -> Forms:
 
     @LinearForm
     def residual(v, w):
-        return ddot(_once(w, stress), grad(v))
+        return ddot(once(w, stress), grad(v))
 
     @BilinearForm
     def tangent(u, v, w):
-        return _contract(grad(v), _once(w, stiffness), grad(u))
+        return contract(grad(v), once(w, stiffness), grad(u))
 
     return Forms(energy_form, residual, tangent)
 
 
-def _once(w: FormExtraParams, function: Callable) -> Any:
+def once(w: FormExtraParams, function: Callable) -> Any:
     """``function(w)``, evaluated once per assembly and not once per basis function."""
     if function not in w:
         w[function] = function(w)
     return w[function]
-
-
-def _grad(u: DiscreteField) -> ndarray:
-    """Whole gradient of a field on the hourglass basis."""
-    return centre_grad(u) + grad(u)
 
 
 def _F(w: FormExtraParams) -> ndarray:
@@ -202,7 +139,7 @@ def _F(w: FormExtraParams) -> ndarray:
     return kin.deformation_gradient(grad(w["u"]))
 
 
-def _A(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:
+def directions(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:
     """Unit reference directions of warp and weft."""
     return fabric.directions(np.asarray(w["x"]))
 
@@ -211,6 +148,6 @@ def _outer(S: ndarray, T: ndarray) -> ndarray:
     return np.einsum("iJ...,kL...->iJkL...", S, T)
 
 
-def _contract(S: ndarray, C: ndarray, T: ndarray) -> ndarray:
+def contract(S: ndarray, C: ndarray, T: ndarray) -> ndarray:
     """S : C : T."""
     return np.einsum("iJ...,iJkL...,kL...->...", S, C, T)

@@ -1,7 +1,7 @@
 """Formulations: where a ply takes its points, and what stabilises it."""
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar, Literal, NamedTuple, Protocol, TypeAlias, get_args
 
 import numpy as np
 from numpy import ndarray
@@ -9,15 +9,38 @@ from skfem import CellBasis
 
 from .elements import CENTRE, GAUSS, HourglassBasis
 from .fabric import Fabric
-from .forms import Forms, hourglass
+from .forms import Forms
+from .hourglass import AccumulatedMoment, hourglass, hourglass_rate
+
+Kind: TypeAlias = Literal["energy", "rate"]
+
+
+class Memory(Protocol):
+    """What a term remembers of the last converged state.
+
+    ``parameters`` are passed to its forms, ``work`` is what it has stored so far in
+    N·mm: the term's energy form gives the rest.
+    """
+
+    parameters: dict[str, ndarray]
+    work: float
+
+    def reset(self) -> None:
+        """Return to the undeformed state."""
+        ...
+
+    def commit(self, u: ndarray) -> None:
+        """Make ``u`` the last converged displacement."""
+        ...
 
 
 class Term(NamedTuple):
-    """A term of the internal energy and the basis on which it is assembled."""
+    """A term of the internal energy, the basis on which it is assembled, its memory."""
 
     name: str
     forms: Forms
     basis: CellBasis
+    memory: Memory | None = None
 
 
 class Formulation(Protocol):
@@ -57,14 +80,18 @@ class OnePoint:
     ----------
     stabilisation
         Stabilisation stiffness C_s in N/mm (Hamila & Boisse 2013, §3.2).
+    kind
+        ``energy``: independent of the path, with an exact tangent.  ``rate``: the
+        paper's accumulated rates; a `Ply` then remembers the last converged state.
 
     Raises
     ------
     ValueError
-        If the stabilisation is negative or not finite.
+        If the stabilisation is negative or not finite, or the kind unknown.
     """
 
     stabilisation: float = 1.0
+    kind: Kind = "energy"
 
     name: ClassVar[str] = "one-point"
     rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
@@ -74,15 +101,24 @@ class OnePoint:
             raise ValueError(
                 f"stabilisation must be a finite number >= 0, got {self.stabilisation}"
             )
+        if self.kind not in get_args(Kind):
+            raise ValueError(
+                f"kind must be one of {', '.join(get_args(Kind))}, got {self.kind!r}"
+            )
 
     @property
     def title(self) -> str:
         """What to call it in a picture."""
-        return f"one point, Cs = {self.stabilisation:g}"
+        rate = ", rate" if self.kind == "rate" else ""
+        return f"one point, Cs = {self.stabilisation:g}{rate}"
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """The hourglass term, unless C_s is zero."""
         if self.stabilisation == 0:
             return []
-        shared = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
-        return [Term("stabilisation", hourglass(fabric, self.stabilisation), shared)]
+        C_s = self.stabilisation
+        corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
+        if self.kind == "energy":
+            return [Term("stabilisation", hourglass(fabric, C_s), corners)]
+        memory = AccumulatedMoment(fabric, C_s, corners)
+        return [Term("stabilisation", hourglass_rate(fabric, C_s), corners, memory)]

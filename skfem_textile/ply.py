@@ -1,9 +1,12 @@
 """A ply: a mesh, a fabric and a formulation, as a function of the displacement."""
 
+from typing import Any
+
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 from skfem import ElementQuad1, MeshQuad, asm
+from skfem.assembly import Form
 
 from . import kinematics as kin
 from .elements import quad_basis
@@ -63,8 +66,8 @@ class Ply:
         self.formulation = formulation
         self.basis = quad_basis(mesh, formulation.rule)
         self.terms = self._needed_terms()
-        for _, _, basis in self.terms:  # refuses directions that are not valid
-            fabric.directions(np.asarray(basis.global_coordinates()))
+        for term in self.terms:  # refuses directions that are not valid
+            fabric.directions(np.asarray(term.basis.global_coordinates()))
 
     def _needed_terms(self) -> list[Term]:
         terms = []
@@ -78,9 +81,10 @@ class Ply:
 
     def energies(self, u: ndarray) -> dict[str, float]:
         """Energy of each term in N·mm, by the name of the term."""
+        stored = {t.name: t.memory.work if t.memory else 0.0 for t in self.terms}
         return {
-            name: float(asm(forms.energy, basis, u=u))
-            for name, forms, basis in self.terms
+            t.name: stored[t.name] + float(_assembled(t, t.forms.energy, u))
+            for t in self.terms
         }
 
     def energy(self, u: ndarray) -> float:
@@ -89,7 +93,7 @@ class Ply:
 
     def residual(self, u: ndarray) -> ndarray:
         """Internal nodal forces in N: the derivative of the energy."""
-        return sum(asm(forms.residual, basis, u=u) for _, forms, basis in self.terms)
+        return sum(_assembled(t, t.forms.residual, u) for t in self.terms)
 
     def tangent(self, u: ndarray, tension: ndarray | None = None) -> csr_matrix:
         """Derivative of the residual in N/mm.
@@ -102,11 +106,27 @@ class Ply:
             Fibre tensions to use in the geometric stiffness instead of those of
             ``u``, shape (2, n_elements, n_points).
         """
-        geometric = {} if tension is None else {"tension": tension}
+        given = {} if tension is None else {"tension": {"tension": tension}}
         return sum(
-            asm(forms.tangent, basis, u=u, **(geometric if name == "tension" else {}))
-            for name, forms, basis in self.terms
+            _assembled(t, t.forms.tangent, u, **given.get(t.name, {}))
+            for t in self.terms
         )
+
+    def commit(self, u: ndarray) -> None:
+        """Make ``u`` the last converged state, for terms that remember one.
+
+        The load stepper does this after each step; a Newton loop of one's own must,
+        if the formulation has a memory (`OnePoint` of kind ``rate``).
+        """
+        for term in self.terms:
+            if term.memory is not None:
+                term.memory.commit(u)
+
+    def reset(self) -> None:
+        """Forget every committed state."""
+        for term in self.terms:
+            if term.memory is not None:
+                term.memory.reset()
 
     def gradient(self, u: ndarray, points: ndarray | None = None) -> ndarray:
         """Displacement gradient ∇u, shape (2, 2, n_elements, n_points).
@@ -193,3 +213,9 @@ class Ply:
             f"<Ply of {self.mesh.nelements} elements, {self.basis.N} unknowns, "
             f"{self.formulation}, terms: {terms}>"
         )
+
+
+def _assembled(term: Term, form: Form, u: ndarray, **parameters: ndarray) -> Any:
+    """One form of a term, with what the term remembers."""
+    remembered = {} if term.memory is None else term.memory.parameters
+    return asm(form, term.basis, u=u, **remembered, **parameters)

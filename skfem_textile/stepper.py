@@ -106,6 +106,7 @@ class LoadStepper:
         """
         start = perf_counter()
         self.problem.clock = Clock()
+        self.problem.ply.reset()
         u = self.problem.ply.basis.zeros()
         rest = Equilibrium(u, self.problem.residual(u), (), 0.0)
         states = [self._state(0.0, rest, [])]
@@ -146,6 +147,7 @@ class LoadStepper:
             self._advance(states, t, halvings - 1)
         else:
             states.append(state)
+            self.problem.ply.commit(state.u)
             if self.progress is not None:
                 self.progress(state)
 

@@ -1,0 +1,117 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from helpers import distorted, wobble
+from skfem import asm
+
+from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
+from skfem_textile.scenes import strip
+
+
+@pytest.fixture(scope="module")
+def both_kinds():
+    scene = strip("irregular", (10, 15), 0.3, 1)
+    summaries = []
+    for kind in ("energy", "rate"):
+        ply = Ply(scene.mesh, Fabric(1e4), OnePoint(10.0, kind))
+        result = LoadStepper(ply, scene.conditions, steps=40).run()
+        summaries.append(scene.summary(result))
+    return summaries
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "reaction_x",
+        "max_fibre_strain",
+        "max_fibre_strain_2x2",
+        "displacement_error_rms",
+        "displacement_error_max",
+        "shear_angle_error_rms_deg",
+    ],
+)
+def test_rates_and_energy_agree_on_the_strip(both_kinds, key):
+    energy, rate = both_kinds
+    assert rate[key] == pytest.approx(energy[key], rel=0.05)
+    assert rate[key] != energy[key]
+
+
+def test_the_work_of_the_rates_is_reported(both_kinds):
+    energy, rate = both_kinds
+    assert rate["stabilisation_energy"] == pytest.approx(
+        energy["stabilisation_energy"], rel=0.5
+    )
+    assert rate["stabilisation_energy"] > 0
+
+
+def sheared_while_turning(ply, steps, angle):
+    """Moments M̃ after a motion of all nodes, with a rotation superposed on it."""
+    X, bend = (
+        ply.mesh.p,
+        0.3 * np.random.default_rng(0).standard_normal(ply.mesh.p.shape),
+    )
+    ply.reset()
+    for t in np.arange(1, steps + 1) / steps:
+        c, s = np.cos(angle * t), np.sin(angle * t)
+        x = np.array([[c, -s], [s, c]]) @ (X + t * bend + 0.2 * t**2 * X[::-1] ** 2)
+        ply.commit((x - X).T.ravel())
+    return ply.terms[-1].memory.parameters["moment"]
+
+
+def test_a_rotation_superposed_on_the_loading_changes_nothing_in_the_limit():
+    """Differences vanish as 1/steps; what is left of them in the limit is nothing."""
+    ply = Ply(distorted(3, jitter=0.25), Fabric(1e4), OnePoint(2.0, "rate"))
+    differences = []
+    for steps in (50, 100, 200, 400):
+        plain, turned = (sheared_while_turning(ply, steps, a) for a in (0.0, 2.0))
+        differences.append((turned - plain) / np.abs(plain).max())
+    sizes = [np.abs(d).max() for d in differences]
+    np.testing.assert_allclose(np.array(sizes[:-1]) / sizes[1:], 2.0, rtol=0.02)
+    order = 1
+    while len(differences) > 1:  # Richardson extrapolation to infinitely many steps
+        pairs = pairwise(differences)
+        differences = [(2**order * b - a) / (2**order - 1) for a, b in pairs]
+        order += 1
+    assert np.abs(differences[0]).max() < 1e-6
+
+
+def test_a_homogeneous_increment_leaves_the_moments_alone():
+    """The paper's B_HGL Δu vanishes on it, from any state."""
+    ply = Ply(distorted(4), Fabric(1e4), OnePoint(2.0, "rate"))
+    u = wobble(ply, 4)
+    ply.commit(u)
+    before = ply.terms[-1].memory.parameters["moment"]
+    G = np.array([[0.1, 0.3], [-0.2, 0.05]])
+    x = ply.mesh.p + ply.nodal(u)
+    ply.commit(u + (G @ x).T.ravel())
+    after = ply.terms[-1].memory.parameters["moment"]
+    assert np.abs(before).max() > 1e-3
+    np.testing.assert_allclose(after, before, atol=1e-14)
+
+
+def test_the_forces_do_the_work():
+    ply = Ply(distorted(5), Fabric(1e4), OnePoint(2.0, "rate"))
+    term, steps, work = ply.terms[-1], 200, 0.0
+    target, u = wobble(ply, 5, 0.3), ply.basis.zeros()
+    for t in np.arange(1, steps + 1) / steps:
+        f = asm(term.forms.residual, term.basis, u=t * target, **term.memory.parameters)
+        work += f @ (t * target - u)
+        u = t * target
+        ply.commit(u)
+    assert ply.energies(u)["stabilisation"] == pytest.approx(work, rel=0.02)
+
+
+def test_a_second_run_starts_from_nothing():
+    scene = strip(size=(3, 4))
+    stepper = LoadStepper(
+        Ply(scene.mesh, Fabric(1e4), OnePoint(10.0, "rate")), scene.conditions, 3
+    )
+    first, second = stepper.run(), stepper.run()
+    np.testing.assert_array_equal(first.u, second.u)
+    assert first.states[-1].energies == second.states[-1].energies
+
+
+def test_an_unknown_kind_is_refused():
+    with pytest.raises(ValueError, match="kind must be one of energy, rate"):
+        OnePoint(1.0, "magic")
