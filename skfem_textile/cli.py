@@ -3,24 +3,16 @@
 import argparse
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn, get_args
 
-import numpy as np
-
-from . import __version__
-from .fabric import Fabric
-from .formulations import Formulation, Full, OnePoint
-from .ply import Ply
-from .result import Result, State
-from .scenes import SCENES, Scene
+from . import __version__, commands
+from .formulations import Kind
 from .scenes.rectangle import KINDS
-from .stepper import LoadStepper, StepError
 
-BAD_INPUT, STOPPED_EARLY, INTERRUPTED = 2, 1, 130
+BAD_INPUT, INTERRUPTED = 2, 130
 
-_PICTURES = ("fibre_strain.png", "shear_angle.png")
 _EXIT_CODES = (
     "exit code: 0, every step converged; 1, stopped early and the last good state "
     "written; 2, bad input and nothing written"
@@ -41,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _parser().parse_args(arguments)
     try:
-        return _list() if options.command == "list" else _run(options)
+        return options.task(options)
     except BrokenPipeError:  # nobody reads on: let Python's last flush go nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -59,21 +51,39 @@ def _parser() -> argparse.ArgumentParser:
         description="Mechanics of woven reinforcements on scikit-fem.",
     )
     parser.add_argument("--version", action="version", version=__version__)
-    commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("list", help="list the scenes")
-    run = commands.add_parser(
-        "run", help="run a scene and write its results to a folder", epilog=_EXIT_CODES
+    tasks = parser.add_subparsers(dest="command", required=True)
+    tasks.add_parser("list", help="list the scenes").set_defaults(task=commands.scenes)
+    run = tasks.add_parser("run", help="run a scene and write its results to a folder")
+    scenes = run.add_subparsers(dest="scene", required=True)
+    for name, add_options in (("strip", _strip), ("two_element", _two_element)):
+        scene = scenes.add_parser(name, help=commands.SCENES[name], epilog=_EXIT_CODES)
+        scene.add_argument(
+            "--out", type=Path, required=True, metavar="DIR", help="where results go"
+        )
+        add_options(scene)
+    return parser
+
+
+def _two_element(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(task=commands.two_element)
+
+
+def _strip(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(task=commands.run)
+    add, shown = parser.add_argument, " (default: %(default)s)"
+    add(
+        "--paper",
+        action="store_const",
+        const=commands.paper,
+        dest="task",
+        help="run the paper's figures instead; of the options only --no-render matters",
     )
-    add = run.add_argument
-    add("scene", choices=SCENES, help="what to run")
-    add("--out", type=Path, required=True, metavar="DIR", help="where results go")
     add(
         "--mesh",
         default="irregular",
         metavar="KIND|FILE",
-        help=f"{', '.join(KINDS)} (default: irregular), or a file of quadrilaterals",
+        help=f"{', '.join(KINDS)}, or a file of quadrilaterals" + shown,
     )
-    shown = " (default: %(default)s)"
     add("--size", type=_size, default="10x15", help="elements along x and y" + shown)
     add("--jitter", type=float, default=0.3, help="node moves per spacing" + shown)
     add("--seed", type=int, default=1, help="seed of the node moves" + shown)
@@ -86,7 +96,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--cs", type=float, default=1.0, help="stabilisation C_s in N/mm" + shown)
     add(
         "--stabilisation",
-        choices=("energy", "rate"),
+        choices=get_args(Kind),
         default="energy",
         help="independent of the path, or the paper's rates" + shown,
     )
@@ -95,7 +105,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--rotate", type=float, default=0.0, metavar="DEG", help="turn it all" + shown)
     add("--steps", type=int, default=20, help="load steps" + shown)
     add("--no-render", action="store_true", help="write no pictures")
-    return parser
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -104,100 +113,3 @@ def _size(text: str) -> tuple[int, int]:
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not like 10x15") from None
     return nx, ny
-
-
-def _list() -> int:
-    for name, scene in SCENES.items():
-        print(f"{name:16}{(scene.__doc__ or '').splitlines()[0]}")
-    return 0
-
-
-def _run(options: argparse.Namespace) -> int:
-    """Check everything, then compute, then write."""
-    from . import io  # loads meshio
-
-    scene = _scene(options)
-    fabric = Fabric(
-        options.fibre_stiffness, options.shear_stiffness, scene.warp, scene.weft
-    )
-    formulation: Formulation = (
-        Full()
-        if options.formulation == "full"
-        else OnePoint(options.cs, options.stabilisation)
-    )
-    stepper = LoadStepper(
-        Ply(scene.mesh, fabric, formulation), scene.conditions, options.steps
-    )
-    written = ("summary.json", "history.csv", f"fields/{io.STEPS}", *_PICTURES)
-    with io.ResultFolder(options.out, written) as folder:
-        result, stopped = _load(stepper)
-        summary = scene.summary(result)
-        given = {k: v for k, v in vars(options).items() if k not in ("command", "out")}
-        inputs = {"inputs": {"version": __version__, **given}}
-        io.write_summary(summary | inputs, folder / "summary.json")
-        io.write_history(result, folder / "history.csv")
-        io.write_fields(result, folder / "fields")
-        if not options.no_render:
-            _render(result, folder)
-    _report(summary, options.out, stopped)
-    return STOPPED_EARLY if stopped else 0
-
-
-def _scene(options: argparse.Namespace) -> Scene:
-    mesh = options.mesh
-    if mesh not in KINDS:
-        if not Path(mesh).is_file():
-            raise ValueError(f"--mesh {mesh}: neither a file nor {', '.join(KINDS)}")
-        from .io import read_mesh
-
-        mesh = read_mesh(mesh)
-    make = SCENES[options.scene]
-    scene = make(mesh, options.size, options.jitter, options.seed)
-    return scene.rotated(np.radians(options.rotate))
-
-
-def _load(stepper: LoadStepper) -> tuple[Result, StepError | None]:
-    """The result with a progress bar on a terminal, and what stopped it early."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    with Progress(
-        console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
-        task = bar.add_task("load factor", total=1.0)
-
-        def show(state: State) -> None:
-            bar.update(task, completed=state.load_factor)
-
-        stepper.progress = show
-        try:
-            return stepper.run(), None
-        except StepError as error:
-            return error.result, error
-
-
-def _render(result: Result, folder: Path) -> None:
-    """Write the pictures, or say in one line why there are none."""
-    try:
-        from . import plot
-    except ImportError as error:
-        print(f"no pictures: {error}; pip install 'skfem-textile[plot]'")
-        return
-    try:
-        for name, draw in zip(
-            _PICTURES, (plot.fibre_strain, plot.shear_angle), strict=True
-        ):
-            draw(result, filename=folder / name)
-    except RuntimeError as error:
-        print(f"no pictures: {error}")
-
-
-def _report(summary: Mapping[str, Any], out: Path, stopped: StepError | None) -> None:
-    for key, value in summary.items():
-        print(
-            f"{key:28}{value:.6g}" if isinstance(value, float) else f"{key:28}{value}"
-        )
-    print(f"results in {out}")
-    if stopped:
-        print(f"skfem-textile: {stopped}", file=sys.stderr)

@@ -10,17 +10,20 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import meshio
 import numpy as np
+from numpy import ndarray
 from skfem import MeshQuad
 from skfem.io.meshio import from_meshio
 
 from .fields import cell_fields, point_fields
 from .meshes import MeshError, check_quads
+from .ply import Ply
 from .result import Result
 
-STEPS = "step_[0-9]*.vtu"
+STEPS, SERIES = "step_[0-9]*.vtu", "steps.pvd"
 
 _IGNORED_CELLS = {"vertex", "line"}
 
@@ -85,24 +88,39 @@ def _with_node_sets(mesh: MeshQuad, node_sets: Mapping[str, Any]) -> MeshQuad:
 
 
 def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
-    """Write every state as ``step_0000.vtu``, ``step_0001.vtu``, ... into a folder.
+    """Write every state as ``step_0000.vtu``, ... and ``steps.pvd`` into a folder.
 
-    Steps that the folder already holds are removed.  The points are those of the
-    reference configuration; the fields are those of `point_fields` and `cell_fields`.
+    The points are those of the deformed ply: less ``displacement`` they are those of
+    the reference configuration.  Fields are those of `point_fields` and `cell_fields`.
+    The .pvd file lists the steps by load factor; ParaView opens it as one series.
+    Steps that the folder already holds are removed.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for stale in folder.glob(STEPS):
         stale.unlink()
-    mesh, ply = result.ply.mesh, result.ply
-    points = np.pad(mesh.p, ((0, 1), (0, 0))).T
+    series = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    collection = ElementTree.SubElement(series, "Collection")
     for i, state in enumerate(result.states):
-        meshio.Mesh(
-            points,
-            {"quad": mesh.t.T},
-            point_data=dict(point_fields(ply, state.u)),
-            cell_data={k: [v] for k, v in cell_fields(ply, state.u).items()},
-        ).write(folder / f"step_{i:04d}.vtu")
+        name = f"step_{i:04d}.vtu"
+        _write_state(result.ply, state.u, folder / name)
+        ElementTree.SubElement(
+            collection, "DataSet", timestep=repr(state.load_factor), file=name
+        )
+    ElementTree.ElementTree(series).write(folder / SERIES)
+
+
+def _write_state(ply: Ply, u: ndarray, path: Path) -> None:
+    points, mesh = point_fields(ply, u), ply.mesh
+    meshio.Mesh(
+        np.pad(mesh.p, ((0, 1), (0, 0))).T + points["displacement"],
+        {"quad": mesh.t.T},
+        point_data=dict(points),
+        cell_data={k: [v] for k, v in cell_fields(ply, u).items()},
+    ).write(path)
+    # What a viewer shows first; meshio has no say in it.
+    active = b'<CellData Scalars="shear_angle" Vectors="fibre_direction_1">'
+    path.write_bytes(path.read_bytes().replace(b"<CellData>", active, 1))
 
 
 def write_history(result: Result, path: str | os.PathLike[str]) -> None:

@@ -18,6 +18,26 @@ class SingularMatrixError(RuntimeError):
     """The tangent leaves some motion without stiffness."""
 
 
+def negative_pivots(A: csr_matrix) -> int:
+    """Number of negative eigenvalues of a symmetric matrix, by Sylvester's inertia.
+
+    Raises
+    ------
+    SingularMatrixError
+        If the factorisation does not keep to the diagonal, so that its pivots do not
+        tell.
+    """
+    lu = splu(
+        A.tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )
+    if not np.array_equal(lu.perm_r, lu.perm_c):
+        raise SingularMatrixError("the pivots left the diagonal")
+    return int(np.sum(lu.U.diagonal() < 0))
+
+
 def solve_symmetric(A: csr_matrix, b: ndarray) -> ndarray:
     """Solve A x = b for a symmetric matrix, definite or not.
 

@@ -1,22 +1,36 @@
-"""Pictures of fibre strain and shear angle on the deformed ply, off screen."""
+"""Pictures of the deformed ply, off screen: strain, shear, fibres and motion."""
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pyvista as pv
-from matplotlib.ticker import MaxNLocator
 from numpy import ndarray
 
+from .drawing import (
+    Picture,
+    View,
+    checked,
+    checked_path,
+    decorate,
+    deformed,
+    draw,
+    grid,
+    panel,
+    scale_bar,
+    write_png,
+)
 from .fields import cell_fields
 from .offscreen import require_offscreen
-from .result import Result
+from .result import Result, State
 
-_HEIGHT, _BAR = 520, 120  # pixels of a panel and of the scale below
-_LEAST_WIDTH = 640  # pixels; room for the numbers on the scale
-_ROUND_OFF = 1e-8  # per cent or degrees; less than this is shown as nothing
+# Per cent or degrees; less than this is shown as nothing.
+_ROUND_OFF = 1e-8
+
+_FRAMES_PER_SECOND = 8
+
+# Okabe and Ito's blue and vermilion: told apart with any kind of colour vision.
+_WARP, _WEFT = "#0072B2", "#D55E00"
 
 
 def fibre_strain(
@@ -51,15 +65,7 @@ def fibre_strain(
     FileNotFoundError
         If the folder of the file is not there.
     """
-    fields = [cell_fields(r.ply, r.u) for r in results]
-    rows = {
-        f"{family} strain": [100 * f[f"fibre_strain_{i}"] for f in fields]
-        for i, family in enumerate(("Warp", "Weft"), start=1)
-    }
-    largest = max((np.abs(x).max() for row in rows.values() for x in row), default=0.0)
-    scale = max(largest, _ROUND_OFF)
-    scene = _Picture(rows, "Fibre strain (%)", (-scale, scale), "RdBu_r")
-    return _draw(results, titles, filename, scene)
+    return draw(results, titles, filename, _strain_picture(results))
 
 
 def shear_angle(
@@ -71,143 +77,128 @@ def shear_angle(
 
     Parameters, returned value and errors as for `fibre_strain`.
     """
-    row = [cell_fields(r.ply, r.u)["shear_angle"] for r in results]
-    low = min((x.min() for x in row), default=0.0)
-    high = max((x.max() for x in row), default=0.0)
-    limits = min(low, 0.0), max(high, _ROUND_OFF)
-    scene = _Picture({"Shear angle": row}, "Shear angle (degrees)", limits, "viridis")
-    return _draw(results, titles, filename, scene)
+    states = [result.states[-1:] for result in results]
+    return draw(results, titles, filename, _shear_picture(results, states))
 
 
-class _Picture(NamedTuple):
-    """What to draw: rows of one field per result, by their name, and their scale."""
-
-    rows: dict[str, list[ndarray]]
-    label: str
-    limits: tuple[float, float]
-    colours: str
-
-
-def _draw(
-    results: Sequence[Result],
-    titles: Sequence[str],
-    filename: str | os.PathLike[str] | None,
-    picture: _Picture,
+def contact_sheet(
+    *results: Result,
+    titles: Sequence[str] = (),
+    filename: str | os.PathLike[str] | None = None,
 ) -> pv.Plotter:
-    """A grid of panels, and below it one bar for their common scale."""
-    if not results:
-        raise ValueError("nothing to draw: give at least one result")
-    titles = titles or [r.ply.formulation.title for r in results]
-    if len(titles) != len(results):
-        raise ValueError(f"{len(results)} results need as many titles: {len(titles)}")
-    path = None if filename is None else Path(filename)
-    if path is not None and not path.parent.is_dir():
-        raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
-    require_offscreen()
+    """Warp strain, weft strain and shear angle, one column per result.
 
-    n, m = len(picture.rows), len(results)
-    plies = [_deformed(result) for result in results]
-    view = _view(plies)
-    plotter = pv.Plotter(
-        off_screen=True,
-        shape=(n + 1, m),
-        row_weights=[_HEIGHT] * n + [_BAR],
-        groups=[(n, slice(None))],
-        border=False,
-        window_size=[max(view.width * m, _LEAST_WIDTH), _HEIGHT * n + _BAR],
-    )
-    plotter.set_background("white")
-    ticks = MaxNLocator(6, steps=[1, 2, 2.5, 4, 5, 10]).tick_values(*picture.limits)
-    for i, (name, row) in enumerate(picture.rows.items()):
-        for j, (ply, values) in enumerate(zip(plies, row, strict=True)):
-            plotter.subplot(i, j)
-            plotter.add_text(
-                f"{name}, {titles[j]}",
-                position="upper_edge",
-                font_size=11,
-                color="black",
-            )
-            limits = ticks[0], ticks[-1]
-            actor = _panel(plotter, ply, values, limits, picture.colours, view)
-    plotter.subplot(n, 0)
-    _scale_bar(plotter, picture.label, len(ticks), actor.mapper)
+    Parameters, returned value and errors as for `fibre_strain`.
+    """
+    states = [result.states[-1:] for result in results]
+    pictures = _strain_picture(results), _shear_picture(results, states)
+    return draw(results, titles, filename, *pictures, height=330)
+
+
+def fibre_directions(
+    *results: Result,
+    titles: Sequence[str] = (),
+    filename: str | os.PathLike[str] | None = None,
+) -> pv.Plotter:
+    """Directions of warp (blue) and weft (red): a line per element and family.
+
+    Parameters, returned value and errors as for `fibre_strain`.
+    """
+    path, titles = checked(results, titles, filename)
+    plies = [deformed(result, result.states[-1]) for result in results]
+    view = View.of(plies)
+    plotter, (bar,) = grid(view, len(results), [1])
+    for column, (result, ply) in enumerate(zip(results, plies, strict=True)):
+        plotter.subplot(0, column)
+        plotter.add_mesh(ply, color="#F4F4F4", lighting=False)
+        plotter.add_mesh(ply.extract_all_edges(), color="#B0B0B0", line_width=1)
+        fields = cell_fields(result.ply, result.u)
+        for i, colour in ((1, _WARP), (2, _WEFT)):
+            lines = _segments(ply, fields[f"fibre_direction_{i}"])
+            plotter.add_mesh(lines, color=colour, line_width=3)
+        decorate(plotter, f"Fibre directions, {titles[column]}", view)
+    plotter.subplot(bar, 0)
+    for name, colour, x in (("Warp", _WARP, 0.43), ("Weft", _WEFT, 0.52)):
+        plotter.add_text(
+            name, position=(x, 0.6), viewport=True, font_size=12, color=colour
+        )
     if path is not None:
-        _write(plotter, path)
+        write_png(plotter, path)
     return plotter
 
 
-class _View(NamedTuple):
-    """Width of a panel in pixels, camera, and half the height that it shows."""
-
-    width: int
-    camera: list
-    reach: float
-
-
-def _view(plies: Sequence[pv.UnstructuredGrid]) -> _View:
-    """One view for all plies, which fill the panel but for a margin and a title."""
-    points = np.vstack([ply.points for ply in plies])
-    low, high = points.min(axis=0), points.max(axis=0)
-    span, centre = high - low, 0.5 * (low + high)
-    width = int(np.clip(_HEIGHT * span[0] / span[1], 0.7 * _HEIGHT, 2 * _HEIGHT))
-    reach = 0.58 * max(span[1], span[0] * _HEIGHT / width)
-    centre[1] += 0.06 * reach  # room for the title
-    eye = centre + np.array([0, 0, reach])
-    return _View(width, [eye, centre, (0, 1, 0)], reach)
+def _segments(ply: pv.UnstructuredGrid, direction: ndarray) -> pv.PolyData:
+    """A line through the centre of each element, four fifths of an element long."""
+    length = 0.8 * np.sqrt(ply.compute_cell_sizes()["Area"].mean())
+    centre = ply.cell_centers().points + np.array([0, 0, 1e-3 * length])
+    half = 0.5 * length * direction
+    ends = np.stack([centre - half, centre + half], axis=1).reshape(-1, 3)
+    return pv.line_segments_from_points(ends)
 
 
-def _deformed(result: Result) -> pv.UnstructuredGrid:
-    mesh, u = result.ply.mesh, result.ply.nodal(result.u)
-    points = np.pad(mesh.p + u, ((0, 1), (0, 0))).T
-    return pv.UnstructuredGrid({pv.CellType.QUAD: mesh.t.T}, points)
+def animation(result: Result, filename: str | os.PathLike[str]) -> None:
+    """Write the shear angle on the moving ply as a GIF, one frame per state.
+
+    Parameters
+    ----------
+    result
+        The result whose states are drawn.
+    filename
+        Where to write the GIF.
+
+    Raises
+    ------
+    RuntimeError
+        If nothing can be drawn off screen here; the message says what to install.
+    FileNotFoundError
+        If the folder of the file is not there.
+    """
+    path = checked_path(filename)
+    require_offscreen()
+    plies = [deformed(result, state) for state in result.states]
+    fields = [_degrees(result, state) for state in result.states]
+    picture = _shear_picture([result], [result.states])
+    view = View.of(plies)
+    plotter, (bar,) = grid(view, 1, [1])
+    unfinished = path.with_name(f".unfinished-{path.stem}.gif")
+    plotter.open_gif(str(unfinished), fps=_FRAMES_PER_SECOND)
+    for state, ply, values in zip(result.states, plies, fields, strict=True):
+        plotter.subplot(0, 0)
+        title = f"Shear angle at load factor {state.load_factor:.2f}"
+        actor = panel(plotter, ply, values, picture, title, view)
+        if state is result.states[0]:
+            plotter.subplot(bar, 0)
+            scale_bar(plotter, picture, actor)
+        plotter.write_frame()
+    for _ in range(_FRAMES_PER_SECOND):  # rest on the last state for a second
+        plotter.write_frame()
+    plotter.close()
+    unfinished.replace(path)
 
 
-def _panel(
-    plotter: pv.Plotter,
-    ply: pv.UnstructuredGrid,
-    values: ndarray,
-    limits: tuple[float, float],
-    colours: str,
-    view: _View,
-) -> pv.Actor:
-    """One ply in colours, and the edges of its elements."""
-    actor = plotter.add_mesh(
-        ply.copy(),
-        scalars=values,
-        clim=limits,
-        cmap=colours,
-        lighting=False,
-        show_scalar_bar=False,
-    )
-    plotter.add_mesh(ply.extract_all_edges(), color="#404040", line_width=1.5)
-    plotter.camera_position = view.camera
-    plotter.enable_parallel_projection()
-    plotter.camera.parallel_scale = view.reach
-    return actor
+def _strain_picture(results: Sequence[Result]) -> Picture:
+    fields = [cell_fields(r.ply, r.u) for r in results]
+    rows = {
+        f"{family} strain": [100 * f[f"fibre_strain_{i}"] for f in fields]
+        for i, family in enumerate(("Warp", "Weft"), start=1)
+    }
+    largest = max((np.abs(x).max() for row in rows.values() for x in row), default=0.0)
+    scale = max(largest, _ROUND_OFF)
+    return Picture(rows, "Fibre strain (%)", (-scale, scale), "RdBu_r")
 
 
-def _scale_bar(
-    plotter: pv.Plotter, label: str, n_labels: int, mapper: pv.DataSetMapper
-) -> None:
-    bar = plotter.add_scalar_bar(
-        label + "\n",
-        mapper=mapper,
-        n_labels=n_labels,
-        fmt="%.3g",
-        color="black",
-        title_font_size=20,
-        label_font_size=20,
-        unconstrained_font_size=True,
-        width=0.7,
-        height=0.6,
-        position_x=0.15,
-        position_y=0.1,
-    )
-    bar.SetVerticalTitleSeparation(8)
+def _shear_picture(
+    results: Sequence[Result], states: Sequence[Sequence[State]]
+) -> Picture:
+    """Shear angle of the last states, on a scale for all the given ones."""
+    pairs = [(r, s) for r, some in zip(results, states, strict=True) for s in some]
+    angles = [_degrees(result, state) for result, state in pairs]
+    low = min((x.min() for x in angles), default=0.0)
+    high = max((x.max() for x in angles), default=0.0)
+    limits = min(low, 0.0), max(high, _ROUND_OFF)
+    row = [_degrees(result, result.states[-1]) for result in results]
+    return Picture({"Shear angle": row}, "Shear angle (degrees)", limits, "viridis")
 
 
-def _write(plotter: pv.Plotter, path: Path) -> None:
-    """Write a PNG beside its place, then put it there."""
-    unfinished = path.with_name(f".unfinished-{path.stem}.png")
-    plotter.screenshot(unfinished)
-    os.replace(unfinished, path)
+def _degrees(result: Result, state: State) -> ndarray:
+    return cell_fields(result.ply, state.u)["shear_angle"]

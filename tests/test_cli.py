@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from skfem_textile import cli, offscreen
+from skfem_textile import Full, OnePoint, cli, commands, offscreen
 from skfem_textile.newton import Problem
+from skfem_textile.studies import paper
 
 MESH = Path(__file__).parents[1] / "examples" / "strip.msh"
 QUICK = ["--size", "3x4", "--steps", "3", "--cs", "10", "--no-render"]
@@ -33,7 +34,8 @@ def refused(capsys, *arguments):
 
 def test_list_names_the_scenes(capsys):
     assert cli.main(["list"]) == 0
-    assert capsys.readouterr().out.startswith("strip ")
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["strip", "two_element"]
 
 
 def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
@@ -59,7 +61,7 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
     assert summary["shear_energy"] > 0
     with open(out / "history.csv") as file:
         assert len(list(csv.DictReader(file))) == summary["load_steps"] + 1
-    assert len(list((out / "fields").iterdir())) == summary["load_steps"] + 1
+    assert len(list((out / "fields").glob("*.vtu"))) == summary["load_steps"] + 1
     assert "max_fibre_strain" in capsys.readouterr().out
 
 
@@ -76,7 +78,7 @@ def test_an_interrupted_run_says_so(tmp_path, capsys, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "_load", interrupt)
+    monkeypatch.setattr(commands, "_load", interrupt)
     assert run(tmp_path, *QUICK) == 130
     assert capsys.readouterr().err == "skfem-textile: interrupted, nothing written\n"
     assert list(tmp_path.iterdir()) == []
@@ -99,7 +101,7 @@ def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypat
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["converged"] is False
     assert 0 < summary["load_factor"] < 1
-    fields = sorted((tmp_path / "out" / "fields").iterdir())
+    fields = sorted((tmp_path / "out" / "fields").glob("*.vtu"))
     assert len(fields) == summary["load_steps"] + 1
     assert capsys.readouterr().err.startswith("skfem-textile: stopped at load factor")
 
@@ -121,6 +123,7 @@ def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypat
         (("--rotate", "nan"), "rotation must be"),
         (("--mesh", "curly"), "--mesh curly: neither a file nor aligned"),
         (("--formulation", "fuller"), "--formulation"),
+        (("--stabilisation", "magic"), "--stabilisation"),
     ],
 )
 def test_bad_input_is_refused_before_anything_is_written(
@@ -180,4 +183,46 @@ def test_pictures_are_written_and_nothing_is_said_on_stderr(tmp_path):
     )
     assert child.stderr == ""
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    assert {"fibre_strain.png", "shear_angle.png"} <= names
+    assert set(commands._PICTURES) <= names
+
+
+def test_a_run_takes_the_papers_stabilisation(tmp_path):
+    energies = []
+    for kind in ("energy", "rate"):
+        assert run(tmp_path, *QUICK, "--stabilisation", kind) == 0
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        energies.append(summary["stabilisation_energy"])
+    assert energies[0] != energies[1]
+    assert energies[1] == pytest.approx(energies[0], rel=0.5)
+
+
+def test_two_element_writes_its_systems(tmp_path, capsys):
+    assert cli.main(["run", "two_element", "--out", str(tmp_path / "out")]) == 0
+    report = json.loads((tmp_path / "out" / "systems.json").read_text())
+    assert len(report["systems"]) == 3 * 2 * 2 * 2
+    assert len(report["slips"]) == 8
+    assert "0.38225928 u3 - 0.57338893 u4 = 0" in capsys.readouterr().out
+
+
+def test_the_paper_is_tabled_and_a_case_that_stops_does_not_stop_the_others(
+    tmp_path, capsys, monkeypatch
+):
+    few = [
+        paper.Case("3", "aligned", Full(), "< 2e-6", "none"),
+        paper.Case("11", "irregular", OnePoint(10.0), "1.39e-3", "some"),
+        paper.Case("0", "irregular", OnePoint(0.0), "-", "-"),
+    ]
+    monkeypatch.setattr(paper, "cases", lambda: few)
+    out = tmp_path / "out"
+    command = ["run", "strip", "--paper", "--no-render", "--out", str(out)]
+    assert cli.main(command) == 0
+    with open(out / "paper.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["outcome"] for row in rows] == [
+        "stable",
+        "stable",
+        "no acceptable state beyond load factor 0.000",
+    ]
+    assert float(rows[1]["load (N)"]) == pytest.approx(-3.49714, rel=1e-5)
+    assert (out / "paper.md").read_text().count("\n") == 5
+    assert "Fig. 11" in capsys.readouterr().out

@@ -1,7 +1,7 @@
 import subprocess
 import sys
 
-HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "meshio", "rich")
+HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "meshio", "rich", "imageio")
 OPTIONAL_SOLVERS = ("cvxopt", "pypardiso", "numba")
 
 

@@ -1,4 +1,5 @@
 import json
+from xml.etree import ElementTree
 
 import meshio
 import numpy as np
@@ -132,7 +133,7 @@ def result():
 
 def test_fields_are_written_for_every_state(tmp_path, result):
     write_fields(result, tmp_path)
-    files = sorted(tmp_path.iterdir())
+    files = sorted(tmp_path.glob("*.vtu"))
     assert [f.name for f in files] == [f"step_000{i}.vtu" for i in range(3)]
     saved = meshio.read(files[-1])
     assert set(saved.point_data) == {"displacement"}
@@ -147,6 +148,13 @@ def test_fields_are_written_for_every_state(tmp_path, result):
     }
     u = result.ply.nodal(result.u)
     np.testing.assert_allclose(saved.point_data["displacement"][:, :2], u.T)
+    np.testing.assert_allclose(saved.points[:, :2], (result.ply.mesh.p + u).T)
+    assert b'<CellData Scalars="shear_angle"' in files[-1].read_bytes()
+    steps = ElementTree.parse(tmp_path / "steps.pvd").findall("Collection/DataSet")
+    assert [step.get("file") for step in steps] == [f.name for f in files]
+    assert [float(step.get("timestep")) for step in steps] == [
+        state.load_factor for state in result.states
+    ]
     np.testing.assert_allclose(
         saved.cell_data["shear_angle"][0],
         np.degrees(result.ply.shear_angle(result.u))[:, 0],

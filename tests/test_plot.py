@@ -8,7 +8,9 @@ from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, offscreen
 from skfem_textile.scenes import strip
 
 pv = pytest.importorskip("pyvista")
+imageio = pytest.importorskip("imageio.v2")
 plot = pytest.importorskip("skfem_textile.plot")
+curves = pytest.importorskip("skfem_textile.curves").curves
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +68,43 @@ def test_a_picture_is_a_png_whatever_its_name(results, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["picture"]
     with pytest.raises(FileNotFoundError, match="there is no folder"):
         plot.shear_angle(results[0], filename=tmp_path / "nowhere" / "x.png")
+
+
+def test_a_contact_sheet_has_a_column_per_result_and_two_scales(results):
+    scales = limits(plot.contact_sheet(*results, results[0]))
+    assert len(scales) == 2
+
+
+def test_fibres_are_drawn_along_their_directions(results):
+    result = results[0]
+    plotter = plot.fibre_directions(result)
+    lines = [
+        np.diff(actor.mapper.dataset.points.reshape(-1, 2, 3), axis=1)[:, 0]
+        for actor in plotter.renderers[0].actors.values()
+        if isinstance(actor, pv.Actor)
+        and actor.mapper.dataset.n_points == 2 * result.ply.mesh.nelements
+    ]
+    centre = np.array([[0.5], [0.5]])
+    expected = result.ply.fibre_direction(result.u, centre)[..., 0]
+    for drawn, direction in zip(lines, expected, strict=True):
+        unit = drawn[:, :2].T / np.linalg.norm(drawn, axis=1)
+        np.testing.assert_allclose(unit, direction, atol=1e-5)
+
+
+def test_an_animation_has_a_frame_per_state(results, tmp_path):
+    plot.animation(results[0], tmp_path / "motion.gif")
+    assert [p.name for p in tmp_path.iterdir()] == ["motion.gif"]
+    frames = imageio.mimread(tmp_path / "motion.gif")
+    assert len(frames) >= len(results[0].states)
+
+
+def test_load_curves_carry_their_labels(tmp_path):
+    lines = {"aligned": ([0, 1], [0, 2]), "irregular": ([0, 1], [0, 3])}
+    figure = curves({"Fig. 5": lines}, "mm", "N", tmp_path / "load.png")
+    (axes,) = figure.axes
+    assert [t.get_text() for t in axes.get_legend().get_texts()] == list(lines)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("mm", "N")
+    assert (tmp_path / "load.png").stat().st_size > 1000
 
 
 def test_titles_must_match(results):

@@ -1,10 +1,6 @@
-"""Problems with a known answer, by name."""
-
-from collections.abc import Callable
+"""Problems with a known answer: geometry, conditions and exact solution."""
 
 from .scene import Scene
 from .strip import strip
 
-SCENES: dict[str, Callable[..., Scene]] = {"strip": strip}
-
-__all__ = ["SCENES", "Scene", "strip"]
+__all__ = ["Scene", "strip"]

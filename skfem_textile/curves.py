@@ -1,0 +1,59 @@
+"""Load curves with matplotlib."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import matplotlib as mpl
+from cycler import cycler
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+# Okabe and Ito's colours, told apart with any kind of colour vision.
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+
+
+def curves(
+    panels: Mapping[str, Mapping[str, tuple[ArrayLike, ArrayLike]]],
+    xlabel: str,
+    ylabel: str,
+    filename: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Curves side by side, panel by panel.
+
+    Parameters
+    ----------
+    panels
+        By the panel's title, the curves ``(x, y)`` in it by their label.
+    xlabel, ylabel
+        What is on the axes, with units.
+    filename
+        Where to write a PNG.
+
+    Examples
+    --------
+    >>> figure = curves({"Fig. 5": {"aligned": ([0, 1], [0, 2])}}, "mm", "N")
+    >>> [axes.get_title() for axes in figure.axes]
+    ['Fig. 5']
+    """
+    style = {
+        "axes.prop_cycle": cycler(color=_COLOURS),
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "font.size": 11,
+    }
+    with mpl.rc_context(style):
+        figure = Figure(figsize=(4.8 * len(panels), 3.8), layout="constrained")
+        for i, (title, lines) in enumerate(panels.items(), start=1):
+            axes = figure.add_subplot(1, len(panels), i)
+            for label, (x, y) in lines.items():
+                axes.plot(x, y, label=label, linewidth=1.8, marker="o", markersize=3)
+            axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
+            axes.grid(alpha=0.3)
+            axes.legend(frameon=False)
+        if filename is not None:
+            path = Path(filename)
+            unfinished = path.with_name(f".unfinished-{path.stem}.png")
+            figure.savefig(unfinished, dpi=150)
+            unfinished.replace(path)
+    return figure
