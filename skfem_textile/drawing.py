@@ -64,57 +64,45 @@ def draw(
     results: Sequence[Result],
     titles: Sequence[str],
     filename: str | os.PathLike[str] | None,
-    *pictures: Picture,
-    height: int = _PANEL,
+    picture: Picture,
 ) -> pv.Plotter:
-    """Pictures below one another: rows of panels, and under them a common scale.
+    """Rows of panels, one column per result, and below them their common scale.
 
     Raises
     ------
-    RuntimeError
-        If nothing can be drawn off screen here; the message says what to install.
-    ValueError
-        If there is no result, or not one title per result.
-    FileNotFoundError
-        If the folder of the file is not there.
+    RuntimeError, ValueError, FileNotFoundError
+        As `checked`.
     """
     path, titles = checked(results, titles, filename)
     plies = [deformed(result, result.states[-1]) for result in results]
-    view = View.of(plies, height)
-    plotter, bars = grid(view, len(results), [len(p.rows) for p in pictures])
-    row = 0
-    for picture, bar in zip(pictures, bars, strict=True):
-        for name, fields in picture.rows.items():
-            for column, values in enumerate(fields):
-                plotter.subplot(row, column)
-                title = f"{name}, {titles[column]}"
-                actor = panel(plotter, plies[column], values, picture, title, view)
-            row += 1
-        plotter.subplot(bar, 0)
-        scale_bar(plotter, picture, actor)
-        row += 1
+    view = View.of(plies)
+    plotter = grid(view, len(picture.rows), len(results), slice(None))
+    for i, (name, fields) in enumerate(picture.rows.items()):
+        for j, values in enumerate(fields):
+            plotter.subplot(i, j)
+            actor = panel(
+                plotter, plies[j], values, picture, f"{name}, {titles[j]}", view
+            )
+    plotter.subplot(len(picture.rows), 0)
+    scale_bar(plotter, picture, actor)
     if path is not None:
         write_png(plotter, path)
     return plotter
 
 
-def grid(view: View, m: int, rows: Sequence[int]) -> tuple[pv.Plotter, list[int]]:
-    """An empty grid of m columns, and the rows in it that are kept for scales."""
-    heights: list[int] = []
-    bars = []
-    for n in rows:
-        heights += [view.height] * n + [_BAR]
-        bars.append(len(heights) - 1)
+def grid(view: View, n: int, m: int, *scales: slice) -> pv.Plotter:
+    """N × m empty panels, and a row for scales below them, over the given columns."""
+    heights = [view.height] * n + [_BAR]
     plotter = pv.Plotter(
         off_screen=True,
-        shape=(len(heights), m),
+        shape=(n + 1, m),
         row_weights=heights,
-        groups=[(bar, slice(None)) for bar in bars],
+        groups=[(n, scale) for scale in scales],
         border=False,
         window_size=[max(view.width * m, _LEAST_WIDTH), sum(heights)],
     )
     plotter.set_background("white")
-    return plotter, bars
+    return plotter
 
 
 def deformed(result: Result, state: State) -> pv.UnstructuredGrid:
@@ -150,7 +138,7 @@ def panel(
 
 def decorate(plotter: pv.Plotter, title: str, view: View) -> None:
     """Give the active panel its title and its camera."""
-    size = max(8, 11 * view.height // _PANEL)
+    size = max(9, 11 * view.height // _PANEL)
     plotter.add_text(
         title, position="upper_edge", font_size=size, color="black", name="title"
     )
@@ -181,7 +169,17 @@ def checked(
     titles: Sequence[str],
     filename: str | os.PathLike[str] | None,
 ) -> tuple[Path | None, Sequence[str]]:
-    """The path and the titles, refused if something is wrong with them or with GL."""
+    """The path and the titles, refused if something is wrong with them or with GL.
+
+    Raises
+    ------
+    ValueError
+        If there is no result, or not one title per result.
+    FileNotFoundError
+        If the folder of the file is not there.
+    RuntimeError
+        If nothing can be drawn off screen here; the message says what to install.
+    """
     if not results:
         raise ValueError("nothing to draw: give at least one result")
     titles = titles or [r.ply.formulation.title for r in results]

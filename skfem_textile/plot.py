@@ -77,8 +77,7 @@ def shear_angle(
 
     Parameters, returned value and errors as for `fibre_strain`.
     """
-    states = [result.states[-1:] for result in results]
-    return draw(results, titles, filename, _shear_picture(results, states))
+    return draw(results, titles, filename, _shear_picture(results))
 
 
 def contact_sheet(
@@ -86,13 +85,29 @@ def contact_sheet(
     titles: Sequence[str] = (),
     filename: str | os.PathLike[str] | None = None,
 ) -> pv.Plotter:
-    """Warp strain, weft strain and shear angle, one column per result.
+    """Warp strain, weft strain and shear angle in columns, one row per result.
 
     Parameters, returned value and errors as for `fibre_strain`.
     """
-    states = [result.states[-1:] for result in results]
-    pictures = _strain_picture(results), _shear_picture(results, states)
-    return draw(results, titles, filename, *pictures, height=330)
+    path, titles = checked(results, titles, filename)
+    strain, shear = _strain_picture(results), _shear_picture(results)
+    columns = [(strain, *row) for row in strain.rows.items()]
+    columns += [(shear, *row) for row in shear.rows.items()]
+    plies = [deformed(result, result.states[-1]) for result in results]
+    view = View.of(plies, height=300)
+    n = len(results)
+    plotter = grid(view, n, len(columns), slice(0, 2))
+    for j, (picture, name, fields) in enumerate(columns):
+        for i, values in enumerate(fields):
+            plotter.subplot(i, j)
+            title = f"{name}, {titles[i]}"
+            actor = panel(plotter, plies[i], values, picture, title, view)
+        if j != 1:  # the scale of the strains spans two columns
+            plotter.subplot(n, j)
+            scale_bar(plotter, picture, actor)
+    if path is not None:
+        write_png(plotter, path)
+    return plotter
 
 
 def fibre_directions(
@@ -107,7 +122,7 @@ def fibre_directions(
     path, titles = checked(results, titles, filename)
     plies = [deformed(result, result.states[-1]) for result in results]
     view = View.of(plies)
-    plotter, (bar,) = grid(view, len(results), [1])
+    plotter = grid(view, 1, len(results), slice(None))
     for column, (result, ply) in enumerate(zip(results, plies, strict=True)):
         plotter.subplot(0, column)
         plotter.add_mesh(ply, color="#F4F4F4", lighting=False)
@@ -117,7 +132,7 @@ def fibre_directions(
             lines = _segments(ply, fields[f"fibre_direction_{i}"])
             plotter.add_mesh(lines, color=colour, line_width=3)
         decorate(plotter, f"Fibre directions, {titles[column]}", view)
-    plotter.subplot(bar, 0)
+    plotter.subplot(1, 0)
     for name, colour, x in (("Warp", _WARP, 0.43), ("Weft", _WEFT, 0.52)):
         plotter.add_text(
             name, position=(x, 0.6), viewport=True, font_size=12, color=colour
@@ -157,9 +172,9 @@ def animation(result: Result, filename: str | os.PathLike[str]) -> None:
     require_offscreen()
     plies = [deformed(result, state) for state in result.states]
     fields = [_degrees(result, state) for state in result.states]
-    picture = _shear_picture([result], [result.states])
+    picture = _shear_picture([result], result.states)
     view = View.of(plies)
-    plotter, (bar,) = grid(view, 1, [1])
+    plotter = grid(view, 1, 1)
     unfinished = path.with_name(f".unfinished-{path.stem}.gif")
     plotter.open_gif(str(unfinished), fps=_FRAMES_PER_SECOND)
     for state, ply, values in zip(result.states, plies, fields, strict=True):
@@ -167,7 +182,7 @@ def animation(result: Result, filename: str | os.PathLike[str]) -> None:
         title = f"Shear angle at load factor {state.load_factor:.2f}"
         actor = panel(plotter, ply, values, picture, title, view)
         if state is result.states[0]:
-            plotter.subplot(bar, 0)
+            plotter.subplot(1, 0)
             scale_bar(plotter, picture, actor)
         plotter.write_frame()
     for _ in range(_FRAMES_PER_SECOND):  # rest on the last state for a second
@@ -187,16 +202,13 @@ def _strain_picture(results: Sequence[Result]) -> Picture:
     return Picture(rows, "Fibre strain (%)", (-scale, scale), "RdBu_r")
 
 
-def _shear_picture(
-    results: Sequence[Result], states: Sequence[Sequence[State]]
-) -> Picture:
-    """Shear angle of the last states, on a scale for all the given ones."""
-    pairs = [(r, s) for r, some in zip(results, states, strict=True) for s in some]
-    angles = [_degrees(result, state) for result, state in pairs]
+def _shear_picture(results: Sequence[Result], states: Sequence[State] = ()) -> Picture:
+    """Shear angle of the last states, on a scale that covers ``states`` too."""
+    row = [_degrees(result, result.states[-1]) for result in results]
+    angles = row + [_degrees(results[0], state) for state in states]
     low = min((x.min() for x in angles), default=0.0)
     high = max((x.max() for x in angles), default=0.0)
     limits = min(low, 0.0), max(high, _ROUND_OFF)
-    row = [_degrees(result, result.states[-1]) for result in results]
     return Picture({"Shear angle": row}, "Shear angle (degrees)", limits, "viridis")
 
 

@@ -132,14 +132,14 @@ def figures(row: Row) -> dict[str, Any]:
         "figure": row.case.figure,
         "mesh": row.case.mesh,
         "element": _title(row),
-        "paper: fibre strain": row.case.strain,
-        "paper: load": row.case.load,
-        "fibre strain": summary["max_fibre_strain"],
+        "strain, paper": row.case.strain,
+        "load, paper": row.case.load,
+        "strain": summary["max_fibre_strain"],
         "at 2×2 points": summary["max_fibre_strain_2x2"],
         "load (N)": summary["reaction_x"],
-        "position error rms (mm)": summary["displacement_error_rms"],
+        "position, rms (mm)": summary["displacement_error_rms"],
         "max (mm)": summary["displacement_error_max"],
-        "shear angle error rms (°)": summary["shear_angle_error_rms_deg"],
+        "angle, rms (°)": summary["shear_angle_error_rms_deg"],
         "outcome": row.outcome,
     }
 
@@ -174,9 +174,15 @@ def draw(rows: list[Row], folder: Path) -> None:
     curves(panels, top, load, folder / "load_curves.png")
     plot.contact_sheet(
         *(row.result for row in rows),
-        titles=[f"Fig. {row.case.figure.partition(',')[0]}" for row in rows],
+        titles=[_caption(row) for row in rows],
         filename=folder / "contact_sheet.png",
     )
+
+
+def _caption(row: Row) -> str:
+    """The figure's number, and how far the case came if it stopped early."""
+    figure, t = row.case.figure.partition(",")[0], row.result.states[-1].load_factor
+    return f"Fig. {figure}" + ("" if row.result.converged else f" at {t:.2f}")
 
 
 def _label(row: Row) -> str:

@@ -1,0 +1,23 @@
+"""Sphinx configuration."""
+
+from skfem_textile import __version__
+
+project = "skfem_textile"
+author = "The skfem_textile developers"
+copyright = "2026, the skfem_textile developers"  # noqa: A001
+release = __version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+]
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+myst_heading_anchors = 3
+exclude_patterns = ["_build", "paper"]
+
+html_theme = "furo"
+html_title = "skfem_textile"
+html_static_path = ["_static"]
+html_css_files = ["wide.css"]
