@@ -60,6 +60,7 @@ def _parser() -> argparse.ArgumentParser:
         scene.add_argument(
             "--out", type=Path, required=True, metavar="DIR", help="where results go"
         )
+        scene.add_argument("--no-render", action="store_true", help="write no pictures")
         add_options(scene)
     return parser
 
@@ -76,7 +77,7 @@ def _strip(parser: argparse.ArgumentParser) -> None:
         action="store_const",
         const=commands.paper,
         dest="task",
-        help="run the paper's figures instead; of the options only --no-render matters",
+        help="run the paper's figures; of the other options only --no-render counts",
     )
     add(
         "--mesh",
@@ -104,7 +105,6 @@ def _strip(parser: argparse.ArgumentParser) -> None:
     add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm" + shown)
     add("--rotate", type=float, default=0.0, metavar="DEG", help="turn it all" + shown)
     add("--steps", type=int, default=20, help="load steps" + shown)
-    add("--no-render", action="store_true", help="write no pictures")
 
 
 def _size(text: str) -> tuple[int, int]:

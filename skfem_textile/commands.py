@@ -81,12 +81,12 @@ def run(options: argparse.Namespace) -> int:
 def paper(options: argparse.Namespace) -> int:
     """Run the strips of the paper's figures; a case that stops early is a row."""
     from . import io
-    from .studies import paper
+    from .studies import paper as study
 
-    with io.ResultFolder(options.out, (*paper.FILES, *paper.PICTURES)) as folder:
-        rows = paper.reproduce(folder)
+    with io.ResultFolder(options.out, (*study.FILES, *study.PICTURES)) as folder:
+        rows = study.reproduce(folder)
         if not options.no_render:
-            _render(lambda: paper.draw(rows, folder))
+            _render(lambda: study.draw(rows, folder))
     print(f"results in {options.out}")
     return 0
 
@@ -164,7 +164,7 @@ def _draw(scene: Scene, result: Result, folder: Path) -> None:
     plot.fibre_directions(result, filename=folder / "fibre_directions.png")
     plot.animation(result, folder / "animation.gif")
     t = [state.load_factor for state in result.states]
-    force = np.array([state.reactions[scene.driven] for state in result.states])
-    lines = {f"R_{axis}": (t, f) for axis, f in zip("xy", force.T, strict=True)}
-    title = f"Force on the edge {scene.driven!r}"
+    x, y = np.transpose([scene.reaction(state) for state in result.states])
+    lines = {"along x": (t, x), "along y": (t, y)}
+    title = "Force on the driven edge"
     curves({title: lines}, "Load factor", "Force (N)", folder / "load.png")

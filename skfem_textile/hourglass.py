@@ -63,8 +63,9 @@ def hourglass_rate(fabric: Fabric, C_s: float) -> Forms:
     M̃_k = M̃_k(last) + C_s f_k·(B_HGL,k Δu), with f_k, B_HGL,k and the element's area
     taken in the configuration ``u`` and Δu from the last converged one (Hamila &
     Boisse 2013, §3.2, where the rate must read B_HGL, not its transpose).  There is no
-    energy: the first form gives the work of the step.  The tangent is symmetric; it
-    leaves out that f_k, B_HGL,k and the area within M̃ depend on ``u``.
+    energy: the first form gives the work of the step.  The tangent is symmetric and
+    approximate: it takes f_k, B_HGL,k and the area as constant, but for the curvature
+    of the shear angle at the point and at the centre.
 
     The forms take two more parameters: ``last``, the last converged displacement, and
     ``moment``, the moments M̃ there, shape (n_elements, 4); `AccumulatedMoment`
@@ -138,7 +139,7 @@ class AccumulatedMoment:
         )
         increment = _rate_increment(self._fabric, w)
         moment = parameters["moment"] + self._C_s * increment
-        self.parameters = {"last": u, "moment": moment}
+        self.parameters = {"last": u.copy(), "moment": moment}
 
 
 def _rate_variation(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:

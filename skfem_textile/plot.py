@@ -133,7 +133,11 @@ def fibre_directions(
             plotter.add_mesh(lines, color=colour, line_width=3)
         decorate(plotter, f"Fibre directions, {titles[column]}", view)
     plotter.subplot(1, 0)
-    for name, colour, x in (("Warp", _WARP, 0.43), ("Weft", _WEFT, 0.52)):
+    apart = 60 / plotter.window_size[0]
+    for name, colour, x in (
+        ("Warp", _WARP, 0.5 - 1.2 * apart),
+        ("Weft", _WEFT, 0.5 + 0.2 * apart),
+    ):
         plotter.add_text(
             name, position=(x, 0.6), viewport=True, font_size=12, color=colour
         )

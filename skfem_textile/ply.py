@@ -37,7 +37,10 @@ class Ply:
         `skfem.CellBasis` of the displacement at the ply's own points.  Every
         ``u`` below is a DOF vector of this basis.
     terms
-        The terms of the energy, each with its forms and its basis.
+        The terms of the energy, each with its forms, its basis and what it remembers.
+        With a memory (`OnePoint` of kind ``rate``) energy, residual and tangent are
+        those of a step from the last committed state, and the residual is no
+        derivative of the energy.
 
     Raises
     ------

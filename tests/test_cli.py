@@ -221,7 +221,7 @@ def test_the_paper_is_tabled_and_a_case_that_stops_does_not_stop_the_others(
     assert [row["outcome"] for row in rows] == [
         "stable",
         "stable",
-        "no acceptable state beyond load factor 0.000",
+        "no acceptable state beyond load factor 0.000; figures at that",
     ]
     assert float(rows[1]["load (N)"]) == pytest.approx(-3.49714, rel=1e-5)
     assert (out / "paper.md").read_text().count("\n") == 5

@@ -5,7 +5,7 @@ import pytest
 from helpers import distorted, wobble
 from skfem import asm
 
-from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
+from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import strip
 
 
@@ -59,6 +59,13 @@ def sheared_while_turning(ply, steps, angle):
     return ply.terms[-1].memory.parameters["moment"]
 
 
+def extrapolated(values):
+    """Limit of values at n, 2n, 4n, ... steps (Richardson)."""
+    for order in range(1, len(values)):
+        values = [(2**order * b - a) / (2**order - 1) for a, b in pairwise(values)]
+    return values[0]
+
+
 def test_a_rotation_superposed_on_the_loading_changes_nothing_in_the_limit():
     """Differences vanish as 1/steps; what is left of them in the limit is nothing."""
     ply = Ply(distorted(3, jitter=0.25), Fabric(1e4), OnePoint(2.0, "rate"))
@@ -68,12 +75,52 @@ def test_a_rotation_superposed_on_the_loading_changes_nothing_in_the_limit():
         differences.append((turned - plain) / np.abs(plain).max())
     sizes = [np.abs(d).max() for d in differences]
     np.testing.assert_allclose(np.array(sizes[:-1]) / sizes[1:], 2.0, rtol=0.02)
-    order = 1
-    while len(differences) > 1:  # Richardson extrapolation to infinitely many steps
-        pairs = pairwise(differences)
-        differences = [(2**order * b - a) / (2**order - 1) for a, b in pairs]
-        order += 1
-    assert np.abs(differences[0]).max() < 1e-6
+    assert np.abs(extrapolated(differences)).max() < 1e-6
+
+
+def loaded_while_turning(steps, angle):
+    """Force on a ply pulled askew, in its own axes, while the whole problem turns."""
+    mesh = distorted(6, size=(4, 3), jitter=0.25)
+    ply = Ply(mesh, Fabric(1e3, 1.0), OnePoint(5.0, "rate"))
+
+    def placed(pull):
+        def displacement(X, t):
+            c, s = np.cos(angle * t), np.sin(angle * t)
+            moved = X + t * np.array(pull)[:, None]
+            return np.array([[c, -s], [s, c]]) @ moved - X
+
+        return displacement
+
+    conditions = {
+        "bottom": Condition("bottom", placed((0.0, 0.0))),
+        "top": Condition("top", placed((0.5, 0.1))),
+    }
+    result = LoadStepper(ply, conditions, steps).run()
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s], [-s, c]]) @ result.states[-1].reactions["top"]
+
+
+def test_the_load_on_a_ply_that_turns_while_it_is_loaded_is_unchanged_in_the_limit():
+    differences = []
+    for steps in (20, 40, 80, 160):
+        plain, turned = (loaded_while_turning(steps, a) for a in (0.0, 1.0))
+        differences.append((turned - plain) / np.linalg.norm(plain))
+    sizes = [np.abs(d).max() for d in differences]
+    assert sizes == sorted(sizes, reverse=True)
+    assert np.abs(extrapolated(differences)).max() < 1e-6
+
+
+def test_the_memory_keeps_its_own_copy():
+    ply = Ply(distorted(1), Fabric(1e4), OnePoint(2.0, "rate"))
+    u = wobble(ply, 1)
+    ply.commit(u)
+    u += wobble(ply, 2)
+    ply.commit(u)
+    in_place = ply.terms[-1].memory.parameters["moment"]
+    ply.reset()
+    ply.commit(wobble(ply, 1))
+    ply.commit(wobble(ply, 1) + wobble(ply, 2))
+    np.testing.assert_allclose(in_place, ply.terms[-1].memory.parameters["moment"])
 
 
 def test_a_homogeneous_increment_leaves_the_moments_alone():

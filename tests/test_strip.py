@@ -127,6 +127,16 @@ def test_one_point_and_stabilisation_unlock():
     assert unlocked["energy"] < locked["energy"] / 100
 
 
+def test_strain_and_load_fall_in_the_order_of_the_papers_figures():
+    scene = strip()
+    ends = [
+        scene.summary(run(scene, f)) for f in (Full(), OnePoint(10.0), OnePoint(1.0))
+    ]
+    for key in ("max_fibre_strain", "reaction_x", "energy"):
+        sizes = [abs(summary[key]) for summary in ends]
+        assert sizes == sorted(sizes, reverse=True), key
+
+
 @pytest.mark.parametrize("angle", [0.3, np.pi / 2, -2.5])
 @pytest.mark.parametrize("formulation", [Full(), OnePoint(10.0)], ids=repr)
 def test_a_rotated_problem_has_the_same_answer(formulation, angle):

@@ -9,7 +9,7 @@ from skfem import MeshQuad
 
 from ..conditions import Condition
 from ..elements import CENTRE
-from ..result import Result
+from ..result import Result, State
 
 ExactField = Callable[[ndarray, float], ndarray]
 
@@ -78,10 +78,9 @@ class Scene:
             rotation=self.rotation + angle,
         )
 
-    def reaction(self, result: Result) -> ndarray:
-        """Force on the driven edge in N, along the axes of the unrotated problem."""
-        force = result.states[-1].reactions[self.driven]
-        return _rotation(self.rotation).T @ force
+    def reaction(self, state: State) -> ndarray:
+        """Force on the driven edge in N, shape (2,), along the unrotated axes."""
+        return _rotation(self.rotation).T @ state.reactions[self.driven]
 
     def errors(self, result: Result) -> dict[str, float]:
         """Distance of the last converged state from the exact answer.
@@ -106,7 +105,7 @@ class Scene:
 
     def summary(self, result: Result) -> dict[str, str | int | float | bool]:
         """The result's summary with this scene's reaction and errors."""
-        reaction_x, reaction_y = self.reaction(result).tolist()
+        reaction_x, reaction_y = self.reaction(result.states[-1]).tolist()
         return {
             "scene": self.name,
             **result.summary(),

@@ -27,27 +27,59 @@ _A, _B = (0, 1, 2, 3), (3, 2, 5, 4)
 _ANTICLOCKWISE = [0, 2, 3, 1]
 POINTS = {"2x2": (GAUSS[0][:, _ANTICLOCKWISE], GAUSS[1]), "one point": CENTRE}
 
-_x5 = [(0.38225928, 1.42661107, 0), (1.13125423, 0.30311866, 0)]
-# Left and right sides as the paper prints them, all for the unaligned mesh.
+
+class Printed(NamedTuple):
+    """What the paper prints of a system: equations, rows, and what they leave."""
+
+    equations: tuple[str, ...]
+    rows: list[tuple[float, float, float]]
+    conclusion: str
+
+
+_SHORT, _LONG = (0.38225928, 1.42661107, 0), (1.13125423, 0.30311866, 0)
 PRINTED = {
-    ("2x2", "A", "x"): [
-        (0.38225928, -0.57338893, 0),
-        (0.30311866, -0.45467799, 0),
-        (1.13125423, -1.69688134, 0),
-        (1.42661107, -2.13991661, 0),
-    ],
-    ("2x2", "A", "y"): [_x5[0], _x5[1], _x5[1], _x5[0]],
-    ("2x2", "B", "x"): [
-        (-0.86874577, 0.30311866, -0.94271186),
-        (-0.57338893, -0.13991661, -1.18884256),
-        (-1.61774072, 1.42661107, -0.3185494),
-        (-1.69688134, 1.54532201, -0.25259888),
-    ],
-    ("one point", "A", "x"): [(0.8, -1.2, 0)],
-    ("one point", "A", "y"): [(1, 1, 0)],
-    ("one point", "B", "x"): [(-1.2, 0.8, -2 / 3)],
-    ("one point", "B", "y"): [(0.8, 0.8, 1.6)],
+    ("unaligned", "2x2", "A", "x"): Printed(
+        ("(4.1)", "(4.2)", "(4.3)", "(4.4)"),
+        [
+            (0.38225928, -0.57338893, 0),
+            (0.30311866, -0.45467799, 0),
+            (1.13125423, -1.69688134, 0),
+            (1.42661107, -2.13991661, 0),
+        ],
+        "dependent: u3 = 1.5 u4",
+    ),
+    ("unaligned", "2x2", "A", "y"): Printed(
+        ("(5.1)", "(5.2)", "(5.3)", "(5.4)"),
+        [_SHORT, _LONG, _LONG, _SHORT],
+        "v3 = v4 = 0",
+    ),
+    ("unaligned", "2x2", "B", "x"): Printed(
+        ("(7.1)", "(7.2)", "(7.3)", "(7.4)"),
+        [
+            (-0.86874577, 0.30311866, -0.94271186),
+            (-0.57338893, -0.13991661, -1.18884256),
+            (-1.61774072, 1.42661107, -0.3185494),
+            (-1.69688134, 1.54532201, -0.25259888),
+        ],
+        "rank 2: w5 = w6 = 1.66667",
+    ),
+    ("unaligned", "2x2", "B", "y"): Printed(("(6.2)",) * 4, [], "v5 = v6 = 0"),
+    ("unaligned", "one point", "A", "x"): Printed(
+        ("§2.3.5",), [(0.8, -1.2, 0)], "rank 1"
+    ),
+    ("unaligned", "one point", "A", "y"): Printed(("(8)",), [], "rank 1: v3 = -v4"),
+    ("unaligned", "one point", "B", "x"): Printed(
+        ("§2.3.5",), [(-1.2, 0.8, -2 / 3)], "u6 is arbitrary"
+    ),
+    ("unaligned", "one point", "B", "y"): Printed(
+        ("§2.3.5",), [(0.8, 0.8, 1.6)], "rank 1"
+    ),
+    ("aligned", "2x2", "A", "x"): Printed(("§2.3.3",) * 4, [], "u3 = u4"),
+    ("aligned", "2x2", "A", "y"): Printed(("§2.3.3",) * 4, [], "v3 = v4 = 0"),
+    ("aligned", "2x2", "B", "x"): Printed(("§2.3.3",) * 4, [], "u5 = u6"),
+    ("horizontally aligned", "2x2", "B", "x"): Printed(("§2.3.4",) * 4, [], "u5 = u6"),
 }
+_NOT_PRINTED = Printed(("-",) * 4, [], "-")
 
 
 class System(NamedTuple):
@@ -68,8 +100,12 @@ class System(NamedTuple):
         Rank of the coefficients.
     solution
         The two unknowns; None where the equations leave one of them free.
+    equations
+        The paper's numbers of the rows.
     printed
         The rows as the paper prints them; empty where it prints none.
+    conclusion
+        What the paper says of rank and solution.
     """
 
     mesh: str
@@ -80,7 +116,9 @@ class System(NamedTuple):
     rows: ndarray
     rank: int
     solution: ndarray | None
+    equations: tuple[str, ...]
     printed: ndarray
+    conclusion: str
 
     @property
     def factor(self) -> float:
@@ -141,7 +179,7 @@ def _system(
     rank = int(np.linalg.matrix_rank(matrix, tol=1e-9))
     solution = np.linalg.lstsq(matrix, right)[0] if rank == 2 else None
     nodes = (3, 4) if element == "A" else (5, 6)
-    printed = PRINTED.get((points, element, direction), [])
+    printed = PRINTED.get((mesh, points, element, direction), _NOT_PRINTED)
     return System(
         mesh,
         points,
@@ -151,7 +189,9 @@ def _system(
         np.column_stack([matrix, right]),
         rank,
         solution,
-        np.array(printed if mesh == "unaligned" else []),
+        printed.equations,
+        np.array(printed.rows),
+        printed.conclusion,
     )
 
 

@@ -5,7 +5,7 @@ The paper's mesh is not published: the irregular meshes here are those of the sc
 """
 
 import csv
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -68,6 +68,9 @@ def _stabilised(kind: Kind) -> list[Case]:
     ]
 
 
+_RATES = [case.formulation for case in _stabilised("rate")]
+
+
 def reproduce(folder: Path, progress: Callable[[str], None] = print) -> list[Row]:
     """Run every case and write the table.
 
@@ -88,7 +91,7 @@ def reproduce(folder: Path, progress: Callable[[str], None] = print) -> list[Row
         row = run(case)
         progress(f"Fig. {case.figure:8} {case.mesh:11} {_title(row):24} {row.outcome}")
         rows.append(row)
-    table = [figures(row) for row in rows]
+    table = [numbers(row) for row in rows]
     with open(folder / "paper.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(table[0]))
         writer.writeheader()
@@ -103,16 +106,12 @@ def run(case: Case) -> Row:
     ply = Ply(scene.mesh, Fabric(1e4), case.formulation)
     stepper = LoadStepper(ply, scene.conditions, _STEPS)
     try:
-        result, outcome = stepper.run(), "converged"
+        result = stepper.run()
     except StepError as error:
         t = error.result.states[-1].load_factor
-        result, outcome = (
-            error.result,
-            f"no acceptable state beyond load factor {t:.3f}",
-        )
-    if result.converged:
-        outcome = _stability(stepper, result)
-    return Row(case, scene, result, outcome)
+        outcome = f"no acceptable state beyond load factor {t:.3f}; figures at that"
+        return Row(case, scene, error.result, outcome)
+    return Row(case, scene, result, _stability(stepper, result))
 
 
 def _stability(stepper: LoadStepper, result: Result) -> str:
@@ -125,13 +124,14 @@ def _stability(stepper: LoadStepper, result: Result) -> str:
     return f"unstable, {negative} negative pivots" if negative else "stable"
 
 
-def figures(row: Row) -> dict[str, Any]:
-    """The figures of a row beside the paper's."""
+def numbers(row: Row) -> dict[str, Any]:
+    """The numbers of a row beside the paper's."""
     summary = row.scene.summary(row.result)
     return {
         "figure": row.case.figure,
         "mesh": row.case.mesh,
         "element": _title(row),
+        "outcome": row.outcome,
         "strain, paper": row.case.strain,
         "load, paper": row.case.load,
         "strain": summary["max_fibre_strain"],
@@ -140,7 +140,6 @@ def figures(row: Row) -> dict[str, Any]:
         "position, rms (mm)": summary["displacement_error_rms"],
         "max (mm)": summary["displacement_error_max"],
         "angle, rms (°)": summary["shear_angle_error_rms_deg"],
-        "outcome": row.outcome,
     }
 
 
@@ -163,15 +162,21 @@ def draw(rows: list[Row], folder: Path) -> None:
     from .. import plot
     from ..curves import curves
 
-    rows = [row for row in rows if "rate" not in _title(row)]
-    load = "Load on the right edge, magnitude (N)"
-    top = "Displacement u_x at the top of the right edge (mm)"
-    shown = {"Fig. 5": rows[:2], "Fig. 12": [rows[1], *rows[4:]]}
+    rows = [row for row in rows if row.case.formulation not in _RATES]
+    full = [row for row in rows if isinstance(row.case.formulation, Full)]
+    one_point = [row for row in rows if isinstance(row.case.formulation, OnePoint)]
+    irregular = [row for row in rows if row.case.mesh == "irregular"]
     panels = {
-        title: {_label(row): tuple(np.array(list(_load(row))).T) for row in some}
-        for title, some in shown.items()
+        "Fig. 5": [row for row in full if row.case.mesh in ("aligned", "irregular")],
+        "Fig. 12": irregular,
+        "Fig. 12, one point only": one_point,
     }
-    curves(panels, top, load, folder / "load_curves.png")
+    curves(
+        {title: {_label(r): _load(r) for r in some} for title, some in panels.items()},
+        "Displacement along x at the top (mm)",
+        "Force on the right edge along x (N)",
+        folder / "load_curves.png",
+    )
     plot.contact_sheet(
         *(row.result for row in rows),
         titles=[_caption(row) for row in rows],
@@ -181,17 +186,23 @@ def draw(rows: list[Row], folder: Path) -> None:
 
 def _caption(row: Row) -> str:
     """The figure's number, and how far the case came if it stopped early."""
-    figure, t = row.case.figure.partition(",")[0], row.result.states[-1].load_factor
-    return f"Fig. {figure}" + ("" if row.result.converged else f" at {t:.2f}")
+    caption = f"Fig. {row.case.figure.partition(',')[0]}"
+    if not row.result.converged:
+        return f"{caption}, t = {row.result.states[-1].load_factor:.2f}"
+    if isinstance(row.case.formulation, OnePoint):
+        caption += f", Cs = {row.case.formulation.stabilisation:g}"
+    return caption
 
 
 def _label(row: Row) -> str:
     return f"{_title(row)}, {row.case.mesh}"
 
 
-def _load(row: Row) -> Iterator[tuple[float, float]]:
-    """Displacement at the top of the right edge, and load."""
+def _load(row: Row) -> tuple[list[float], list[float]]:
+    """Displacement at the top of the right edge, and force on that edge."""
     corner = int(np.argmax(row.scene.mesh.p.sum(axis=0)))
-    for state in row.result.states:
-        u = row.result.ply.nodal(state.u)[0, corner]
-        yield u, abs(state.reactions[row.scene.driven][0])
+    states, ply = row.result.states, row.result.ply
+    return (
+        [float(ply.nodal(state.u)[0, corner]) for state in states],
+        [float(row.scene.reaction(state)[0]) for state in states],
+    )
