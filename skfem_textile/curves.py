@@ -2,10 +2,10 @@
 
 import os
 from collections.abc import Mapping
+from itertools import cycle
 from pathlib import Path
 
 import matplotlib as mpl
-from cycler import cycler
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
@@ -19,7 +19,7 @@ def curves(
     ylabel: str,
     filename: str | os.PathLike[str] | None = None,
 ) -> Figure:
-    """Curves side by side, panel by panel.
+    """Curves side by side, panel by panel; a label has one colour in all of them.
 
     Parameters
     ----------
@@ -36,8 +36,9 @@ def curves(
     >>> [axes.get_title() for axes in figure.axes]
     ['Fig. 5']
     """
+    labels = dict.fromkeys(label for lines in panels.values() for label in lines)
+    colour = dict(zip(labels, cycle(_COLOURS), strict=False))
     style = {
-        "axes.prop_cycle": cycler(color=_COLOURS),
         "axes.spines.top": False,
         "axes.spines.right": False,
         "font.size": 11,
@@ -47,7 +48,7 @@ def curves(
         for i, (title, lines) in enumerate(panels.items(), start=1):
             axes = figure.add_subplot(1, len(panels), i)
             for label, (x, y) in lines.items():
-                axes.plot(x, y, label=label, linewidth=1.8, marker="o", markersize=3)
+                axes.plot(x, y, "o-", label=label, color=colour[label], markersize=3)
             axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
             axes.grid(alpha=0.3)
             axes.legend(frameon=False)

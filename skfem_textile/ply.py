@@ -84,9 +84,9 @@ class Ply:
 
     def energies(self, u: ndarray) -> dict[str, float]:
         """Energy of each term in N·mm, by the name of the term."""
-        stored = {t.name: t.memory.work if t.memory else 0.0 for t in self.terms}
         return {
-            t.name: stored[t.name] + float(_assembled(t, t.forms.energy, u))
+            t.name: (t.memory.work if t.memory else 0.0)
+            + float(_assembled(t, t.forms.energy, u))
             for t in self.terms
         }
 
