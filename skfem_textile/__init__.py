@@ -1,5 +1,6 @@
 """Mechanics of woven reinforcements on scikit-fem, free of tension locking."""
 
+from .checkpoint import CheckpointError
 from .conditions import Condition
 from .elements import CENTRE, GAUSS, ElementQuad1Fluctuation, HourglassBasis, quad_basis
 from .fabric import Fabric, Law, Linear
@@ -9,7 +10,9 @@ from .hourglass import AccumulatedMoment, hourglass, hourglass_rate
 from .meshes import MeshError
 from .ply import Ply
 from .result import Result, State
-from .stepper import LoadStepper, StepError
+from .stepper import Iteration, LoadStepper, StepError
+from .strategies import Descent, Mixed, Newton
+from .verdict import Verdict
 
 __version__ = "0.1.0"
 
@@ -17,21 +20,27 @@ __all__ = [
     "CENTRE",
     "GAUSS",
     "AccumulatedMoment",
+    "CheckpointError",
     "Condition",
+    "Descent",
     "ElementQuad1Fluctuation",
     "Fabric",
     "Forms",
     "Full",
     "HourglassBasis",
+    "Iteration",
     "Law",
     "Linear",
     "LoadStepper",
     "MeshError",
+    "Mixed",
+    "Newton",
     "OnePoint",
     "Ply",
     "Result",
     "State",
     "StepError",
+    "Verdict",
     "hourglass",
     "hourglass_rate",
     "quad_basis",

@@ -138,7 +138,7 @@ def _load(stepper: LoadStepper) -> tuple[Result, StepError | None]:
         def show(state: State) -> None:
             bar.update(task, completed=state.load_factor)
 
-        stepper.progress = show
+        stepper.on_step = show
         try:
             return stepper.run(), None
         except StepError as error:

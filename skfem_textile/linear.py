@@ -1,9 +1,11 @@
-"""Sparse direct solution of the linear systems of a Newton iteration."""
+"""Sparse direct factorisation of the symmetric systems of a Newton iteration."""
+
+from functools import cached_property
 
 import numpy as np
 from numpy import ndarray
-from scipy.sparse import csr_matrix
-from scipy.sparse.linalg import splu
+from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse.linalg import SuperLU, splu
 
 # A pivot this much smaller than the largest is round-off.
 _NO_PIVOT = 1e-15
@@ -15,47 +17,72 @@ _MECHANISM = (
 
 
 class SingularMatrixError(RuntimeError):
-    """The tangent leaves some motion without stiffness."""
+    """The matrix leaves some motion without stiffness."""
 
 
-def negative_pivots(A: csr_matrix) -> int:
-    """Number of negative eigenvalues of a symmetric matrix, by Sylvester's inertia.
+class Factors:
+    """Factors of a symmetric matrix, definite or not.
 
-    Raises
-    ------
-    SingularMatrixError
-        If the factorisation does not keep to the diagonal, so that its pivots do not
-        tell.
-    """
-    lu = splu(
-        A.tocsc(),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
-    if not np.array_equal(lu.perm_r, lu.perm_c):
-        raise SingularMatrixError("the pivots left the diagonal")
-    return int(np.sum(lu.U.diagonal() < 0))
+    Parameters
+    ----------
+    A
+        The matrix.
 
-
-def solve_symmetric(A: csr_matrix, b: ndarray) -> ndarray:
-    """Solve A x = b for a symmetric matrix, definite or not.
+    Attributes
+    ----------
+    negative_pivots
+        Number of negative eigenvalues of the matrix, by Sylvester's law of inertia;
+        None where a pivot had to be taken off the diagonal and does not tell.
 
     Raises
     ------
     SingularMatrixError
         If a pivot vanishes to working precision.
+
+    Examples
+    --------
+    >>> from scipy.sparse import csr_matrix
+    >>> factors = Factors(csr_matrix([[2.0, 0.0], [0.0, -1.0]]))
+    >>> factors.negative_pivots, factors.solve(np.array([2.0, 3.0]))
+    (1, array([ 1., -3.]))
+    """
+
+    negative_pivots: int | None
+
+    def __init__(self, A: csr_matrix) -> None:
+        self._A = A.tocsc()
+        self._diagonal = _factorised(self._A, pivoting=0.0)
+        pivots = self._diagonal.U.diagonal()
+        size = np.abs(pivots)
+        if not size.min(initial=np.inf) > _NO_PIVOT * size.max(initial=0.0):
+            raise SingularMatrixError(_MECHANISM)
+        kept = np.array_equal(self._diagonal.perm_r, self._diagonal.perm_c)
+        self.negative_pivots = int(np.sum(pivots < 0)) if kept else None
+
+    def solve(self, b: ndarray) -> ndarray:
+        """Solve A x = b."""
+        return self._stable.solve(b)
+
+    @cached_property
+    def _stable(self) -> SuperLU:
+        """Factors fit to solve with: an indefinite matrix needs pivoting."""
+        if self.negative_pivots == 0:
+            return self._diagonal
+        return _factorised(self._A, pivoting=0.01)
+
+
+def _factorised(A: csc_matrix, pivoting: float) -> SuperLU:
+    """Factors in an order that keeps symmetric matrices sparse.
+
+    Without pivoting the pivots stay on the diagonal, and their signs are those of
+    the eigenvalues.
     """
     try:
-        lu = splu(
-            A.tocsc(),
+        return splu(
+            A,
             permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.01,
+            diag_pivot_thresh=pivoting,
             options={"SymmetricMode": True},
         )
     except RuntimeError:
         raise SingularMatrixError(_MECHANISM) from None
-    pivots = np.abs(lu.U.diagonal())
-    if not pivots.min() > _NO_PIVOT * pivots.max():
-        raise SingularMatrixError(_MECHANISM)
-    return lu.solve(b)

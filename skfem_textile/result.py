@@ -5,8 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy import ndarray
 
-from .elements import GAUSS
 from .ply import Ply
+from .verdict import Verdict
+
+# States that a printed result lists at most.
+_LINES = 11
 
 TERMS = ("tension", "shear", "stabilisation")
 
@@ -33,6 +36,8 @@ class State:
         Largest free nodal force in N after each iteration of the last attempt.
     tolerance
         What the last of them had to fall below.
+    verdict
+        What was found of the state: stability, folding, strain and work.
     """
 
     load_factor: float
@@ -42,6 +47,7 @@ class State:
     iterations: int
     residuals: tuple[float, ...]
     tolerance: float
+    verdict: Verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +62,10 @@ class Result:
         Converged states in order of load factor.
     converged
         Whether the whole load was applied.
-    newton_iterations
-        Linear solves in all, those of abandoned steps included.
+    newton_iterations, factorisations
+        Linear solves and factorisations in all, those of abandoned steps included.
+    steps_cut
+        How often a step failed and was halved.
     wall_time_s, assembly_time_s, solve_time_s
         Time of the run and its two largest parts.
     """
@@ -66,6 +74,8 @@ class Result:
     states: list[State]
     converged: bool
     newton_iterations: int
+    factorisations: int
+    steps_cut: int
     wall_time_s: float
     assembly_time_s: float
     solve_time_s: float
@@ -75,34 +85,39 @@ class Result:
         """Displacement of the last converged state."""
         return self.states[-1].u
 
-    def history(self) -> list[dict[str, float]]:
+    def history(self) -> list[dict[str, float | None]]:
         """One row per converged state, ready for a table.
 
-        Columns: load_factor, iterations, residual (N), tolerance (N), reaction_x
-        and reaction_y of each condition (N), energy in all and by term (N·mm).
+        Columns: load_factor, iterations, residual (N), tolerance (N), negative_pivots,
+        min_det_F, max_fibre_strain_2x2, reaction_x and reaction_y of each condition
+        (N), energy in all and by term and work of the reactions so far (N·mm).
         """
-        rows = []
+        rows, work = [], 0.0
         for state in self.states:
+            verdict = state.verdict
+            work += verdict.work
             row = {
                 "load_factor": state.load_factor,
                 "iterations": state.iterations,
                 "residual": state.residuals[-1] if state.residuals else 0.0,
                 "tolerance": state.tolerance,
+                "negative_pivots": verdict.negative_pivots,
+                "min_det_F": verdict.min_det_F,
+                "max_fibre_strain_2x2": verdict.max_fibre_strain_2x2,
             }
             for name, reaction in state.reactions.items():
                 row[f"{name}_reaction_x"], row[f"{name}_reaction_y"] = reaction.tolist()
-            rows.append(row | _energies(state))
+            rows.append(row | _energies(state) | {"work": work})
         return rows
 
-    def summary(self) -> dict[str, str | int | float | bool]:
+    def summary(self) -> dict[str, str | int | float | bool | None]:
         """Figures of the last converged state and of the run, in N, mm and degrees.
 
         ``max_fibre_strain``, ``max_fibre_tension`` and ``max_shear_angle_deg`` are
         the largest magnitudes at the ply's own points, ``max_fibre_strain_2x2`` and
         ``min_det_F`` those at the 2×2 points, for every formulation.
         """
-        ply, u = self.ply, self.u
-        gauss, _ = GAUSS
+        ply, u, verdict = self.ply, self.u, self.states[-1].verdict
         return {
             "formulation": ply.formulation.name,
             "n_elements": int(ply.mesh.nelements),
@@ -110,13 +125,17 @@ class Result:
             "converged": self.converged,
             "load_factor": self.states[-1].load_factor,
             "load_steps": len(self.states) - 1,
+            "steps_cut": self.steps_cut,
             "newton_iterations": self.newton_iterations,
+            "factorisations": self.factorisations,
+            "stable": verdict.stable,
+            "negative_pivots": verdict.negative_pivots,
+            "min_det_F": verdict.min_det_F,
             **_energies(self.states[-1]),
             "max_fibre_strain": _largest(ply.fibre_strain(u)),
-            "max_fibre_strain_2x2": _largest(ply.fibre_strain(u, gauss)),
+            "max_fibre_strain_2x2": verdict.max_fibre_strain_2x2,
             "max_fibre_tension": _largest(ply.fibre_tension(u)),
             "max_shear_angle_deg": float(np.degrees(_largest(ply.shear_angle(u)))),
-            "min_det_F": float(ply.area_ratio(u, gauss).min()),
             "wall_time_s": self.wall_time_s,
             "assembly_time_s": self.assembly_time_s,
             "solve_time_s": self.solve_time_s,
@@ -128,6 +147,20 @@ class Result:
             f"<Result: {end} at load factor {self.states[-1].load_factor:g}, "
             f"{len(self.states) - 1} steps, {self.newton_iterations} iterations>"
         )
+
+    def __str__(self) -> str:
+        """A compact table of the states, evenly chosen where they are many."""
+        lines = ["load factor  iterations     energy   max strain  min det F  stable"]
+        chosen = np.linspace(0, len(self.states) - 1, _LINES).round().astype(int)
+        for i in np.unique(chosen):
+            state, verdict = self.states[i], self.states[i].verdict
+            lines.append(
+                f"{state.load_factor:11.4f}{state.iterations:12}"
+                f"{sum(state.energies.values()):11.4g}"
+                f"{verdict.max_fibre_strain_2x2:13.2e}{verdict.min_det_F:11.3f}"
+                f"{'yes' if verdict.stable else 'no':>8}"
+            )
+        return "\n".join([*lines, repr(self)[1:-1]])
 
 
 def _energies(state: State) -> dict[str, float]:

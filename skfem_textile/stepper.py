@@ -1,41 +1,67 @@
-"""Incremental solution: a growing load, in steps that are cut where they fail."""
+"""Incremental solution: a growing load, and at each step a state that stands trial."""
 
-from collections.abc import Callable, Mapping
+import logging
+import os
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict
 from time import perf_counter
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
+from .checkpoint import Checkpoint, Saved
 from .conditions import Condition, Constraints
-from .newton import (
-    Clock,
-    Equilibrium,
-    NoEquilibriumError,
-    Problem,
-    balanced,
-    descent,
-    mixed_newton,
-)
 from .ply import Ply
+from .problem import Clock, NoEquilibriumError, Problem
 from .result import Result, State
+from .strategies import STRATEGIES, Equilibrium, Start, Strategy, balanced
+from .verdict import CHECKS, Trial
 
-#: What a step tries, one after the other, and in how many iterations at most.
-STRATEGIES = ((mixed_newton, 25), (descent, 200))
+log = logging.getLogger(__name__)
+
+# After a step of no more linear solves than this the next may be twice as long.
+_EASY = 6
 
 
 class StepError(RuntimeError):
-    """No converged state was found; ``result`` holds every state before it."""
+    """No acceptable state was found.
 
-    def __init__(self, message: str, result: Result) -> None:
+    Attributes
+    ----------
+    result
+        Every state before, the last good one included.
+    elements
+        Numbers of the elements where the last attempt failed; empty where no one
+        place is to blame.
+    """
+
+    def __init__(self, message: str, result: Result, elements: ndarray) -> None:
         super().__init__(message)
         self.result = result
+        self.elements = elements
+
+
+class Iteration(NamedTuple):
+    """What ``on_iteration`` is told: an iteration on the way to a load factor.
+
+    ``step`` is the length of the step, ``residual`` the largest free nodal force in N,
+    which must fall below ``tolerance``.
+    """
+
+    load_factor: float
+    step: float
+    strategy: str
+    number: int
+    residual: float
+    tolerance: float
 
 
 class LoadStepper:
-    """Load a ply in equal steps, halving the step where it does not converge.
+    """Load a ply, in steps that shrink where they fail and grow where they are easy.
 
-    Each step tries mixed Newton, which takes large steps along nearly
-    inextensible fibres, then descent on the energy.  A state with det F ≤ 0 at
-    any 2×2 point is refused.
+    Each step tries its strategies one after the other.  What they find stands trial: a
+    state that is folded, torn or not stable is refused.  A step that fails is halved.
 
     Parameters
     ----------
@@ -44,17 +70,24 @@ class LoadStepper:
     conditions
         Displacement conditions by name.
     steps
-        Number of equal steps to the load factor 1.
+        Number of equal steps to the load factor 1.  The run has a state at the end of
+        each, and in between where a step had to be halved.
+    strategies
+        What a step tries, in this order: names of `STRATEGIES`, or strategies.
     max_halvings
         How often a step may be halved before the run stops.
-    progress
-        Called with each converged `State`.
+    warn_only
+        Checks of `CHECKS` that do not refuse a state but only warn.
+    on_iteration, on_step
+        Called with each `Iteration` and with each converged `State`.
+    checkpoint
+        A folder to which every converged state is written.
 
     Raises
     ------
     ValueError
         If a condition is not valid at some load factor, ``steps`` is no whole number
-        of at least 1, or ``max_halvings`` is negative.
+        of at least 1, ``max_halvings`` is negative, or a strategy or check unknown.
 
     Examples
     --------
@@ -82,103 +115,216 @@ class LoadStepper:
         conditions: Mapping[str, Condition],
         steps: int = 20,
         *,
+        strategies: Sequence[str | Strategy] = ("mixed", "descent"),
         max_halvings: int = 8,
-        progress: Callable[[State], None] | None = None,
+        warn_only: Collection[str] = ("work",),
+        on_iteration: Callable[[Iteration], None] | None = None,
+        on_step: Callable[[State], None] | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
     ) -> None:
         if steps != int(steps) or steps < 1:
             raise ValueError(f"steps must be at least 1, and whole; got {steps}")
+        if not strategies:
+            raise ValueError(
+                f"name at least one strategy of {', '.join(STRATEGIES)}"
+            )
         if max_halvings < 0:
             raise ValueError(f"max_halvings must be at least 0, got {max_halvings}")
+        for name in warn_only:
+            _known("check", name, CHECKS)
         self.problem = Problem(ply, Constraints(ply.basis, conditions))
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         for t in self.load_factors:
             self.problem.constraints.fixed_values(t)  # refuses what is not valid
+        self.strategies = [
+            _known("strategy", s, STRATEGIES) if isinstance(s, str) else s
+            for s in strategies
+        ]
         self.max_halvings = max_halvings
-        self.progress = progress
+        self.warn_only = frozenset(warn_only)
+        self.on_iteration, self.on_step = on_iteration, on_step
+        self._checkpoint = checkpoint and Checkpoint(
+            checkpoint, self.problem, self._settings()
+        )
+        self._states: list[State] = []
 
-    def run(self) -> Result:
+    def run(self, resume: bool = False) -> Result:
         """Apply the whole load.
+
+        Parameters
+        ----------
+        resume
+            Go on from the last state in the checkpoint, if it holds one.
 
         Raises
         ------
         StepError
             If a step fails however often it is halved.
+        CheckpointError
+            If the checkpoint is damaged, or of another run.
         """
-        start = perf_counter()
-        self.problem.clock = Clock()
-        self.problem.ply.reset()
-        u = self.problem.ply.basis.zeros()
-        rest = Equilibrium(u, self.problem.residual(u), (), 0.0)
-        states = [self._state(0.0, rest, [])]
+        self._begin(resume)
         try:
-            for t in self.load_factors:
-                self._advance(states, t, self.max_halvings)
+            self._march()
         except (NoEquilibriumError, ValueError) as error:
-            at = states[-1].load_factor
+            at = self._states[-1].load_factor
             raise StepError(
-                f"stopped at load factor {at:.6g}: {error}", self._result(states, start)
+                f"stopped at load factor {at:.6g}: {error}",
+                self.result,
+                getattr(error, "elements", np.empty(0, dtype=int)),
             ) from None
-        return self._result(states, start)
+        return self.result
 
-    def _result(self, states: list[State], start: float) -> Result:
+    @property
+    def result(self) -> Result:
+        """The states so far; after an interruption, what the run has found."""
         clock = self.problem.clock
         return Result(
             ply=self.problem.ply,
-            states=states,
-            converged=states[-1].load_factor == 1.0,
+            states=list(self._states),
+            converged=self._states[-1].load_factor == 1.0,
             newton_iterations=clock.solves,
-            wall_time_s=perf_counter() - start,
+            factorisations=clock.factorisations,
+            steps_cut=self._steps_cut,
+            wall_time_s=perf_counter() - self._began,
             assembly_time_s=clock.seconds["assembly"],
-            solve_time_s=clock.seconds.get("solve", 0.0),
+            solve_time_s=clock.seconds["solve"],
         )
 
-    def _advance(self, states: list[State], t: float, halvings: int) -> None:
-        """Add the state at the load factor ``t``, and any needed on the way."""
-        last = states[-1]
-        try:
-            state = self._equilibrium(states, t)
-        except NoEquilibriumError as failure:
-            if halvings == 0:
-                raise NoEquilibriumError(
-                    f"the step to {t:.6g} failed after {self.max_halvings} halvings "
-                    f"({failure}); try a larger stabilisation or more steps"
-                ) from None
-            self._advance(states, 0.5 * (last.load_factor + t), halvings - 1)
-            self._advance(states, t, halvings - 1)
-        else:
-            states.append(state)
-            self.problem.ply.commit(state.u)
-            if self.progress is not None:
-                self.progress(state)
+    def _begin(self, resume: bool) -> None:
+        """Start from the undeformed ply, or from where the checkpoint ends."""
+        problem, checkpoint = self.problem, self._checkpoint
+        problem.clock, self._began = Clock(), perf_counter()
+        self._length, self._steps_cut, self._states = self.load_factors[0], 0, []
+        saved = checkpoint.load() if checkpoint and resume else None
+        if saved:
+            self._go_on(saved)
+            return
+        problem.ply.reset()
+        if checkpoint:
+            checkpoint.begin()
+        u = problem.ply.basis.zeros()
+        rest = Equilibrium(u, problem.residual(u), (), 0.0)
+        trial = Trial(problem, rest)
+        self._keep(0.0, trial, problem.ply.energies(u))
 
-    def _equilibrium(self, states: list[State], t: float) -> State:
-        """Converged state at the load factor ``t``, not folded."""
-        problem, last, failures = self.problem, states[-1], []
-        fixed_values = problem.constraints.fixed_values(t)
-        for strategy, most in STRATEGIES:
+    def _go_on(self, saved: Saved) -> None:
+        """Take up a run where its checkpoint ends."""
+        problem, progress, last = self.problem, saved.progress, saved.states[-1]
+        found = Equilibrium(last.u, problem.residual(last.u), (), 0.0)
+        self._start = Start(found.u, found.f, Trial(problem, found).tangent)
+        self._states = saved.states
+        self._length, self._steps_cut = progress["length"], progress["steps_cut"]
+        self._began -= progress["elapsed"]
+        problem.clock = Clock(**progress["clock"])  # had counted that tangent
+        log.info("resumed at load factor %g", last.load_factor)
+
+    def _march(self) -> None:
+        """Reach the requested load factors one after the other."""
+        longest = self.load_factors[0]
+        shortest = longest / 2.0**self.max_halvings
+        for goal in self.load_factors:
+            while (t := self._states[-1].load_factor) < goal:
+                ahead = t + self._length
+                if ahead > goal - 0.5 * shortest:
+                    ahead = goal
+                try:
+                    self._advance(ahead)
+                except NoEquilibriumError as failure:
+                    log.info("step to %g failed, halved: %s", ahead, failure)
+                    self._length = 0.5 * (ahead - t)
+                    self._steps_cut += 1
+                    if self._length < 0.99 * shortest:
+                        raise NoEquilibriumError(
+                            f"the step to {ahead:.6g} failed ({failure}); try a "
+                            "larger stabilisation or a less distorted mesh",
+                            failure.elements,
+                        ) from None
+
+    def _advance(self, t: float) -> None:
+        """Find a state at the load factor ``t`` and keep it."""
+        failures = []
+        for strategy in self.strategies:
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
-                    iterates = strategy(problem, last.u, fixed_values)
-                    found = balanced(problem, iterates, most)
-                if not problem.smallest_area_ratio(found.u) > 0:
-                    raise NoEquilibriumError("an element folds: det F <= 0")
-                return self._state(t, found, states)
+                    return self._attempt(strategy, t)
             except NoEquilibriumError as failure:
-                failures.append(f"{strategy.__name__}: {failure}")
-        raise NoEquilibriumError("; ".join(failures))
+                failures.append((type(strategy).__name__.lower(), failure))
+        raise NoEquilibriumError(
+            "; ".join(f"{name}: {failure}" for name, failure in failures),
+            next((f.elements for _, f in failures if f.elements.size), ()),
+        )
 
-    def _state(self, t: float, found: Equilibrium, before: list[State]) -> State:
-        ply, clock = self.problem.ply, self.problem.clock
-        forces = ply.nodal(found.f)
-        return State(
+    def _attempt(self, strategy: Strategy, t: float) -> None:
+        """Find a state with one strategy, put it on trial and keep it."""
+        problem, before = self.problem, self._states[-1]
+        name, step = type(strategy).__name__.lower(), t - before.load_factor
+
+        def report(number: int, residual: float, tolerance: float) -> None:
+            told = Iteration(t, step, name, number, residual, tolerance)
+            log.debug("%s", told)
+            if self.on_iteration is not None:
+                self.on_iteration(told)
+
+        values = problem.constraints.fixed_values(t)
+        iterates = strategy.iterates(problem, self._start, values)
+        found = balanced(problem, iterates, strategy.most, report)
+        energies = problem.clock.time("assembly", problem.ply.energies, found.u)
+        rise = sum(energies.values()) - sum(before.energies.values())
+        trial = Trial(problem, found, self._start, rise)
+        for warning in trial.complaints(self.warn_only):
+            log.warning("load factor %g: %s", t, warning)
+        self._keep(t, trial, energies)
+
+    def _keep(self, t: float, trial: Trial, energies: dict[str, float]) -> None:
+        """Add a state, and make it the start of the next step."""
+        problem, found = self.problem, trial.found
+        forces = problem.ply.nodal(found.f)
+        state = State(
             load_factor=t,
             u=found.u,
             reactions={
                 name: forces[:, nodes].sum(axis=1)
-                for name, nodes in self.problem.constraints.nodes.items()
+                for name, nodes in problem.constraints.nodes.items()
             },
-            energies=clock.time("assembly", ply.energies, found.u),
-            iterations=clock.solves - sum(state.iterations for state in before),
+            energies=energies,
+            iterations=problem.clock.solves - sum(s.iterations for s in self._states),
             residuals=found.residuals,
             tolerance=found.tolerance,
+            verdict=trial.verdict(),
         )
+        problem.ply.commit(found.u)
+        self._start = Start(found.u, found.f, trial.tangent)
+        self._states.append(state)
+        if state.iterations <= _EASY:
+            self._length = min(2 * self._length, self.load_factors[0])
+        self._save()
+        log.info("load factor %g: %d iterations", t, state.iterations)
+        if self.on_step is not None and t > 0:
+            self.on_step(state)
+
+    def _save(self) -> None:
+        if not self._checkpoint:
+            return
+        progress = {
+            "clock": asdict(self.problem.clock),
+            "elapsed": perf_counter() - self._began,
+            "length": self._length,
+            "steps_cut": self._steps_cut,
+        }
+        self._checkpoint.save(len(self._states) - 1, self._states[-1], progress)
+
+    def _settings(self) -> dict[str, Any]:
+        """What the states depend on beyond the problem."""
+        return {
+            "load_factors": self.load_factors,
+            "strategies": [repr(strategy) for strategy in self.strategies],
+            "max_halvings": self.max_halvings,
+            "warn_only": sorted(self.warn_only),
+        }
+
+
+def _known(what: str, name: str, known: Mapping[str, Any]) -> Any:
+    if name not in known:
+        raise ValueError(f"unknown {what} {name!r}: choose of {', '.join(known)}")
+    return known[name]

@@ -156,9 +156,9 @@ def test_a_constant_direction_from_a_function_is_that_of_every_node():
     [
         Condition(lambda X: X[1] > 0.9),
         Condition("top", (0.2, 0.3)),
-        Condition("top", lambda X, t: t * X),
+        Condition("top", lambda X, t: 0.3 * t * X),
         Condition("top", 0.3, direction=(0.0, 1.0)),
-        Condition("top", lambda X, t: t * X[0], direction=lambda X: X),
+        Condition("top", lambda X, t: 0.3 * t * X[0], direction=lambda X: X),
     ],
 )
 def test_any_condition_turns_with_the_problem(condition):

@@ -2,11 +2,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix, diags
 
-from skfem_textile.linear import (
-    SingularMatrixError,
-    negative_pivots,
-    solve_symmetric,
-)
+from skfem_textile.linear import Factors, SingularMatrixError
 
 
 def some_matrix(seed, shift):
@@ -19,16 +15,26 @@ def some_matrix(seed, shift):
 @pytest.mark.parametrize("shift", [-20.0, 0.0, 1.0, 20.0])
 def test_negative_pivots_count_negative_eigenvalues(shift):
     A = some_matrix(3, shift)
-    assert negative_pivots(A) == np.sum(np.linalg.eigvalsh(A.toarray()) < 0)
+    negative = np.sum(np.linalg.eigvalsh(A.toarray()) < 0)
+    assert Factors(A).negative_pivots == negative
 
 
 @pytest.mark.parametrize("shift", [0.0, 20.0])
 def test_indefinite_systems_are_solved_too(shift):
     A, x = some_matrix(4, shift), np.arange(40.0)
-    np.testing.assert_allclose(solve_symmetric(A, A @ x), x, atol=1e-9)
+    np.testing.assert_allclose(Factors(A).solve(A @ x), x, atol=1e-9)
+
+
+def test_pivots_off_the_diagonal_do_not_tell():
+    assert Factors(csr_matrix([[0.0, 1.0], [1.0, 0.0]])).negative_pivots is None
 
 
 def test_singular_systems_are_refused():
-    A = diags([np.r_[np.ones(5), 1e-17]], [0]).tocsr()
     with pytest.raises(SingularMatrixError, match="some motion meets no stiffness"):
-        solve_symmetric(A, np.ones(6))
+        Factors(diags([np.r_[np.ones(5), 1e-17]], [0]).tocsr())
+
+
+def test_a_ply_with_every_unknown_fixed_is_no_special_case():
+    factors = Factors(csr_matrix((0, 0)))
+    assert factors.negative_pivots == 0
+    assert factors.solve(np.empty(0)).size == 0

@@ -2,5 +2,6 @@
 
 from .scene import Scene
 from .strip import strip
+from .trellis import picture_frame, trellis
 
-__all__ = ["Scene", "strip"]
+__all__ = ["Scene", "picture_frame", "strip", "trellis"]

@@ -1,0 +1,176 @@
+"""A run on disk, one file per converged state, to go on from after an interruption."""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+from .problem import Problem
+from .result import State
+from .verdict import Verdict
+
+_FORMAT = 1
+_RUN, _STATES = "run.npz", "state_[0-9]*.npz"
+
+# How far the forces of the same ply may differ between machines.
+_SAME = 1e-9
+
+
+class CheckpointError(ValueError):
+    """A checkpoint that cannot be used; the message says why and what to do."""
+
+
+class Saved(NamedTuple):
+    """States read from a checkpoint, and where the stepper was at the last of them."""
+
+    states: list[State]
+    progress: dict[str, Any]
+
+
+class Checkpoint:
+    """The states of a run in a folder.
+
+    Every file is written beside its place and then renamed, so a run may be killed at
+    any moment.  ``run.npz`` tells runs apart: by their settings, their conditions and
+    the forces with which the ply answers a given displacement.
+
+    Parameters
+    ----------
+    folder
+        The folder; made when a run begins.
+    problem
+        The problem that is run.
+    settings
+        What else the result depends on.
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        problem: Problem,
+        settings: Mapping[str, Any],
+    ) -> None:
+        self.folder, self._problem = Path(folder), problem
+        self._settings = json.loads(json.dumps({"format": _FORMAT, **settings}))
+
+    def begin(self) -> None:
+        """Make the folder ready for a new run.
+
+        Raises
+        ------
+        CheckpointError
+            If it holds an unfinished run, or cannot be written.
+        """
+        states = sorted(self.folder.glob(_STATES))
+        if states and _read(states[-1])[0]["load_factor"] < 1:
+            raise CheckpointError(
+                f"checkpoint {self.folder} holds an unfinished run: resume it, or "
+                "remove the folder"
+            )
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            for file in states:
+                file.unlink()
+            _write(self.folder / _RUN, self._settings, self._identity())
+        except OSError as error:
+            raise CheckpointError(
+                f"cannot write checkpoint {self.folder}: {error.strerror or error}"
+            ) from None
+
+    def save(self, number: int, state: State, progress: Mapping[str, Any]) -> None:
+        """Write a state, where the stepper is, and what the ply's terms remember."""
+        text = asdict(state) | {"progress": dict(progress), "work": {}}
+        arrays = {"u": text.pop("u")}
+        text["reactions"] = {k: v.tolist() for k, v in state.reactions.items()}
+        for term in self._problem.ply.terms:
+            if term.memory is not None:
+                text["work"][term.name] = float(term.memory.work)
+                for name, array in term.memory.parameters.items():
+                    arrays[f"{term.name} {name}"] = np.asarray(array)
+        _write(self.folder / f"state_{number:06d}.npz", text, arrays)
+
+    def load(self) -> Saved | None:
+        """Read every state, and let the ply's terms remember the last; None if none is.
+
+        Raises
+        ------
+        CheckpointError
+            If a file is damaged or missing, or belongs to another run.
+        """
+        files = sorted(self.folder.glob(_STATES))
+        if not files:
+            return None
+        self._check_identity()
+        if files[-1].name != f"state_{len(files) - 1:06d}.npz":
+            raise CheckpointError(f"checkpoint {self.folder}: a state is missing")
+        states = []
+        for file in files:
+            text, arrays = _read(file)
+            progress, work = text.pop("progress"), text.pop("work")
+            text["reactions"] = {k: np.array(v) for k, v in text["reactions"].items()}
+            text["residuals"] = tuple(text["residuals"])
+            text["verdict"] = Verdict(**text["verdict"])
+            states.append(State(u=arrays.pop("u"), **text))
+        for term in self._problem.ply.terms:
+            if term.memory is not None:
+                term.memory.work = work[term.name]
+                term.memory.parameters = {
+                    name: arrays[f"{term.name} {name}"]
+                    for name in term.memory.parameters
+                }
+        return Saved(states, progress)
+
+    def _identity(self) -> dict[str, ndarray]:
+        """What tells this problem from another."""
+        ply, constraints = self._problem.ply, self._problem.constraints
+        ply.reset()
+        probe = 1e-3 * self._problem.element_size * np.sin(np.arange(ply.basis.N))
+        return {
+            "nodes": ply.mesh.p,
+            "quads": ply.mesh.t,
+            "fixed": constraints.fixed,
+            "values": constraints.fixed_values(1.0),
+            "forces": ply.residual(probe),
+        }
+
+    def _check_identity(self) -> None:
+        settings, arrays = _read(self.folder / _RUN)
+        for name, value in self._settings.items():
+            if settings.get(name) != value:
+                raise CheckpointError(
+                    f"checkpoint {self.folder} is of another run: {name} was "
+                    f"{settings.get(name)}, is {value}"
+                )
+        for name, array in self._identity().items():
+            old = arrays.get(name, np.empty(0))
+            allowed = _SAME * np.abs(array).max(initial=0.0)
+            if old.shape != array.shape or not np.all(np.abs(old - array) <= allowed):
+                raise CheckpointError(
+                    f"checkpoint {self.folder} is of another run: its {name} differ"
+                )
+
+
+def _write(path: Path, text: Mapping[str, Any], arrays: Mapping[str, ndarray]) -> None:
+    beside = path.with_name(f".{path.name}")
+    with open(beside, "wb") as file:
+        np.savez(file, text=np.array(json.dumps(text)), **arrays)  # type: ignore[arg-type]
+        file.flush()
+        os.fsync(file.fileno())
+    beside.replace(path)
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, ndarray]]:
+    try:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as content:
+            arrays = dict(content)
+        return json.loads(str(arrays.pop("text"))), arrays
+    except FileNotFoundError:
+        raise CheckpointError(f"checkpoint file {path} is missing") from None
+    except Exception as error:  # a damaged file may raise anything
+        reason = str(error).partition("\n")[0]
+        raise CheckpointError(f"checkpoint file {path} is damaged: {reason}") from None

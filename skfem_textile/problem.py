@@ -1,0 +1,190 @@
+"""A ply under conditions, as its equilibrium iterations see it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from .conditions import Constraints
+from .elements import GAUSS
+from .linear import Factors, SingularMatrixError
+from .ply import Ply
+
+_ROUND_OFF = 2.0**-53
+
+
+class NoEquilibriumError(Exception):
+    """An attempt at a load factor failed.
+
+    Attributes
+    ----------
+    elements
+        Numbers of the elements where it failed; empty where no one place is to blame.
+    """
+
+    def __init__(self, message: str, elements: Any = ()) -> None:
+        super().__init__(message)
+        self.elements = np.asarray(elements, dtype=int)
+
+
+@dataclass(eq=False)
+class Clock:
+    """Linear solves and factorisations, and the time that these and assembly took."""
+
+    solves: int = 0
+    factorisations: int = 0
+    seconds: dict[str, float] = field(
+        default_factory=lambda: {"assembly": 0.0, "solve": 0.0}
+    )
+
+    def time(self, part: str, function: Callable, *args: Any) -> Any:
+        """Call the function and add its time to that part."""
+        start = perf_counter()
+        try:
+            return function(*args)
+        finally:
+            self.seconds[part] += perf_counter() - start
+
+
+class Problem:
+    """A ply under conditions: what an iteration needs to know of them."""
+
+    def __init__(self, ply: Ply, constraints: Constraints) -> None:
+        self.ply = ply
+        self.constraints = constraints
+        self.clock = Clock()
+        self.element_size = ply.mesh.param()
+
+    def energy(self, u: ndarray) -> float:
+        """Internal energy, on the clock."""
+        return self.clock.time("assembly", self.ply.energy, u)
+
+    def residual(self, u: ndarray) -> ndarray:
+        """Internal nodal forces, on the clock."""
+        return self.clock.time("assembly", self.ply.residual, u)
+
+    def free(self, f: ndarray) -> ndarray:
+        """Components of a DOF vector along the free unknowns."""
+        return self.turned(f)[self.constraints.free]
+
+    def turned(self, u: ndarray) -> ndarray:
+        """A DOF vector in the unknowns of the constraints."""
+        turn = self.constraints.turn
+        return u if turn is None else turn.T @ u
+
+    def plain(self, q: ndarray) -> ndarray:
+        """A vector of the unknowns of the constraints as a DOF vector."""
+        turn = self.constraints.turn
+        return q if turn is None else turn @ q
+
+    def unfixed(self, f: ndarray) -> ndarray:
+        """A DOF vector without its components along the fixed unknowns."""
+        q = self.turned(f).copy()
+        q[self.constraints.fixed] = 0.0
+        return self.plain(q)
+
+    def unbalanced(self, f: ndarray) -> float:
+        """Largest nodal force along the free unknowns.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If it is not finite.
+        """
+        largest = float(np.abs(self.free(f)).max(initial=0.0))
+        if not np.isfinite(largest):
+            raise NoEquilibriumError("the forces are not finite")
+        return largest
+
+    def area_ratio(self, u: ndarray) -> ndarray:
+        """Smallest det F of each element at the 2×2 points."""
+        gauss, _ = GAUSS
+        return self.ply.area_ratio(u, gauss).min(axis=1)
+
+    def around(self, u: ndarray) -> ndarray:
+        """Elements at the node where a DOF vector is largest."""
+        node = np.linalg.norm(self.ply.nodal(u), axis=0).argmax()
+        return np.flatnonzero((self.ply.mesh.t == node).any(axis=0))
+
+
+class Tangent:
+    """Tangent of a problem, factorised on the free unknowns.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    u
+        Displacement.
+    tension
+        Fibre tensions for the geometric stiffness in place of those of ``u``.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If the tangent is singular.
+    """
+
+    def __init__(
+        self, problem: Problem, u: ndarray, tension: ndarray | None = None
+    ) -> None:
+        self._problem, clock = problem, problem.clock
+        turn, free = problem.constraints.turn, problem.constraints.free
+        K = clock.time("assembly", problem.ply.tangent, u, tension)
+        if turn is not None:
+            K = turn.T @ K @ turn
+        self._rows = K[free]
+        clock.factorisations += 1
+        try:
+            self._factors = clock.time("solve", Factors, self._rows[:, free])
+        except SingularMatrixError as error:
+            raise NoEquilibriumError(str(error)) from None
+
+    @property
+    def negative_pivots(self) -> int | None:
+        """Number of negative eigenvalues; None where the factors do not tell."""
+        return self._factors.negative_pivots
+
+    @cached_property
+    def stiffness(self) -> float:
+        """Largest sum of magnitudes in a row."""
+        rows = np.asarray(abs(self._rows).sum(axis=1))
+        return float(rows.max(initial=0.0))
+
+    def increment(self, f: ndarray, u: ndarray, fixed_values: ndarray) -> ndarray:
+        """Solve K·du = −f, with the fixed unknowns brought to their values."""
+        problem = self._problem
+        fixed, free = problem.constraints.fixed, problem.constraints.free
+        dq = np.zeros_like(u)
+        dq[fixed] = fixed_values - problem.turned(u)[fixed]
+        b = -(problem.free(f) + self._rows @ dq)
+        problem.clock.solves += 1
+        dq[free] = problem.clock.time("solve", self._factors.solve, b)
+        return problem.plain(dq)
+
+    def softest(self) -> ndarray:
+        """The motion with the least stiffness, its largest component 1.
+
+        By inverse iteration from a vector without symmetry.
+        """
+        problem = self._problem
+        v = np.sin(np.arange(self._rows.shape[0]) + 1.0)
+        for _ in range(3):
+            v = self._factors.solve(v)
+            v = v / np.abs(v).max(initial=1e-300)
+        q = np.zeros(self._rows.shape[1])
+        q[problem.constraints.free] = v
+        return problem.plain(q)
+
+    def tolerance(self, u: ndarray, f: ndarray) -> float:
+        """A share of the largest force, and what round-off leaves in any case.
+
+        Rounding moves nodes by 2⁻⁵³ of their displacement and changes gradients by
+        2⁻⁵³; the stiffness turns both into forces.
+        """
+        rounding = _ROUND_OFF * (np.abs(u).max() + self._problem.element_size)
+        return float(1e-8 * np.abs(f).max() + rounding * self.stiffness)

@@ -1,0 +1,220 @@
+"""Ways to equilibrium at a given load, by name."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy import ndarray
+
+from .elements import GAUSS
+from .problem import NoEquilibriumError, Problem, Tangent
+
+# Shares of the compression to keep in the geometric stiffness, tried in this order.
+_SHARES = (1.0, 0.5, 0.0)
+
+# Halvings of an increment in a line search.
+_HALVINGS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where an iteration starts: a displacement, its forces and its tangent.
+
+    ``tangent`` is None where it is singular.
+    """
+
+    u: ndarray
+    f: ndarray
+    tangent: Tangent | None
+
+
+class Iterate(NamedTuple):
+    """A tangent, the displacement to which it led, and the forces there."""
+
+    tangent: Tangent
+    u: ndarray
+    f: ndarray
+
+
+class Strategy(Protocol):
+    """A way to equilibrium, in ``most`` iterations at most."""
+
+    @property
+    def most(self) -> int:
+        """Iterations at most."""
+        ...
+
+    def iterates(
+        self, problem: Problem, start: Start, fixed_values: ndarray
+    ) -> Iterator[Iterate]:
+        """Endless iterates; those after the first keep the fixed unknowns."""
+        ...
+
+
+@dataclass(frozen=True)
+class Mixed:
+    """Mixed-integration-point Newton, its tangent kept positive definite.
+
+    The geometric stiffness takes the fibre tensions that the previous iteration
+    predicted, T(ε) + T′ ∂ε·∇du, not those of its displacement, which are far larger
+    wherever nearly inextensible fibres turn (Magisano, Leonetti & Garcea 2017).  The
+    residual is unchanged.  Where the tangent is indefinite, compression is halved or
+    dropped in it, so that the increments do not run to saddle points, and no increment
+    but the first changes the displacement gradient by more than ``longest``.
+    """
+
+    most: int = 30
+    longest: float = 1.0
+
+    def iterates(
+        self, problem: Problem, start: Start, fixed_values: ndarray
+    ) -> Iterator[Iterate]:
+        """Endless iterates."""
+        u, tangent = start.u, start.tangent or Tangent(problem, start.u)
+        du = tangent.increment(start.f, u, fixed_values)
+        while True:
+            tension = problem.ply.predicted_tension(u, du)
+            u = u + du
+            f = problem.residual(u)
+            yield Iterate(tangent, u, f)
+            tangent = definite(problem, u, tension)
+            du = tangent.increment(f, u, fixed_values)
+            du = du / max(1.0, _largest_gradient(problem, du) / self.longest)
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Newton with a positive definite tangent and a line search on the energy.
+
+    Every increment but the first, which brings the fixed unknowns to their values,
+    lowers the energy and does not fold the ply.  The first also moves the ply a little
+    along its softest motion, ``imperfection`` times the size of an element, so that
+    symmetry does not hold it on a saddle point.  Slower than `Mixed`, as the energy of
+    stiff fibres allows short increments only.
+    """
+
+    most: int = 100
+    imperfection: float = 0.01
+
+    def iterates(
+        self, problem: Problem, start: Start, fixed_values: ndarray
+    ) -> Iterator[Iterate]:
+        """Endless iterates, until the energy falls no more."""
+        tangent = start.tangent or Tangent(problem, start.u)
+        u = start.u + tangent.increment(start.f, start.u, fixed_values)
+        u = u + self.imperfection * problem.element_size * tangent.softest()
+        while True:
+            f = problem.residual(u)
+            yield Iterate(tangent, u, f)
+            tangent = definite(problem, u, problem.ply.fibre_tension(u))
+            du = tangent.increment(f, u, fixed_values)
+            u = u + _shortened(problem, u, du, f)
+
+
+@dataclass(frozen=True)
+class Newton:
+    """Newton's method as it stands: for small steps, and for comparison."""
+
+    most: int = 20
+
+    def iterates(
+        self, problem: Problem, start: Start, fixed_values: ndarray
+    ) -> Iterator[Iterate]:
+        """Endless iterates."""
+        u, f, tangent = start.u, start.f, start.tangent or Tangent(problem, start.u)
+        while True:
+            u = u + tangent.increment(f, u, fixed_values)
+            f = problem.residual(u)
+            yield Iterate(tangent, u, f)
+            tangent = Tangent(problem, u)
+
+
+STRATEGIES: dict[str, Strategy] = {
+    "mixed": Mixed(),
+    "descent": Descent(),
+    "newton": Newton(),
+}
+
+
+class Equilibrium(NamedTuple):
+    """Where an iteration ended, and how it converged."""
+
+    u: ndarray
+    f: ndarray
+    residuals: tuple[float, ...]
+    tolerance: float
+
+
+def balanced(
+    problem: Problem,
+    iterates: Iterator[Iterate],
+    most: int,
+    report: Callable[[int, float, float], None] = lambda *_: None,
+) -> Equilibrium:
+    """Take iterates, ``most`` of them at most, until the forces balance.
+
+    Parameters
+    ----------
+    problem, iterates, most
+        What to solve, the iterates of a strategy, and how many to take.
+    report
+        Told the number of each iteration, its residual and its tolerance.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If the iteration gives up, or the forces never balance.
+    """
+    residuals: list[float] = []
+    for tangent, u, f in islice(iterates, most):
+        residuals.append(problem.unbalanced(f))
+        tolerance = tangent.tolerance(u, f)
+        report(len(residuals), residuals[-1], tolerance)
+        if residuals[-1] <= tolerance:
+            return Equilibrium(u, f, tuple(residuals), tolerance)
+    raise NoEquilibriumError(
+        f"{residuals[-1]:.2g} N unbalanced after {most} iterations, "
+        f"tolerance {tolerance:.2g} N",
+        problem.around(problem.unfixed(f)),
+    )
+
+
+def definite(problem: Problem, u: ndarray, tension: ndarray) -> Tangent:
+    """The tangent, with so much compression left out that it is positive definite.
+
+    Where that does not suffice it is returned as it is without any.
+    """
+    for share in _SHARES:
+        tangent = Tangent(problem, u, np.where(tension > 0, tension, share * tension))
+        if tangent.negative_pivots == 0:
+            break
+    return tangent
+
+
+def _largest_gradient(problem: Problem, du: ndarray) -> float:
+    gauss, _ = GAUSS
+    return float(np.abs(problem.ply.gradient(du, gauss)).max())
+
+
+def _shortened(problem: Problem, u: ndarray, du: ndarray, f: ndarray) -> ndarray:
+    """The increment, halved until the energy falls enough (Armijo).
+
+    It may not fold the ply, nor fold it further if it is folded.
+    """
+    energy = problem.energy(u)
+    slope = float(problem.free(f) @ problem.free(du))
+    if slope > 0:  # the tangent was indefinite
+        du, slope = -du, -slope
+    unfolded = min(problem.area_ratio(u).min(), 0.0)
+    for _ in range(_HALVINGS):
+        allowed = energy + 1e-4 * slope + 1e-12 * abs(energy)
+        if (
+            problem.energy(u + du) <= allowed
+            and problem.area_ratio(u + du).min() > unfolded
+        ):
+            return du
+        du, slope = du / 2, slope / 2
+    folded = problem.area_ratio(u + du) <= unfolded
+    raise NoEquilibriumError("no descent of the energy", np.flatnonzero(folded))

@@ -1,0 +1,180 @@
+"""What is asked of an equilibrium before it counts as an answer.
+
+An iteration that balances the forces may have found a saddle point of the energy,
+folded elements, or an equilibrium that the load does not lead to.
+"""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy import ndarray
+
+from .elements import GAUSS
+from .problem import NoEquilibriumError, Problem, Tangent
+from .strategies import Equilibrium, Start
+
+# Where T = E ε holds, a fibre stretched by more than e carries less and less force.
+_LARGEST_STRAIN = 1.0
+
+# Share of the energy that the trapezoidal rule may miss before a step stands out.
+_NEGLIGIBLE = 0.01
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What was found of a state.
+
+    Attributes
+    ----------
+    negative_pivots
+        Negative eigenvalues of the consistent tangent; None where it is singular.
+    min_det_F
+        Smallest det F at the 2×2 points.
+    max_fibre_strain_2x2
+        Largest magnitude of the fibre strain at the 2×2 points.
+    work
+        Work of the reactions since the state before in N·mm (trapezoidal rule).
+    """
+
+    negative_pivots: int | None
+    min_det_F: float
+    max_fibre_strain_2x2: float
+    work: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether every small motion costs energy."""
+        return self.negative_pivots == 0
+
+
+class Trial:
+    """An equilibrium on trial.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    found
+        The equilibrium.
+    start
+        The last good state; None for the undeformed ply.
+    rise
+        Rise of the energy from the one to the other in N·mm.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        found: Equilibrium,
+        start: Start | None = None,
+        rise: float = 0.0,
+    ) -> None:
+        self.problem, self.found, self.start, self.rise = problem, found, start, rise
+
+    @cached_property
+    def tangent(self) -> Tangent | None:
+        """The consistent tangent; None where it is singular."""
+        try:
+            return Tangent(self.problem, self.found.u)
+        except NoEquilibriumError:
+            return None
+
+    @cached_property
+    def area_ratio(self) -> ndarray:
+        """Smallest det F of each element at the 2×2 points."""
+        return self.problem.area_ratio(self.found.u)
+
+    @cached_property
+    def strain(self) -> ndarray:
+        """Largest magnitude of the fibre strain of each element at the 2×2 points."""
+        gauss, _ = GAUSS
+        strain = self.problem.ply.fibre_strain(self.found.u, gauss)
+        return np.abs(strain).max(axis=(0, 2))
+
+    @cached_property
+    def works(self) -> tuple[float, float]:
+        """Work that the forces at either end of the step do in it."""
+        if self.start is None:
+            return 0.0, 0.0
+        move = self.found.u - self.start.u
+        return float(self.start.f @ move), float(self.found.f @ move)
+
+    def complaints(self, warn_only: Collection[str]) -> list[str]:
+        """Apply every check, and return what those in ``warn_only`` say.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If another check has a complaint.
+        """
+        warnings = []
+        for name, check in CHECKS.items():
+            try:
+                check(self)
+            except NoEquilibriumError as complaint:
+                if name not in warn_only:
+                    raise
+                warnings.append(str(complaint))
+        return warnings
+
+    def verdict(self) -> Verdict:
+        """What was found."""
+        return Verdict(
+            negative_pivots=self.tangent.negative_pivots if self.tangent else None,
+            min_det_F=float(self.area_ratio.min()),
+            max_fibre_strain_2x2=float(self.strain.max()),
+            work=0.5 * sum(self.works),
+        )
+
+
+def _folding(trial: Trial) -> None:
+    folded = np.flatnonzero(~(trial.area_ratio > 0))
+    if folded.size:
+        raise NoEquilibriumError(
+            f"{folded.size} element(s) folded, det F down to "
+            f"{trial.area_ratio.min():.2g}",
+            folded,
+        )
+
+
+def _strain(trial: Trial) -> None:
+    torn = np.flatnonzero(~(trial.strain < _LARGEST_STRAIN))
+    if torn.size:
+        raise NoEquilibriumError(
+            f"fibre strain up to {trial.strain.max():.2g} in {torn.size} element(s)",
+            torn,
+        )
+
+
+def _stability(trial: Trial) -> None:
+    tangent = trial.tangent
+    if tangent is None or tangent.negative_pivots is None:
+        raise NoEquilibriumError("some motion meets no stiffness there")
+    if tangent.negative_pivots:
+        raise NoEquilibriumError(
+            f"an equilibrium, but not stable: {tangent.negative_pivots} negative "
+            "pivot(s)",
+            trial.problem.around(tangent.softest()),
+        )
+
+
+def _work(trial: Trial) -> None:
+    low, high = sorted(trial.works)
+    margin = _NEGLIGIBLE * max(abs(low), abs(high), abs(trial.rise))
+    if not low - margin <= trial.rise <= high + margin:
+        raise NoEquilibriumError(
+            f"the energy changed by {trial.rise:.3g} N·mm, where the reactions at the "
+            f"two ends of the step do {low:.3g} to {high:.3g}: the step is long, or "
+            "the ply went over to another equilibrium"
+        )
+
+
+#: Checks of a state by name, the cheap ones first.
+CHECKS: dict[str, Callable[[Trial], None]] = {
+    "folding": _folding,
+    "strain": _strain,
+    "stability": _stability,
+    "work": _work,
+}

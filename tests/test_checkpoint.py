@@ -1,0 +1,170 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from skfem_textile import (
+    CheckpointError,
+    Fabric,
+    LoadStepper,
+    Mixed,
+    OnePoint,
+    Ply,
+    StepError,
+)
+from skfem_textile.scenes import strip
+
+
+def stepper(folder, steps=6, C_s=1.0, kind="energy", E=1e4, **options):
+    scene = strip(size=(4, 6))
+    ply = Ply(scene.mesh, Fabric(E), OnePoint(C_s, kind))
+    return LoadStepper(ply, scene.conditions, steps, checkpoint=folder, **options)
+
+
+def interrupted_at(folder, load_factor, **options):
+    """Leave the checkpoint of a run that was interrupted there."""
+
+    def interrupt(state):
+        if state.load_factor >= load_factor:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stepper(folder, on_step=interrupt, **options).run()
+
+
+def assert_same(result, other):
+    assert [s.load_factor for s in result.states] == [
+        s.load_factor for s in other.states
+    ]
+    np.testing.assert_array_equal(result.u, other.u)
+    assert result.newton_iterations == other.newton_iterations
+    assert result.factorisations == other.factorisations
+    assert result.steps_cut == other.steps_cut
+    assert result.history() == other.history()
+
+
+@pytest.mark.parametrize("kind", ["energy", "rate"])
+@pytest.mark.parametrize("at", [0.1, 0.5, 0.8])
+def test_a_resumed_run_gives_the_same_result_to_the_last_bit(tmp_path, kind, at):
+    interrupted_at(tmp_path / "c", at, kind=kind)
+    whole = stepper(None, kind=kind).run()
+    assert_same(stepper(tmp_path / "c", kind=kind).run(resume=True), whole)
+
+
+def test_a_resumed_run_remembers_the_length_of_its_step(tmp_path):
+    """This run cuts its only step, and grows again."""
+    options = {"steps": 1, "strategies": [Mixed(most=5)]}
+    whole = stepper(None, **options).run()
+    assert whole.steps_cut > 0
+    interrupted_at(tmp_path / "c", whole.states[1].load_factor, **options)
+    assert_same(stepper(tmp_path / "c", **options).run(resume=True), whole)
+
+
+def test_a_run_that_stopped_early_is_resumed_to_the_same_end(tmp_path):
+    """A run that cannot go on says so again, and keeps what it had."""
+    ends = []
+    for resume in (False, True):
+        run = stepper(
+            tmp_path / "c", steps=4, E=1e8, strategies=["newton"], max_halvings=1
+        )
+        with pytest.raises(StepError) as error:
+            run.run(resume)
+        ends.append(error.value.result)
+    assert ends[0].states[-1].load_factor == ends[1].states[-1].load_factor
+
+
+def test_a_finished_run_is_read_and_not_run_again(tmp_path):
+    whole = stepper(tmp_path / "c").run()
+    again = stepper(tmp_path / "c", on_step=pytest.fail).run(resume=True)
+    assert_same(again, whole)
+
+
+def test_without_a_state_a_run_starts_from_the_beginning(tmp_path):
+    assert_same(stepper(tmp_path / "c").run(resume=True), stepper(None).run())
+
+
+def test_an_unfinished_run_is_not_overwritten_and_a_finished_one_is(tmp_path):
+    interrupted_at(tmp_path / "c", 0.5)
+    with pytest.raises(CheckpointError, match="holds an unfinished run: resume it"):
+        stepper(tmp_path / "c").run()
+    stepper(tmp_path / "c").run(resume=True)
+    stepper(tmp_path / "c", C_s=10.0).run()
+
+
+@pytest.mark.parametrize(
+    ("other", "what"),
+    [
+        ({"C_s": 2.0}, "forces differ"),
+        ({"kind": "rate"}, "forces differ"),
+        ({"E": 2e4}, "forces differ"),
+        ({"steps": 7}, "load_factors was"),
+        ({"strategies": ["newton"]}, "strategies was"),
+        ({"warn_only": []}, "warn_only was"),
+    ],
+)
+def test_a_checkpoint_of_another_run_is_refused(tmp_path, other, what):
+    interrupted_at(tmp_path / "c", 0.5)
+    with pytest.raises(CheckpointError, match=f"of another run: .*{what}") as error:
+        stepper(tmp_path / "c", **other).run(resume=True)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("file", ["run.npz", "state_000000.npz", "state_000002.npz"])
+@pytest.mark.parametrize("damage", ["cut", "flipped", "text", "empty"])
+def test_a_damaged_checkpoint_is_refused(tmp_path, file, damage):
+    interrupted_at(tmp_path / "c", 0.5)
+    path = tmp_path / "c" / file
+    whole = path.read_bytes()
+    middle = len(whole) // 2
+    flipped = whole[:middle] + bytes([whole[middle] ^ 255]) + whole[middle + 1 :]
+    broken = {"cut": whole[:middle], "flipped": flipped, "text": b"hello", "empty": b""}
+    path.write_bytes(broken[damage])
+    with pytest.raises(CheckpointError, match="damaged") as error:
+        stepper(tmp_path / "c").run(resume=True)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("file", ["run.npz", "state_000001.npz"])
+def test_a_missing_file_is_told(tmp_path, file):
+    interrupted_at(tmp_path / "c", 0.5)
+    (tmp_path / "c" / file).unlink()
+    with pytest.raises(CheckpointError, match="missing"):
+        stepper(tmp_path / "c").run(resume=True)
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_any_work(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(CheckpointError, match="cannot write checkpoint"):
+        stepper(tmp_path / "file" / "c", on_iteration=pytest.fail).run()
+
+
+def test_a_run_killed_at_any_moment_is_resumed(tmp_path):
+    """Killed without warning at random moments, 20 of them in all."""
+    rng = np.random.default_rng(0)
+    command = [sys.executable, "-m", "skfem_textile", "run", "strip", "--no-render"]
+    command += ["--size", "4x6", "--steps", "40", "--stabilisation", "rate"]
+
+    def go(out, *options, kill_after=None):
+        arguments = [*command, "--out", str(out), *options]
+        child = subprocess.Popen(arguments, stdout=subprocess.PIPE)
+        if kill_after is not None:
+            time.sleep(kill_after)
+            os.kill(child.pid, signal.SIGKILL)
+        child.communicate()
+        return child.returncode
+
+    start = time.perf_counter()
+    assert go(tmp_path / "whole") == 0
+    duration = time.perf_counter() - start
+    history = (tmp_path / "whole" / "history.csv").read_text()
+    killed = 0
+    while killed < 20:
+        out = tmp_path / f"out{killed}"
+        go(out, "--checkpoint", kill_after=duration * rng.random())
+        killed += 1
+        assert go(out, "--resume") == 0
+        assert (out / "history.csv").read_text() == history

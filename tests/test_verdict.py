@@ -1,0 +1,142 @@
+import logging
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, StepError
+from skfem_textile.scenes import strip
+
+
+def run(formulation, steps, E=1e4, G=0.0, **options):
+    scene = strip()
+    ply = Ply(scene.mesh, Fabric(E, G), formulation)
+    return LoadStepper(ply, scene.conditions, steps, **options).run()
+
+
+def squeezed(**options):
+    """Rods held at both ends and pushed together: straight is an equilibrium."""
+    mesh = MeshQuad.init_tensor(np.linspace(0, 1, 9), np.linspace(0, 0.1, 2))
+    ply = Ply(mesh.with_defaults(), Fabric(100.0, 0.01), Full())
+    conditions = {
+        "left": Condition("left"),
+        "right": Condition("right", (-0.2, 0.0)),
+    }
+    return LoadStepper(ply, conditions, **options)
+
+
+def stiffness_of(result, scene):
+    """Smallest eigenvalue of the tangent on the free unknowns, densely."""
+    free = LoadStepper(result.ply, scene.conditions).problem.constraints.free
+    K = result.ply.tangent(result.u).toarray()
+    return np.linalg.eigvalsh(K[np.ix_(free, free)])[0]
+
+
+def test_a_saddle_point_is_refused_with_its_place():
+    """Newton's method keeps a pushed rod straight, past the load that buckles it."""
+    with pytest.raises(StepError, match=r"not stable: \d negative pivot") as error:
+        squeezed(steps=1, strategies=["newton"], max_halvings=0).run()
+    assert error.value.elements.size
+    assert error.value.result.states[-1].load_factor == 0.0
+
+
+def test_a_check_may_be_switched_to_a_warning(caplog):
+    with caplog.at_level(logging.WARNING, logger="skfem_textile"):
+        result = squeezed(
+            steps=1, strategies=["newton"], warn_only=["stability", "work"]
+        ).run()
+    assert "load factor 1: an equilibrium, but not stable" in caplog.text
+    summary = result.summary()
+    assert summary["converged"]
+    assert not summary["stable"]
+    assert summary["negative_pivots"] > 0
+    assert str(result).splitlines()[-2].endswith("no")
+
+
+@pytest.mark.parametrize("steps", [1, 5, 10, 20, 50, 100])
+def test_the_strip_ends_on_a_stable_state_from_any_number_of_steps(steps):
+    """C_s = 1 has at least four equilibria, and not all are stable."""
+    result = run(OnePoint(1.0), steps)
+    summary = result.summary()
+    assert summary["stable"]
+    assert summary["negative_pivots"] == 0
+    assert stiffness_of(result, strip()) > 0
+
+
+@pytest.mark.parametrize(
+    ("formulation", "steps", "most"),
+    [
+        (Full(), 1, 8),
+        (Full(), 20, 65),
+        (OnePoint(10.0), 1, 12),
+        (OnePoint(10.0), 20, 75),
+    ],
+)
+def test_the_strip_takes_few_linear_solves(formulation, steps, most):
+    result = run(formulation, steps)
+    many = run(formulation, 100)
+    energies = [r.summary()["energy"] for r in (result, many)]
+    assert energies[0] == pytest.approx(energies[1], rel=1e-6)
+    assert result.newton_iterations <= most
+
+
+def test_little_stabilisation_ends_on_a_stable_state():
+    result = run(OnePoint(0.01), 20)
+    assert result.summary()["stable"]
+    assert stiffness_of(result, strip()) > 0
+
+
+def test_stiff_fibres_leave_the_shape_as_it_is():
+    ends = [run(Full(), 1, E) for E in (1e6, 1e8, 1e10)]
+    for end in ends[1:]:
+        off = np.abs(end.u - ends[0].u).max()
+        assert off < 1e-3 * np.abs(ends[0].u).max()
+
+
+@pytest.mark.parametrize("E", [1e6, 1e8, 1e10])
+def test_stiff_fibres_with_shear_are_loaded_to_the_end(E):
+    result = run(OnePoint(5.0), 5, E, 0.5)
+    assert result.summary()["stable"]
+
+
+def test_folded_elements_are_named():
+    """At this stabilisation one element folds before the end."""
+    with pytest.raises(StepError, match=r"1 element\(s\) folded, det F") as error:
+        run(OnePoint(1.0), 5, G=0.5)
+    assert error.value.elements.tolist() == [138]
+    assert error.value.result.summary()["min_det_F"] > 0
+
+
+def test_torn_fibres_are_refused():
+    mesh = MeshQuad().refined(1).with_defaults()
+    conditions = {
+        "clamp": Condition("bottom"),
+        "pull": Condition("top", (0.0, 2.0)),
+    }
+    ply = Ply(mesh, Fabric(10.0, 1.0), Full())
+    with pytest.raises(StepError, match="fibre strain up to 1"):
+        LoadStepper(ply, conditions, 4, max_halvings=1).run()
+    torn = LoadStepper(ply, conditions, 4, warn_only=["strain", "stability"]).run()
+    assert torn.summary()["max_fibre_strain_2x2"] == pytest.approx(np.log(3))
+
+
+@pytest.mark.parametrize("steps", [1, 4, 20])
+def test_a_pushed_rod_buckles(steps):
+    """No symmetry of the mesh holds it on the saddle point."""
+    result = squeezed(steps=steps).run()
+    assert result.summary()["stable"]
+    sideways = np.abs(result.ply.nodal(result.u)[1]).max()
+    assert sideways > 0.1
+    assert result.summary()["max_fibre_strain"] < 0.05
+
+
+def test_a_change_of_branch_is_told_and_a_smooth_path_is_not(caplog):
+    mesh = MeshQuad().refined(2).with_defaults()
+    pushed = {"clamp": Condition("bottom"), "push": Condition("top", -0.3, (0, 1))}
+    block = LoadStepper(Ply(mesh, Fabric(10.0, 1.0), Full()), pushed, 4)
+    with caplog.at_level(logging.WARNING, logger="skfem_textile"):
+        run(Full(), 20)
+        assert not caplog.records
+        block.run()
+    assert len(caplog.records) == 1
+    assert "the ply went over to another equilibrium" in caplog.text
