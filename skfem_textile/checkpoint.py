@@ -72,18 +72,18 @@ class Checkpoint:
                 f"checkpoint {self.folder} holds an unfinished run: resume it, or "
                 "remove the folder"
             )
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            for file in states:
-                file.unlink()
-            _write(self.folder / _RUN, self._settings, self._identity())
-        except OSError as error:
-            raise CheckpointError(
-                f"cannot write checkpoint {self.folder}: {error.strerror or error}"
-            ) from None
+        for file in states:
+            file.unlink()
+        self._write(_RUN, self._settings, self._identity())
 
     def save(self, number: int, state: State, progress: Mapping[str, Any]) -> None:
-        """Write a state, where the stepper is, and what the ply's terms remember."""
+        """Write a state, where the stepper is, and what the ply's terms remember.
+
+        Raises
+        ------
+        CheckpointError
+            If it cannot be written.
+        """
         text = asdict(state) | {"progress": dict(progress), "work": {}}
         arrays = {"u": text.pop("u")}
         text["reactions"] = {k: v.tolist() for k, v in state.reactions.items()}
@@ -92,7 +92,7 @@ class Checkpoint:
                 text["work"][term.name] = float(term.memory.work)
                 for name, array in term.memory.parameters.items():
                     arrays[f"{term.name} {name}"] = np.asarray(array)
-        _write(self.folder / f"state_{number:06d}.npz", text, arrays)
+        self._write(f"state_{number:06d}.npz", text, arrays)
 
     def load(self) -> Saved | None:
         """Read every state, and let the ply's terms remember the last; None if none is.
@@ -138,6 +138,22 @@ class Checkpoint:
             "forces": ply.residual(probe),
         }
 
+    def _write(
+        self, name: str, text: Mapping[str, Any], arrays: Mapping[str, ndarray]
+    ) -> None:
+        beside = self.folder / f".{name}"
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with open(beside, "wb") as file:
+                np.savez(file, text=np.array(json.dumps(text)), **arrays)  # type: ignore[arg-type]
+                file.flush()
+                os.fsync(file.fileno())
+            beside.replace(self.folder / name)
+        except OSError as error:
+            raise CheckpointError(
+                f"cannot write checkpoint {self.folder}: {error.strerror or error}"
+            ) from None
+
     def _check_identity(self) -> None:
         settings, arrays = _read(self.folder / _RUN)
         for name, value in self._settings.items():
@@ -153,15 +169,6 @@ class Checkpoint:
                 raise CheckpointError(
                     f"checkpoint {self.folder} is of another run: its {name} differ"
                 )
-
-
-def _write(path: Path, text: Mapping[str, Any], arrays: Mapping[str, ndarray]) -> None:
-    beside = path.with_name(f".{path.name}")
-    with open(beside, "wb") as file:
-        np.savez(file, text=np.array(json.dumps(text)), **arrays)  # type: ignore[arg-type]
-        file.flush()
-        os.fsync(file.fileno())
-    beside.replace(path)
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, ndarray]]:

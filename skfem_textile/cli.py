@@ -10,26 +10,31 @@ from typing import NoReturn, get_args
 from . import __version__, commands
 from .formulations import Kind
 from .scenes.rectangle import KINDS
-
-BAD_INPUT, INTERRUPTED = 2, 130
+from .stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY
+from .strategies import STRATEGIES
+from .verdict import CHECKS
 
 _EXIT_CODES = (
     "exit code: 0, every step converged; 1, stopped early and the last good state "
-    "written; 2, bad input and nothing written"
+    "written; 2, bad input and nothing written; 130, interrupted and the last good "
+    "state written"
 )
+
+_SHOWN = " (default: %(default)s)"
 
 
 class _Parser(argparse.ArgumentParser):
     """A parser that answers bad input with one line."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"skfem-textile: error: {message}\n")
+        self.exit(commands.BAD_INPUT, f"skfem-textile: error: {message}\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code.
 
-    0 when every step converged, 1 when a run stopped early, 2 for bad input.
+    0 when every step converged, 1 when a run stopped early, 2 for bad input, 130
+    after an interruption.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -39,10 +44,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except KeyboardInterrupt:
         print("skfem-textile: interrupted, nothing written", file=sys.stderr)
-        return INTERRUPTED
+        return commands.INTERRUPTED
     except (ValueError, OSError, MemoryError) as error:
         print(f"skfem-textile: error: {error}", file=sys.stderr)
-        return BAD_INPUT
+        return commands.BAD_INPUT
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -55,14 +60,29 @@ def _parser() -> argparse.ArgumentParser:
     tasks.add_parser("list", help="list the scenes").set_defaults(task=commands.scenes)
     run = tasks.add_parser("run", help="run a scene and write its results to a folder")
     scenes = run.add_subparsers(dest="scene", required=True)
-    for name, add_options in (("strip", _strip), ("two_element", _two_element)):
+    for name, add_options in _OPTIONS.items():
         scene = scenes.add_parser(name, help=commands.SCENES[name], epilog=_EXIT_CODES)
-        scene.add_argument(
-            "--out", type=Path, required=True, metavar="DIR", help="where results go"
-        )
-        scene.add_argument("--no-render", action="store_true", help="write no pictures")
+        _output(scene)
         add_options(scene)
+    study = tasks.add_parser("study", help="run a study and write its report")
+    studies = study.add_subparsers(dest="study", required=True)
+    for name, what in commands.STUDIES.items():
+        _study(studies.add_parser(name, help=what))
     return parser
+
+
+def _output(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("--out", type=Path, required=True, metavar="DIR", help="where results go")
+    add("--no-render", action="store_true", help="write no pictures")
+
+
+def _study(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(task=commands.study)
+    _output(parser)
+    parser.add_argument(
+        "--workers", type=int, default=1, help="processes to use" + _SHOWN
+    )
 
 
 def _two_element(parser: argparse.ArgumentParser) -> None:
@@ -70,41 +90,120 @@ def _two_element(parser: argparse.ArgumentParser) -> None:
 
 
 def _strip(parser: argparse.ArgumentParser) -> None:
-    parser.set_defaults(task=commands.run)
-    add, shown = parser.add_argument, " (default: %(default)s)"
-    add(
+    _loaded(parser, "10x15")
+    parser.add_argument(
         "--paper",
         action="store_const",
         const=commands.paper,
         dest="task",
         help="run the paper's figures; of the other options only --no-render counts",
     )
+
+
+def _picture_frame(parser: argparse.ArgumentParser) -> None:
+    _loaded(parser, "10x10")
+    _angle(parser, "shear-angle", 45.0, "shear angle at the end")
+
+
+def _trellis(parser: argparse.ArgumentParser) -> None:
+    _loaded(parser, "10x10")
+    _angle(parser, "warp", 0.0, "inclination of the warp")
+    _angle(parser, "weft", 90.0, "inclination of the weft")
+    _angle(parser, "shear-angle", 45.0, "shear angle at the origin, at the end")
+    _angle(parser, "bend", 30.0, "by which a fibre of 100 mm bends in the end")
+
+
+_OPTIONS = {
+    "strip": _strip,
+    "picture_frame": _picture_frame,
+    "trellis": _trellis,
+    "two_element": _two_element,
+}
+
+
+def _angle(
+    parser: argparse.ArgumentParser, name: str, default: float, what: str
+) -> None:
+    parser.add_argument(
+        f"--{name}", type=float, default=default, metavar="DEG", help=what + _SHOWN
+    )
+
+
+def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
+    """Options of every scene in which a ply is loaded."""
+    parser.set_defaults(task=commands.run)
+    add = parser.add_argument
     add(
         "--mesh",
         default="irregular",
         metavar="KIND|FILE",
-        help=f"{', '.join(KINDS)}, or a file of quadrilaterals" + shown,
+        help=f"{', '.join(KINDS)}, or a file of quadrilaterals" + _SHOWN,
     )
-    add("--size", type=_size, default="10x15", help="elements along x and y" + shown)
-    add("--jitter", type=float, default=0.3, help="node moves per spacing" + shown)
-    add("--seed", type=int, default=1, help="seed of the node moves" + shown)
+    add("--size", type=_size, default=size, help="elements along x and y" + _SHOWN)
+    add("--jitter", type=float, default=0.3, help="node moves per spacing" + _SHOWN)
+    add("--seed", type=int, default=1, help="seed of the node moves" + _SHOWN)
     add(
         "--formulation",
         choices=("one-point", "full"),
         default="one-point",
-        help="one stabilised point, or 2x2 points" + shown,
+        help="one stabilised point, or 2x2 points" + _SHOWN,
     )
-    add("--cs", type=float, default=1.0, help="stabilisation C_s in N/mm" + shown)
+    add("--cs", type=float, default=1.0, help="stabilisation C_s in N/mm" + _SHOWN)
     add(
         "--stabilisation",
         choices=get_args(Kind),
         default="energy",
-        help="independent of the path, or the paper's rates" + shown,
+        help="independent of the path, or the paper's rates" + _SHOWN,
     )
-    add("--fibre-stiffness", type=float, default=1e4, metavar="E", help="N/mm" + shown)
-    add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm" + shown)
-    add("--rotate", type=float, default=0.0, metavar="DEG", help="turn it all" + shown)
-    add("--steps", type=int, default=20, help="load steps" + shown)
+    add("--fibre-stiffness", type=float, default=1e4, metavar="E", help="N/mm" + _SHOWN)
+    add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm" + _SHOWN)
+    _angle(parser, "rotate", 0.0, "turn it all")
+    _stepping(parser)
+
+
+def _stepping(parser: argparse.ArgumentParser) -> None:
+    """Options of the load stepper."""
+    add = parser.add_argument
+    add("--steps", type=int, default=20, help="load steps" + _SHOWN)
+    add(
+        "--strategy",
+        nargs="+",
+        choices=tuple(STRATEGIES),
+        default=list(DEFAULT_STRATEGIES),
+        metavar="NAME",
+        help=f"what a step tries, in this order, of {', '.join(STRATEGIES)}" + _SHOWN,
+    )
+    add(
+        "--warn-only",
+        nargs="*",
+        choices=tuple(CHECKS),
+        default=list(DEFAULT_WARN_ONLY),
+        metavar="CHECK",
+        help=f"checks that do not refuse a state, of {', '.join(CHECKS)}" + _SHOWN,
+    )
+    add(
+        "--checkpoint",
+        type=Path,
+        nargs="?",
+        const=True,
+        metavar="FOLDER",
+        help="write every converged step, to `checkpoint` in DIR if no folder is named",
+    )
+    add(
+        "--resume",
+        type=Path,
+        nargs="?",
+        const=True,
+        metavar="FOLDER",
+        help="go on from the checkpoint of an interrupted run, and keep writing it",
+    )
+    add(
+        "-v",
+        "--verbose",
+        action="count",
+        default=0,
+        help="tell of every step; twice: of every iteration",
+    )
 
 
 def _size(text: str) -> tuple[int, int]:

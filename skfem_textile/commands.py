@@ -2,8 +2,10 @@
 
 import argparse
 import json
+import logging
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +16,25 @@ from .fabric import Fabric
 from .formulations import Formulation, Full, OnePoint
 from .ply import Ply
 from .result import Result, State
-from .scenes import Scene, strip
+from .scenes import Scene, picture_frame, strip, trellis
 from .scenes.rectangle import KINDS
-from .stepper import LoadStepper, StepError
+from .scenes.trellis import sheared
+from .stepper import Iteration, LoadStepper, StepError
 
 #: The scenes, and what they are.
 SCENES = {
     "strip": "a strip laid on a circle, fibres along its sides, clamped at the bottom",
+    "picture_frame": "a square sheared by a hinged frame, fibres along its sides",
+    "trellis": "a square whose edges follow a motion that stretches no fibre",
     "two_element": "why quadrilaterals lock: the paper's equations on two elements",
 }
 
-STOPPED_EARLY = 1
+#: The studies, and what they tell.
+STUDIES = {
+    "stability": "stiff and extreme cases: which are right, refused or wrong",
+}
+
+STOPPED_EARLY, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
 _PICTURES = (
     "fibre_strain.png",
@@ -47,35 +57,27 @@ def run(options: argparse.Namespace) -> int:
     from . import io  # loads meshio
 
     scene = _scene(options)
-    fabric = Fabric(
-        options.fibre_stiffness, options.shear_stiffness, scene.warp, scene.weft
-    )
-    formulation: Formulation = (
-        Full()
-        if options.formulation == "full"
-        else OnePoint(options.cs, options.stabilisation)
-    )
-    stepper = LoadStepper(
-        Ply(scene.mesh, fabric, formulation), scene.conditions, options.steps
-    )
+    stepper = _stepper(scene, options)
     fields = (f"fields/{io.STEPS}", f"fields/{io.SERIES}")
     written = ("summary.json", "history.csv", *fields, *_PICTURES)
-    with io.ResultFolder(options.out, written) as folder:
-        result, stopped = _load(stepper)
-        summary = scene.summary(result)
+    results = io.ResultFolder(options.out, written)
+    code, said = _load(stepper, options)
+    result = stepper.result
+    summary = scene.summary(result)
+    with results as folder:
         inputs = {"inputs": {"version": __version__, **_inputs(options)}}
         io.write_summary(summary | inputs, folder / "summary.json")
         io.write_history(result, folder / "history.csv")
         io.write_fields(result, folder / "fields")
-        if not options.no_render:
+        if not options.no_render and code != INTERRUPTED:
             _render(lambda: _draw(scene, result, folder))
     for key, value in summary.items():
         shown = f"{value:.6g}" if isinstance(value, float) else value
         print(f"{key:28}{shown}")
     print(f"results in {options.out}")
-    if stopped:
-        print(f"skfem-textile: {stopped}", file=sys.stderr)
-    return STOPPED_EARLY if stopped else 0
+    if said:
+        print(f"skfem-textile: {said}", file=sys.stderr)
+    return code
 
 
 def paper(options: argparse.Namespace) -> int:
@@ -83,7 +85,8 @@ def paper(options: argparse.Namespace) -> int:
     from . import io
     from .studies import paper as study
 
-    with io.ResultFolder(options.out, (*study.FILES, *study.PICTURES)) as folder:
+    results = io.ResultFolder(options.out, (*study.FILES, *study.PICTURES))
+    with results as folder:
         rows = study.reproduce(folder)
         if not options.no_render:
             _render(lambda: study.draw(rows, folder))
@@ -106,9 +109,24 @@ def two_element(options: argparse.Namespace) -> int:
     return 0
 
 
+def study(options: argparse.Namespace) -> int:
+    """Run a study and write its report."""
+    from . import io
+    from .studies import stability
+
+    results = io.ResultFolder(options.out, (*stability.FILES, *stability.PICTURES))
+    report = stability.report(options.workers, progress=print)
+    with results as folder:
+        stability.write(report, folder)
+        if not options.no_render:
+            _render(lambda: stability.draw(report, folder))
+    print(f"results in {options.out}")
+    return 0
+
+
 def _inputs(options: argparse.Namespace) -> Mapping[str, Any]:
     """The options that decide the result."""
-    others = ("command", "task", "out", "no_render")
+    others = ("command", "task", "out", "no_render", "checkpoint", "resume", "verbose")
     return {k: v for k, v in vars(options).items() if k not in others}
 
 
@@ -120,29 +138,98 @@ def _scene(options: argparse.Namespace) -> Scene:
         from .io import read_mesh
 
         mesh = read_mesh(mesh)
-    scene = strip(mesh, options.size, options.jitter, options.seed)
+    scene = _SCENES[options.scene](options)(
+        mesh=mesh, size=options.size, jitter=options.jitter, seed=options.seed
+    )
     return scene.rotated(np.radians(options.rotate))
 
 
-def _load(stepper: LoadStepper) -> tuple[Result, StepError | None]:
-    """The result with a progress bar on a terminal, and what stopped it early."""
+def _picture_frame(options: argparse.Namespace) -> Callable[..., Scene]:
+    return partial(picture_frame, shear_angle=np.radians(options.shear_angle))
+
+
+def _trellis(options: argparse.Namespace) -> Callable[..., Scene]:
+    warp, weft = np.radians([options.warp, options.weft])
+    turns = sheared(np.radians(options.shear_angle), np.radians(options.bend))
+    return partial(trellis, warp=warp, weft=weft, turns=turns)
+
+
+_SCENES: dict[str, Callable[[argparse.Namespace], Callable[..., Scene]]] = {
+    "strip": lambda options: strip,
+    "picture_frame": _picture_frame,
+    "trellis": _trellis,
+}
+
+
+def _stepper(scene: Scene, options: argparse.Namespace) -> LoadStepper:
+    fabric = Fabric(
+        options.fibre_stiffness, options.shear_stiffness, scene.warp, scene.weft
+    )
+    formulation: Formulation = (
+        Full()
+        if options.formulation == "full"
+        else OnePoint(options.cs, options.stabilisation)
+    )
+    folder = options.resume or options.checkpoint
+    return LoadStepper(
+        Ply(scene.mesh, fabric, formulation),
+        scene.conditions,
+        options.steps,
+        strategies=options.strategy,
+        warn_only=options.warn_only,
+        checkpoint=options.out / "checkpoint" if folder is True else folder,
+    )
+
+
+def _load(stepper: LoadStepper, options: argparse.Namespace) -> tuple[int, str]:
+    """Run with a progress bar on a terminal: exit code, and what to say at the end."""
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import BarColumn, Progress, TextColumn
 
     console = Console(stderr=True)
+    columns = (BarColumn(), TextColumn("{task.description}"))
     with Progress(
-        console=console, transient=True, disable=not console.is_terminal
+        *columns, console=console, transient=True, disable=not console.is_terminal
     ) as bar:
-        task = bar.add_task("load factor", total=1.0)
+        _log(options.verbose)
+        task = bar.add_task("load factor 0", total=1.0)
 
-        def show(state: State) -> None:
+        def told(at: Iteration) -> None:
+            bar.update(
+                task,
+                description=f"load factor {at.load_factor:.4g}, step {at.step:.2g}, "
+                f"{at.strategy} {at.number}",
+            )
+
+        def reached(state: State) -> None:
             bar.update(task, completed=state.load_factor)
 
-        stepper.on_step = show
+        stepper.on_iteration, stepper.on_step = told, reached
         try:
-            return stepper.run(), None
+            stepper.run(resume=options.resume is not None)
         except StepError as error:
-            return error.result, error
+            return STOPPED_EARLY, str(error)
+        except KeyboardInterrupt:
+            if not stepper.states:
+                raise
+            return INTERRUPTED, _interrupted(stepper, options)
+    return 0, ""
+
+
+def _interrupted(stepper: LoadStepper, options: argparse.Namespace) -> str:
+    at = stepper.states[-1].load_factor
+    kept = options.resume or options.checkpoint
+    advice = "--resume goes on from there" if kept else "--checkpoint lets a run resume"
+    return f"interrupted; the state at load factor {at:.6g} is written, {advice}"
+
+
+def _log(verbose: int) -> None:
+    """Send the log to stderr, past the progress bar."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(message)s"))
+    log = logging.getLogger(__package__)
+    log.handlers[:] = [handler]
+    log.setLevel([logging.WARNING, logging.INFO, logging.DEBUG][min(verbose, 2)])
 
 
 def _render(draw: Callable[[], None]) -> None:

@@ -52,9 +52,14 @@ def curves(
             axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
             axes.grid(alpha=0.3)
             axes.legend(frameon=False)
-        if filename is not None:
-            path = Path(filename)
-            unfinished = path.with_name(f".unfinished-{path.stem}.png")
-            figure.savefig(unfinished, dpi=150)
-            unfinished.replace(path)
+        save(figure, filename)
     return figure
+
+
+def save(figure: Figure, filename: str | os.PathLike[str] | None) -> None:
+    """Write a figure as PNG, beside its place first; do nothing without a name."""
+    if filename is not None:
+        path = Path(filename)
+        unfinished = path.with_name(f".unfinished-{path.stem}.png")
+        figure.savefig(unfinished, dpi=150)
+        unfinished.replace(path)

@@ -155,22 +155,23 @@ class ResultFolder:
 
     def __init__(self, path: str | os.PathLike[str], names: Sequence[str]) -> None:
         self.path, self._names = Path(path), names
-        self._made = not self.path.exists()
         try:
-            self.path.mkdir(parents=True, exist_ok=True)
+            _refuse_unwritable(self.path)
             for name in names:
                 target = self.path / name
                 if target.is_dir():
                     raise IsADirectoryError(f"{target} is a folder")
                 if target.parent.exists() and not target.parent.is_dir():
                     raise NotADirectoryError(f"{target.parent} is no folder")
-            self._scratch = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=self.path))
         except OSError as error:
             reason = error.strerror or error
             raise OSError(f"cannot write results to {self.path}: {reason}") from None
 
     def __enter__(self) -> Path:
         """Give a scratch folder to write into."""
+        self._made = not self.path.exists()
+        self.path.mkdir(parents=True, exist_ok=True)
+        self._scratch = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=self.path))
         return self._scratch
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
@@ -190,3 +191,10 @@ class ResultFolder:
             shutil.rmtree(self._scratch, ignore_errors=True)
             if self._made and error is not None:
                 shutil.rmtree(self.path, ignore_errors=True)
+
+
+def _refuse_unwritable(folder: Path) -> None:
+    """Try to write into a folder, or into the nearest one above it that is there."""
+    while not folder.exists():
+        folder = folder.parent
+    tempfile.TemporaryFile(dir=folder).close()

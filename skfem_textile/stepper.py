@@ -20,6 +20,9 @@ from .verdict import CHECKS, Trial
 
 log = logging.getLogger(__name__)
 
+#: What a step tries and which checks only warn, unless told otherwise.
+DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY = ("mixed", "descent"), ("work",)
+
 # After a step of no more linear solves than this the next may be twice as long.
 _EASY = 6
 
@@ -55,6 +58,12 @@ class Iteration(NamedTuple):
     number: int
     residual: float
     tolerance: float
+
+    def __str__(self) -> str:
+        return (
+            f"load factor {self.load_factor:g}, {self.strategy} {self.number}: "
+            f"{self.residual:.3g} N unbalanced, tolerance {self.tolerance:.3g} N"
+        )
 
 
 class LoadStepper:
@@ -115,9 +124,9 @@ class LoadStepper:
         conditions: Mapping[str, Condition],
         steps: int = 20,
         *,
-        strategies: Sequence[str | Strategy] = ("mixed", "descent"),
+        strategies: Sequence[str | Strategy] = DEFAULT_STRATEGIES,
         max_halvings: int = 8,
-        warn_only: Collection[str] = ("work",),
+        warn_only: Collection[str] = DEFAULT_WARN_ONLY,
         on_iteration: Callable[[Iteration], None] | None = None,
         on_step: Callable[[State], None] | None = None,
         checkpoint: str | os.PathLike[str] | None = None,
@@ -125,9 +134,7 @@ class LoadStepper:
         if steps != int(steps) or steps < 1:
             raise ValueError(f"steps must be at least 1, and whole; got {steps}")
         if not strategies:
-            raise ValueError(
-                f"name at least one strategy of {', '.join(STRATEGIES)}"
-            )
+            raise ValueError(f"name at least one strategy of {', '.join(STRATEGIES)}")
         if max_halvings < 0:
             raise ValueError(f"max_halvings must be at least 0, got {max_halvings}")
         for name in warn_only:
@@ -176,8 +183,13 @@ class LoadStepper:
         return self.result
 
     @property
+    def states(self) -> tuple[State, ...]:
+        """The states so far; none before a run."""
+        return tuple(self._states)
+
+    @property
     def result(self) -> Result:
-        """The states so far; after an interruption, what the run has found."""
+        """What the run has found so far; after an interruption, all of it."""
         clock = self.problem.clock
         return Result(
             ply=self.problem.ply,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skfem_textile import Full, OnePoint, cli, commands, offscreen
+from skfem_textile import Full, LoadStepper, OnePoint, cli, commands, offscreen
 from skfem_textile.problem import Problem
 from skfem_textile.studies import paper
 
@@ -36,7 +36,8 @@ def refused(capsys, *arguments):
 def test_list_names_the_scenes(capsys):
     assert cli.main(["list"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == ["strip", "two_element"]
+    names = ["strip", "picture_frame", "trellis", "two_element"]
+    assert [line.split()[0] for line in lines] == names
 
 
 def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
@@ -76,14 +77,99 @@ def test_a_run_takes_a_mesh_file_and_full_integration(tmp_path):
     assert summary["energy"] == pytest.approx(162.631, rel=1e-5)
 
 
-def test_an_interrupted_run_says_so(tmp_path, capsys, monkeypatch):
-    def interrupt(*_):
-        raise KeyboardInterrupt
+def interrupt_at(monkeypatch, number):
+    """Interrupt the command line after so many states, the undeformed one included."""
+    keep = LoadStepper._keep
 
-    monkeypatch.setattr(commands, "_load", interrupt)
+    def interrupt(stepper, *arguments):
+        if len(stepper.states) == number:
+            raise KeyboardInterrupt
+        keep(stepper, *arguments)
+
+    monkeypatch.setattr(LoadStepper, "_keep", interrupt)
+
+
+def test_a_run_interrupted_before_its_first_state_says_so(
+    tmp_path, capsys, monkeypatch
+):
+    interrupt_at(monkeypatch, 0)
     assert run(tmp_path, *QUICK) == 130
     assert capsys.readouterr().err == "skfem-textile: interrupted, nothing written\n"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_run_leaves_its_last_state_and_is_resumed(
+    tmp_path, capsys, monkeypatch
+):
+    assert run(tmp_path, *QUICK) == 0
+    out = tmp_path / "out"
+    whole = (out / "history.csv").read_text()
+    with monkeypatch.context() as patch:
+        interrupt_at(patch, 2)
+        assert run(tmp_path, *QUICK, "--checkpoint") == 130
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "interrupted; the state at load factor 0.333333 is written" in said
+    assert "--resume goes on" in said
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["load_factor"] == pytest.approx(1 / 3)
+    assert (out / "history.csv").read_text() == "".join(
+        whole.splitlines(keepends=True)[:3]
+    )
+    assert "resume" in refused(
+        capsys, "run", "strip", "--out", str(out), *QUICK, "--checkpoint"
+    )
+    assert run(tmp_path, *QUICK, "--resume") == 0
+    assert (out / "history.csv").read_text() == whole
+
+
+def test_a_checkpoint_may_lie_anywhere_and_is_refused_by_another_run(tmp_path, capsys):
+    folder = str(tmp_path / "c")
+    assert run(tmp_path, *QUICK, "--checkpoint", folder) == 0
+    assert not (tmp_path / "out" / "checkpoint").exists()
+    again = ("--resume", folder, "--fibre-stiffness", "2e4")
+    command = ("run", "strip", "--out", str(tmp_path / "new"), *QUICK, *again)
+    capsys.readouterr()
+    assert "is of another run: its forces differ" in refused(capsys, *command)
+    assert not (tmp_path / "new").exists()
+
+
+def test_steps_and_iterations_are_told_on_request(tmp_path, capsys):
+    lines = []
+    for verbose in ((), ("-v",), ("-vv",)):
+        assert run(tmp_path, *QUICK, *verbose) == 0
+        lines.append(capsys.readouterr().err.splitlines())
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert lines[0] == []
+    assert len(lines[1]) == summary["load_steps"] + 1
+    assert len(lines[2]) == len(lines[1]) + summary["newton_iterations"]
+    assert "N unbalanced, tolerance" in lines[2][1]
+
+
+def test_a_run_takes_strategies_and_checks_by_name(tmp_path):
+    arguments = ("--strategy", "newton", "--warn-only", "stability", "work")
+    assert run(tmp_path, *QUICK, *arguments) == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["inputs"]["strategy"] == ["newton"]
+    assert summary["inputs"]["warn_only"] == ["stability", "work"]
+
+
+@pytest.mark.parametrize(
+    ("scene", "options", "shear"),
+    [
+        ("picture_frame", ("--shear-angle", "60"), 60),
+        ("trellis", ("--warp", "10", "--weft", "80", "--bend", "0"), 45),
+    ],
+)
+def test_the_frames_are_run_by_name(tmp_path, scene, options, shear):
+    out = tmp_path / "out"
+    common = ("--size", "4x4", "--steps", "2", "--rotate", "20", "--no-render")
+    assert cli.main(["run", scene, "--out", str(out), *common, *options]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["scene"] == scene
+    assert summary["stable"]
+    assert summary["max_shear_angle_deg"] == pytest.approx(shear)
+    assert summary["displacement_error_max"] < 1e-9
 
 
 def test_a_rotated_run_reports_the_unrotated_axes(tmp_path):
@@ -127,6 +213,8 @@ def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypat
         (("--mesh", "curly"), "--mesh curly: neither a file nor aligned"),
         (("--formulation", "fuller"), "--formulation"),
         (("--stabilisation", "magic"), "--stabilisation"),
+        (("--strategy", "magic"), "--strategy"),
+        (("--warn-only", "magic"), "--warn-only"),
     ],
 )
 def test_bad_input_is_refused_before_anything_is_written(

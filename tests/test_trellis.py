@@ -28,7 +28,7 @@ def test_a_picture_frame_is_exact(formulation, degrees):
 
 
 def test_the_machines_force_does_the_work_of_the_frame():
-    """F over the travel of the corners: the formula in the docstring is a derivative."""
+    """F times the travel of the corners: the docstring's formula is a derivative."""
 
     def travel(gamma):
         return 2 * SIDE * (np.cos(np.pi / 4 - gamma / 2) - np.sqrt(0.5))

@@ -147,7 +147,7 @@ class _Motion:
         self._coordinates = np.linalg.inv(directions)
 
     def displacement(self, X: ndarray, t: float) -> ndarray:
-        """x − X."""
+        """Displacement x − X."""
         along = self._coordinates @ X
         x = [
             _curve(inclination, turn, s, t)

@@ -1,0 +1,31 @@
+"""What the load stepper costs beside assembly and factorisation.
+
+Prints one line per mesh; ``python benchmarks/overhead.py 300x200`` runs one size.
+"""
+
+import sys
+
+from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
+from skfem_textile.scenes import strip
+
+
+def overhead(size):
+    """Share of the run that is neither assembly nor factorisation and solution."""
+    scene = strip(size=size)
+    ply = Ply(scene.mesh, Fabric(1e4, 0.5), OnePoint(10.0))
+    result = LoadStepper(ply, scene.conditions, steps=4).run()
+    whole = result.wall_time_s
+    rest = whole - result.assembly_time_s - result.solve_time_s
+    print(
+        f"{size[0]}x{size[1]}: {result.newton_iterations} linear solves, "
+        f"{whole / result.newton_iterations:.3f} s each, "
+        f"assembly {result.assembly_time_s / whole:.1%}, "
+        f"factorisation and solution {result.solve_time_s / whole:.1%}, "
+        f"the rest {rest / whole:.1%}"
+    )
+
+
+if __name__ == "__main__":
+    sizes = sys.argv[1:] or ["20x30", "60x100", "200x300"]
+    for size in sizes:
+        overhead(tuple(int(n) for n in size.split("x")))

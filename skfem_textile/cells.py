@@ -1,0 +1,109 @@
+"""Many cases at a glance, as coloured cells, with matplotlib."""
+
+import os
+from collections.abc import Mapping, Sequence
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
+
+from .curves import save
+
+#: Lines by their label, each a kind and a text for every column.
+Lines = Mapping[str, Sequence[tuple[str, str]]]
+
+_ROW, _CELL, _LABEL = 0.19, 0.42, 2.3  # inches
+
+
+def cells(
+    groups: Mapping[str, Lines],
+    columns: Sequence[str],
+    colours: Mapping[str, str],
+    xlabel: str,
+    filename: str | os.PathLike[str] | None = None,
+    panels: int = 3,
+) -> Figure:
+    """Lines of cells in groups, each cell in the colour of its kind.
+
+    Parameters
+    ----------
+    groups
+        By the group's title, its lines.
+    columns
+        Titles of the columns.
+    colours
+        Colour of each kind, in the order of the legend.
+    xlabel
+        What the columns are.
+    filename
+        Where to write a PNG.
+    panels
+        Panels side by side among which the groups are shared out, in their order.
+
+    Examples
+    --------
+    >>> groups = {"fibres": {"stiff": [("good", "5"), ("bad", "-")]}}
+    >>> figure = cells(groups, ["1", "2"], {"good": "green", "bad": "red"}, "steps")
+    >>> [text.get_text() for text in figure.axes[0].texts]
+    ['fibres', '1', '2', 'stiff', '5', '-']
+    """
+    shared = _shared_out(groups, panels)
+    height = max(sum(len(lines) + 2 for lines in panel.values()) for panel in shared)
+    width = _LABEL + _CELL * len(columns)
+    with mpl.rc_context({"font.size": 8}):
+        figure = Figure(
+            figsize=(len(shared) * (width + 0.2), (height + 3) * _ROW),
+            layout="constrained",
+        )
+        for i, panel in enumerate(shared, start=1):
+            axes = figure.add_subplot(1, len(shared), i)
+            axes.set(xlim=(-_LABEL, _CELL * len(columns)), ylim=(height * _ROW, 0))
+            axes.set_axis_off()
+            _panel(axes, panel, columns, colours)
+        figure.legend(
+            handles=[Patch(color=colour, label=k) for k, colour in colours.items()],
+            title=xlabel,
+            loc="outside lower center",
+            ncols=len(colours),
+            frameon=False,
+        )
+        save(figure, filename)
+    return figure
+
+
+def _panel(
+    axes: mpl.axes.Axes,
+    panel: Mapping[str, Lines],
+    columns: Sequence[str],
+    colours: Mapping[str, str],
+) -> None:
+    y = 0.0
+    for group, lines in panel.items():
+        y += _ROW
+        axes.text(-_LABEL, y, group, weight="bold", va="center")
+        for x, column in enumerate(columns):
+            axes.text((x + 0.5) * _CELL, y, column, ha="center", va="center")
+        for label, line in lines.items():
+            y += _ROW
+            axes.text(-_LABEL + 0.1, y, label, va="center")
+            for x, (kind, text) in enumerate(line):
+                corner = (x * _CELL, y - 0.5 * _ROW)
+                cell = Rectangle(
+                    corner, _CELL, _ROW, facecolor=colours[kind], edgecolor="white"
+                )
+                axes.add_patch(cell)
+                at = (x + 0.5) * _CELL, y
+                axes.text(*at, text, color="white", ha="center", va="center")
+        y += _ROW
+
+
+def _shared_out(groups: Mapping[str, Lines], panels: int) -> list[dict[str, Lines]]:
+    """The groups in order, in panels of about the same height."""
+    whole = sum(len(lines) + 2 for lines in groups.values())
+    shared: list[dict[str, Lines]] = [{} for _ in range(panels)]
+    before = 0
+    for group, lines in groups.items():
+        middle = before + 0.5 * (len(lines) + 2)
+        shared[min(int(panels * middle / whole), panels - 1)][group] = lines
+        before += len(lines) + 2
+    return [panel for panel in shared if panel]

@@ -1,0 +1,217 @@
+"""Stiff and extreme problems: what the stability study asks of the load stepper."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+from numpy import ndarray
+from skfem import MeshQuad
+
+from ..conditions import Condition
+from ..fabric import Fabric
+from ..formulations import Formulation, Full, OnePoint
+from ..meshes import with_edges
+from ..ply import Ply
+from ..scenes import Scene, picture_frame, strip, trellis
+from ..scenes.rectangle import rectangle
+from ..scenes.strip import HEIGHT, WIDTH
+from ..scenes.trellis import sheared
+
+_SIZE = (8, 8)
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """A problem of the study.
+
+    Attributes
+    ----------
+    family, label
+        What is varied, and its value here.
+    scene
+        Makes the scene.
+    formulation, E, G
+        Formulation, fibre stiffness and shear stiffness.
+    exact
+        Whether the mesh can represent the scene's exact motion.
+    """
+
+    family: str
+    label: str
+    scene: Callable[[], Scene]
+    formulation: Formulation
+    E: float = 1e4
+    G: float = 0.0
+    exact: bool = False
+
+    @property
+    def name(self) -> str:
+        """Value and formulation."""
+        element = "2×2" if isinstance(self.formulation, Full) else "one point"
+        return f"{self.label}, {element}"
+
+    def ply(self, scene: Scene) -> Ply:
+        """The ply of the scene."""
+        return Ply(
+            scene.mesh,
+            Fabric(self.E, self.G, scene.warp, scene.weft),
+            self.formulation,
+        )
+
+
+def extremes() -> list[Extreme]:
+    """Every problem."""
+    families = (
+        *(_stiffness_ratios, _stabilisations, _jitters, _slender, _flat_angles),
+        *(_crossings, _inclinations, _large_shear, _coordinates),
+    )
+    return [problem for family in families for problem in family()]
+
+
+def _both(C_s: float) -> tuple[Formulation, Formulation]:
+    return Full(), OnePoint(C_s)
+
+
+def _stiffness_ratios() -> Iterator[Extreme]:
+    for ratio, element in product((1e2, 1e4, 1e6, 1e8, 1e10), _both(5.0)):
+        label = f"E/G = {ratio:.0e}"
+        yield Extreme("stiffness", label, strip, element, 0.5 * ratio, 0.5)
+    for E, element in product((1e4, 1e8), _both(10.0)):
+        yield Extreme("stiffness", f"E = {E:.0e}, G = 0", strip, element, E)
+
+
+def _stabilisations() -> Iterator[Extreme]:
+    for C_s in (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1000.0):
+        yield Extreme("stabilisation", f"C_s = {C_s:g}", strip, OnePoint(C_s))
+
+
+def _jitters() -> Iterator[Extreme]:
+    for jitter, element in product((0.0, 0.15, 0.45), _both(10.0)):
+        yield Extreme(
+            "jitter", f"jitter {jitter:g}", partial(strip, jitter=jitter), element
+        )
+
+
+def _slender() -> Iterator[Extreme]:
+    """Elements a hundred times as long as wide, along either family."""
+    for size, mesh, element in (
+        *product([(2, 300)], ["irregular", "vertical"], _both(10.0)),
+        *product([(200, 3)], ["irregular", "horizontal"], _both(10.0)),
+    ):
+        label = f"{size[0]}×{size[1]} {mesh}"
+        yield Extreme("aspect 1:100", label, partial(strip, mesh, size), element)
+
+
+def _flat_angles() -> Iterator[Extreme]:
+    for element in _both(10.0):
+        yield Extreme("angle 179°", "strip", _strip_with_flat_angles, element)
+    yield Extreme(
+        "angle 179°", "strip, C_s = 1", _strip_with_flat_angles, OnePoint(1.0)
+    )
+    for element in _both(10.0):
+        yield Extreme(
+            *("angle 179°", "picture frame", _frame_with_flat_angles, element),
+            G=0.5,
+            exact=True,
+        )
+
+
+def _crossings() -> Iterator[Extreme]:
+    for crossing, element in product((30, 60, 90, 120, 150), _both(5.0)):
+        straight, bent = (
+            partial(_trellis, crossing=crossing, shear=15, bend=b) for b in (0, 8)
+        )
+        label = f"crossing {crossing}°"
+        yield Extreme("crossing", label, straight, element, G=0.5, exact=True)
+        yield Extreme("crossing", f"{label}, bent", bent, element, G=0.5)
+
+
+def _inclinations() -> Iterator[Extreme]:
+    for angle, element in product((0, 15, 30, 45, 60, 75, 90), _both(5.0)):
+        scene = partial(_trellis, warp=angle, shear=45, bend=30)
+        yield Extreme("inclination", f"warp at {angle}°", scene, element, G=0.5)
+
+
+def _large_shear() -> Iterator[Extreme]:
+    for shear, element in product((20, 45, 70, 85), _both(5.0)):
+        frame = partial(picture_frame, size=_SIZE, shear_angle=np.radians(shear))
+        net = partial(_trellis, warp=30, shear=shear, bend=0)
+        label = f"shear {shear}°"
+        yield Extreme("shear", label, frame, element, G=0.5, exact=True)
+        yield Extreme("shear", f"{label}, turned", net, element, G=0.5, exact=True)
+
+
+def _coordinates() -> Iterator[Extreme]:
+    """The same strip in other units and elsewhere; E and C_s are forces per length."""
+    for element, stiffer in zip(_both(10.0), _both(1e4), strict=True):
+        metres = partial(_placed, scale=1e-3, shift=0.0)
+        far = partial(_placed, scale=1.0, shift=1e6)
+        yield Extreme("coordinates", "metres", metres, stiffer, E=1e7)
+        yield Extreme("coordinates", "10⁶ mm away", far, element)
+
+
+def _trellis(
+    warp: float = 0, crossing: float = 90, shear: float = 0, bend: float = 0
+) -> Scene:
+    warp, weft = np.radians([warp, warp + crossing])
+    turns = sheared(*np.radians([shear, bend]))
+    return trellis(size=_SIZE, warp=warp, weft=weft, turns=turns)
+
+
+def _placed(scale: float, shift: float) -> Scene:
+    """The strip, larger and moved along x and y."""
+    scene = strip()
+
+    def at(X: ndarray) -> ndarray:
+        return (X - shift) / scale
+
+    def moved(condition: Condition) -> Condition:
+        def value(X: ndarray, t: float) -> ndarray:
+            values = scale * condition.values("", at(X), t)
+            return values if condition.direction is None else values[0]
+
+        return Condition(condition.where, value, condition.direction)
+
+    return replace(
+        scene,
+        mesh=scene.mesh.scaled(scale).translated((shift, shift)),
+        conditions={name: moved(c) for name, c in scene.conditions.items()},
+        displacement=lambda X, t: scale * scene.displacement(at(X), t),
+        shear_angle=lambda X, t: scene.shear_angle(at(X), t),
+    )
+
+
+def _strip_with_flat_angles() -> Scene:
+    return strip(_with_flat_angles(WIDTH, HEIGHT, (10, 16)))
+
+
+def _frame_with_flat_angles() -> Scene:
+    return picture_frame(_with_flat_angles(100.0, 100.0, _SIZE))
+
+
+def _with_flat_angles(width: float, height: float, size: tuple[int, int]) -> MeshQuad:
+    """Every other node moved so far that it opens an element to an angle of 179°.
+
+    In an element with sides a, b the corner at (a, b) comes to c·(a, b), where the
+    edges to (a, 0) and (0, b) make that angle.
+    """
+    mesh = rectangle(width, height, size, "aligned")
+    a, b = width / size[0], height / size[1]
+    node = np.arange(mesh.p.shape[1]).reshape(size[1] + 1, size[0] + 1)
+    moved = node[1:-1:2, 1:-1:2].ravel()
+    points = mesh.p.copy()
+    points[:, moved] -= (1 - _opened(a, b)) * np.array([[a], [b]])
+    return with_edges(MeshQuad(points, mesh.t))
+
+
+def _opened(a: float, b: float) -> float:
+    """Share c of the diagonal at which the angle is 179°, by bisection."""
+    low, high = 0.5, 1.0
+    for _ in range(60):
+        c = 0.5 * (low + high)
+        p, q = np.array([a - c * a, -c * b]), np.array([-c * a, b - c * b])
+        cosine = p @ q / (np.linalg.norm(p) * np.linalg.norm(q))
+        low, high = (low, c) if np.degrees(np.arccos(cosine)) < 179 else (c, high)
+    return c
