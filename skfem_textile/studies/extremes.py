@@ -85,6 +85,10 @@ def _stiffness_ratios() -> Iterator[Extreme]:
 def _stabilisations() -> Iterator[Extreme]:
     for C_s in (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1000.0):
         yield Extreme("stabilisation", f"C_s = {C_s:g}", strip, OnePoint(C_s))
+    for seed in (1, 2, 9):
+        meshed = partial(strip, seed=seed)
+        label = f"C_s = 1, G = 0.5, seed {seed}"
+        yield Extreme("stabilisation", label, meshed, OnePoint(1.0), G=0.5)
 
 
 def _jitters() -> Iterator[Extreme]:
