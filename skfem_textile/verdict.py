@@ -93,13 +93,17 @@ class Trial:
         strain = self.problem.ply.fibre_strain(self.found.u, gauss)
         return np.abs(strain).max(axis=(0, 2))
 
+    @property
+    def move(self) -> ndarray:
+        """Displacement in the step."""
+        return self.found.u - self.start.u if self.start else np.zeros(1)
+
     @cached_property
     def works(self) -> tuple[float, float]:
         """Work that the forces at either end of the step do in it."""
         if self.start is None:
             return 0.0, 0.0
-        move = self.found.u - self.start.u
-        return float(self.start.f @ move), float(self.found.f @ move)
+        return float(self.start.f @ self.move), float(self.found.f @ self.move)
 
     def complaints(self, warn_only: Collection[str]) -> list[str]:
         """Apply every check, and return what those in ``warn_only`` say.
@@ -163,6 +167,7 @@ def _stability(trial: Trial) -> None:
 def _work(trial: Trial) -> None:
     low, high = sorted(trial.works)
     margin = _NEGLIGIBLE * max(abs(low), abs(high), abs(trial.rise))
+    margin += trial.found.tolerance * float(np.abs(trial.move).sum())
     if not low - margin <= trial.rise <= high + margin:
         raise NoEquilibriumError(
             f"the energy changed by {trial.rise:.3g} N·mm, where the reactions at the "
