@@ -12,7 +12,7 @@ from skfem_textile.scenes import strip
 def overhead(size):
     """Share of the run that is neither assembly nor factorisation and solution."""
     scene = strip(size=size)
-    ply = Ply(scene.mesh, Fabric(1e4, 0.5), OnePoint(10.0))
+    ply = Ply(scene.mesh, Fabric(1e4, 0.5), OnePoint(100.0))
     result = LoadStepper(ply, scene.conditions, steps=4).run()
     whole = result.wall_time_s
     rest = whole - result.assembly_time_s - result.solve_time_s

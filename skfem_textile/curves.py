@@ -7,6 +7,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 # Okabe and Ito's colours, told apart with any kind of colour vision.
@@ -44,14 +45,21 @@ def curves(
         "font.size": 11,
     }
     with mpl.rc_context(style):
-        figure = Figure(figsize=(4.8 * len(panels), 3.8), layout="constrained")
+        figure = Figure(figsize=(4.8 * len(panels), 4.2), layout="constrained")
         for i, (title, lines) in enumerate(panels.items(), start=1):
             axes = figure.add_subplot(1, len(panels), i)
             for label, (x, y) in lines.items():
                 axes.plot(x, y, "o-", label=label, color=colour[label], markersize=3)
             axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
             axes.grid(alpha=0.3)
-            axes.legend(frameon=False)
+        figure.legend(
+            handles=[
+                Line2D([], [], marker="o", color=c, label=k) for k, c in colour.items()
+            ],
+            loc="outside lower center",
+            ncols=3,
+            frameon=False,
+        )
         save(figure, filename)
     return figure
 
