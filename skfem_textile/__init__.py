@@ -9,8 +9,8 @@ from .formulations import Full, OnePoint
 from .hourglass import AccumulatedMoment, hourglass, hourglass_rate
 from .meshes import MeshError
 from .ply import Ply
-from .result import Result, State
-from .stepper import Iteration, LoadStepper, StepError
+from .result import Iteration, Result, State, StepError
+from .stepper import LoadStepper
 from .strategies import Descent, Mixed, Newton
 from .verdict import Verdict
 

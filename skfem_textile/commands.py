@@ -15,11 +15,11 @@ from . import __version__
 from .fabric import Fabric
 from .formulations import Formulation, Full, OnePoint
 from .ply import Ply
-from .result import Result, State
+from .result import Iteration, Result, State, StepError
 from .scenes import Scene, picture_frame, strip, trellis
 from .scenes.rectangle import KINDS
 from .scenes.trellis import sheared
-from .stepper import Iteration, LoadStepper, StepError
+from .stepper import LoadStepper
 
 #: The scenes, and what they are.
 SCENES = {

@@ -1,6 +1,7 @@
-"""What a run of the load stepper leaves behind."""
+"""What a run of the load stepper tells on the way, and what it leaves behind."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -12,6 +13,27 @@ from .verdict import Verdict
 _LINES = 11
 
 TERMS = ("tension", "shear", "stabilisation")
+
+
+class Iteration(NamedTuple):
+    """What ``on_iteration`` is told: an iteration on the way to a load factor.
+
+    ``step`` is the length of the step, ``residual`` the largest free nodal force in N,
+    which must fall below ``tolerance``.
+    """
+
+    load_factor: float
+    step: float
+    strategy: str
+    number: int
+    residual: float
+    tolerance: float
+
+    def __str__(self) -> str:
+        return (
+            f"load factor {self.load_factor:g}, {self.strategy} {self.number}: "
+            f"{self.residual:.3g} N unbalanced, tolerance {self.tolerance:.3g} N"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,6 +183,24 @@ class Result:
                 f"{'yes' if verdict.stable else 'no':>8}"
             )
         return "\n".join([*lines, repr(self)[1:-1]])
+
+
+class StepError(RuntimeError):
+    """No acceptable state was found.
+
+    Attributes
+    ----------
+    result
+        Every state before, the last good one included.
+    elements
+        Numbers of the elements where the last attempt failed; empty where no one
+        place is to blame.
+    """
+
+    def __init__(self, message: str, result: Result, elements: ndarray) -> None:
+        super().__init__(message)
+        self.result = result
+        self.elements = elements
 
 
 def _energies(state: State) -> dict[str, float]:

@@ -5,16 +5,15 @@ import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy import ndarray
 
 from .checkpoint import Checkpoint, Saved
 from .conditions import Condition, Constraints
 from .ply import Ply
 from .problem import Clock, NoEquilibriumError, Problem
-from .result import Result, State
+from .result import Iteration, Result, State, StepError
 from .strategies import STRATEGIES, Equilibrium, Start, Strategy, balanced
 from .verdict import CHECKS, Trial
 
@@ -25,45 +24,6 @@ DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY = ("mixed", "descent"), ("work",)
 
 # After a step of no more linear solves than this the next may be twice as long.
 _EASY = 6
-
-
-class StepError(RuntimeError):
-    """No acceptable state was found.
-
-    Attributes
-    ----------
-    result
-        Every state before, the last good one included.
-    elements
-        Numbers of the elements where the last attempt failed; empty where no one
-        place is to blame.
-    """
-
-    def __init__(self, message: str, result: Result, elements: ndarray) -> None:
-        super().__init__(message)
-        self.result = result
-        self.elements = elements
-
-
-class Iteration(NamedTuple):
-    """What ``on_iteration`` is told: an iteration on the way to a load factor.
-
-    ``step`` is the length of the step, ``residual`` the largest free nodal force in N,
-    which must fall below ``tolerance``.
-    """
-
-    load_factor: float
-    step: float
-    strategy: str
-    number: int
-    residual: float
-    tolerance: float
-
-    def __str__(self) -> str:
-        return (
-            f"load factor {self.load_factor:g}, {self.strategy} {self.number}: "
-            f"{self.residual:.3g} N unbalanced, tolerance {self.tolerance:.3g} N"
-        )
 
 
 class LoadStepper:

@@ -1,6 +1,6 @@
 """Scenes `trellis` and `picture_frame`: motions that stretch no fibre, enforced.
 
-Every planar motion without fibre strain is x = f(X₁) + g(X₂) with |f′| = |g′| = 1,
+Every planar motion without fibre strain is x = f(X₁) + g(X₂) with ‖f′‖ = ‖g′‖ = 1,
 where X = X₁ A₁ + X₂ A₂ are coordinates along warp and weft: a trellis of bars.  Here
 it is given by the angles through which f′ and g′ turn away from A₁ and A₂, and
 enforced on the whole boundary.

@@ -14,9 +14,9 @@ import numpy as np
 from ..fabric import Fabric
 from ..formulations import Full, Kind, OnePoint
 from ..ply import Ply
-from ..result import Result
+from ..result import Result, StepError
 from ..scenes import Scene, strip
-from ..stepper import LoadStepper, StepError
+from ..stepper import LoadStepper
 
 #: Written by `reproduce` and by `draw`.
 FILES = ("paper.csv", "paper.md")

@@ -28,8 +28,9 @@ from numpy import ndarray
 from ..conditions import Constraints
 from ..elements import GAUSS
 from ..ply import Ply
+from ..result import StepError
 from ..scenes import Scene
-from ..stepper import LoadStepper, StepError
+from ..stepper import LoadStepper
 from .extremes import Extreme, extremes
 
 STEPS = (1, 2, 5, 20, 100)
