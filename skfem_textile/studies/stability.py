@@ -198,7 +198,7 @@ def summary(rows: list[Row]) -> dict[str, Any]:
 
 
 def markdown(rows: list[Row]) -> str:
-    """A line per family, and a line per refused or wrong case."""
+    """A line per family, and a line per problem that was refused or wrong."""
     text = ["| family | cases | right | another | refused | wrong | solves, 1 step "]
     text += ["| 20 steps |\n", "|---" * 8, "|\n"]
     for family in dict.fromkeys(row["family"] for row in rows):
@@ -207,14 +207,18 @@ def markdown(rows: list[Row]) -> str:
         counts = [len(some), n[RIGHT], n[OTHER], n[REFUSED], n[WRONG]]
         solves = [_median_solves(some, steps) for steps in (1, 20)]
         text.append(f"| {' | '.join(map(str, [family, *counts, *solves]))} |\n")
-    text += ["\n| refused or wrong | steps | up to load factor | because |\n"]
+    text += ["\n| refused or wrong | in steps | up to load factor | because |\n"]
     text += ["|---" * 4, "|\n"]
-    for row in rows:
-        if row["outcome"] in (REFUSED, WRONG):
-            why = row["message"].partition("failed (")[2].partition("); try")[0]
-            cells = [f"{row['family']}, {row['problem']}", row["steps"]]
-            cells += [f"{row['load_factor']:.3f}", why or row["outcome"]]
-            text.append(f"| {' | '.join(map(str, cells))} |\n")
+    bad = [row for row in rows if row["outcome"] in (REFUSED, WRONG)]
+    for name in dict.fromkeys((row["family"], row["problem"]) for row in bad):
+        some = [row for row in bad if (row["family"], row["problem"]) == name]
+        steps = ", ".join(str(row["steps"]) for row in some)
+        reached = [row["load_factor"] for row in some]
+        message = some[-1]["message"].partition("failed (")[2].partition("); try")[0]
+        text.append(
+            f"| {', '.join(name)} | {steps} | {min(reached):.3f} to "
+            f"{max(reached):.3f} | {message or WRONG} |\n"
+        )
     return "".join(text)
 
 
