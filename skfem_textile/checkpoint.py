@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 import numpy as np
 from numpy import ndarray
@@ -57,6 +58,7 @@ class Checkpoint:
     ) -> None:
         self.folder, self._problem = Path(folder), problem
         self._settings = json.loads(json.dumps({"format": _FORMAT, **settings}))
+        self._run = uuid4().hex
 
     def begin(self) -> None:
         """Make the folder ready for a new run.
@@ -74,7 +76,7 @@ class Checkpoint:
             )
         for file in states:
             file.unlink()
-        self._write(_RUN, self._settings, self._identity())
+        self._write(_RUN, self._settings | {"run": self._run}, self._identity())
 
     def save(self, number: int, state: State, progress: Mapping[str, Any]) -> None:
         """Write a state, where the stepper is, and what the ply's terms remember.
@@ -85,6 +87,7 @@ class Checkpoint:
             If it cannot be written.
         """
         text = asdict(state) | {"progress": dict(progress), "work": {}}
+        text["run"] = self._run
         arrays = {"u": text.pop("u")}
         text["reactions"] = {k: v.tolist() for k, v in state.reactions.items()}
         for term in self._problem.ply.terms:
@@ -111,6 +114,8 @@ class Checkpoint:
         states = []
         for file in files:
             text, arrays = _read(file)
+            if text.pop("run") != self._run:
+                raise CheckpointError(f"checkpoint file {file} is of another run")
             progress, work = text.pop("progress"), text.pop("work")
             text["reactions"] = {k: np.array(v) for k, v in text["reactions"].items()}
             text["residuals"] = tuple(text["residuals"])
@@ -126,16 +131,21 @@ class Checkpoint:
         return Saved(states, progress)
 
     def _identity(self) -> dict[str, ndarray]:
-        """What tells this problem from another."""
+        """What tells this problem from another: mesh, conditions, forces of each term.
+
+        The conditions are asked at the requested load factors and in between; the
+        forces are those of a displacement that shears and stretches every element.
+        """
         ply, constraints = self._problem.ply, self._problem.constraints
+        at = np.linspace(0.0, 1.0, 2 * self._settings["steps"] + 1)
         ply.reset()
-        probe = 1e-3 * self._problem.element_size * np.sin(np.arange(ply.basis.N))
+        probe = 0.1 * self._problem.element_size * np.sin(np.arange(ply.basis.N))
         return {
             "nodes": ply.mesh.p,
             "quads": ply.mesh.t,
-            "fixed": constraints.fixed,
-            "values": constraints.fixed_values(1.0),
-            "forces": ply.residual(probe),
+            "fixed unknowns": constraints.fixed,
+            "fixed values": np.array([constraints.fixed_values(t) for t in at]),
+            **{f"{k} forces": f for k, f in ply.residuals(probe).items()},
         }
 
     def _write(
@@ -162,10 +172,12 @@ class Checkpoint:
                     f"checkpoint {self.folder} is of another run: {name} was "
                     f"{settings.get(name)}, is {value}"
                 )
-        for name, array in self._identity().items():
-            old = arrays.get(name, np.empty(0))
-            allowed = _SAME * np.abs(array).max(initial=0.0)
-            if old.shape != array.shape or not np.all(np.abs(old - array) <= allowed):
+        self._run = settings["run"]
+        identity = self._identity()
+        for name in identity | arrays:
+            new, old = (some.get(name, np.empty(0)) for some in (identity, arrays))
+            allowed = _SAME * np.abs(new).max(initial=0.0)
+            if old.shape != new.shape or not np.all(np.abs(old - new) <= allowed):
                 raise CheckpointError(
                     f"checkpoint {self.folder} is of another run: its {name} differ"
                 )

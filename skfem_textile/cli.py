@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:
-        print("skfem-textile: interrupted, nothing written", file=sys.stderr)
+        print("skfem-textile: interrupted", file=sys.stderr)
         return commands.INTERRUPTED
     except (ValueError, OSError, MemoryError) as error:
         print(f"skfem-textile: error: {error}", file=sys.stderr)

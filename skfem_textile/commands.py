@@ -69,8 +69,8 @@ def run(options: argparse.Namespace) -> int:
         io.write_summary(summary | inputs, folder / "summary.json")
         io.write_history(result, folder / "history.csv")
         io.write_fields(result, folder / "fields")
-        if not options.no_render and code != INTERRUPTED:
-            _render(lambda: _draw(scene, result, folder))
+    if not options.no_render and code != INTERRUPTED:
+        _render(lambda folder: _draw(scene, result, folder), options.out, _PICTURES)
     for key, value in summary.items():
         shown = f"{value:.6g}" if isinstance(value, float) else value
         print(f"{key:28}{shown}")
@@ -88,8 +88,8 @@ def paper(options: argparse.Namespace) -> int:
     results = io.ResultFolder(options.out, (*study.FILES, *study.PICTURES))
     with results as folder:
         rows = study.reproduce(folder)
-        if not options.no_render:
-            _render(lambda: study.draw(rows, folder))
+    if not options.no_render:
+        _render(lambda folder: study.draw(rows, folder), options.out, study.PICTURES)
     print(f"results in {options.out}")
     return 0
 
@@ -115,11 +115,18 @@ def study(options: argparse.Namespace) -> int:
     from .studies import stability
 
     results = io.ResultFolder(options.out, (*stability.FILES, *stability.PICTURES))
-    report = stability.report(options.workers, progress=print)
-    with results as folder:
-        stability.write(report, folder)
-        if not options.no_render:
-            _render(lambda: stability.draw(report, folder))
+    rows: list[dict[str, Any]] = []
+    try:
+        for some in stability.cases(options.workers):
+            print(stability.line(some))
+            rows += some
+    finally:  # an interrupted study reports on what it has
+        if rows:
+            with results as folder:
+                stability.write(rows, folder)
+    if not options.no_render:
+        pictures = stability.PICTURES
+        _render(lambda folder: stability.draw(rows, folder), options.out, pictures)
     print(f"results in {options.out}")
     return 0
 
@@ -170,15 +177,24 @@ def _stepper(scene: Scene, options: argparse.Namespace) -> LoadStepper:
         if options.formulation == "full"
         else OnePoint(options.cs, options.stabilisation)
     )
-    folder = options.resume or options.checkpoint
     return LoadStepper(
         Ply(scene.mesh, fabric, formulation),
         scene.conditions,
         options.steps,
         strategies=options.strategy,
         warn_only=options.warn_only,
-        checkpoint=options.out / "checkpoint" if folder is True else folder,
+        checkpoint=_checkpoint(options),
     )
+
+
+def _checkpoint(options: argparse.Namespace) -> Path | None:
+    """The folder that --checkpoint or --resume name, or theirs in the output folder."""
+    named = {f for f in (options.checkpoint, options.resume) if f not in (None, True)}
+    if len(named) > 1:
+        raise ValueError("--checkpoint and --resume name different folders")
+    if options.checkpoint is None and options.resume is None:
+        return None
+    return named.pop() if named else options.out / "checkpoint"
 
 
 def _load(stepper: LoadStepper, options: argparse.Namespace) -> tuple[int, str]:
@@ -218,7 +234,7 @@ def _load(stepper: LoadStepper, options: argparse.Namespace) -> tuple[int, str]:
 
 def _interrupted(stepper: LoadStepper, options: argparse.Namespace) -> str:
     at = stepper.states[-1].load_factor
-    kept = options.resume or options.checkpoint
+    kept = _checkpoint(options)
     advice = "--resume goes on from there" if kept else "--checkpoint lets a run resume"
     return f"interrupted; the state at load factor {at:.6g} is written, {advice}"
 
@@ -232,14 +248,19 @@ def _log(verbose: int) -> None:
     log.setLevel([logging.WARNING, logging.INFO, logging.DEBUG][min(verbose, 2)])
 
 
-def _render(draw: Callable[[], None]) -> None:
-    """Draw, or say in one line why not."""
+def _render(draw: Callable[[Path], None], out: Path, pictures: tuple[str, ...]) -> None:
+    """Draw into a folder, or say in one line why not: the numbers are written."""
+    from . import io
+
     try:
-        draw()
+        with io.ResultFolder(out, pictures) as folder:
+            draw(folder)
     except ImportError as error:
         print(f"no pictures: {error}; pip install 'skfem-textile[plot]'")
-    except RuntimeError as error:
+    except Exception as error:
         print(f"no pictures: {error}")
+    except KeyboardInterrupt:
+        print("no pictures: interrupted")
 
 
 def _draw(scene: Scene, result: Result, folder: Path) -> None:

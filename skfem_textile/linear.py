@@ -7,13 +7,11 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
-# A pivot this much smaller than the largest is round-off.
-_NO_PIVOT = 1e-15
+# A pivot is round-off when it is this small beside the diagonal entry that it comes
+# from, or beside the largest pivot.
+_NO_PIVOT, _NOTHING = 1e-12, 1e-16
 
-_MECHANISM = (
-    "some motion meets no stiffness: hold the ply in more places, or give it "
-    "stabilisation or shear stiffness"
-)
+_MECHANISM = "some motion meets no stiffness"
 
 
 class SingularMatrixError(RuntimeError):
@@ -33,6 +31,8 @@ class Factors:
     negative_pivots
         Number of negative eigenvalues of the matrix, by Sylvester's law of inertia;
         None where a pivot had to be taken off the diagonal and does not tell.
+    factorisations
+        How many were needed: an indefinite matrix is factorised again to solve with.
 
     Raises
     ------
@@ -51,12 +51,16 @@ class Factors:
 
     def __init__(self, A: csr_matrix) -> None:
         self._A = A.tocsc()
+        self.factorisations = 1
         self._diagonal = _factorised(self._A, pivoting=0.0)
         pivots = self._diagonal.U.diagonal()
-        size = np.abs(pivots)
-        if not size.min(initial=np.inf) > _NO_PIVOT * size.max(initial=0.0):
+        size, order = np.abs(pivots), self._diagonal.perm_c
+        round_off = np.maximum(
+            _NO_PIVOT * np.abs(self._A.diagonal()), _NOTHING * size.max(initial=0.0)
+        )
+        if not np.all(size[order] > round_off):
             raise SingularMatrixError(_MECHANISM)
-        kept = np.array_equal(self._diagonal.perm_r, self._diagonal.perm_c)
+        kept = np.array_equal(self._diagonal.perm_r, order)
         self.negative_pivots = int(np.sum(pivots < 0)) if kept else None
 
     def solve(self, b: ndarray) -> ndarray:
@@ -68,6 +72,7 @@ class Factors:
         """Factors fit to solve with: an indefinite matrix needs pivoting."""
         if self.negative_pivots == 0:
             return self._diagonal
+        self.factorisations += 1
         return _factorised(self._A, pivoting=0.01)
 
 

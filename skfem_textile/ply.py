@@ -94,9 +94,13 @@ class Ply:
         """Internal energy in N·mm."""
         return sum(self.energies(u).values())
 
+    def residuals(self, u: ndarray) -> dict[str, ndarray]:
+        """Internal nodal forces of each term in N, by the name of the term."""
+        return {t.name: _assembled(t, t.forms.residual, u) for t in self.terms}
+
     def residual(self, u: ndarray) -> ndarray:
         """Internal nodal forces in N: the derivative of the energy."""
-        return sum(_assembled(t, t.forms.residual, u) for t in self.terms)
+        return np.sum(list(self.residuals(u).values()), axis=0)
 
     def tangent(self, u: ndarray, tension: ndarray | None = None) -> csr_matrix:
         """Derivative of the residual in N/mm.

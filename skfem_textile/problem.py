@@ -16,6 +16,10 @@ from .ply import Ply
 
 _ROUND_OFF = 2.0**-53
 
+_MORE_STIFFNESS = (
+    "hold the ply in more places, or give it stabilisation or shear stiffness"
+)
+
 
 class NoEquilibriumError(Exception):
     """An attempt at a load factor failed.
@@ -24,11 +28,14 @@ class NoEquilibriumError(Exception):
     ----------
     elements
         Numbers of the elements where it failed; empty where no one place is to blame.
+    advice
+        What to try.
     """
 
-    def __init__(self, message: str, elements: Any = ()) -> None:
+    def __init__(self, message: str, elements: Any = (), advice: str = "") -> None:
         super().__init__(message)
         self.elements = np.asarray(elements, dtype=int)
+        self.advice = advice
 
 
 @dataclass(eq=False)
@@ -142,7 +149,7 @@ class Tangent:
         try:
             self._factors = clock.time("solve", Factors, self._rows[:, free])
         except SingularMatrixError as error:
-            raise NoEquilibriumError(str(error)) from None
+            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
 
     @property
     def negative_pivots(self) -> int | None:
@@ -162,8 +169,7 @@ class Tangent:
         dq = np.zeros_like(u)
         dq[fixed] = fixed_values - problem.turned(u)[fixed]
         b = -(problem.free(f) + self._rows @ dq)
-        problem.clock.solves += 1
-        dq[free] = problem.clock.time("solve", self._factors.solve, b)
+        dq[free] = self._solve(b)
         return problem.plain(dq)
 
     def softest(self) -> ndarray:
@@ -174,11 +180,22 @@ class Tangent:
         problem = self._problem
         v = np.sin(np.arange(self._rows.shape[0]) + 1.0)
         for _ in range(3):
-            v = self._factors.solve(v)
+            v = self._solve(v)
             v = v / np.abs(v).max(initial=1e-300)
         q = np.zeros(self._rows.shape[1])
         q[problem.constraints.free] = v
         return problem.plain(q)
+
+    def _solve(self, b: ndarray) -> ndarray:
+        clock, factors = self._problem.clock, self._factors
+        before = factors.factorisations
+        clock.solves += 1
+        try:
+            return clock.time("solve", factors.solve, b)
+        except SingularMatrixError as error:
+            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
+        finally:
+            clock.factorisations += factors.factorisations - before
 
     def tolerance(self, u: ndarray, f: ndarray) -> float:
         """A share of the largest force, and what round-off leaves in any case.
@@ -188,3 +205,11 @@ class Tangent:
         """
         rounding = _ROUND_OFF * (np.abs(u).max() + self._problem.element_size)
         return float(1e-8 * np.abs(f).max() + rounding * self.stiffness)
+
+
+def tangent_at(problem: Problem, u: ndarray) -> Tangent | None:
+    """The consistent tangent; None where it is singular."""
+    try:
+        return Tangent(problem, u)
+    except NoEquilibriumError:
+        return None

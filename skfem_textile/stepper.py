@@ -8,11 +8,12 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
-from .checkpoint import Checkpoint, Saved
+from .checkpoint import Checkpoint, CheckpointError, Saved
 from .conditions import Condition, Constraints
 from .ply import Ply
-from .problem import Clock, NoEquilibriumError, Problem
+from .problem import Clock, NoEquilibriumError, Problem, tangent_at
 from .result import Iteration, Result, State, StepError
 from .strategies import STRATEGIES, Equilibrium, Start, Strategy, balanced
 from .verdict import CHECKS, Trial
@@ -91,7 +92,7 @@ class LoadStepper:
         on_step: Callable[[State], None] | None = None,
         checkpoint: str | os.PathLike[str] | None = None,
     ) -> None:
-        if steps != int(steps) or steps < 1:
+        if not (np.isfinite(steps) and steps == int(steps) and steps >= 1):
             raise ValueError(f"steps must be at least 1, and whole; got {steps}")
         if not strategies:
             raise ValueError(f"name at least one strategy of {', '.join(STRATEGIES)}")
@@ -103,10 +104,7 @@ class LoadStepper:
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         for t in self.load_factors:
             self.problem.constraints.fixed_values(t)  # refuses what is not valid
-        self.strategies = [
-            _known("strategy", s, STRATEGIES) if isinstance(s, str) else s
-            for s in strategies
-        ]
+        self.strategies = [_strategy(strategy) for strategy in strategies]
         self.max_halvings = max_halvings
         self.warn_only = frozenset(warn_only)
         self.on_iteration, self.on_step = on_iteration, on_step
@@ -126,20 +124,20 @@ class LoadStepper:
         Raises
         ------
         StepError
-            If a step fails however often it is halved.
+            If a step fails however often it is halved, a condition has no valid value
+            at some load factor, or a checkpoint cannot be written.
         CheckpointError
             If the checkpoint is damaged, or of another run.
+        ValueError
+            If there is no checkpoint to resume from.
         """
+        if resume and not self._checkpoint:
+            raise ValueError("no checkpoint to resume from: name its folder")
         self._begin(resume)
         try:
             self._march()
-        except (NoEquilibriumError, ValueError) as error:
-            at = self._states[-1].load_factor
-            raise StepError(
-                f"stopped at load factor {at:.6g}: {error}",
-                self.result,
-                getattr(error, "elements", np.empty(0, dtype=int)),
-            ) from None
+        except NoEquilibriumError as failure:
+            raise self._stopped(failure) from None
         return self.result
 
     @property
@@ -150,6 +148,8 @@ class LoadStepper:
     @property
     def result(self) -> Result:
         """What the run has found so far; after an interruption, all of it."""
+        if not self._states:
+            raise RuntimeError("the load stepper has not been run")
         clock = self.problem.clock
         return Result(
             ply=self.problem.ply,
@@ -172,24 +172,24 @@ class LoadStepper:
         if saved:
             self._go_on(saved)
             return
+        if resume:
+            log.warning("nothing to resume: the run starts from the undeformed ply")
         problem.ply.reset()
         if checkpoint:
             checkpoint.begin()
         u = problem.ply.basis.zeros()
         rest = Equilibrium(u, problem.residual(u), (), 0.0)
-        trial = Trial(problem, rest)
-        self._keep(0.0, trial, problem.ply.energies(u))
+        self._keep(0.0, Trial(problem, rest), problem.ply.energies(u))
 
     def _go_on(self, saved: Saved) -> None:
         """Take up a run where its checkpoint ends."""
-        problem, progress, last = self.problem, saved.progress, saved.states[-1]
-        found = Equilibrium(last.u, problem.residual(last.u), (), 0.0)
-        self._start = Start(found.u, found.f, Trial(problem, found).tangent)
+        problem, progress, u = self.problem, saved.progress, saved.states[-1].u
+        self._start = Start(u, problem.residual(u), tangent_at(problem, u))
         self._states = saved.states
         self._length, self._steps_cut = progress["length"], progress["steps_cut"]
         self._began -= progress["elapsed"]
         problem.clock = Clock(**progress["clock"])  # had counted that tangent
-        log.info("resumed at load factor %g", last.load_factor)
+        log.info("resumed at load factor %g", saved.states[-1].load_factor)
 
     def _march(self) -> None:
         """Reach the requested load factors one after the other."""
@@ -203,32 +203,37 @@ class LoadStepper:
                 try:
                     self._advance(ahead)
                 except NoEquilibriumError as failure:
+                    if ahead - t < 1.5 * shortest:
+                        raise
                     log.info("step to %g failed, halved: %s", ahead, failure)
                     self._length = 0.5 * (ahead - t)
                     self._steps_cut += 1
-                    if self._length < 0.99 * shortest:
-                        raise NoEquilibriumError(
-                            f"the step to {ahead:.6g} failed ({failure}); try a "
-                            "larger stabilisation or a less distorted mesh",
-                            failure.elements,
-                        ) from None
 
     def _advance(self, t: float) -> None:
         """Find a state at the load factor ``t`` and keep it."""
-        failures = []
+        try:
+            values = self.problem.constraints.fixed_values(t)
+        except ValueError as error:
+            raise self._stopped(error) from None
+        failures: dict[str, NoEquilibriumError] = {}
         for strategy in self.strategies:
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
-                    return self._attempt(strategy, t)
+                    found = self._attempt(strategy, t, values)
             except NoEquilibriumError as failure:
-                failures.append((type(strategy).__name__.lower(), failure))
+                failures.setdefault(str(failure), failure)
+            else:
+                return self._keep(t, *found)
         raise NoEquilibriumError(
-            "; ".join(f"{name}: {failure}" for name, failure in failures),
-            next((f.elements for _, f in failures if f.elements.size), ()),
+            f"no acceptable state at {t:.6g}: {'; '.join(failures)}",
+            next((f.elements for f in failures.values() if f.elements.size), ()),
+            next(iter(failures.values())).advice,
         )
 
-    def _attempt(self, strategy: Strategy, t: float) -> None:
-        """Find a state with one strategy, put it on trial and keep it."""
+    def _attempt(
+        self, strategy: Strategy, t: float, values: ndarray
+    ) -> tuple[Trial, dict[str, float]]:
+        """A state that one strategy finds and that stands its trial; its energies."""
         problem, before = self.problem, self._states[-1]
         name, step = type(strategy).__name__.lower(), t - before.load_factor
 
@@ -238,7 +243,6 @@ class LoadStepper:
             if self.on_iteration is not None:
                 self.on_iteration(told)
 
-        values = problem.constraints.fixed_values(t)
         iterates = strategy.iterates(problem, self._start, values)
         found = balanced(problem, iterates, strategy.most, report)
         energies = problem.clock.time("assembly", problem.ply.energies, found.u)
@@ -246,7 +250,7 @@ class LoadStepper:
         trial = Trial(problem, found, self._start, rise)
         for warning in trial.complaints(self.warn_only):
             log.warning("load factor %g: %s", t, warning)
-        self._keep(t, trial, energies)
+        return trial, energies
 
     def _keep(self, t: float, trial: Trial, energies: dict[str, float]) -> None:
         """Add a state, and make it the start of the next step."""
@@ -260,22 +264,23 @@ class LoadStepper:
                 for name, nodes in problem.constraints.nodes.items()
             },
             energies=energies,
+            verdict=trial.verdict(),
             iterations=problem.clock.solves - sum(s.iterations for s in self._states),
             residuals=found.residuals,
             tolerance=found.tolerance,
-            verdict=trial.verdict(),
         )
         problem.ply.commit(found.u)
         self._start = Start(found.u, found.f, trial.tangent)
-        self._states.append(state)
         if state.iterations <= _EASY:
             self._length = min(2 * self._length, self.load_factors[0])
-        self._save()
+        self._save(state)
+        self._states.append(state)
         log.info("load factor %g: %d iterations", t, state.iterations)
         if self.on_step is not None and t > 0:
             self.on_step(state)
 
-    def _save(self) -> None:
+    def _save(self, state: State) -> None:
+        """Write a state to the checkpoint, if there is one."""
         if not self._checkpoint:
             return
         progress = {
@@ -284,16 +289,51 @@ class LoadStepper:
             "length": self._length,
             "steps_cut": self._steps_cut,
         }
-        self._checkpoint.save(len(self._states) - 1, self._states[-1], progress)
+        try:
+            self._checkpoint.save(len(self._states), state, progress)
+        except CheckpointError as error:
+            if not self._states:
+                raise
+            raise self._stopped(error) from None
+
+    def _stopped(self, error: Exception) -> StepError:
+        """The error that ends a run, with what the run has found."""
+        at = self._states[-1].load_factor
+        elements = getattr(error, "elements", np.empty(0, dtype=int))
+        return StepError(
+            f"stopped at load factor {at:.6g}: {error}"
+            + _among(elements)
+            + (f"; try {advice}" if (advice := getattr(error, "advice", "")) else ""),
+            self.result,
+            elements,
+        )
 
     def _settings(self) -> dict[str, Any]:
         """What the states depend on beyond the problem."""
         return {
-            "load_factors": self.load_factors,
+            "steps": len(self.load_factors),
             "strategies": [repr(strategy) for strategy in self.strategies],
             "max_halvings": self.max_halvings,
             "warn_only": sorted(self.warn_only),
         }
+
+
+def _strategy(strategy: str | Strategy) -> Strategy:
+    if isinstance(strategy, str):
+        return _known("strategy", strategy, STRATEGIES)
+    if isinstance(strategy, type) or not hasattr(strategy, "iterates"):
+        raise ValueError(f"{strategy} is neither a strategy nor the name of one")
+    if strategy.most < 1:
+        raise ValueError(f"{strategy} must be allowed at least one iteration")
+    return strategy
+
+
+def _among(elements: ndarray) -> str:
+    """The first of some elements, for a message."""
+    if not elements.size:
+        return ""
+    first = ", ".join(map(str, elements[:5]))
+    return f" (element {first}{', ...' if elements.size > 5 else ''})"
 
 
 def _known(what: str, name: str, known: Mapping[str, Any]) -> Any:

@@ -39,7 +39,10 @@ class Iterate(NamedTuple):
 
 
 class Strategy(Protocol):
-    """A way to equilibrium, in ``most`` iterations at most."""
+    """A way to equilibrium, in ``most`` iterations at most.
+
+    Its ``repr`` tells it from others where a checkpoint is resumed.
+    """
 
     @property
     def most(self) -> int:
@@ -55,7 +58,7 @@ class Strategy(Protocol):
 
 @dataclass(frozen=True)
 class Mixed:
-    """Mixed-integration-point Newton, its tangent kept positive definite.
+    """Mixed-integration-point Newton, its tangent kept positive definite if it can be.
 
     The geometric stiffness takes the fibre tensions that the previous iteration
     predicted, T(ε) + T′ ∂ε·∇du, not those of its displacement, which are far larger
@@ -178,18 +181,27 @@ def balanced(
         f"{residuals[-1]:.2g} N unbalanced after {most} iterations, "
         f"tolerance {tolerance:.2g} N",
         problem.around(problem.unfixed(f)),
+        advice="more steps, or a larger stabilisation",
     )
 
 
 def definite(problem: Problem, u: ndarray, tension: ndarray) -> Tangent:
-    """The tangent, with so much compression left out that it is positive definite.
+    """The tangent, with as little compression left out as makes it positive definite.
 
     Where that does not suffice it is returned as it is without any.
     """
-    for share in _SHARES:
-        tangent = Tangent(problem, u, np.where(tension > 0, tension, share * tension))
-        if tangent.negative_pivots == 0:
-            break
+    shares = _SHARES if tension.min() < 0 else _SHARES[:1]
+    for share in shares:
+        try:
+            tangent = Tangent(
+                problem, u, np.where(tension > 0, tension, share * tension)
+            )
+        except NoEquilibriumError:
+            if share == shares[-1]:
+                raise
+        else:
+            if tangent.negative_pivots == 0:
+                break
     return tangent
 
 
@@ -217,4 +229,8 @@ def _shortened(problem: Problem, u: ndarray, du: ndarray, f: ndarray) -> ndarray
             return du
         du, slope = du / 2, slope / 2
     folded = problem.area_ratio(u + du) <= unfolded
-    raise NoEquilibriumError("no descent of the energy", np.flatnonzero(folded))
+    raise NoEquilibriumError(
+        "no descent of the energy",
+        np.flatnonzero(folded),
+        advice="a larger stabilisation, or a less distorted mesh",
+    )

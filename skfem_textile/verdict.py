@@ -12,11 +12,10 @@ import numpy as np
 from numpy import ndarray
 
 from .elements import GAUSS
-from .problem import NoEquilibriumError, Problem, Tangent
+from .problem import NoEquilibriumError, Problem, Tangent, tangent_at
 from .strategies import Equilibrium, Start
 
-# Where T = E ε holds, a fibre stretched by more than e carries less and less force.
-_LARGEST_STRAIN = 1.0
+_STIFFER = "more steps, or a larger stabilisation"
 
 # Share of the energy that the trapezoidal rule may miss before a step stands out.
 _NEGLIGIBLE = 0.01
@@ -76,10 +75,7 @@ class Trial:
     @cached_property
     def tangent(self) -> Tangent | None:
         """The consistent tangent; None where it is singular."""
-        try:
-            return Tangent(self.problem, self.found.u)
-        except NoEquilibriumError:
-            return None
+        return tangent_at(self.problem, self.found.u)
 
     @cached_property
     def area_ratio(self) -> ndarray:
@@ -87,11 +83,26 @@ class Trial:
         return self.problem.area_ratio(self.found.u)
 
     @cached_property
-    def strain(self) -> ndarray:
-        """Largest magnitude of the fibre strain of each element at the 2×2 points."""
+    def strains(self) -> ndarray:
+        """Fibre strain at the 2×2 points, shape (2, n_elements, 4)."""
         gauss, _ = GAUSS
-        strain = self.problem.ply.fibre_strain(self.found.u, gauss)
-        return np.abs(strain).max(axis=(0, 2))
+        return self.problem.ply.fibre_strain(self.found.u, gauss)
+
+    @property
+    def strain(self) -> ndarray:
+        """Largest magnitude of the fibre strain of each element."""
+        return np.abs(self.strains).max(axis=(0, 2))
+
+    @property
+    def past_peak(self) -> ndarray:
+        """Elements where T/λ falls with λ, or ε is not finite: there T′ < |T|."""
+        past = ~np.isfinite(self.strain)
+        for family, eps in zip(
+            self.problem.ply.fabric.families, self.strains, strict=True
+        ):
+            law = family.tension
+            past |= (law.tangent(eps) < np.abs(law.value(eps))).any(axis=1)
+        return past
 
     @property
     def move(self) -> ndarray:
@@ -140,27 +151,34 @@ def _folding(trial: Trial) -> None:
             f"{folded.size} element(s) folded, det F down to "
             f"{trial.area_ratio.min():.2g}",
             folded,
+            advice="a larger stabilisation, or a less distorted mesh",
         )
 
 
 def _strain(trial: Trial) -> None:
-    torn = np.flatnonzero(~(trial.strain < _LARGEST_STRAIN))
+    """Beyond the peak of T/λ, the force per reference width, a fibre tears."""
+    torn = np.flatnonzero(trial.past_peak)
     if torn.size:
         raise NoEquilibriumError(
-            f"fibre strain up to {trial.strain.max():.2g} in {torn.size} element(s)",
+            f"fibre strain up to {trial.strain[torn].max():.2g} in {torn.size} "
+            "element(s), past the largest force of a fibre",
             torn,
+            advice="a smaller load",
         )
 
 
 def _stability(trial: Trial) -> None:
     tangent = trial.tangent
     if tangent is None or tangent.negative_pivots is None:
-        raise NoEquilibriumError("some motion meets no stiffness there")
+        raise NoEquilibriumError(
+            "an equilibrium, but some motion meets no stiffness", advice=_STIFFER
+        )
     if tangent.negative_pivots:
         raise NoEquilibriumError(
             f"an equilibrium, but not stable: {tangent.negative_pivots} negative "
             "pivot(s)",
             trial.problem.around(tangent.softest()),
+            advice=_STIFFER,
         )
 
 

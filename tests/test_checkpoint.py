@@ -1,14 +1,16 @@
-import os
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from helpers import distorted
 
 from skfem_textile import (
     CheckpointError,
+    Condition,
     Fabric,
     LoadStepper,
     Mixed,
@@ -17,6 +19,22 @@ from skfem_textile import (
     StepError,
 )
 from skfem_textile.scenes import strip
+
+
+@dataclass(frozen=True)
+class Soft:
+    """M_s = ½ G sin 2Γ, whose initial stiffness is that of M_s = G Γ."""
+
+    G: float
+
+    def energy(self, x):
+        return 0.5 * self.G * np.sin(x) ** 2
+
+    def value(self, x):
+        return 0.5 * self.G * np.sin(2 * x)
+
+    def tangent(self, x):
+        return self.G * np.cos(2 * x)
 
 
 def stepper(folder, steps=6, C_s=1.0, kind="energy", E=1e4, **options):
@@ -83,8 +101,9 @@ def test_a_finished_run_is_read_and_not_run_again(tmp_path):
     assert_same(again, whole)
 
 
-def test_without_a_state_a_run_starts_from_the_beginning(tmp_path):
+def test_without_a_state_a_run_starts_from_the_beginning_and_says_so(tmp_path, caplog):
     assert_same(stepper(tmp_path / "c").run(resume=True), stepper(None).run())
+    assert "nothing to resume" in caplog.text
 
 
 def test_an_unfinished_run_is_not_overwritten_and_a_finished_one_is(tmp_path):
@@ -98,10 +117,11 @@ def test_an_unfinished_run_is_not_overwritten_and_a_finished_one_is(tmp_path):
 @pytest.mark.parametrize(
     ("other", "what"),
     [
-        ({"C_s": 2.0}, "forces differ"),
+        ({"C_s": 2.0}, "stabilisation forces differ"),
+        ({"E": 1e10}, "tension forces differ"),
         ({"kind": "rate"}, "forces differ"),
         ({"E": 2e4}, "forces differ"),
-        ({"steps": 7}, "load_factors was"),
+        ({"steps": 7}, "steps was"),
         ({"strategies": ["newton"]}, "strategies was"),
         ({"warn_only": []}, "warn_only was"),
     ],
@@ -111,6 +131,43 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path, other, what):
     with pytest.raises(CheckpointError, match=f"of another run: .*{what}") as error:
         stepper(tmp_path / "c", **other).run(resume=True)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"C_s": 2.0},
+        {"shear": 1.0},
+        {"shear": Soft(0.5)},
+        {"path": lambda t: t**2},
+    ],
+    ids=["stabilisation", "shear", "law", "path"],
+)
+def test_what_stiff_fibres_hide_is_told_apart_too(tmp_path, other):
+    def square(C_s=1.0, shear=0.5, path=lambda t: t):
+        mesh = distorted(1).with_defaults()
+        ply = Ply(mesh, Fabric(1e10, shear), OnePoint(C_s))
+        pull = Condition("top", lambda X, t: 0 * X + 0.1 * path(t))
+        held = {"clamp": Condition("bottom"), "pull": pull}
+        return LoadStepper(ply, held, 2, checkpoint=tmp_path / "c")
+
+    square().run()
+    with pytest.raises(CheckpointError, match="of another run"):
+        square(**other).run(resume=True)
+
+
+def test_a_state_of_another_run_is_refused(tmp_path):
+    for name, E in (("a", 1e4), ("b", 2e4)):
+        interrupted_at(tmp_path / name, 0.5, E=E)
+    state = "state_000001.npz"
+    (tmp_path / "b" / state).rename(tmp_path / "a" / state)
+    with pytest.raises(CheckpointError, match=r"000001\.npz is of another run"):
+        stepper(tmp_path / "a").run(resume=True)
+
+
+def test_there_must_be_a_checkpoint_to_resume_from(tmp_path):
+    with pytest.raises(ValueError, match="no checkpoint to resume from"):
+        stepper(None).run(resume=True)
 
 
 @pytest.mark.parametrize("file", ["run.npz", "state_000000.npz", "state_000002.npz"])
@@ -164,28 +221,35 @@ def full_after(number, savez):
 
 
 def test_a_run_killed_at_any_moment_is_resumed(tmp_path):
-    """Killed without warning at random moments, 20 of them in all."""
+    """Killed without warning at 20 random moments between the first and last state."""
     rng = np.random.default_rng(0)
     command = [sys.executable, "-m", "skfem_textile", "run", "strip", "--no-render"]
-    command += ["--size", "4x6", "--steps", "40", "--stabilisation", "rate"]
+    command += ["--size", "4x6", "--steps", "40", "--stabilisation", "rate", "-v"]
 
-    def go(out, *options, kill_after=None):
-        arguments = [*command, "--out", str(out), *options]
-        child = subprocess.Popen(arguments, stdout=subprocess.PIPE)
-        if kill_after is not None:
-            time.sleep(kill_after)
-            os.kill(child.pid, signal.SIGKILL)
-        child.communicate()
-        return child.returncode
+    def go(out, *options, kill_at=None):
+        """Exit code and log; the kill comes a little after so many states."""
+        with subprocess.Popen(
+            [*command, "--out", str(out), *options],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as child:
+            log = []
+            for line in child.stderr:
+                log.append(line)
+                if len(log) == kill_at:
+                    time.sleep(0.02 * rng.random())
+                    child.kill()
+        return child.returncode, "".join(log)
 
-    start = time.perf_counter()
-    assert go(tmp_path / "whole") == 0
-    duration = time.perf_counter() - start
+    assert go(tmp_path / "whole")[0] == 0
     history = (tmp_path / "whole" / "history.csv").read_text()
-    killed = 0
-    while killed < 20:
-        out = tmp_path / f"out{killed}"
-        go(out, "--checkpoint", kill_after=duration * rng.uniform(0.3, 1.0))
-        killed += 1
-        assert go(out, "--resume") == 0
+    for i in range(20):
+        out = tmp_path / f"out{i}"
+        code, _ = go(out, "--checkpoint", kill_at=rng.integers(1, 36))
+        assert code == -signal.SIGKILL
+        assert not (out / "history.csv").exists()
+        code, log = go(out, "--resume")
+        assert code == 0
+        assert "resumed at load factor" in log
         assert (out / "history.csv").read_text() == history

@@ -94,7 +94,7 @@ def test_a_run_interrupted_before_its_first_state_says_so(
 ):
     interrupt_at(monkeypatch, 0)
     assert run(tmp_path, *QUICK) == 130
-    assert capsys.readouterr().err == "skfem-textile: interrupted, nothing written\n"
+    assert capsys.readouterr().err == "skfem-textile: interrupted\n"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -130,8 +130,32 @@ def test_a_checkpoint_may_lie_anywhere_and_is_refused_by_another_run(tmp_path, c
     again = ("--resume", folder, "--fibre-stiffness", "2e4")
     command = ("run", "strip", "--out", str(tmp_path / "new"), *QUICK, *again)
     capsys.readouterr()
-    assert "is of another run: its forces differ" in refused(capsys, *command)
+    assert "is of another run: its tension forces differ" in refused(capsys, *command)
     assert not (tmp_path / "new").exists()
+
+
+def test_resume_goes_on_where_checkpoint_says(tmp_path, capsys, monkeypatch):
+    folder = str(tmp_path / "c")
+    with monkeypatch.context() as patch:
+        interrupt_at(patch, 2)
+        assert run(tmp_path, *QUICK, "--checkpoint", folder) == 130
+    capsys.readouterr()
+    assert run(tmp_path, *QUICK, "--checkpoint", folder, "--resume", "-v") == 0
+    assert "resumed at load factor 0.333333" in capsys.readouterr().err
+    other = ("run", "strip", "--out", str(tmp_path / "out"), *QUICK)
+    said = refused(capsys, *other, "--checkpoint", folder, "--resume", folder + "d")
+    assert "name different folders" in said
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError("no ink")])
+def test_pictures_that_fail_lose_no_numbers(tmp_path, capsys, monkeypatch, error):
+    def draw(*_):
+        raise error
+
+    monkeypatch.setattr(commands, "_draw", draw)
+    assert run(tmp_path, *QUICK[:-1]) == 0
+    assert (tmp_path / "out" / "summary.json").exists()
+    assert "no pictures: " in capsys.readouterr().out
 
 
 def test_steps_and_iterations_are_told_on_request(tmp_path, capsys):

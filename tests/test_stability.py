@@ -113,6 +113,17 @@ def test_flat_angles_are_flat():
     assert np.degrees(np.arccos(cosine)).max() == pytest.approx(179.0)
 
 
+def test_an_interrupted_study_reports_on_what_it_has(tmp_path, few_steps, monkeypatch):
+    def cases(_):
+        yield stability.examined(Extreme("plain", "one", SMALL, OnePoint(10.0)))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(stability, "cases", cases)
+    out = tmp_path / "out"
+    assert cli.main(["study", "stability", "--out", str(out)]) == 130
+    assert json.loads((out / "summary.json").read_text())["cases"] == 2
+
+
 def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
     problems = [
         Extreme("plain", "one", SMALL, OnePoint(10.0)),
@@ -133,4 +144,4 @@ def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
     table = (out / "stability.md").read_text()
     assert "| folding | 2 | 0 | 0 | 2 | 0 |" in table
     assert "folded, det F" in table
-    assert "1/2 plain, one" in capsys.readouterr().out
+    assert "plain, one, one point " in capsys.readouterr().out

@@ -2,6 +2,7 @@ import logging
 
 import numpy as np
 import pytest
+from helpers import distorted
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -15,6 +16,7 @@ from skfem_textile import (
     OnePoint,
     Ply,
     StepError,
+    linear,
 )
 from skfem_textile.problem import NoEquilibriumError
 from skfem_textile.scenes import strip
@@ -122,7 +124,7 @@ def test_it_says_plainly_when_it_cannot_and_keeps_what_it_has():
     """A ply squeezed to nothing buckles, then folds: nothing is accepted past that."""
     ply, conditions = pulled(-1.5)
     with pytest.raises(
-        StepError, match=r"stopped at load factor 0\.\d+: the step"
+        StepError, match=r"stopped at load factor 0\.\d+: no acceptable state at 0\."
     ) as e:
         LoadStepper(ply, conditions, steps=4, max_halvings=3).run()
     result = e.value.result
@@ -175,7 +177,21 @@ def test_a_ply_with_every_node_held_has_nothing_to_solve():
         assert result.summary()["stable"]
 
 
-@pytest.mark.parametrize("steps", [0, -3, 2.5])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("direction", [None, (0.0, 1.0), (0.5, 1.0)])
+def test_a_mechanism_on_an_irregular_mesh_is_no_stable_state(seed, direction):
+    """Round-off gives free motions a little stiffness, of either sign."""
+    mesh = distorted(seed).with_defaults()
+    held = {"hinge": Condition([0], 0.0 * mesh.p[:, :1])}
+    if direction:
+        held = {"slide": Condition("bottom", 0.0, direction)}
+    for formulation in (Full(), OnePoint(1.0)):
+        ply = Ply(mesh, Fabric(1e4, 1.0, (1.0, 0.3), (0.0, 1.0)), formulation)
+        with pytest.raises(StepError, match="some motion meets no stiffness"):
+            LoadStepper(ply, held, steps=1).run()
+
+
+@pytest.mark.parametrize("steps", [0, -3, 2.5, np.nan, np.inf])
 def test_less_than_one_step_is_refused(steps):
     ply, conditions = pulled(0.5)
     with pytest.raises(ValueError, match="steps must be at least 1"):
@@ -189,6 +205,8 @@ def test_less_than_one_step_is_refused(steps):
         ({"strategies": []}, "name at least one strategy"),
         ({"warn_only": ["stable"]}, "unknown check 'stable': choose of folding"),
         ({"max_halvings": -1}, "max_halvings must be at least 0"),
+        ({"strategies": [Mixed]}, "neither a strategy nor the name of one"),
+        ({"strategies": [Mixed(most=0)]}, "at least one iteration"),
     ],
 )
 def test_unknown_options_are_refused(option, message):
@@ -243,8 +261,59 @@ def test_the_log_tells_iterations_and_steps(caplog):
         result = LoadStepper(ply, conditions, 1, strategies=[ShortSteps()]).run()
     levels = [record.levelno for record in caplog.records]
     assert levels.count(logging.DEBUG) == result.newton_iterations
-    assert "step to 1 failed, halved: shortsteps: too long" in caplog.text
+    assert "step to 1 failed, halved: no acceptable state at 1: too long" in caplog.text
     assert "load factor 0.25" in caplog.text
+
+
+def test_an_error_of_a_callback_is_the_users():
+    ply, conditions = pulled(0.5)
+    stepper = LoadStepper(ply, conditions, 2, on_step=lambda state: int("x"))
+    with pytest.raises(ValueError, match="invalid literal"):
+        stepper.run()
+    assert load_factors(stepper.result) == [0.0, 0.5]
+
+
+def test_before_a_run_there_is_no_result():
+    ply, conditions = pulled(0.5)
+    stepper = LoadStepper(ply, conditions)
+    assert stepper.states == ()
+    with pytest.raises(RuntimeError, match="has not been run"):
+        _ = stepper.result
+
+
+@pytest.mark.parametrize("halvings", [0, 2])
+def test_a_run_that_fails_counts_the_steps_that_it_cut(halvings):
+    ply, conditions = pulled(lambda X, t: -1.5 + 0 * X[0])
+    with pytest.raises(StepError) as error:
+        LoadStepper(ply, conditions, 1, max_halvings=halvings).run()
+    assert error.value.result.steps_cut == halvings
+
+
+def test_every_solve_and_factorisation_is_counted(monkeypatch):
+    counts = {"factorisations": 0, "solves": 0}
+    factorised = linear._factorised
+
+    class Counted:
+        def __init__(self, lu):
+            self._lu = lu
+
+        def __getattr__(self, name):
+            return getattr(self._lu, name)
+
+        def solve(self, b):
+            counts["solves"] += 1
+            return self._lu.solve(b)
+
+    def counted(*arguments, **options):
+        counts["factorisations"] += 1
+        return Counted(factorised(*arguments, **options))
+
+    monkeypatch.setattr(linear, "_factorised", counted)
+    ply, conditions = pulled(-0.3)
+    result = LoadStepper(ply, conditions, 4).run()
+    assert result.newton_iterations == counts["solves"]
+    assert result.factorisations == counts["factorisations"]
+    assert counts["solves"] > sum(len(state.residuals) for state in result.states)
 
 
 def test_an_interrupted_run_keeps_its_states():

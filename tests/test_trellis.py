@@ -80,5 +80,10 @@ def test_fibres_that_would_fold_or_are_parallel_are_refused():
         picture_frame(shear_angle=np.pi / 2)
     with pytest.raises(ValueError, match="would fold"):
         trellis(warp=0.0, weft=np.radians(30), turns=sheared(np.radians(31)))
+    for degrees in (120.0, 300.0, 360.0, 400.0):
+        with pytest.raises(ValueError, match="would fold"):
+            picture_frame(shear_angle=np.radians(degrees))
+    with pytest.raises(ValueError, match=r"shear by .* at load factor 0\.3"):
+        trellis(turns=(lambda s, t: 8 * t * (1 - t) + 0 * s, lambda s, t: 0 * s))
     with pytest.raises(ValueError, match="parallel"):
         trellis(warp=0.3, weft=0.3)

@@ -120,6 +120,28 @@ def test_torn_fibres_are_refused():
     assert torn.summary()["max_fibre_strain_2x2"] == pytest.approx(np.log(3))
 
 
+def test_fibres_that_grow_ever_stiffer_may_be_stretched_as_far_as_one_likes():
+    class Stiffening:
+        def energy(self, x):
+            return 5 * (np.cosh(2 * x) - 1)
+
+        def value(self, x):
+            return 10 * np.sinh(2 * x)
+
+        def tangent(self, x):
+            return 20 * np.cosh(2 * x)
+
+    mesh = MeshQuad().refined(1).with_defaults()
+    held = {"clamp": Condition("bottom"), "pull": Condition("top", (0.0, 2.0))}
+    ply = Ply(mesh, Fabric(Stiffening(), 1.0), Full())
+    assert LoadStepper(ply, held, 4).run().summary()["stable"]
+
+
+def test_an_error_names_elements_and_what_to_try():
+    with pytest.raises(StepError, match=r"\(element 138\); try a larger stab"):
+        run(OnePoint(1.0), 5, G=0.5)
+
+
 @pytest.mark.parametrize("steps", [1, 4, 20])
 def test_a_pushed_rod_buckles(steps):
     """No symmetry of the mesh holds it on the saddle point."""

@@ -140,7 +140,7 @@ class _Motion:
 
     def __init__(self, warp: float, weft: float, turns: tuple[Turn, Turn]) -> None:
         self._families = ((warp, turns[0]), (weft, turns[1]))
-        self._crossing = weft - warp
+        self._crossing = np.arctan2(np.sin(weft - warp), np.cos(weft - warp))
         directions = np.array([np.cos([warp, weft]), np.sin([warp, weft])])
         if not abs(np.sin(self._crossing)) > 1e-6:
             raise ValueError("warp and weft are parallel: they must cross at an angle")
@@ -162,14 +162,17 @@ class _Motion:
         return turn1(s1, t) - turn2(s2, t)
 
     def check(self, X: ndarray) -> None:
-        """Refuse fibres that fold onto one another at the end."""
-        crossing = self._crossing - self.shear_angle(X, 1.0)
-        if not np.all(np.sin(self._crossing) * np.sin(crossing) > 0):
-            raise ValueError(
-                "warp and weft would fold onto one another: they cross at "
-                f"{np.degrees(self._crossing):.6g} degrees and shear by "
-                f"{np.degrees(self.shear_angle(X, 1.0)).max():.6g}"
-            )
+        """Refuse fibres that fold onto one another on the way."""
+        for t in np.linspace(0.0, 1.0, 11):
+            shear = self.shear_angle(X, t)
+            angle = np.sign(self._crossing) * (self._crossing - shear)
+            if not np.all((angle > 0) & (angle < np.pi)):
+                worst = np.degrees(shear[np.abs(angle - np.pi / 2).argmax()])
+                raise ValueError(
+                    "warp and weft would fold onto one another: they cross at "
+                    f"{np.degrees(self._crossing):.6g} degrees and shear by "
+                    f"{worst:.6g} at load factor {t:.1f}"
+                )
 
 
 def _curve(inclination: float, turn: Turn, s: ndarray, t: float) -> ndarray:

@@ -16,7 +16,7 @@ import csv
 import json
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from time import perf_counter
@@ -54,25 +54,25 @@ _EXACT = 1e-8
 Row = dict[str, Any]
 
 
-def report(workers: int = 1, progress: Callable[[str], None] = print) -> list[Row]:
-    """Run every problem in every number of steps.
+def cases(workers: int = 1) -> Iterator[list[Row]]:
+    """The cases of one problem after the other.
 
     Parameters
     ----------
     workers
         Number of processes.
-    progress
-        Told a line per problem.
     """
-    rows: list[Row] = []
-    problems = extremes()
-    with ProcessPoolExecutor(workers) as pool:
-        for i, some in enumerate(pool.map(examined, problems), start=1):
-            outcomes = " ".join(f"{row['steps']}:{row['outcome']}" for row in some)
-            name = f"{some[0]['family']}, {some[0]['problem']}"
-            progress(f"{i:3}/{len(problems)} {name:45} {outcomes}")
-            rows += some
-    return rows
+    pool = ProcessPoolExecutor(workers)
+    try:
+        yield from pool.map(examined, extremes())
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def line(rows: list[Row]) -> str:
+    """The outcomes of one problem, on one line."""
+    outcomes = " ".join(f"{row['steps']}:{row['outcome']}" for row in rows)
+    return f"{rows[0]['family']}, {rows[0]['problem']:40} {outcomes}"
 
 
 def examined(problem: Extreme) -> list[Row]:
@@ -152,9 +152,9 @@ def is_sound(ply: Ply, scene: Scene, u: ndarray) -> bool:
     """
     gauss, _ = GAUSS
     constraints = Constraints(ply.basis, scene.conditions)
-    off = np.abs(u[constraints.fixed] - constraints.fixed_values(1.0)).max()
     if constraints.turn is not None:
         raise ValueError("the dense check knows conditions along the axes only")
+    off = np.abs(u[constraints.fixed] - constraints.fixed_values(1.0)).max()
     if not ply.area_ratio(u, gauss).min() > 0 or off > 1e-9 * np.abs(u).max():
         return False
     free = constraints.free
@@ -193,7 +193,7 @@ def summary(rows: list[Row]) -> dict[str, Any]:
         "wrong": outcomes[WRONG],
         "cases_with_one_answer": len(one),
         "right_with_one_answer": right,
-        "share_right_with_one_answer": right / len(one),
+        "share_right_with_one_answer": right / max(len(one), 1),
     }
 
 
@@ -214,7 +214,7 @@ def markdown(rows: list[Row]) -> str:
         some = [row for row in bad if (row["family"], row["problem"]) == name]
         steps = ", ".join(str(row["steps"]) for row in some)
         reached = [row["load_factor"] for row in some]
-        message = some[-1]["message"].partition("failed (")[2].partition("); try")[0]
+        message = some[-1]["message"].partition(" at ")[2].partition(": ")[2]
         text.append(
             f"| {', '.join(name)} | {steps} | {min(reached):.3f} to "
             f"{max(reached):.3f} | {message or WRONG} |\n"
