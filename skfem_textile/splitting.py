@@ -1,0 +1,142 @@
+"""Any mesh of triangles, or of triangles and quadrilaterals, as one of quadrilaterals.
+
+Every triangle becomes three quadrilaterals, with corners at the middles of its edges
+and at its centroid; beside triangles every quadrilateral becomes four.  There are then
+about as many unknowns as fibres to be kept from stretching, as in the continuum, where
+two triangles in place of a quadrilateral lock.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh, MeshQuad, MeshTri
+
+
+@dataclass(repr=False)
+class SplitMesh(MeshQuad):
+    """Quadrilaterals that were split off the elements of another mesh.
+
+    Attributes
+    ----------
+    cells
+        Triangles and quadrilaterals of the original mesh as node numbers, arrays of
+        shape (3, n) and (4, n).  Its nodes are the first of this mesh.
+    parent
+        For each quadrilateral the element that it was part of, counted through
+        ``cells``; shape (n_elements,).
+    """
+
+    cells: tuple[ndarray, ...] = ()
+    parent: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+
+
+def split(mesh: Mesh) -> SplitMesh:
+    """Split every triangle of a mesh in three quadrilaterals.
+
+    Boundaries and subdomains keep their names.
+
+    Parameters
+    ----------
+    mesh
+        A `skfem.MeshTri`, or a `skfem.MeshQuad`, whose quadrilaterals are first cut
+        along a diagonal.
+
+    Examples
+    --------
+    >>> quads = split(MeshTri().with_defaults())
+    >>> quads.nelements, sorted(quads.boundaries), quads.parent
+    (6, ['bottom', 'left', 'right', 'top'], array([0, 1, 0, 1, 0, 1]))
+    """
+    triangles = mesh.to_meshtri() if isinstance(mesh, MeshQuad) else mesh
+    if not isinstance(triangles, MeshTri):
+        raise ValueError(f"only triangles can be split, not {type(mesh).__name__}")
+    edges = {k: mesh.facets[:, f] for k, f in (mesh.boundaries or {}).items()}
+    return split_cells(
+        triangles.p, [triangles.t], edges, dict(triangles.subdomains or {})
+    )
+
+
+def split_cells(
+    points: ndarray,
+    cells: Sequence[ndarray],
+    edges: Mapping[str, ndarray] | None = None,
+    subdomains: Mapping[str, ndarray] | None = None,
+) -> SplitMesh:
+    """Split triangles in three quadrilaterals each, and quadrilaterals in four.
+
+    Parameters
+    ----------
+    points
+        Nodes, shape (2, n).
+    cells
+        Triangles and quadrilaterals as node numbers, shapes (3, n) and (4, n), anti-
+        clockwise or clockwise.
+    edges
+        Named boundaries, each as node numbers of its edges, shape (2, m).
+    subdomains
+        Named subdomains, each as element numbers, counted through ``cells``.
+    """
+    ends = np.concatenate([_ends(cell) for cell in cells], axis=1)
+    pairs, inverse = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True)
+    middles = points.shape[1] + inverse.ravel()
+    first_centre = points.shape[1] + pairs.shape[1]
+    centres = np.hstack([points[:, cell].mean(axis=1) for cell in cells])
+
+    quads, parent, edge, element = [], [], 0, 0
+    for cell in cells:
+        k, n = cell.shape
+        middle = middles[edge : edge + k * n].reshape(k, n)
+        centre = first_centre + element + np.arange(n)
+        for i in range(k):
+            quads.append(np.stack([cell[i], middle[i], centre, middle[i - 1]]))
+            parent.append(element + np.arange(n))
+        edge, element = edge + k * n, element + n
+    mesh = SplitMesh(
+        np.hstack([points, points[:, pairs].mean(axis=1), centres]),
+        np.hstack(quads),
+        cells=tuple(cells),
+        parent=np.concatenate(parent),
+    )
+    return _named(mesh, pairs, points.shape[1], edges or {}, subdomains or {})
+
+
+def _ends(cell: ndarray) -> ndarray:
+    """Node numbers of the edges of cells, edge by edge, shape (2, k·n)."""
+    return np.stack([cell.ravel(), np.roll(cell, -1, axis=0).ravel()])
+
+
+def _named(
+    mesh: SplitMesh,
+    pairs: ndarray,
+    n_points: int,
+    edges: Mapping[str, ndarray],
+    subdomains: Mapping[str, ndarray],
+) -> SplitMesh:
+    """The mesh with the names of the original's boundaries and subdomains.
+
+    An edge became two, from its ends to its middle.
+    """
+    number = {tuple(pair): n_points + i for i, pair in enumerate(pairs.T.tolist())}
+    facet = {tuple(ends): i for i, ends in enumerate(mesh.facets.T.tolist())}
+    boundaries = {
+        name: np.array(
+            [
+                facet[end, number[a, b]]  # middles come after the ends
+                for a, b in np.sort(ends, axis=0).T.tolist()
+                for end in (a, b)
+            ],
+            dtype=int,
+        )
+        for name, ends in edges.items()
+    }
+    return replace(
+        mesh,
+        _boundaries=boundaries or None,
+        _subdomains={
+            name: np.flatnonzero(np.isin(mesh.parent, elements))
+            for name, elements in subdomains.items()
+        }
+        or None,
+    )

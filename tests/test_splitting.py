@@ -1,0 +1,110 @@
+import numpy as np
+import pytest
+from helpers import distorted
+from scipy.spatial import Delaunay
+from skfem import MeshHex, MeshTri
+
+from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
+from skfem_textile.meshes import check_quads
+from skfem_textile.scenes import strip
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.splitting import split, split_cells
+
+TRIANGLE_AND_QUAD = (
+    np.array([[0.0, 1.0, 1.0, 0.0, 2.0], [0.0, 0.0, 1.0, 1.0, 0.5]]),
+    [np.array([[1], [4], [2]]), np.array([[0], [1], [2], [3]])],
+)
+
+
+def areas(mesh):
+    x, y = mesh.p[:, mesh.t]
+    return 0.5 * np.abs((x[2] - x[0]) * (y[3] - y[1]) - (x[3] - x[1]) * (y[2] - y[0]))
+
+
+@pytest.mark.parametrize("turn", [False, True], ids=["anticlockwise", "clockwise"])
+def test_triangles_become_three_quadrilaterals_of_a_third_each(turn):
+    triangles = MeshTri().refined(2)
+    if turn:
+        triangles = MeshTri(triangles.p, triangles.t[::-1])
+    mesh = split(triangles)
+    check_quads(mesh)
+    assert mesh.nelements == 3 * triangles.nelements
+    np.testing.assert_allclose(areas(mesh), 1 / mesh.nelements)
+    assert np.bincount(mesh.parent).tolist() == [3] * triangles.nelements
+
+
+def test_the_nodes_of_the_original_come_first():
+    triangles = MeshTri().refined(2)
+    mesh = split(triangles)
+    n = triangles.p.shape[1]
+    np.testing.assert_array_equal(mesh.p[:, :n], triangles.p)
+    np.testing.assert_array_equal(mesh.cells[0], triangles.t)
+    centres = triangles.p[:, triangles.t].mean(axis=1)
+    inside = mesh.p[:, mesh.t].mean(axis=1)
+    nearest = np.linalg.norm(inside - centres[:, mesh.parent], axis=0)
+    assert nearest.max() < triangles.param()
+
+
+def test_boundaries_and_subdomains_keep_their_names_and_extent():
+    triangles = MeshTri().refined(3).with_defaults()
+    triangles = triangles.with_subdomains({"half": lambda x: x[0] < 0.5})
+    mesh = split(triangles)
+    for name, axis, value in (("left", 0, 0.0), ("top", 1, 1.0)):
+        facets = mesh.boundaries[name]
+        assert len(facets) == 2 * len(triangles.boundaries[name])
+        ends = mesh.p[:, mesh.facets[:, facets]]
+        np.testing.assert_array_equal(ends[axis], value)
+        assert np.ptp(ends[1 - axis]) == 1.0
+    half = mesh.subdomains["half"]
+    assert areas(mesh)[half].sum() == pytest.approx(0.5)
+    assert mesh.p[0, mesh.t[:, half]].max() == 0.5
+
+
+def test_mixed_meshes_conform():
+    mesh = split_cells(*TRIANGLE_AND_QUAD, {"right": np.array([[4, 1], [2, 4]])})
+    check_quads(mesh)
+    assert mesh.parent.tolist() == [0, 0, 0, 1, 1, 1, 1]
+    assert areas(mesh).sum() == pytest.approx(1.5)
+    assert len(mesh.boundary_facets()) == 2 * 5
+    assert len(mesh.boundaries["right"]) == 4
+
+
+def test_quadrilaterals_are_cut_in_triangles_first():
+    quads = distorted(2)
+    mesh = split(quads)
+    check_quads(mesh)
+    assert mesh.nelements == 6 * quads.nelements
+    assert areas(mesh).sum() == pytest.approx(areas(quads).sum())
+    assert set(mesh.boundaries) == {"left", "right", "bottom", "top"}
+
+
+def test_moved_and_scaled_meshes_remember_their_parents():
+    mesh = split(MeshTri()).translated((1.0, 2.0)).scaled((2.0, 2.0))
+    assert mesh.parent.tolist() == [0, 1, 0, 1, 0, 1]
+
+
+def test_other_cells_are_refused():
+    with pytest.raises(ValueError, match="only triangles can be split, not MeshHex"):
+        split(MeshHex())
+
+
+def delaunay(quads):
+    """Delaunay's triangles between the nodes of a mesh."""
+    t = Delaunay(quads.p.T).simplices.T
+    a, b, c = quads.p[:, t].transpose(1, 0, 2)
+    area = 0.5 * np.abs((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0])
+    return MeshTri(quads.p, t[:, area > 1e-9]).with_defaults()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("E", [1e4, 1e6])
+def test_a_strip_of_triangles_does_not_lock(seed, E):
+    """Triangles do not follow the fibres, and yet the strip needs hardly any force."""
+    mesh = split(delaunay(rectangle(40, 60, (12, 18), "irregular", seed=seed)))
+    scene = strip(mesh)
+    ply = Ply(mesh, Fabric(E), OnePoint(1e-4 * E))
+    summary = scene.summary(LoadStepper(ply, scene.conditions, 4).run())
+    assert summary["stable"]
+    assert abs(summary["reaction_x"]) < 1e-5 * E
+    assert summary["max_fibre_strain"] < 1e-4
+    assert summary["displacement_error_rms"] < 0.01
