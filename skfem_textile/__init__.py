@@ -3,7 +3,7 @@
 from .checkpoint import CheckpointError
 from .conditions import Condition
 from .elements import CENTRE, GAUSS, ElementQuad1Fluctuation, HourglassBasis, quad_basis
-from .fabric import Fabric, Law, Linear
+from .fabric import Fabric, Law, Linear, Sin2
 from .forms import Forms, shear, tension
 from .formulations import Full, OnePoint
 from .hourglass import AccumulatedMoment, hourglass, hourglass_rate
@@ -38,6 +38,7 @@ __all__ = [
     "OnePoint",
     "Ply",
     "Result",
+    "Sin2",
     "State",
     "StepError",
     "Verdict",

@@ -105,6 +105,12 @@ def _picture_frame(parser: argparse.ArgumentParser) -> None:
     _angle(parser, "shear-angle", 45.0, "shear angle at the end")
 
 
+def _bias_extension(parser: argparse.ArgumentParser) -> None:
+    _loaded(parser, "16x32")
+    parser.set_defaults(jitter=0.25)
+    _angle(parser, "shear-angle", 40.0, "shear angle of the middle at the end")
+
+
 def _trellis(parser: argparse.ArgumentParser) -> None:
     _loaded(parser, "10x10")
     _angle(parser, "warp", 0.0, "inclination of the warp")
@@ -117,6 +123,7 @@ _OPTIONS = {
     "strip": _strip,
     "picture_frame": _picture_frame,
     "trellis": _trellis,
+    "bias_extension": _bias_extension,
     "two_element": _two_element,
 }
 
@@ -157,6 +164,12 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
     )
     add("--fibre-stiffness", type=float, default=1e4, metavar="E", help="N/mm" + _SHOWN)
     add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm" + _SHOWN)
+    add(
+        "--shear-law",
+        choices=tuple(commands.SHEAR_LAWS),
+        default="linear",
+        help="M_s = G gamma, or sin2: w = G sin^2 gamma / 2" + _SHOWN,
+    )
     _angle(parser, "rotate", 0.0, "turn it all")
     _stepping(parser)
 

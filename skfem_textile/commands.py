@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from . import __version__
-from .fabric import Fabric
+from .fabric import Fabric, Law, Linear, Sin2
 from .formulations import Formulation, Full, OnePoint
 from .ply import Ply
 from .result import Iteration, Result, State, StepError
-from .scenes import Scene, picture_frame, strip, trellis
+from .scenes import Scene, bias_extension, picture_frame, strip, trellis
 from .scenes.rectangle import KINDS
 from .scenes.trellis import sheared
 from .stepper import LoadStepper
@@ -26,8 +26,12 @@ SCENES = {
     "strip": "a strip laid on a circle, fibres along its sides, clamped at the bottom",
     "picture_frame": "a square sheared by a hinged frame, fibres along its sides",
     "trellis": "a square whose edges follow a motion that stretches no fibre",
+    "bias_extension": "a rectangle pulled along the bisector of its fibres",
     "two_element": "why quadrilaterals lock: the paper's equations on two elements",
 }
+
+#: The shear laws, by their names on the command line.
+SHEAR_LAWS: dict[str, Callable[[float], Law]] = {"linear": Linear, "sin2": Sin2}
 
 #: The studies, and what they tell.
 STUDIES = {
@@ -161,17 +165,21 @@ def _trellis(options: argparse.Namespace) -> Callable[..., Scene]:
     return partial(trellis, warp=warp, weft=weft, turns=turns)
 
 
+def _bias_extension(options: argparse.Namespace) -> Callable[..., Scene]:
+    return partial(bias_extension, shear_angle=np.radians(options.shear_angle))
+
+
 _SCENES: dict[str, Callable[[argparse.Namespace], Callable[..., Scene]]] = {
     "strip": lambda options: strip,
     "picture_frame": _picture_frame,
     "trellis": _trellis,
+    "bias_extension": _bias_extension,
 }
 
 
 def _stepper(scene: Scene, options: argparse.Namespace) -> LoadStepper:
-    fabric = Fabric(
-        options.fibre_stiffness, options.shear_stiffness, scene.warp, scene.weft
-    )
+    shear = SHEAR_LAWS[options.shear_law](options.shear_stiffness)
+    fabric = Fabric(options.fibre_stiffness, shear, scene.warp, scene.weft)
     formulation: Formulation = (
         Full()
         if options.formulation == "full"

@@ -36,14 +36,8 @@ class Law(Protocol):
 
 
 @dataclass(frozen=True)
-class Linear:
-    """The law ``value = stiffness · x``.
-
-    Raises
-    ------
-    ValueError
-        If the stiffness is negative or not finite.
-    """
+class _OneStiffness:
+    """A law with one parameter, its initial stiffness."""
 
     stiffness: float
 
@@ -52,6 +46,17 @@ class Linear:
             raise ValueError(
                 f"stiffness must be a finite number >= 0, got {self.stiffness}"
             )
+
+
+@dataclass(frozen=True)
+class Linear(_OneStiffness):
+    """The law ``value = stiffness · x``.
+
+    Raises
+    ------
+    ValueError
+        If the stiffness is negative or not finite.
+    """
 
     def energy(self, x: ndarray) -> ndarray:
         """½ stiffness x²."""
@@ -64,6 +69,29 @@ class Linear:
     def tangent(self, x: ndarray) -> ndarray:
         """The stiffness."""
         return np.full(np.shape(x), self.stiffness)
+
+
+@dataclass(frozen=True)
+class Sin2(_OneStiffness):
+    """The shear law w = ½ G sin²Γ, M_s = ½ G sin 2Γ, convex up to 45°.
+
+    Raises
+    ------
+    ValueError
+        If the initial stiffness G is negative or not finite.
+    """
+
+    def energy(self, x: ndarray) -> ndarray:
+        """½ G sin²Γ."""
+        return 0.5 * self.stiffness * np.sin(x) ** 2
+
+    def value(self, x: ndarray) -> ndarray:
+        """½ G sin 2Γ."""
+        return 0.5 * self.stiffness * np.sin(2 * x)
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """G cos 2Γ."""
+        return self.stiffness * np.cos(2 * x)
 
 
 class Family(NamedTuple):
@@ -156,7 +184,7 @@ class Fabric:
 
 def is_zero(law: Law) -> bool:
     """Whether a law needs no term at all."""
-    return isinstance(law, Linear) and law.stiffness == 0
+    return isinstance(law, _OneStiffness) and law.stiffness == 0
 
 
 def _law(name: str, law: float | Law) -> Law:

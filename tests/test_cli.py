@@ -36,7 +36,7 @@ def refused(capsys, *arguments):
 def test_list_names_the_scenes(capsys):
     assert cli.main(["list"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    names = ["strip", "picture_frame", "trellis", "two_element"]
+    names = ["strip", "picture_frame", "trellis", "bias_extension", "two_element"]
     assert [line.split()[0] for line in lines] == names
 
 

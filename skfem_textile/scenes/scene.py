@@ -9,6 +9,7 @@ from skfem import MeshQuad
 
 from ..conditions import Condition
 from ..elements import CENTRE
+from ..fabric import Law, is_zero
 from ..result import Result, State
 
 ExactField = Callable[[ndarray, float], ndarray]
@@ -36,6 +37,9 @@ class Scene:
         Exact shear angle ``(X, t) -> (n,)`` in radians.
     rotation
         Angle in radians by which the whole problem has been turned.
+    load
+        Exact force along y on the driven edge in N, ``(shear law, t) -> float``, of
+        fibres that do not stretch; None where it is not known or zero.
     """
 
     name: str
@@ -47,6 +51,7 @@ class Scene:
     displacement: ExactField
     shear_angle: ExactField
     rotation: float = 0.0
+    load: Callable[[Law, float], float] | None = None
 
     def rotated(self, angle: float) -> "Scene":
         """The same problem with mesh, fibres and conditions turned together.
@@ -111,8 +116,16 @@ class Scene:
             **result.summary(),
             "reaction_x": reaction_x,
             "reaction_y": reaction_y,
+            **self._load_over_exact(result, reaction_y),
             **self.errors(result),
         }
+
+    def _load_over_exact(self, result: Result, reaction_y: float) -> dict[str, float]:
+        """The load as a share of the exact one, where that is known and not zero."""
+        law, t = result.ply.fabric.shear_law, result.states[-1].load_factor
+        if self.load is None or is_zero(law) or t == 0:
+            return {}
+        return {"load_over_exact": reaction_y / self.load(law, t)}
 
 
 def _rotation(angle: float) -> ndarray:

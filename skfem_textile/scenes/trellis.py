@@ -6,8 +6,9 @@ it is given by the angles through which f′ and g′ turn away from A₁ and A�
 enforced on the whole boundary.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -98,7 +99,7 @@ def trellis(
         if "top" not in mesh.boundaries:
             raise MeshError("trellis: the mesh has no straight top edge; name it")
     turns = sheared(np.pi / 4, np.pi / 6) if turns is None else turns
-    motion = _Motion(warp, weft, turns)
+    motion = Motion((warp, weft), turns)
     motion.check(mesh.p)
     return Scene(
         name="trellis",
@@ -135,30 +136,47 @@ def sheared(shear_angle: float, bend: float = 0.0) -> tuple[Turn, Turn]:
     return warp, weft
 
 
-class _Motion:
-    """x = f(X₁) + g(X₂), from the inclinations of the fibres and how they turn."""
+class Motion:
+    """x = f(X₁) + g(X₂), from the inclinations of the fibres and how they turn.
 
-    def __init__(self, warp: float, weft: float, turns: tuple[Turn, Turn]) -> None:
-        self._families = ((warp, turns[0]), (weft, turns[1]))
-        self._crossing = np.arctan2(np.sin(weft - warp), np.cos(weft - warp))
-        directions = np.array([np.cos([warp, weft]), np.sin([warp, weft])])
+    Parameters
+    ----------
+    inclinations
+        Of warp and weft in radians.
+    turns
+        How warp and weft turn.
+    kinks
+        Coordinates along warp and weft at which they turn in a jump, ascending.
+
+    Raises
+    ------
+    ValueError
+        If warp and weft are parallel.
+    """
+
+    def __init__(
+        self,
+        inclinations: tuple[float, float],
+        turns: tuple[Turn, Turn],
+        kinks: tuple[Sequence[float], Sequence[float]] = ((), ()),
+    ) -> None:
+        self._families = tuple(zip(inclinations, turns, kinks, strict=True))
+        angle = inclinations[1] - inclinations[0]
+        self._crossing = np.arctan2(np.sin(angle), np.cos(angle))
         if not abs(np.sin(self._crossing)) > 1e-6:
             raise ValueError("warp and weft are parallel: they must cross at an angle")
+        directions = np.array([np.cos(inclinations), np.sin(inclinations)])
         self._coordinates = np.linalg.inv(directions)
 
     def displacement(self, X: ndarray, t: float) -> ndarray:
         """Displacement x − X."""
-        along = self._coordinates @ X
-        x = [
-            _curve(inclination, turn, s, t)
-            for (inclination, turn), s in zip(self._families, along, strict=True)
-        ]
-        return x[0] + x[1] - X
+        along = zip(self._families, self._coordinates @ X, strict=True)
+        return sum(_curve(*family, s, t) for family, s in along) - X
 
     def shear_angle(self, X: ndarray, t: float) -> ndarray:
         """The turn of the warp less that of the weft."""
         s1, s2 = self._coordinates @ X
-        (_, turn1), (_, turn2) = self._families
+        (_, turn1, _), (_, turn2, _) = self._families
         return turn1(s1, t) - turn2(s2, t)
 
     def check(self, X: ndarray) -> None:
@@ -175,11 +193,18 @@ class _Motion:
                 )
 
 
-def _curve(inclination: float, turn: Turn, s: ndarray, t: float) -> ndarray:
-    """∫₀ˢ (cos, sin)(inclination + turn) ds, shape (2, n)."""
-    points = 0.5 * s[:, None] * (1 + _XI)
-    angle = inclination + turn(points, t)
-    return 0.5 * s * (np.stack([np.cos(angle), np.sin(angle)]) @ _WEIGHTS)
+def _curve(
+    inclination: float, turn: Turn, kinks: Sequence[float], s: ndarray, t: float
+) -> ndarray:
+    """∫₀ˢ (cos, sin)(inclination + turn) ds, shape (2, n), piece by piece."""
+    x = np.zeros((2, *s.shape))
+    ends = (-np.inf, *kinks, np.inf)
+    for low, high in pairwise(ends):
+        start, end = np.clip(0.0, low, high), np.clip(s, low, high)
+        half = 0.5 * (end - start)
+        angle = inclination + turn(start + half[:, None] * (1 + _XI), t)
+        x += half * (np.stack([np.cos(angle), np.sin(angle)]) @ _WEIGHTS)
+    return x
 
 
 def _straight(s: ndarray, t: float) -> ndarray:
