@@ -17,7 +17,7 @@ from .ply import Ply
 _ROUND_OFF = 2.0**-53
 
 _MORE_STIFFNESS = (
-    "hold the ply in more places, or give it stabilisation or shear stiffness"
+    "holding the ply in more places, or more stabilisation or shear stiffness"
 )
 
 

@@ -71,6 +71,10 @@ class State:
     tolerance: float
     verdict: Verdict
 
+    def __repr__(self) -> str:
+        stable = "stable" if self.verdict.stable else "not stable"
+        return f"<State at load factor {self.load_factor:g}, {stable}>"
+
 
 @dataclass(frozen=True, eq=False)
 class Result:
@@ -167,12 +171,12 @@ class Result:
         end = "converged" if self.converged else "stopped early"
         return (
             f"<Result: {end} at load factor {self.states[-1].load_factor:g}, "
-            f"{len(self.states) - 1} steps, {self.newton_iterations} iterations>"
+            f"{len(self.states) - 1} steps, {self.newton_iterations} linear solves>"
         )
 
     def __str__(self) -> str:
         """A compact table of the states, evenly chosen where they are many."""
-        lines = ["load factor  iterations     energy   max strain  min det F  stable"]
+        lines = ["load factor      solves     energy   max strain  min det F  stable"]
         chosen = np.linspace(0, len(self.states) - 1, _LINES).round().astype(int)
         for i in np.unique(chosen):
             state, verdict = self.states[i], self.states[i].verdict

@@ -232,5 +232,5 @@ def _shortened(problem: Problem, u: ndarray, du: ndarray, f: ndarray) -> ndarray
     raise NoEquilibriumError(
         "no descent of the energy",
         np.flatnonzero(folded),
-        advice="a larger stabilisation, or a less distorted mesh",
+        advice="a larger stabilisation, a less distorted mesh or a smaller load",
     )

@@ -151,7 +151,7 @@ def _folding(trial: Trial) -> None:
             f"{folded.size} element(s) folded, det F down to "
             f"{trial.area_ratio.min():.2g}",
             folded,
-            advice="a larger stabilisation, or a less distorted mesh",
+            advice="a larger stabilisation, a less distorted mesh or a smaller load",
         )
 
 

@@ -102,7 +102,8 @@ def test_load_curves_carry_their_labels(tmp_path):
     lines = {"aligned": ([0, 1], [0, 2]), "irregular": ([0, 1], [0, 3])}
     figure = curves({"Fig. 5": lines}, "mm", "N", tmp_path / "load.png")
     (axes,) = figure.axes
-    assert [t.get_text() for t in axes.get_legend().get_texts()] == list(lines)
+    (legend,) = figure.legends
+    assert [t.get_text() for t in legend.get_texts()] == list(lines)
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("mm", "N")
     assert (tmp_path / "load.png").stat().st_size > 1000
 

@@ -143,5 +143,5 @@ def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
     assert [row["steps"] for row in rows] == ["1", "5", "1", "5"]
     table = (out / "stability.md").read_text()
     assert "| folding | 2 | 0 | 0 | 2 | 0 |" in table
-    assert "folded, det F" in table
+    assert "| 1 element(s) folded, det F" in table
     assert "plain, one, one point " in capsys.readouterr().out

@@ -214,7 +214,7 @@ def markdown(rows: list[Row]) -> str:
         some = [row for row in bad if (row["family"], row["problem"]) == name]
         steps = ", ".join(str(row["steps"]) for row in some)
         reached = [row["load_factor"] for row in some]
-        message = some[-1]["message"].partition(" at ")[2].partition(": ")[2]
+        *_, message = some[-1]["message"].partition("; try")[0].split(": ", 2)
         text.append(
             f"| {', '.join(name)} | {steps} | {min(reached):.3f} to "
             f"{max(reached):.3f} | {message or WRONG} |\n"
