@@ -6,7 +6,12 @@ from .elements import CENTRE, GAUSS, ElementQuad1Fluctuation, HourglassBasis, qu
 from .fabric import Fabric, Law, Linear, Sin2
 from .forms import Forms, shear, tension
 from .formulations import Full, OnePoint
-from .hourglass import AccumulatedMoment, hourglass, hourglass_rate
+from .hourglass import (
+    AccumulatedMoment,
+    HeldStabilisation,
+    hourglass,
+    hourglass_rate,
+)
 from .meshes import MeshError
 from .ply import Ply
 from .result import Iteration, Result, State, StepError
@@ -27,6 +32,7 @@ __all__ = [
     "Fabric",
     "Forms",
     "Full",
+    "HeldStabilisation",
     "HourglassBasis",
     "Iteration",
     "Law",

@@ -155,7 +155,13 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
         default="one-point",
         help="one stabilised point, or 2x2 points" + _SHOWN,
     )
-    add("--cs", type=float, default=1.0, help="stabilisation C_s in N/mm" + _SHOWN)
+    add(
+        "--cs",
+        type=_stabilisation,
+        default=1.0,
+        help="stabilisation C_s in N/mm, or auto: ten times the shear stiffness of "
+        "each element, 1e-4 E without any" + _SHOWN,
+    )
     add(
         "--stabilisation",
         choices=get_args(Kind),
@@ -217,6 +223,10 @@ def _stepping(parser: argparse.ArgumentParser) -> None:
         default=0,
         help="tell of every step; twice: of every iteration",
     )
+
+
+def _stabilisation(text: str) -> float | str:
+    return text if text == "auto" else float(text)
 
 
 def _size(text: str) -> tuple[int, int]:

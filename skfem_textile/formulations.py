@@ -10,7 +10,12 @@ from skfem import CellBasis
 from .elements import CENTRE, GAUSS, HourglassBasis
 from .fabric import Fabric
 from .forms import Forms
-from .hourglass import AccumulatedMoment, hourglass, hourglass_rate
+from .hourglass import (
+    AccumulatedMoment,
+    HeldStabilisation,
+    hourglass,
+    hourglass_rate,
+)
 
 Kind: TypeAlias = Literal["energy", "rate"]
 
@@ -29,8 +34,8 @@ class Memory(Protocol):
         """Return to the undeformed state."""
         ...
 
-    def commit(self, u: ndarray) -> None:
-        """Make ``u`` the last converged displacement."""
+    def commit(self, u: ndarray) -> bool:
+        """Make ``u`` the last converged displacement; tell if that changes forces."""
         ...
 
 
@@ -79,7 +84,9 @@ class OnePoint:
     Parameters
     ----------
     stabilisation
-        Stabilisation stiffness C_s in N/mm (Hamila & Boisse 2013, §3.2).
+        Stabilisation stiffness C_s in N/mm (Hamila & Boisse 2013, §3.2), or ``auto``:
+        in each element ten times its secant shear stiffness at the last converged
+        state, held during a step; 10⁻⁴ of the fibre stiffness where there is none.
     kind
         ``energy``: independent of the path, with an exact tangent.  ``rate``: the
         paper's accumulated rates; a `Ply` then remembers the last converged state.
@@ -87,30 +94,38 @@ class OnePoint:
     Raises
     ------
     ValueError
-        If the stabilisation is negative or not finite, or the kind unknown.
+        If the stabilisation is negative or not finite, or ``auto`` with rates, or the
+        kind unknown.
     """
 
-    stabilisation: float = 1.0
+    stabilisation: float | Literal["auto"] = 1.0
     kind: Kind = "energy"
 
     name: ClassVar[str] = "one-point"
     rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.stabilisation) and self.stabilisation >= 0):
-            raise ValueError(
-                f"stabilisation must be a finite number >= 0, got {self.stabilisation}"
-            )
         if self.kind not in get_args(Kind):
             raise ValueError(
                 f"kind must be one of {', '.join(get_args(Kind))}, got {self.kind!r}"
+            )
+        if self.stabilisation == "auto":
+            if self.kind == "rate":
+                raise ValueError("stabilisation auto goes with kind energy, not rate")
+        elif isinstance(self.stabilisation, str) or not (
+            np.isfinite(self.stabilisation) and self.stabilisation >= 0
+        ):
+            raise ValueError(
+                "stabilisation must be a finite number >= 0 or 'auto', got "
+                f"{self.stabilisation}"
             )
 
     @property
     def title(self) -> str:
         """What to call it in a picture."""
         rate = ", rate" if self.kind == "rate" else ""
-        return f"one point, Cs = {self.stabilisation:g}{rate}"
+        C_s = self.stabilisation
+        return f"one point, Cs = {C_s if C_s == 'auto' else f'{C_s:g}'}{rate}"
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """The hourglass term, unless C_s is zero."""
@@ -118,6 +133,9 @@ class OnePoint:
             return []
         C_s = self.stabilisation
         corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
+        if C_s == "auto":
+            held = HeldStabilisation(fabric, corners)
+            return [Term("stabilisation", hourglass(fabric), corners, held)]
         if self.kind == "energy":
             return [Term("stabilisation", hourglass(fabric, C_s), corners)]
         memory = AccumulatedMoment(fabric, C_s, corners)

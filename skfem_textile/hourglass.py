@@ -6,7 +6,7 @@ forms go with `HourglassBasis` and take the displacement as their parameter ``u`
 """
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -16,14 +16,20 @@ from skfem.helpers import ddot, grad, inv
 
 from . import kinematics as kin
 from .elements import centre_grad
-from .fabric import Fabric
+from .fabric import Fabric, is_zero
 from .forms import Forms, contract, directions, once
+
+# C_s by default, as a share of the secant shear stiffness or of the fibre stiffness.
+_OF_SHEAR, _OF_FIBRES = 10.0, 1e-4
+
+# Below this shear angle (radians) the secant is the tangent at rest.
+_SMALL_ANGLE = 1e-6
 
 #: A function of the parameters of a form.
 Pointwise: TypeAlias = Callable[[FormExtraParams], ndarray]
 
 
-def hourglass(fabric: Fabric, C_s: float) -> Forms:
+def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
     """Stabilisation with the energy ½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))².
 
     M̃_k = C_s (Γ(ξ_k) − Γ(0)) on the reference area A: independent of the path.
@@ -33,7 +39,8 @@ def hourglass(fabric: Fabric, C_s: float) -> Forms:
     fabric
         Gives the fibre directions; its stiffnesses play no part.
     C_s
-        Stabilisation stiffness in N/mm.
+        Stabilisation stiffness in N/mm.  Without it the forms take a parameter
+        ``C_s``, shape (n_elements, 1); `HeldStabilisation` keeps one.
     """
 
     def difference(w):
@@ -44,17 +51,76 @@ def hourglass(fabric: Fabric, C_s: float) -> Forms:
         (F, F0), A = _F(w), directions(fabric, w)
         return kin.shear_angle_d(F, *A), kin.shear_angle_d(F0, *A)
 
+    def stiffness(w):
+        return w["C_s"] if C_s is None else C_s
+
     @Functional
     def energy(w):
-        return 0.5 * C_s * difference(w) ** 2
+        return 0.5 * stiffness(w) * difference(w) ** 2
 
     def moment(w):
-        return C_s * difference(w)
-
-    def stiffness(w):
-        return C_s
+        return stiffness(w) * difference(w)
 
     return Forms(energy, *_forms(fabric, variation, moment, stiffness))
+
+
+class HeldStabilisation:
+    """C_s of `hourglass` in each element, from its shear at the last converged state.
+
+    Ten times the secant shear stiffness M_s/Γ at the centre, at least a tenth of what
+    it was at rest; without shear stiffness 10⁻⁴ of the fibre stiffness.  It is held
+    during a step, so that the tangent is exact.
+
+    Parameters
+    ----------
+    fabric
+        Gives fibre directions, tension and shear laws.
+    basis
+        The `HourglassBasis` of the forms.
+
+    Attributes
+    ----------
+    parameters
+        Parameter ``C_s`` of the forms.
+    work
+        Work of the stabilisation so far in N·mm beyond its energy at this C_s.
+    """
+
+    def __init__(self, fabric: Fabric, basis: CellBasis) -> None:
+        self._fabric, self._basis = fabric, basis
+        self._energy = hourglass(fabric).energy
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the undeformed state."""
+        self.parameters = {"C_s": self._stabilisation(self._basis.zeros())}
+        self.work = 0.0
+
+    def commit(self, u: ndarray) -> bool:
+        """Make ``u`` the last converged displacement; tell whether C_s changed."""
+        basis, before = self._basis, self.parameters["C_s"]
+        C_s = self._stabilisation(u)
+        # What is stored stays stored, however stiff the element is from now on.
+        self.work += asm(self._energy, basis, u=u, C_s=before - C_s)
+        self.parameters = {"C_s": C_s}
+        return not np.array_equal(C_s, before)
+
+    def _stabilisation(self, u: ndarray) -> ndarray:
+        law = self._fabric.shear_law
+        if is_zero(law):
+            families = self._fabric.families
+            E = np.mean([f.tension.tangent(np.zeros(1)) for f in families])
+            return np.full((self._basis.nelems, 1), _OF_FIBRES * E)
+        # The centre's gradient is the same at the four points of an element.
+        field: Any = self._basis.interpolate(u)
+        F = kin.deformation_gradient(centre_grad(field))
+        A = self._fabric.directions(np.asarray(self._basis.global_coordinates()))
+        angle = kin.shear_angle(F, *A)[:, :1]
+        at_rest = law.tangent(np.zeros(1))
+        sheared = np.abs(angle) > _SMALL_ANGLE
+        divisor = np.where(sheared, angle, 1.0)
+        secant = np.where(sheared, law.value(angle) / divisor, at_rest)
+        return _OF_SHEAR * np.maximum(secant, 0.1 * at_rest)
 
 
 def hourglass_rate(fabric: Fabric, C_s: float) -> Forms:
@@ -128,8 +194,8 @@ class AccumulatedMoment:
         }
         self.work = 0.0
 
-    def commit(self, u: ndarray) -> None:
-        """Make ``u`` the last converged displacement."""
+    def commit(self, u: ndarray) -> bool:
+        """Make ``u`` the last converged displacement; the forces stay what they are."""
         basis, parameters = self._basis, self.parameters
         self.work += asm(self._work, basis, u=u, **parameters)
         w = FormExtraParams(
@@ -140,6 +206,7 @@ class AccumulatedMoment:
         increment = _rate_increment(self._fabric, w)
         moment = parameters["moment"] + self._C_s * increment
         self.parameters = {"last": u.copy(), "moment": moment}
+        return False
 
 
 def _rate_variation(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:

@@ -119,15 +119,20 @@ class Ply:
             for t in self.terms
         )
 
-    def commit(self, u: ndarray) -> None:
+    def commit(self, u: ndarray) -> bool:
         """Make ``u`` the last converged state, for terms that remember one.
 
         The load stepper does this after each step; a Newton loop of one's own must,
-        if the formulation has a memory (`OnePoint` of kind ``rate``).
+        if the formulation has a memory (`OnePoint` of kind ``rate``, or with the
+        stabilisation ``auto``).
+
+        Returns
+        -------
+        bool
+            Whether that changes the forces at ``u``.
         """
-        for term in self.terms:
-            if term.memory is not None:
-                term.memory.commit(u)
+        changed = [t.memory.commit(u) for t in self.terms if t.memory is not None]
+        return any(changed)
 
     def reset(self) -> None:
         """Forget every committed state."""

@@ -269,8 +269,10 @@ class LoadStepper:
             residuals=found.residuals,
             tolerance=found.tolerance,
         )
-        problem.ply.commit(found.u)
-        self._start = Start(found.u, found.f, trial.tangent)
+        if problem.ply.commit(u := found.u):
+            self._start = Start(u, problem.residual(u), tangent_at(problem, u))
+        else:
+            self._start = Start(u, found.f, trial.tangent)
         if state.iterations <= _EASY:
             self._length = min(2 * self._length, self.load_factors[0])
         self._save(state)

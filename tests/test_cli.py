@@ -311,6 +311,12 @@ def test_a_run_takes_the_papers_stabilisation(tmp_path):
     assert energies[1] == pytest.approx(energies[0], rel=0.5)
 
 
+def test_a_run_takes_the_automatic_stabilisation(tmp_path):
+    assert run(tmp_path, *QUICK, "--cs", "auto", "--shear-stiffness", "0.5") == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["inputs"]["cs"] == "auto"
+
+
 def test_two_element_writes_its_systems(tmp_path, capsys):
     assert cli.main(["run", "two_element", "--out", str(tmp_path / "out")]) == 0
     report = json.loads((tmp_path / "out" / "systems.json").read_text())

@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+from helpers import derivative, distorted, wobble
+
+from skfem_textile import Fabric, Linear, LoadStepper, OnePoint, Ply, Sin2
+from skfem_textile.scenes import bias_extension, strip
+
+
+def run(scene, formulation, steps=4, E=1e4, shear=0.5, **options):
+    ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
+    return LoadStepper(ply, scene.conditions, steps, **options).run()
+
+
+def stabilisation(ply):
+    (term,) = [term for term in ply.terms if term.name == "stabilisation"]
+    return term.memory.parameters["C_s"]
+
+
+def test_under_a_linear_law_it_is_ten_times_the_shear_stiffness():
+    scene = bias_extension(size=(6, 12))
+    auto, fixed = (run(scene, OnePoint(C_s)) for C_s in ("auto", 5.0))
+    np.testing.assert_allclose(auto.u, fixed.u, atol=1e-9)
+    assert auto.newton_iterations == fixed.newton_iterations
+
+
+@pytest.mark.parametrize("E", [1e4, 1e6, (1e4, 3e4)])
+def test_without_shear_stiffness_it_is_a_share_of_the_fibre_stiffness(E):
+    scene = strip(size=(4, 6))
+    ply = Ply(scene.mesh, Fabric(E, 0.0), OnePoint("auto"))
+    np.testing.assert_allclose(stabilisation(ply), 1e-4 * np.mean(E))
+
+
+def test_it_follows_the_secant_of_each_element():
+    result = run(bias_extension(size=(6, 12)), OnePoint("auto"), shear=Sin2(0.5))
+    ply = result.ply
+    angle = ply.shear_angle(result.u)
+    secant = 0.25 * np.sin(2 * angle) / angle
+    np.testing.assert_allclose(stabilisation(ply), 10 * secant, rtol=1e-9)
+    assert np.ptp(stabilisation(ply)) > 0.5
+
+
+def test_it_never_vanishes():
+    mesh = distorted(1)
+    ply = Ply(mesh, Fabric(1e4, Sin2(0.5)), OnePoint("auto"))
+    sheared = ply.basis.zeros()
+    sheared[ply.basis.nodal_dofs] = [8 * mesh.p[1], 0 * mesh.p[1]]
+    ply.commit(sheared)
+    np.testing.assert_allclose(stabilisation(ply), 0.5)
+
+
+def test_it_is_held_during_a_step_so_that_the_tangent_is_exact():
+    ply = Ply(distorted(2), Fabric(1e3, Sin2(0.5)), OnePoint("auto"))
+    ply.commit(wobble(ply, 1))
+    u, du = wobble(ply, 2), wobble(ply, 3, 1.0)
+    np.testing.assert_allclose(
+        derivative(ply.residual, u, du), ply.tangent(u) @ du, rtol=1e-5, atol=1e-5
+    )
+    assert derivative(ply.energy, u, du) == pytest.approx(ply.residual(u) @ du)
+
+
+def test_what_is_stored_stays_stored_when_it_changes():
+    """The reactions do the work of the energy, step by step."""
+    scene = bias_extension(size=(6, 12))
+    rows = run(scene, OnePoint("auto"), 40, shear=Sin2(0.5)).history()
+    assert rows[-1]["work"] == pytest.approx(rows[-1]["energy"], rel=1e-3)
+    ply = Ply(scene.mesh, Fabric(1e4, Sin2(0.5), (1, 1), (-1, 1)), OnePoint("auto"))
+    u = wobble(ply, 1, 0.5)
+    before = ply.energy(u)
+    assert ply.commit(u)
+    assert ply.energy(u) == pytest.approx(before, rel=1e-12)
+    assert not ply.commit(u)
+
+
+def test_a_resumed_run_remembers_it(tmp_path):
+    scene = bias_extension(size=(4, 8))
+    whole = run(scene, OnePoint("auto"), shear=Sin2(0.5))
+
+    def interrupt(state):
+        if state.load_factor == 0.5:
+            raise KeyboardInterrupt
+
+    options = {"shear": Sin2(0.5), "checkpoint": tmp_path / "c"}
+    with pytest.raises(KeyboardInterrupt):
+        run(scene, OnePoint("auto"), on_step=interrupt, **options)
+    fabric = Fabric(1e4, Sin2(0.5), scene.warp, scene.weft)
+    again = LoadStepper(
+        Ply(scene.mesh, fabric, OnePoint("auto")),
+        scene.conditions,
+        4,
+        checkpoint=tmp_path / "c",
+    ).run(resume=True)
+    np.testing.assert_array_equal(again.u, whole.u)
+    assert again.history() == whole.history()
+
+
+@pytest.mark.parametrize("G", [0.5, 0.0])
+def test_a_strip_is_loaded_with_nothing_tuned(G):
+    summary = run(strip(), OnePoint("auto"), shear=Linear(G)).summary()
+    assert summary["stable"]
+    assert summary["converged"]
+
+
+def test_what_makes_no_sense_is_refused():
+    with pytest.raises(ValueError, match="auto goes with kind energy"):
+        OnePoint("auto", kind="rate")
+    with pytest.raises(ValueError, match="number >= 0 or 'auto', got much"):
+        OnePoint("much")
