@@ -148,6 +148,11 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
     )
     add("--size", type=_size, default=size, help="elements along x and y" + _SHOWN)
     add("--jitter", type=float, default=0.3, help="node moves per spacing" + _SHOWN)
+    add(
+        "--split",
+        action="store_true",
+        help="cut the quadrilaterals in triangles, and these in three each",
+    )
     add("--seed", type=int, default=1, help="seed of the node moves" + _SHOWN)
     add(
         "--formulation",

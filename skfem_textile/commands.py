@@ -19,6 +19,7 @@ from .result import Iteration, Result, State, StepError
 from .scenes import Scene, bias_extension, picture_frame, strip, trellis
 from .scenes.rectangle import KINDS
 from .scenes.trellis import sheared
+from .splitting import SplitMesh, split
 from .stepper import LoadStepper
 
 #: The scenes, and what they are.
@@ -149,9 +150,15 @@ def _scene(options: argparse.Namespace) -> Scene:
         from .io import read_mesh
 
         mesh = read_mesh(mesh)
-    scene = _SCENES[options.scene](options)(
-        mesh=mesh, size=options.size, jitter=options.jitter, seed=options.seed
+    build = partial(
+        _SCENES[options.scene](options),
+        size=options.size,
+        jitter=options.jitter,
+        seed=options.seed,
     )
+    scene = build(mesh=mesh)
+    if options.split and not isinstance(scene.mesh, SplitMesh):
+        scene = build(mesh=split(scene.mesh))
     return scene.rotated(np.radians(options.rotate))
 
 

@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -22,6 +22,7 @@ from .fields import cell_fields, point_fields
 from .meshes import MeshError, check_quads
 from .ply import Ply
 from .result import Result
+from .splitting import SplitMesh, boundary_edges, split_cells
 
 STEPS, SERIES = "step_[0-9]*.vtu", "steps.pvd"
 
@@ -29,16 +30,18 @@ _IGNORED_CELLS = {"vertex", "line"}
 
 
 def read_mesh(path: str | os.PathLike[str]) -> MeshQuad:
-    """Read a mesh of four-node quadrilaterals: Gmsh .msh, Abaqus .inp, .vtu and more.
+    """Read a plane mesh: Gmsh .msh, Abaqus .inp, .vtu and more.
 
-    Named groups of edges (Gmsh physical groups) and of nodes (Abaqus node sets)
-    become boundaries of that name.
+    Triangles, and quadrilaterals beside triangles, are split in quadrilaterals
+    (`split_cells`).  Named groups of edges (Gmsh physical groups) and of nodes (Abaqus
+    node sets) become boundaries of that name.
 
     Raises
     ------
     MeshError
-        If the file cannot be read, has other cells than quadrilaterals, does not
-        lie in a plane z = const, or is not a sound mesh (`check_quads`).
+        If the file cannot be read, has other cells than triangles and four-node
+        quadrilaterals, does not lie in a plane z = const, or is not a sound mesh
+        (`check_quads`).
     """
     path = Path(path)
     if not path.is_file():
@@ -65,14 +68,65 @@ def _read(path: Path) -> meshio.Mesh:
 
 def _quad_mesh(raw: meshio.Mesh) -> MeshQuad:
     kinds = {block.type for block in raw.cells} - _IGNORED_CELLS
-    if kinds != {"quad"}:
+    if not kinds or not kinds <= {"quad", "triangle"}:
         found = ", ".join(sorted(kinds)) or "none"
-        raise MeshError(f"only four-node quadrilaterals are supported, found {found}")
+        raise MeshError(
+            "only triangles and four-node quadrilaterals are supported, found " + found
+        )
     size = np.ptp(raw.points, axis=0)
     if not np.all(size[2:] <= 1e-9 * size[:2].max()):
         raise MeshError("the mesh must lie in a plane z = const")
+    if kinds != {"quad"}:
+        return _split(raw)
     check_quads(MeshQuad(raw.points[:, :2].T.copy(), raw.cells_dict["quad"].T.copy()))
     return _with_node_sets(from_meshio(raw, ignore_orientation=True), raw.point_sets)
+
+
+def _split(raw: meshio.Mesh) -> SplitMesh:
+    """Quadrilaterals of triangles, or of triangles and quadrilaterals."""
+    points = raw.points[:, :2].T.copy()
+    blocks = [i for i, b in enumerate(raw.cells) if b.type in ("triangle", "quad")]
+    cells = [np.asarray(raw.cells[i].data).T for i in blocks]
+    for cell in cells:
+        if cell.min() < 0 or cell.max() >= points.shape[1]:
+            raise MeshError(f"the mesh has nodes 0 to {points.shape[1] - 1} only")
+    first = dict(
+        zip(blocks, np.cumsum([0, *(c.shape[1] for c in cells)]), strict=False)
+    )
+    edges: dict[str, list[ndarray]] = {}
+    subdomains: dict[str, list[ndarray]] = {}
+    for name, block, members in _groups(raw):
+        if raw.cells[block].type == "line":
+            edges.setdefault(name, []).append(raw.cells[block].data[members].T)
+        elif block in first:
+            subdomains.setdefault(name, []).append(first[block] + members)
+    outer = boundary_edges(cells)
+    for name, nodes in raw.point_sets.items():
+        within = outer[:, np.isin(outer, nodes).all(axis=0)]
+        if within.size:
+            edges.setdefault(name, []).append(within)
+    mesh = split_cells(
+        points,
+        cells,
+        {name: np.concatenate(parts, axis=1) for name, parts in edges.items()},
+        {name: np.concatenate(parts) for name, parts in subdomains.items()},
+    )
+    check_quads(mesh)
+    return mesh
+
+
+def _groups(raw: meshio.Mesh) -> Iterator[tuple[str, int, ndarray]]:
+    """Named groups of cells: name, block of cells, numbers in the block."""
+    tags: Any = raw.cell_data.get("gmsh:physical", [])
+    for name, (tag, dimension) in raw.field_data.items():
+        for block, physical in enumerate(tags):
+            if raw.cells[block].dim == dimension:
+                yield name, block, np.flatnonzero(physical == tag)
+    for name, sets in raw.cell_sets.items():
+        members: Any
+        for block, members in enumerate(sets):
+            if not name.startswith("gmsh:") and members is not None and len(members):
+                yield name, block, np.asarray(members, dtype=int)
 
 
 def _with_node_sets(mesh: MeshQuad, node_sets: Mapping[str, Any]) -> MeshQuad:

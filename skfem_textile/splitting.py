@@ -102,6 +102,13 @@ def split_cells(
     return _named(mesh, pairs, points.shape[1], edges or {}, subdomains or {})
 
 
+def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
+    """Node numbers of the edges that belong to one cell only, shape (2, n)."""
+    ends = np.sort(np.concatenate([_ends(cell) for cell in cells], axis=1), axis=0)
+    pairs, counts = np.unique(ends, axis=1, return_counts=True)
+    return pairs[:, counts == 1]
+
+
 def _ends(cell: ndarray) -> ndarray:
     """Node numbers of the edges of cells, edge by edge, shape (2, k·n)."""
     return np.stack([cell.ravel(), np.roll(cell, -1, axis=0).ravel()])

@@ -311,6 +311,17 @@ def test_a_run_takes_the_papers_stabilisation(tmp_path):
     assert energies[1] == pytest.approx(energies[0], rel=0.5)
 
 
+@pytest.mark.parametrize("scene", ["strip", "trellis", "bias_extension"])
+def test_quadrilaterals_may_be_split_first(tmp_path, scene):
+    out = tmp_path / "out"
+    common = ("--size", "2x4", "--steps", "2", "--no-render", "--split", "--cs", "auto")
+    more = ("--shear-stiffness", "0.5")
+    assert cli.main(["run", scene, "--out", str(out), *common, *more]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["n_elements"] == 6 * 8
+    assert summary["inputs"]["split"] is True
+
+
 def test_a_run_takes_the_automatic_stabilisation(tmp_path):
     assert run(tmp_path, *QUICK, "--cs", "auto", "--shear-stiffness", "0.5") == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())

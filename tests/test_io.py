@@ -84,14 +84,75 @@ def test_gmsh_physical_groups_become_boundaries(tmp_path):
     assert {k: len(v) for k, v in boundaries.items()} == {"bottom": 2, "right": 1}
 
 
+TRIANGLES = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
+
+
+@pytest.mark.parametrize(
+    ("cells", "count"),
+    [
+        ([("triangle", TRIANGLES)], 12),
+        ([("triangle", TRIANGLES[:2]), ("quad", QUADS[1:])], 10),
+        (
+            [
+                ("quad", QUADS[:1]),
+                ("triangle", TRIANGLES[2:3]),
+                ("triangle", TRIANGLES[3:]),
+            ],
+            10,
+        ),
+    ],
+)
+def test_triangles_and_mixed_meshes_are_split(tmp_path, cells, count):
+    mesh = read_mesh(saved(tmp_path / "m.vtu", cells))
+    assert mesh.nelements == count
+    np.testing.assert_array_equal(mesh.p[:, :6], POINTS[:, :2].T)
+    assert sum(c.shape[1] for c in mesh.cells) == sum(len(c) for _, c in cells)
+
+
+def test_physical_groups_of_triangles_keep_their_names(tmp_path):
+    tags = {
+        "gmsh:physical": [[3, 3, 4, 4], [1, 1, 2]],
+        "gmsh:geometrical": [[1, 1, 1, 1], [1, 1, 2]],
+    }
+    meshio.Mesh(
+        POINTS,
+        [("triangle", TRIANGLES), ("line", [[0, 1], [1, 2], [2, 5]])],
+        cell_data=tags,
+        field_data={
+            "bottom": np.array([1, 1]),
+            "right": np.array([2, 1]),
+            "ply": np.array([3, 2]),
+            "patch": np.array([4, 2]),
+        },
+    ).write(tmp_path / "m.msh", file_format="gmsh22")
+    mesh = read_mesh(tmp_path / "m.msh")
+    assert {k: len(v) for k, v in mesh.boundaries.items()} == {"bottom": 4, "right": 2}
+    bottom = mesh.p[:, mesh.facets[:, mesh.boundaries["bottom"]]]
+    assert np.all(bottom[1] == 0)
+    assert {k: len(v) for k, v in mesh.subdomains.items()} == {"ply": 6, "patch": 6}
+    assert mesh.p[0, mesh.t[:, mesh.subdomains["patch"]]].min() == 1.0
+
+
+def test_node_sets_of_triangles_become_boundaries(tmp_path):
+    triangles = INP.replace("CPS4", "CPS3").replace(
+        "1, 1, 2, 5, 4\n2, 2, 3, 6, 5\n",
+        "1, 1, 2, 5\n2, 1, 5, 4\n3, 2, 3, 6\n4, 2, 6, 5\n",
+    )
+    (tmp_path / "m.inp").write_text(triangles)
+    boundaries = read_mesh(tmp_path / "m.inp").boundaries
+    assert {k: len(v) for k, v in boundaries.items()} == {"bottom": 4, "right": 2}
+
+
 @pytest.mark.parametrize(
     ("cells", "points", "message"),
     [
-        ({"triangle": [[0, 1, 4]]}, POINTS[[0, 1, 1, 1, 4]], "found triangle"),
+        ({"triangle": [[0, 1, 4]]}, POINTS, "node.*belong to no quadrilateral.*: 2, 3"),
+        ({"triangle": [[0, 1, 9]]}, POINTS, "nodes 0 to 5 only"),
+        ({"triangle": [[0, 1, 2]]}, POINTS[:3], "inverted or degenerate"),
         (
-            [("quad", QUADS[:1]), ("triangle", [[1, 2, 5]])],
+            [("quad", QUADS[:1]), ("tetra", [[1, 2, 5, 3]])],
             POINTS,
-            "only four-node quadrilaterals are supported, found quad, triangle",
+            "triangles and four-node quadrilaterals are supported, found quad, tetra",
         ),
         ({"quad": QUADS[:, [0, 2, 1, 3]]}, POINTS, r"2 quad.* inverted or degenerate"),
         ({"quad": QUADS[:1]}, POINTS, r"2 node.*belong to no quadrilateral.*: 2, 5"),
@@ -103,7 +164,10 @@ def test_gmsh_physical_groups_become_boundaries(tmp_path):
         ({"line": [[0, 1]]}, POINTS, "found none"),
         ({"quad": QUADS + 1}, POINTS, r"1 quad.* name a node that is not there: 1"),
     ],
-    ids=["triangles", "mixed", "inverted", "unused", "space", "lines", "index"],
+    ids=[
+        *("unused corner", "triangle index", "flat triangle", "solids"),
+        *("inverted", "unused", "space", "lines", "index"),
+    ],
 )
 def test_bad_meshes_are_refused_by_name(tmp_path, cells, points, message):
     path = saved(tmp_path / "bad.vtu", cells, points)

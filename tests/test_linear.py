@@ -25,6 +25,12 @@ def test_indefinite_systems_are_solved_too(shift):
     np.testing.assert_allclose(Factors(A).solve(A @ x), x, atol=1e-9)
 
 
+def test_small_pivots_do_no_harm_to_the_solution():
+    A = csr_matrix([[1e-10, 1.0], [1.0, 1.0]])
+    x = np.array([1.0, 2.0])
+    np.testing.assert_allclose(Factors(A).solve(A @ x), x, rtol=1e-12)
+
+
 def test_pivots_off_the_diagonal_do_not_tell():
     assert Factors(csr_matrix([[0.0, 1.0], [1.0, 0.0]])).negative_pivots is None
 
