@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
 
     scene = _scene(options)
     stepper = _stepper(scene, options)
-    fields = (f"fields/{io.STEPS}", f"fields/{io.SERIES}")
+    fields = (f"fields/{name}" for name in io.FIELDS)
     written = ("summary.json", "history.csv", *fields, *_PICTURES)
     results = io.ResultFolder(options.out, written)
     code, said = _load(stepper, options)

@@ -5,6 +5,7 @@ from numpy import ndarray
 
 from .elements import CENTRE
 from .ply import Ply
+from .splitting import SplitMesh
 
 
 def point_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
@@ -36,6 +37,26 @@ def cell_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
         fields[f"fibre_tension_{i + 1}"] = _extreme(tension[i])
         fields[f"fibre_direction_{i + 1}"] = _in_space(direction[i])
     return fields
+
+
+def on_parents(mesh: SplitMesh, fields: dict[str, ndarray]) -> dict[str, ndarray]:
+    """Fields of a split mesh on the elements of the original.
+
+    Of the parts of an element the value of largest magnitude, and of directions the
+    mean direction.
+    """
+    n = sum(cell.shape[1] for cell in mesh.cells)
+    given = {}
+    for name, x in fields.items():
+        if x.ndim == 1:
+            order = np.lexsort((np.abs(x), mesh.parent))
+            last = np.searchsorted(mesh.parent[order], np.arange(n), "right")
+            given[name] = x[order[last - 1]]
+        else:
+            total = np.zeros((n, x.shape[1]))
+            np.add.at(total, mesh.parent, x)
+            given[name] = total / np.linalg.norm(total, axis=1, keepdims=True)
+    return given
 
 
 def _extreme(x: ndarray) -> ndarray:

@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -18,13 +18,14 @@ from numpy import ndarray
 from skfem import MeshQuad
 from skfem.io.meshio import from_meshio
 
-from .fields import cell_fields, point_fields
+from .fields import cell_fields, on_parents, point_fields
 from .meshes import MeshError, check_quads
 from .ply import Ply
 from .result import Result
 from .splitting import SplitMesh, boundary_edges, split_cells
 
-STEPS, SERIES = "step_[0-9]*.vtu", "steps.pvd"
+#: What `write_fields` may write.
+FIELDS = ("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd")
 
 _IGNORED_CELLS = {"vertex", "line"}
 
@@ -90,9 +91,8 @@ def _split(raw: meshio.Mesh) -> SplitMesh:
     for cell in cells:
         if cell.min() < 0 or cell.max() >= points.shape[1]:
             raise MeshError(f"the mesh has nodes 0 to {points.shape[1] - 1} only")
-    first = dict(
-        zip(blocks, np.cumsum([0, *(c.shape[1] for c in cells)]), strict=False)
-    )
+    starts = np.cumsum([0, *(cell.shape[1] for cell in cells[:-1])])
+    first = dict(zip(blocks, starts, strict=True))
     edges: dict[str, list[ndarray]] = {}
     subdomains: dict[str, list[ndarray]] = {}
     for name, block, members in _groups(raw):
@@ -147,30 +147,58 @@ def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
     The points are those of the deformed ply: less ``displacement`` they are those of
     the reference configuration.  Fields are those of `point_fields` and `cell_fields`.
     The .pvd file lists the steps by load factor; ParaView opens it as one series.
-    Steps that the folder already holds are removed.
+    Of a mesh that was split (`SplitMesh`) there is a second series, ``own_steps.pvd``,
+    on the original elements.  Steps that the folder already holds are removed.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for stale in folder.glob(STEPS):
-        stale.unlink()
+    for pattern in FIELDS:
+        for stale in folder.glob(pattern):
+            stale.unlink()
+    ply, mesh = result.ply, result.ply.mesh
+    _write_series(result, folder, "", [mesh.t], lambda u: cell_fields(ply, u))
+    if isinstance(mesh, SplitMesh):
+        _write_series(
+            *(result, folder, "own_", mesh.cells),
+            lambda u: on_parents(mesh, cell_fields(ply, u)),
+        )
+
+
+def _write_series(
+    result: Result,
+    folder: Path,
+    prefix: str,
+    cells: Sequence[ndarray],
+    fields: Callable[[ndarray], dict[str, ndarray]],
+) -> None:
+    """Write a file per state, and the .pvd file that lists them."""
     series = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(series, "Collection")
     for i, state in enumerate(result.states):
-        name = f"step_{i:04d}.vtu"
-        _write_state(result.ply, state.u, folder / name)
+        name = f"{prefix}step_{i:04d}.vtu"
+        _write_state(result.ply, state.u, folder / name, cells, fields(state.u))
         ElementTree.SubElement(
             collection, "DataSet", timestep=repr(state.load_factor), file=name
         )
-    ElementTree.ElementTree(series).write(folder / SERIES)
+    ElementTree.ElementTree(series).write(folder / f"{prefix}steps.pvd")
 
 
-def _write_state(ply: Ply, u: ndarray, path: Path) -> None:
-    points, mesh = point_fields(ply, u), ply.mesh
+def _write_state(
+    ply: Ply,
+    u: ndarray,
+    path: Path,
+    cells: Sequence[ndarray],
+    fields: dict[str, ndarray],
+) -> None:
+    n = 1 + max(cell.max() for cell in cells)  # the nodes of a split mesh's original
+    points = {k: v[:n] for k, v in point_fields(ply, u).items()}
+    ends = np.cumsum([cell.shape[1] for cell in cells])[:-1]
+    by_block: dict[str, Any] = {k: np.split(v, ends) for k, v in fields.items()}
     meshio.Mesh(
-        np.pad(mesh.p, ((0, 1), (0, 0))).T + points["displacement"],
-        {"quad": mesh.t.T},
+        np.pad(ply.mesh.p, ((0, 1), (0, 0))).T[:n] + points["displacement"],
+        [({3: "triangle", 4: "quad"}[len(cell)], cell.T) for cell in cells],
         point_data=dict(points),
-        cell_data={k: [v] for k, v in cell_fields(ply, u).items()},
+        cell_data=by_block,
     ).write(path)
     # What a viewer shows first; meshio has no say in it.
     active = b'<CellData Scalars="shear_angle" Vectors="fibre_direction_1">'

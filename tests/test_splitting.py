@@ -1,10 +1,12 @@
+import meshio
 import numpy as np
 import pytest
 from helpers import distorted
 from scipy.spatial import Delaunay
 from skfem import MeshHex, MeshTri
 
-from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
+from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply
+from skfem_textile.io import write_fields
 from skfem_textile.meshes import check_quads
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
@@ -86,6 +88,30 @@ def test_moved_and_scaled_meshes_remember_their_parents():
 def test_other_cells_are_refused():
     with pytest.raises(ValueError, match="only triangles can be split, not MeshHex"):
         split(MeshHex())
+
+
+def test_fields_are_given_back_on_the_original_elements(tmp_path):
+    mesh = split_cells(*TRIANGLE_AND_QUAD)
+    held = {"all": Condition(np.arange(mesh.p.shape[1]), lambda X, t: 0.1 * t * X**2)}
+    fabric = Fabric(10.0, 1.0)
+    result = LoadStepper(Ply(mesh, fabric, Full()), held, 1).run()
+    write_fields(result, tmp_path)
+    own = meshio.read(tmp_path / "own_step_0001.vtu")
+    parts = meshio.read(tmp_path / "step_0001.vtu")
+    assert {block.type: len(block.data) for block in own.cells} == {
+        "triangle": 1,
+        "quad": 1,
+    }
+    moved = TRIANGLE_AND_QUAD[0] + 0.1 * TRIANGLE_AND_QUAD[0] ** 2
+    np.testing.assert_allclose(own.points[:, :2], moved.T)
+    for name in ("shear_angle", "fibre_strain_1"):
+        values = parts.cell_data[name][0]
+        for i, value in enumerate(np.concatenate(own.cell_data[name])):
+            of_parts = values[mesh.parent == i]
+            assert value == of_parts[np.abs(of_parts).argmax()]
+    directions = np.concatenate(own.cell_data["fibre_direction_2"])
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    assert (tmp_path / "own_steps.pvd").exists()
 
 
 def delaunay(quads):

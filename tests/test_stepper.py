@@ -289,6 +289,15 @@ def test_a_run_that_fails_counts_the_steps_that_it_cut(halvings):
     assert error.value.result.steps_cut == halvings
 
 
+def test_reactions_are_not_taken_for_unbalanced_forces():
+    ply, conditions = pulled(0.5)
+    problem = LoadStepper(ply, conditions).problem
+    free, fixed = problem.constraints.free, problem.constraints.fixed
+    f = problem.unfixed(np.ones(ply.basis.N))
+    assert np.all(f[free] == 1)
+    assert np.all(f[fixed] == 0)
+
+
 def test_every_solve_and_factorisation_is_counted(monkeypatch):
     counts = {"factorisations": 0, "solves": 0}
     factorised = linear._factorised
