@@ -171,7 +171,7 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
         "--stabilisation",
         choices=get_args(Kind),
         default="energy",
-        help="independent of the path, or the paper's rates" + _SHOWN,
+        help="independent of the path, the paper's rates, or isotropic" + _SHOWN,
     )
     add("--fibre-stiffness", type=float, default=1e4, metavar="E", help="N/mm" + _SHOWN)
     add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm" + _SHOWN)

@@ -16,8 +16,9 @@ from .hourglass import (
     hourglass,
     hourglass_rate,
 )
+from .isotropic import isotropic_hourglass
 
-Kind: TypeAlias = Literal["energy", "rate"]
+Kind: TypeAlias = Literal["energy", "rate", "isotropic"]
 
 
 class Memory(Protocol):
@@ -90,12 +91,13 @@ class OnePoint:
     kind
         ``energy``: independent of the path, with an exact tangent.  ``rate``: the
         paper's accumulated rates; a `Ply` then remembers the last converged state.
+        ``isotropic``, for comparison: against hourglass motions in every direction alike.
 
     Raises
     ------
     ValueError
-        If the stabilisation is negative or not finite, or ``auto`` with rates, or the
-        kind unknown.
+        If the stabilisation is negative or not finite, or ``auto`` with another kind
+        than ``energy``, or the kind unknown.
     """
 
     stabilisation: float | Literal["auto"] = 1.0
@@ -110,8 +112,10 @@ class OnePoint:
                 f"kind must be one of {', '.join(get_args(Kind))}, got {self.kind!r}"
             )
         if self.stabilisation == "auto":
-            if self.kind == "rate":
-                raise ValueError("stabilisation auto goes with kind energy, not rate")
+            if self.kind != "energy":
+                raise ValueError(
+                    f"stabilisation auto goes with kind energy, not {self.kind}"
+                )
         elif isinstance(self.stabilisation, str) or not (
             np.isfinite(self.stabilisation) and self.stabilisation >= 0
         ):
@@ -123,9 +127,9 @@ class OnePoint:
     @property
     def title(self) -> str:
         """What to call it in a picture."""
-        rate = ", rate" if self.kind == "rate" else ""
+        kind = "" if self.kind == "energy" else f", {self.kind}"
         C_s = self.stabilisation
-        return f"one point, Cs = {C_s if C_s == 'auto' else f'{C_s:g}'}{rate}"
+        return f"one point, Cs = {C_s if C_s == 'auto' else f'{C_s:g}'}{kind}"
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """The hourglass term, unless C_s is zero."""
@@ -138,5 +142,7 @@ class OnePoint:
             return [Term("stabilisation", hourglass(fabric), corners, held)]
         if self.kind == "energy":
             return [Term("stabilisation", hourglass(fabric, C_s), corners)]
+        if self.kind == "isotropic":
+            return [Term("stabilisation", isotropic_hourglass(C_s), corners)]
         memory = AccumulatedMoment(fabric, C_s, corners)
         return [Term("stabilisation", hourglass_rate(fabric, C_s), corners, memory)]

@@ -1,0 +1,47 @@
+import numpy as np
+import pytest
+from helpers import derivative, distorted, wobble
+
+from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
+from skfem_textile.scenes import bias_extension
+
+
+def only_stabilised(kind, seed=1):
+    ply = Ply(distorted(seed), Fabric(1.0), OnePoint(3.0, kind))
+    ply.terms = [term for term in ply.terms if term.name == "stabilisation"]
+    return ply
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_residual_and_tangent_are_derivatives(seed):
+    ply = only_stabilised("isotropic", seed)
+    u, du = wobble(ply, 1), wobble(ply, 2, 1.0)
+    assert derivative(ply.energy, u, du) == pytest.approx(ply.residual(u) @ du)
+    np.testing.assert_allclose(
+        derivative(ply.residual, u, du), ply.tangent(u) @ du, atol=1e-7
+    )
+
+
+def test_it_resists_no_homogeneous_motion_and_turns_with_the_ply():
+    ply = only_stabilised("isotropic")
+    X = ply.mesh.p
+    homogeneous = ply.basis.zeros()
+    homogeneous[ply.basis.nodal_dofs] = np.array([[0.3, -0.2], [0.5, 0.1]]) @ X
+    assert ply.energy(homogeneous) < 1e-25
+    u, c, s = wobble(ply, 3), np.cos(1.1), np.sin(1.1)
+    turned = ply.basis.zeros()
+    Q = np.array([[c, -s], [s, c]])
+    turned[ply.basis.nodal_dofs] = Q @ (X + ply.nodal(u)) - X
+    assert ply.energy(turned) == pytest.approx(ply.energy(u), rel=1e-10)
+
+
+def test_it_reads_the_load_of_a_bias_extension():
+    scene = bias_extension(size=(8, 16))
+    ply = Ply(
+        scene.mesh,
+        Fabric(1e4, 0.5, scene.warp, scene.weft),
+        OnePoint(5.0, "isotropic"),
+    )
+    summary = scene.summary(LoadStepper(ply, scene.conditions, 4).run())
+    assert summary["stable"]
+    assert summary["load_over_exact"] == pytest.approx(1.1, abs=0.15)
