@@ -91,7 +91,7 @@ class OnePoint:
     kind
         ``energy``: independent of the path, with an exact tangent.  ``rate``: the
         paper's accumulated rates; a `Ply` then remembers the last converged state.
-        ``isotropic``, for comparison: against hourglass motions in every direction alike.
+        ``isotropic``, for comparison: against hourglass motions of all directions.
 
     Raises
     ------
