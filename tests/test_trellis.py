@@ -68,11 +68,17 @@ def test_no_motion_stretches_a_fibre(t):
     inclinations = np.radians([15.0, 100.0])
     scene = trellis(warp=inclinations[0], weft=inclinations[1], turns=(warp, weft))
     X, d = scene.mesh.p, 1e-4
+    inclination = []
     for A in (scene.warp, scene.weft):
         step = d * np.array(A)[:, None]
         ends = [X + k * step + scene.displacement(X + k * step, t) for k in (1, -1)]
-        stretch = np.linalg.norm(ends[0] - ends[1], axis=0) / (2 * d)
-        np.testing.assert_allclose(stretch, 1.0, atol=1e-8)
+        a = (ends[0] - ends[1]) / (2 * d)
+        np.testing.assert_allclose(np.linalg.norm(a, axis=0), 1.0, atol=1e-8)
+        inclination.append(np.arctan2(a[1], a[0]))
+    crossing = inclination[1] - inclination[0]
+    np.testing.assert_allclose(
+        np.ptp(inclinations) - crossing, scene.shear_angle(X, t), atol=1e-7
+    )
 
 
 def test_fibres_that_would_fold_or_are_parallel_are_refused():

@@ -1,0 +1,34 @@
+import numpy as np
+import pytest
+
+from skfem_textile.problem import NoEquilibriumError
+from skfem_textile.strategies import _shortened
+
+
+class Slope:
+    """An energy that falls for ever, of a ply that folds at u = 1."""
+
+    def energy(self, u):
+        return -float(u[0])
+
+    def free(self, f):
+        return f
+
+    def area_ratio(self, u):
+        return 1.0 - u
+
+
+def test_an_increment_is_shortened_until_it_folds_no_element():
+    du = _shortened(Slope(), np.zeros(1), np.array([4.0]), np.array([-1.0]))
+    assert du == 0.5
+
+
+def test_an_increment_uphill_is_turned_round():
+    du = _shortened(Slope(), np.zeros(1), np.array([-0.5]), np.array([-1.0]))
+    assert du == 0.5
+
+
+def test_where_every_increment_folds_the_search_gives_up():
+    with pytest.raises(NoEquilibriumError, match="no descent") as error:
+        _shortened(Slope(), np.ones(1), np.array([4.0]), np.array([-1.0]))
+    assert error.value.elements.tolist() == [0]
