@@ -231,7 +231,10 @@ def _stepping(parser: argparse.ArgumentParser) -> None:
 
 
 def _stabilisation(text: str) -> float | str:
-    return text if text == "auto" else float(text)
+    try:
+        return text if text == "auto" else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number, nor auto") from None
 
 
 def _size(text: str) -> tuple[int, int]:

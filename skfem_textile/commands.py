@@ -185,7 +185,10 @@ _SCENES: dict[str, Callable[[argparse.Namespace], Callable[..., Scene]]] = {
 
 
 def _stepper(scene: Scene, options: argparse.Namespace) -> LoadStepper:
-    shear = SHEAR_LAWS[options.shear_law](options.shear_stiffness)
+    try:
+        shear = SHEAR_LAWS[options.shear_law](options.shear_stiffness)
+    except ValueError as error:
+        raise ValueError(f"shear {error}") from None
     fabric = Fabric(options.fibre_stiffness, shear, scene.warp, scene.weft)
     formulation: Formulation = (
         Full()

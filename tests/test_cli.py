@@ -223,7 +223,8 @@ def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypat
     ("arguments", "message"),
     [
         (("--cs", "-1"), "stabilisation must be"),
-        (("--cs", "much"), "--cs"),
+        (("--cs", "much"), "argument --cs: 'much' is no number, nor auto"),
+        (("--shear-law", "sin2", "--shear-stiffness", "-1"), "shear stiffness must be"),
         (("--fibre-stiffness", "-5"), "tension stiffness must be"),
         (("--fibre-stiffness", "0"), "no stiffness"),
         (("--shear-stiffness", "nan"), "shear stiffness must be"),
