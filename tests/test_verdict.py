@@ -6,6 +6,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, StepError
 from skfem_textile.scenes import strip
+from skfem_textile.studies.stability import is_sound
 
 
 def run(formulation, steps, mesh="irregular", E=1e4, G=0.0, **options):
@@ -94,9 +95,12 @@ def test_stiff_fibres_leave_the_shape_as_it_is():
 
 
 @pytest.mark.parametrize("E", [1e6, 1e8, 1e10])
-def test_stiff_fibres_with_shear_are_loaded_to_the_end(E):
-    result = run(OnePoint(5.0), 5, E=E, G=0.5)
+@pytest.mark.parametrize("steps", [1, 5, 20])
+def test_stiff_fibres_with_shear_are_loaded_to_the_end(E, steps):
+    result = run(OnePoint(5.0), steps, E=E, G=0.5)
+    assert result.converged
     assert result.summary()["stable"]
+    assert is_sound(result.ply, strip(), result.u)
 
 
 def test_folded_elements_are_named():
