@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
+from skfem import MeshQuad
 
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import picture_frame, trellis
+from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.trellis import SIDE, sheared
 
 
@@ -55,6 +57,115 @@ def test_a_bent_trellis_converges_to_the_motion_that_stretches_no_fibre():
         scene = trellis("aligned", size=(n, n))
         errors.append(scene.errors(solve(scene, Full()))["displacement_error_rms"])
     assert errors[0] > 3.5 * errors[1] > 12 * errors[2]
+
+
+# Fibres along no side, so that the held sides are clamps across them.
+INCLINED = {"warp": np.radians(20.0), "weft": np.radians(100.0)}
+EDGES = [
+    {"right": "free"},
+    {"left": np.radians(60.0)},
+    {"right": "free", "left": np.radians(60.0)},
+    {"right": "free", "top": np.radians(-30.0)},
+    {"top": "free", "right": np.radians(110.0)},
+    {"left": np.radians(35.0), "bottom": np.radians(-50.0)},  # they meet at a corner
+]
+
+
+@pytest.mark.parametrize("edges", EDGES)
+@pytest.mark.parametrize("degrees", [0.0, 25.0])
+def test_a_straight_trellis_needs_no_force_whatever_is_free(edges, degrees):
+    scene = trellis(size=(6, 6), turns=sheared(0.4), edges=edges, **INCLINED)
+    result = solve(scene.rotated(np.radians(degrees)), OnePoint(1.0), G=0.0, steps=4)
+    summary = scene.rotated(np.radians(degrees)).summary(result)
+    assert summary["displacement_error_max"] < 1e-9
+    assert summary["max_fibre_strain_2x2"] < 1e-11
+    assert np.hypot(summary["reaction_x"], summary["reaction_y"]) < 1e-7
+    assert summary["stable"]
+
+
+def test_a_bent_trellis_with_a_free_side_and_a_roller_hardly_stretches():
+    edges = {"right": "free", "left": np.radians(60.0)}
+    turns = sheared(np.radians(30.0), np.radians(30.0))
+    scene = trellis(size=(20, 20), turns=turns, edges=edges, **INCLINED)
+    summary = scene.summary(solve(scene, OnePoint(1.0), G=0.0, steps=4))
+    assert summary["displacement_error_rms"] < 1e-3 * SIDE
+    assert np.hypot(summary["reaction_x"], summary["reaction_y"]) < 2e-5 * 1e4 * SIDE
+
+
+@pytest.mark.parametrize(("side", "axis", "at"), [("left", 0, 0), ("top", 1, SIDE)])
+def test_a_roller_moves_along_its_line_only_and_a_free_side_anyhow(side, axis, at):
+    """Shear stiffness pulls both away from the motion, which is no answer then."""
+    edges = {"right": "free", side: np.radians(60.0)}
+    scene = trellis(size=(6, 6), turns=sheared(0.4), edges=edges, **INCLINED)
+    result = solve(scene, OnePoint(5.0), E=1e3, G=5.0, steps=2)
+    off = result.ply.nodal(result.u) - scene.displacement(scene.mesh.p, 1.0)
+    on_roller, on_right = scene.mesh.p[axis] == at, scene.mesh.p[0] == SIDE
+    rolled, right = off[:, on_roller], off[:, on_right & ~on_roller]
+    np.testing.assert_allclose(rolled[0] * np.sqrt(3), rolled[1], atol=1e-12)
+    assert np.abs(rolled).max() > 0.1
+    assert np.abs(right).max(axis=1).min() > 0.1
+    held = scene.conditions["held"].nodes("held", scene.mesh)
+    np.testing.assert_allclose(off[:, held], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("edges", "driven"),
+    [
+        ({}, "top"),
+        ({"top": np.radians(20.0), "right": "free"}, "top"),
+        ({"top": "free"}, "right"),
+        ({"top": "free", "right": "free"}, "bottom"),
+    ],
+)
+def test_the_reaction_is_that_of_all_nodes_of_the_first_side_not_free(edges, driven):
+    scene = trellis(size=(4, 4), turns=sheared(0.4), edges=edges, **INCLINED)
+    result = solve(scene, OnePoint(1.0), steps=2)
+    axis, side = {"top": (1, SIDE), "right": (0, SIDE), "bottom": (1, 0)}[driven]
+    forces = result.ply.nodal(result.ply.residual(result.u))
+    expected = forces[:, scene.mesh.p[axis] == side].sum(axis=1)
+    assert scene.driven == driven
+    assert np.abs(expected).max() > 0.1
+    np.testing.assert_allclose(scene.reaction(result.states[-1]), expected, rtol=1e-9)
+
+
+def test_boundary_edges_on_no_side_and_corners_of_held_sides_stay_held():
+    """A square without its upper right quarter, its right side free."""
+    square = rectangle(SIDE, SIDE, (4, 4), "aligned")
+    quarter = (square.p[:, square.t].mean(axis=1) > SIDE / 2).all(axis=0)
+    mesh = square.remove_elements(np.flatnonzero(quarter))
+    mesh = MeshQuad(mesh.p, mesh.t)
+    scene = trellis(mesh, edges={"right": "free"})
+    boundary = mesh.p[:, mesh.boundary_nodes()]
+    free = (boundary[0] == SIDE) & (boundary[1] > 0) & (boundary[1] < SIDE / 2)
+    held = mesh.p[:, scene.conditions["held"].nodes("held", scene.mesh)]
+    np.testing.assert_array_equal(held, boundary[:, ~free])
+    all_free = dict.fromkeys(["left", "bottom", "right", "top"], "free")
+    everything_else = trellis(mesh, edges=all_free)
+    assert everything_else.driven == "held"
+    inner = mesh.p[
+        :, everything_else.conditions["held"].nodes("", everything_else.mesh)
+    ]
+    assert sorted(map(tuple, inner.T)) == [
+        (50, 50),
+        (50, 75),
+        (50, 100),
+        (75, 50),
+        (100, 50),
+    ]
+
+
+def test_sides_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError, match="no side 'lid': choose among top, right"):
+        trellis(edges={"lid": "free"})
+    for edge in (np.nan, "loose", None):
+        with pytest.raises(ValueError, match="the left side must be held, free or on"):
+            trellis(edges={"left": edge})
+    with pytest.raises(ValueError, match="no side is held: hold at least one"):
+        trellis(edges={"left": 0.3, "right": 0.2, "top": "free", "bottom": "free"})
+    turned = trellis().rotated(0.3).mesh
+    turned = MeshQuad(turned.p, turned.t, _boundaries={"top": np.array([0])})
+    with pytest.raises(ValueError, match="no straight left edge; name it"):
+        trellis(turned, edges={"left": "free"})
 
 
 @pytest.mark.parametrize("t", [0.3, 1.0])

@@ -3,13 +3,14 @@
 Every planar motion without fibre strain is x = f(X₁) + g(X₂) with ‖f′‖ = ‖g′‖ = 1,
 where X = X₁ A₁ + X₂ A₂ are coordinates along warp and weft: a trellis of bars.  Here
 it is given by the angles through which f′ and g′ turn away from A₁ and A₂, and
-enforced on the whole boundary.
+enforced on the boundary; sides of it may be free or on inclined rollers.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TypeAlias
+from numbers import Real
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -27,6 +28,13 @@ SIDE = 100.0
 #: Angle in radians through which a family has turned at the coordinate s along its
 #: fibres (mm) and the load factor t: ``(s, t) -> (n,)``.
 Turn: TypeAlias = Callable[[ndarray, float], ndarray]
+
+#: How a side is carried: its whole displacement prescribed, none of it, or on a roller
+#: that rolls along a line of this inclination in radians.
+Edge: TypeAlias = Literal["held", "free"] | float
+
+#: The sides; the driven edge is the first that is not free.
+SIDES = ("top", "right", "bottom", "left")
 
 _XI, _WEIGHTS = leggauss(24)
 
@@ -71,8 +79,13 @@ def trellis(
     warp: float = 0.0,
     weft: float = np.pi / 2,
     turns: tuple[Turn, Turn] | None = None,
+    edges: Mapping[str, Edge] | None = None,
 ) -> Scene:
     """A ply whose boundary follows a motion that stretches no fibre.
+
+    Without shear stiffness the motion is in equilibrium with no force at all, whatever
+    is free.  With shear stiffness it is the answer only where every side is held and
+    the fibres stay straight: free sides and rollers give in to the shear moment.
 
     Parameters
     ----------
@@ -84,12 +97,24 @@ def trellis(
         Inclination of the fibres in radians.
     turns
         How warp and weft turn; by default as `sheared` by 45° and bent by 30°.
+    edges
+        Which of the sides ``left``, ``bottom``, ``right`` and ``top`` are ``"free"``,
+        or on a roller that rolls along a line of this inclination in radians: only the
+        displacement across that line follows the motion.  The others, and boundary
+        edges in none of the sides, are held, their corners included.  The driven edge
+        is the top, or if that is free the right, the bottom or the left side.
 
     Raises
     ------
     ValueError
         If the mesh is not valid, the fibres are parallel, or they would fold onto one
-        another somewhere.
+        another somewhere; if a side is unknown or what carries it, or none is held.
+
+    Examples
+    --------
+    >>> scene = trellis(edges={"right": "free", "left": np.radians(60)})
+    >>> list(scene.conditions), scene.driven
+    (['held', 'left', 'top'], 'top')
     """
     if isinstance(mesh, str):
         mesh = rectangle(SIDE, SIDE, size, mesh, jitter, seed)
@@ -101,16 +126,15 @@ def trellis(
     turns = sheared(np.pi / 4, np.pi / 6) if turns is None else turns
     motion = Motion((warp, weft), turns)
     motion.check(mesh.p)
+    mesh = _with_held(mesh, edges or {})
+    conditions, driven = _conditions(mesh, edges or {}, motion)
     return Scene(
         name="trellis",
         mesh=mesh,
         warp=(float(np.cos(warp)), float(np.sin(warp))),
         weft=(float(np.cos(weft)), float(np.sin(weft))),
-        conditions={
-            "boundary": Condition(mesh.boundary_nodes(), motion.displacement),
-            "top": Condition("top", motion.displacement),
-        },
-        driven="top",
+        conditions=conditions,
+        driven=driven,
         displacement=motion.displacement,
         shear_angle=motion.shear_angle,
     )
@@ -134,6 +158,54 @@ def sheared(shear_angle: float, bend: float = 0.0) -> tuple[Turn, Turn]:
         return -t * (shear_angle / 2 - bend * s / SIDE)
 
     return warp, weft
+
+
+def _with_held(mesh: MeshQuad, edges: Mapping[str, Edge]) -> MeshQuad:
+    """The mesh with the boundary ``held``: all but the sides that are not held."""
+    held = mesh.boundary_facets()
+    for side, edge in edges.items():
+        if side not in SIDES:
+            raise ValueError(
+                f"trellis: no side {side!r}: choose among {', '.join(SIDES)}"
+            )
+        if edge not in ("held", "free") and not _is_angle(edge):
+            raise ValueError(
+                f"trellis: the {side} side must be held, free or on a roller of finite "
+                f"inclination, got {edge!r}"
+            )
+        if side not in mesh.boundaries:
+            raise MeshError(f"trellis: the mesh has no straight {side} edge; name it")
+        if edge != "held":
+            held = np.setdiff1d(held, mesh.boundaries[side])
+    if held.size == 0:
+        raise ValueError("trellis: no side is held: hold at least one")
+    return replace(mesh, _boundaries={**mesh.boundaries, "held": held})
+
+
+def _conditions(
+    mesh: MeshQuad, edges: Mapping[str, Edge], motion: "Motion"
+) -> tuple[dict[str, Condition], str]:
+    """The conditions by name, and which of them is the driven one."""
+    conditions = {"held": Condition("held", motion.displacement)}
+    conditions |= {
+        side: _roller(side, edge, motion)
+        for side, edge in edges.items()
+        if not isinstance(edge, str)
+    }
+    carried = (s for s in SIDES if s in mesh.boundaries and edges.get(s) != "free")
+    driven = next(carried, "held")
+    conditions.setdefault(driven, Condition(driven, motion.displacement))
+    return conditions, driven
+
+
+def _roller(side: str, inclination: float, motion: "Motion") -> Condition:
+    """The displacement across a line of this inclination is that of the motion."""
+    normal = np.array([-np.sin(inclination), np.cos(inclination)])
+    return Condition(side, lambda X, t: normal @ motion.displacement(X, t), normal)
+
+
+def _is_angle(edge: Edge) -> bool:
+    return isinstance(edge, Real) and bool(np.isfinite(edge))
 
 
 class Motion:
