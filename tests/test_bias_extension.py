@@ -1,75 +1,161 @@
 import numpy as np
 import pytest
+from skfem import MeshQuad
 
 from skfem_textile import Fabric, Linear, LoadStepper, OnePoint, Ply, Sin2
 from skfem_textile.scenes import bias_extension
-from skfem_textile.scenes.bias_extension import HEIGHT, WIDTH, force
+from skfem_textile.scenes.bias_extension import WIDTH, force
 from skfem_textile.scenes.rectangle import rectangle
 
 GAMMA = np.radians(40.0)
 
 
+def solve(scene, law=0.5, C_s=5.0, steps=4):
+    ply = Ply(scene.mesh, Fabric(1e4, law, scene.warp, scene.weft), OnePoint(C_s))
+    return scene.summary(LoadStepper(ply, scene.conditions, steps).run())
+
+
 @pytest.mark.parametrize(("law", "known"), [(Sin2(0.5), 34.04), (Linear(0.5), 43.80)])
 def test_the_force_is_that_of_fibres_that_do_not_stretch(law, known):
-    assert force(law, GAMMA, WIDTH, HEIGHT) == pytest.approx(known, abs=0.005)
+    assert force(law, GAMMA, WIDTH, 2 * WIDTH) == pytest.approx(known, abs=0.005)
 
 
 @pytest.mark.parametrize("law", [Sin2(0.5), Linear(0.5)])
-@pytest.mark.parametrize("sides", [(50.0, 100.0), (40.0, 130.0)])
-def test_the_force_is_the_rate_of_the_energy_of_the_three_zones(law, sides):
-    W, H = sides
-    D = H - W
+@pytest.mark.parametrize("sides", [(50.0, 120.0), (40.0, 130.0)])
+@pytest.mark.parametrize("degrees", [35.0, 45.0, 50.0])
+def test_the_force_is_the_rate_of_the_energy_of_the_three_zones(law, sides, degrees):
+    (W, H), theta = sides, np.radians(degrees)
+    mesh = rectangle(W, H, (60, 180), "aligned")
+    scene = bias_extension(mesh, warp=theta, weft=np.pi - theta, shear_angle=GAMMA)
+    angles = scene.shear_angle(mesh.p[:, mesh.t].mean(axis=1), 1.0)
+    share = [np.isclose(angles, g).mean() for g in (0, GAMMA / 2, GAMMA)]
+    triangles = W**2 * np.tan(theta)  # corners and middles at one clamp are half of it
+    zones = np.array([triangles / 2, triangles, W * H - 1.5 * triangles])
+    np.testing.assert_allclose(W * H * np.array(share), zones, rtol=0.02)
 
     def energy(g):
-        full, half = law.energy(np.array([g, g / 2]))
-        return (W * (2 * H - 3 * W) / 2) * full + W**2 * half
+        return zones @ law.energy(np.array([0, g / 2, g]))
 
     def elongation(g):
-        return D * (np.sqrt(2) * np.cos(np.pi / 4 - g / 2) - 1)
+        return (H - W * np.tan(theta)) * (np.sin(theta + g / 2) / np.sin(theta) - 1)
+
+    top = scene.displacement(np.array([[W / 3], [H]]), 1.0)
+    np.testing.assert_allclose(top, [[0.0], [elongation(GAMMA)]], atol=1e-11)
 
     d = 1e-5
     rate = (energy(GAMMA + d) - energy(GAMMA - d)) / (
         elongation(GAMMA + d) - elongation(GAMMA - d)
     )
-    assert force(law, GAMMA, W, H) == pytest.approx(rate, rel=1e-7)
+    assert force(law, GAMMA, W, H, theta) == pytest.approx(rate, rel=1e-7)
+    assert scene.load(law, 1.0) == force(law, GAMMA, W, H, theta)
+
+
+def test_the_zones_are_in_equilibrium_where_the_ply_is_just_high_enough():
+    """Fibres that may turn carry the same moment along their length: Euler-Lagrange."""
+    theta = np.radians(40.0)
+    scene = bias_extension(warp=theta, weft=np.pi - theta)
+    low, high = WIDTH / (2 * np.cos(theta)), WIDTH / np.cos(theta)
+    across = (np.arange(4000) + 0.5) * high / 4000  # from side to side
+    warp, weft = np.array(scene.warp)[:, None], np.array(scene.weft)[:, None]
+    moments = [
+        scene.shear_angle(s1 * warp + (s1 - across) * weft, 1.0).mean()
+        for s1 in np.linspace(low, high, 7)[1:-1]
+    ]
+    np.testing.assert_allclose(moments, 0.75 * GAMMA, rtol=1e-3)
 
 
 @pytest.mark.parametrize("t", [0.4, 1.0])
-def test_the_exact_motion_stretches_no_fibre_and_shears_by_zones(t):
-    scene = bias_extension("aligned", size=(10, 20))
+@pytest.mark.parametrize("degrees", [35.0, 45.0, 50.0])
+def test_the_exact_motion_stretches_no_fibre_and_shears_by_zones(t, degrees):
+    theta = np.radians(degrees)
+    scene = bias_extension(
+        "aligned", size=(10, 20), warp=theta, weft=np.pi - theta, shear_angle=GAMMA
+    )
     X, d = scene.mesh.p + np.array([[0.013], [0.027]]), 1e-6
     for A in (scene.warp, scene.weft):
-        step = d * np.array(A)[:, None] / np.sqrt(2)
+        step = d * np.array(A)[:, None]
         ends = [X + k * step + scene.displacement(X + k * step, t) for k in (1, -1)]
         stretch = np.linalg.norm(ends[0] - ends[1], axis=0) / (2 * d)
         np.testing.assert_allclose(stretch, 1.0, atol=1e-7)
     angles = scene.shear_angle(X, t)
     assert set(angles.round(12)) == set(np.round([0, t * GAMMA / 2, t * GAMMA], 12))
-    delta = (HEIGHT - WIDTH) * (np.sqrt(2) * np.cos(np.pi / 4 - t * GAMMA / 2) - 1)
-    top = scene.displacement(np.array([[0.0, 20.0, 50.0], [100.0] * 3]), t)
+    H = 2 * WIDTH * np.tan(theta)
+    delta = H / 2 * (np.sin(theta + t * GAMMA / 2) / np.sin(theta) - 1)
+    top = scene.displacement(np.array([[0.0, 20.0, 50.0], [H] * 3]), t)
     np.testing.assert_allclose(top, [[0.0] * 3, [delta] * 3], atol=1e-12)
 
 
 @pytest.mark.parametrize(("law", "off"), [(Linear(0.5), 0.04), (Sin2(0.5), 0.06)])
 def test_one_stabilised_point_reads_the_load_on_a_jittered_mesh(law, off):
-    scene = bias_extension(size=(16, 32))
-    ply = Ply(scene.mesh, Fabric(1e4, law, scene.warp, scene.weft), OnePoint(5.0))
-    summary = scene.summary(LoadStepper(ply, scene.conditions, 4).run())
+    summary = solve(bias_extension(size=(16, 32)), law)
     assert summary["load_over_exact"] == pytest.approx(1.0, abs=off)
     assert summary["stable"]
 
 
+@pytest.mark.parametrize("degrees", [40.0, 50.0])
+def test_fibres_may_cross_at_another_angle(degrees):
+    theta = np.radians(degrees)
+    summary = solve(bias_extension(warp=theta, weft=np.pi - theta))
+    assert summary["load_over_exact"] == pytest.approx(1.0, abs=0.04)
+    assert summary["stable"]
+
+
+def halves():
+    """A mesh of the left half, and one of it and its mirror image."""
+    half = rectangle(WIDTH / 2, 2 * WIDTH, (5, 20), "irregular", 0.25)
+    p = half.p.round(6)
+    mirrored = MeshQuad(np.stack([WIDTH - p[0], p[1]]), half.t[::-1])
+    return MeshQuad(p, half.t), MeshQuad(p, half.t) + mirrored
+
+
+@pytest.mark.parametrize("degrees", [40.0, 45.0])
+def test_half_a_ply_on_a_roller_is_half_of_the_ply(degrees):
+    theta = np.radians(degrees)
+    half, whole = halves()
+    fibres = {"warp": theta, "weft": np.pi - theta}
+    one = solve(bias_extension(whole, **fibres))
+    scene = bias_extension(half, part="half", **fibres)
+    for angle in (0.0, np.radians(30.0)):
+        other = solve(scene.rotated(angle))
+        for name in ("load_over_exact", "max_fibre_strain", "displacement_error_max"):
+            assert other[name] == pytest.approx(one[name], rel=1e-6)
+        assert other["reaction_y"] == pytest.approx(one["reaction_y"] / 2, rel=1e-6)
+        assert other["energy"] == pytest.approx(one["energy"] / 2, rel=1e-6)
+
+
+def test_the_exact_motion_of_half_a_ply_stays_on_its_axis():
+    scene = bias_extension(size=(8, 32), part="half")
+    axis = scene.mesh.p[:, scene.mesh.p[0] == WIDTH / 2]
+    assert axis.shape == (2, 33)
+    np.testing.assert_allclose(scene.displacement(axis, 1.0)[0], 0.0, atol=1e-12)
+
+
 def test_without_shear_stiffness_there_is_no_load_to_compare_with():
-    scene = bias_extension(size=(4, 8))
-    ply = Ply(scene.mesh, Fabric(1e4, 0.0, scene.warp, scene.weft), OnePoint(5.0))
-    summary = scene.summary(LoadStepper(ply, scene.conditions, 2).run())
+    summary = solve(bias_extension(size=(4, 8)), 0.0, steps=2)
     assert "load_over_exact" not in summary
 
 
 def test_meshes_and_angles_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="between 0 and 90 degrees, got 95"):
         bias_extension(shear_angle=np.radians(95))
-    with pytest.raises(ValueError, match="twice as high as wide"):
+    with pytest.raises(ValueError, match="at least 100 mm high, not 90 mm"):
         bias_extension(rectangle(50, 90, (4, 8)))
+    steep = {"warp": np.radians(60), "weft": np.radians(120)}
+    with pytest.raises(ValueError, match=r"at least 173\.205 mm high, not 100 mm"):
+        bias_extension(rectangle(25, 100, (4, 8)), part="half", **steep)
+    with pytest.raises(ValueError, match="between 0 and 60 degrees, got 61"):
+        bias_extension(shear_angle=np.radians(61), **steep)
+    for warp, weft in (
+        (40, 130),
+        (135, 45),
+        (0, 180),
+        (90, 90),
+        (np.nan, 135),
+        (45, np.inf),
+    ):
+        with pytest.raises(ValueError, match="mirror images in the direction of"):
+            bias_extension(warp=np.radians(warp), weft=np.radians(weft))
+    with pytest.raises(ValueError, match="unknown part 'third': choose whole or half"):
+        bias_extension(part="third")
     with pytest.raises(ValueError, match="corner must be at the origin"):
         bias_extension(rectangle(50, 100, (4, 8)).translated((1.0, 0.0)))

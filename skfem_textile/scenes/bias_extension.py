@@ -1,14 +1,17 @@
 """Scene `bias_extension`: a rectangle pulled along the bisector of its fibres.
 
-A ply [0, W] × [0, H], H ≥ 2W, with warp (1, 1)/√2 and weft (−1, 1)/√2, is held at its
-bottom and pulled at its top, and its sides are free.  If no fibre stretches, three
-kinds of zones form: at the clamps no shear, in the middle the shear angle γ, and half
-of it between them.  At the elongation δ, with D = H − W,
-γ = π/2 − 2 acos((D + δ)/(√2 D)).  For a convex shear energy w this field is the
-minimiser, and the force at the top is that of `force`.
+A ply [0, W] × [0, H] with warp (cos θ, sin θ) and weft (−cos θ, sin θ), H ≥ 2W tan θ,
+is held at its bottom and pulled at its top, and its sides are free.  If no fibre
+stretches, three kinds of zones can form: at the clamps no shear, in the middle the
+shear angle γ, and half of it between them.  Fibres of the length
+L = (H/sin θ − W/cos θ)/2 between the clamped ones then turn by γ/2, and the ply is
+longer by δ = 2L(sin(θ + γ/2) − sin θ).  For a convex shear energy w and H = 2W tan θ
+this field is the minimiser, and the force at the top is that of `force`; a higher ply
+finds a slightly softer one.
 """
 
 from functools import partial
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy import ndarray
@@ -21,8 +24,12 @@ from .rectangle import rectangle
 from .scene import Scene
 from .trellis import Motion
 
-#: Sides of the ply in mm.
-WIDTH, HEIGHT = 50.0, 100.0
+#: Width of the ply in mm.
+WIDTH = 50.0
+
+Part: TypeAlias = Literal["whole", "half"]
+
+PARTS: tuple[str, ...] = get_args(Part)
 
 
 def bias_extension(
@@ -30,71 +37,81 @@ def bias_extension(
     size: tuple[int, int] = (16, 32),
     jitter: float = 0.25,
     seed: int = 1,
+    warp: float = np.pi / 4,
+    weft: float = 3 * np.pi / 4,
     shear_angle: float = np.radians(40.0),
+    part: Part = "whole",
 ) -> Scene:
     """A rectangle pulled along the bisector of its fibres, in steps equal in γ.
 
     Parameters
     ----------
     mesh
-        A mesh of a rectangle at least twice as high as wide, its lower left corner at
-        the origin, or the kind of `rectangle` to make, `WIDTH` × `HEIGHT`.
+        A mesh of the ply or of its left half, its lower left corner at the origin, or
+        the kind of `rectangle` to make: W = `WIDTH`, H = 2W tan θ, or half of it.
     size, jitter, seed
         Of the mesh to make.
+    warp, weft
+        Inclination of the fibres in radians, θ and π − θ.
     shear_angle
         Shear angle γ of the middle at the end, in radians.
+    part
+        ``half``: the left half, on a roller along the axis of symmetry, under half of
+        the force.
 
     Raises
     ------
     ValueError
-        If the mesh is not valid or does not fit, or γ is not between 0° and 90°.
+        If the mesh is not valid or does not fit, the fibres are not mirror images in
+        the direction of the pull, γ is not between 0 and π − 2θ, or the part unknown.
     """
-    if not 0 < shear_angle < np.pi / 2:
+    if part not in PARTS:
+        raise ValueError(f"unknown part {part!r}: choose {' or '.join(PARTS)}")
+    theta = _inclination(warp, weft)
+    if not 0 < shear_angle < np.pi - 2 * theta:
         raise ValueError(
-            "the shear angle must be between 0 and 90 degrees, got "
-            f"{np.degrees(shear_angle):g}"
+            f"the shear angle must be between 0 and {180 - 2 * np.degrees(theta):g} "
+            f"degrees, got {np.degrees(shear_angle):g}"
         )
+    share = 0.5 if part == "half" else 1.0
     if isinstance(mesh, str):
-        mesh = rectangle(WIDTH, HEIGHT, size, mesh, jitter, seed)
+        height = 2 * WIDTH * np.tan(theta)
+        mesh = rectangle(share * WIDTH, height, size, mesh, jitter, seed)
     else:
         check_quads(mesh)
         mesh = with_edges(mesh)
-    W, H = _sides(mesh)
-
-    def turn(s: ndarray, t: float, low: float, high: float) -> ndarray:
-        return np.where((s > low) & (s < high), 0.5 * t * shear_angle, 0.0)
-
-    # Fibres that meet no clamp turn towards the direction of the pull.
-    warp = W / np.sqrt(2), H / np.sqrt(2)
-    weft = 0.0, (H - W) / np.sqrt(2)
-    motion = Motion(
-        (np.pi / 4, 3 * np.pi / 4),
-        (
-            partial(turn, low=warp[0], high=warp[1]),
-            lambda s, t: -turn(s, t, *weft),
-        ),
-        kinks=(warp, weft),
-    )
+    W, H = _sides(mesh, theta, share)
+    motion = _motion(theta, shear_angle, W, H)
+    conditions = {
+        "bottom": Condition("bottom"),
+        "top": Condition("top", motion.displacement),
+    }
+    if part == "half":
+        conditions["axis"] = Condition("right", direction=(1.0, 0.0))
     return Scene(
         name="bias_extension",
         mesh=mesh,
-        warp=(1.0, 1.0),
-        weft=(-1.0, 1.0),
-        conditions={
-            "bottom": Condition("bottom"),
-            "top": Condition("top", motion.displacement),
-        },
+        warp=(float(np.cos(theta)), float(np.sin(theta))),
+        weft=(float(-np.cos(theta)), float(np.sin(theta))),
+        conditions=conditions,
         driven="top",
         displacement=motion.displacement,
         shear_angle=motion.shear_angle,
-        load=lambda law, t: force(law, t * shear_angle, W, H),
+        load=lambda law, t: share * force(law, t * shear_angle, W, H, theta),
     )
 
 
-def force(law: Law, gamma: float, width: float, height: float) -> float:
+def force(
+    law: Law,
+    gamma: float,
+    width: float,
+    height: float,
+    inclination: float = np.pi / 4,
+) -> float:
     """Force at the top in N, of fibres that do not stretch.
 
-    F = [W(2H − 3W) C(γ) + W² C(γ/2)] / ((H − W)(cos(γ/2) − sin(γ/2))), C = w′.
+    F = [W(H − 3/2 W tan θ) C(γ) + 1/2 W² tan θ C(γ/2)] / (L cos(θ + γ/2)), C = w′:
+    the rate of the energy of the zones over that of the elongation.
 
     Parameters
     ----------
@@ -103,25 +120,62 @@ def force(law: Law, gamma: float, width: float, height: float) -> float:
     gamma
         Shear angle of the middle in radians.
     width, height
-        Sides W and H of the ply in mm, H ≥ 2W.
+        Sides W and H of the ply in mm, H ≥ 2W tan θ.
+    inclination
+        Angle θ between warp and clamps in radians.
     """
-    W, H = width, height
+    W, H, c, s = width, height, np.cos(inclination), np.sin(inclination)
+    L = (H / s - W / c) / 2
     C, C_half = law.value(np.array([gamma, gamma / 2]))
-    work = W * (2 * H - 3 * W) * C + W**2 * C_half
-    return float(work / ((H - W) * (np.cos(gamma / 2) - np.sin(gamma / 2))))
+    work = W * (H - 1.5 * W * s / c) * C + 0.5 * W**2 * s / c * C_half
+    return float(work / (L * np.cos(inclination + gamma / 2)))
 
 
-def _sides(mesh: MeshQuad) -> tuple[float, float]:
-    """Width and height of a mesh that fits the scene."""
-    for name in ("bottom", "top"):
+def _inclination(warp: float, weft: float) -> float:
+    """θ, of fibres that are mirror images in the direction of the pull."""
+    theta = float(warp) % np.pi
+    mirrored = abs(theta + float(weft) % np.pi - np.pi) < 1e-9
+    if not (mirrored and 1e-6 < theta < np.pi / 2 - 1e-6):
+        raise ValueError(
+            "bias_extension: warp and weft must be mirror images in the direction of "
+            "the pull, at D and 180 - D degrees with D between 0 and 90, not at "
+            f"{np.degrees(warp):g} and {np.degrees(weft):g}"
+        )
+    return theta
+
+
+def _motion(theta: float, gamma: float, width: float, height: float) -> Motion:
+    """Fibres that meet no clamp turn towards the direction of the pull."""
+    across, along = width / np.cos(theta) / 2, height / np.sin(theta) / 2
+    warp, weft = (across, along), (0.0, along - across)
+
+    def turn(s: ndarray, t: float, low: float, high: float) -> ndarray:
+        return np.where((s > low) & (s < high), 0.5 * t * gamma, 0.0)
+
+    return Motion(
+        (theta, np.pi - theta),
+        (
+            partial(turn, low=warp[0], high=warp[1]),
+            lambda s, t: -turn(s, t, *weft),
+        ),
+        kinks=(warp, weft),
+    )
+
+
+def _sides(mesh: MeshQuad, theta: float, share: float) -> tuple[float, float]:
+    """Width and height of the ply of which a mesh is this share, if it fits."""
+    for name in ("bottom", "top") if share == 1 else ("bottom", "top", "right"):
         if name not in mesh.boundaries:
             raise MeshError(f"bias_extension: the mesh has no straight {name} edge")
-    W, H = np.ptp(mesh.p, axis=1).tolist()
+    width, H = np.ptp(mesh.p, axis=1).tolist()
+    W = width / share
     if np.abs(mesh.p.min(axis=1)).max() > 1e-6 * H:
         raise MeshError("bias_extension: the lower left corner must be at the origin")
-    if H < 2 * W * (1 - 1e-9):
+    low = 2 * W * float(np.tan(theta))
+    if H / low < 1 - 1e-9:
         raise MeshError(
-            f"bias_extension: the mesh is {W:g} mm wide and {H:g} mm high; it must be "
-            "at least twice as high as wide"
+            f"bias_extension: a ply {W:g} mm wide with fibres at "
+            f"{np.degrees(theta):g} degrees to its clamps must be at least {low:g} mm "
+            f"high, not {H:g} mm"
         )
     return W, H
