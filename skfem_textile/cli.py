@@ -9,7 +9,9 @@ from typing import NoReturn, get_args
 
 from . import __version__, commands
 from .formulations import Kind
+from .scenes.bias_extension import PARTS
 from .scenes.rectangle import KINDS
+from .scenes.trellis import SIDES
 from .stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY
 from .strategies import STRATEGIES
 from .verdict import CHECKS
@@ -108,7 +110,15 @@ def _picture_frame(parser: argparse.ArgumentParser) -> None:
 def _bias_extension(parser: argparse.ArgumentParser) -> None:
     _loaded(parser, "16x32")
     parser.set_defaults(jitter=0.25)
+    _angle(parser, "warp", 45.0, "inclination of the warp, below 90")
+    _angle(parser, "weft", 135.0, "inclination of the weft, 180 less the warp's")
     _angle(parser, "shear-angle", 40.0, "shear angle of the middle at the end")
+    parser.add_argument(
+        "--part",
+        choices=PARTS,
+        default="whole",
+        help="half: on a roller along the axis of symmetry" + _SHOWN,
+    )
 
 
 def _trellis(parser: argparse.ArgumentParser) -> None:
@@ -117,6 +127,23 @@ def _trellis(parser: argparse.ArgumentParser) -> None:
     _angle(parser, "weft", 90.0, "inclination of the weft")
     _angle(parser, "shear-angle", 45.0, "shear angle at the origin, at the end")
     _angle(parser, "bend", 30.0, "by which a fibre of 100 mm bends in the end")
+    parser.add_argument(
+        "--free",
+        nargs="+",
+        choices=SIDES,
+        default=[],
+        metavar="SIDE",
+        help=f"sides that are not held, of {', '.join(SIDES)}",
+    )
+    parser.add_argument(
+        "--roller",
+        type=_roller,
+        action="append",
+        default=[],
+        metavar="SIDE=DEG",
+        help="a side on a roller that rolls along a line of this inclination; "
+        "may be repeated",
+    )
 
 
 _OPTIONS = {
@@ -228,6 +255,14 @@ def _stepping(parser: argparse.ArgumentParser) -> None:
         default=0,
         help="tell of every step; twice: of every iteration",
     )
+
+
+def _roller(text: str) -> tuple[str, float]:
+    side, _, degrees = text.partition("=")
+    try:
+        return side, float(degrees)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not like left=30") from None
 
 
 def _stabilisation(text: str) -> float | str:

@@ -18,7 +18,7 @@ from .ply import Ply
 from .result import Iteration, Result, State, StepError
 from .scenes import Scene, bias_extension, picture_frame, strip, trellis
 from .scenes.rectangle import KINDS
-from .scenes.trellis import sheared
+from .scenes.trellis import Edge, sheared
 from .splitting import SplitMesh, split
 from .stepper import LoadStepper
 
@@ -169,11 +169,26 @@ def _picture_frame(options: argparse.Namespace) -> Callable[..., Scene]:
 def _trellis(options: argparse.Namespace) -> Callable[..., Scene]:
     warp, weft = np.radians([options.warp, options.weft])
     turns = sheared(np.radians(options.shear_angle), np.radians(options.bend))
-    return partial(trellis, warp=warp, weft=weft, turns=turns)
+    return partial(trellis, warp=warp, weft=weft, turns=turns, edges=_edges(options))
+
+
+def _edges(options: argparse.Namespace) -> dict[str, Edge]:
+    """What --free and --roller say of each side."""
+    edges: dict[str, Edge] = dict.fromkeys(options.free, "free")
+    for side, inclination in options.roller:
+        if side in edges:
+            raise ValueError(
+                f"--roller {side}: that side is already free or on a roller"
+            )
+        edges[side] = float(np.radians(inclination))
+    return edges
 
 
 def _bias_extension(options: argparse.Namespace) -> Callable[..., Scene]:
-    return partial(bias_extension, shear_angle=np.radians(options.shear_angle))
+    warp, weft, gamma = np.radians([options.warp, options.weft, options.shear_angle])
+    return partial(
+        bias_extension, warp=warp, weft=weft, shear_angle=gamma, part=options.part
+    )
 
 
 _SCENES: dict[str, Callable[[argparse.Namespace], Callable[..., Scene]]] = {

@@ -196,6 +196,63 @@ def test_the_frames_are_run_by_name(tmp_path, scene, options, shear):
     assert summary["displacement_error_max"] < 1e-9
 
 
+@pytest.mark.parametrize(
+    ("options", "rollers"),
+    [
+        (("--free", "right", "--roller", "left=60"), [["left", 60]]),
+        (
+            ("--roller", "top=20", "--roller", "right=-70"),
+            [["top", 20], ["right", -70]],
+        ),
+    ],
+)
+def test_sides_may_be_free_or_on_inclined_rollers(tmp_path, options, rollers):
+    out = tmp_path / "out"
+    common = ("--size", "4x4", "--steps", "3", "--no-render", "--bend", "0")
+    fibres = ("--warp", "20", "--weft", "100")
+    command = ["run", "trellis", "--out", str(out), *common, *fibres, *options]
+    assert cli.main(command) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["displacement_error_max"] < 1e-9
+    assert summary["inputs"]["roller"] == rollers
+
+
+def test_a_run_takes_half_of_a_bias_extension_and_its_fibres(tmp_path):
+    loads = []
+    for part, size in (("whole", "8x16"), ("half", "4x16")):
+        out = tmp_path / part
+        fibres = ("--warp", "40", "--weft", "140", "--shear-stiffness", "0.5")
+        common = ("--mesh", "aligned", "--steps", "2", "--cs", "5", "--no-render")
+        command = ["run", "bias_extension", "--out", str(out), *common, *fibres]
+        assert cli.main([*command, "--part", part, "--size", size]) == 0
+        loads.append(json.loads((out / "summary.json").read_text())["load_over_exact"])
+    assert loads[0] == pytest.approx(loads[1], rel=1e-6)
+    assert loads[0] == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("scene", "options", "message"),
+    [
+        ("trellis", ("--free", "lid"), "argument --free: invalid choice: 'lid'"),
+        ("trellis", ("--roller", "left"), "'left' is not like left=30"),
+        ("trellis", ("--roller", "left=up"), "'left=up' is not like left=30"),
+        ("trellis", ("--roller", "lid=3"), "no side 'lid'"),
+        ("trellis", ("--roller", "left=nan"), "the left side must be held, free or on"),
+        ("trellis", ("--free", "left", "--roller", "left=3"), "--roller left: that"),
+        ("trellis", ("--roller", "top=1", "--roller", "top=2"), "--roller top: that"),
+        ("trellis", ("--free", "left", "right", "top", "bottom"), "no side is held"),
+        ("bias_extension", ("--warp", "30"), "not at 30 and 135"),
+        ("bias_extension", ("--part", "third"), "argument --part: invalid choice"),
+    ],
+)
+def test_sides_fibres_and_parts_that_do_not_fit_are_refused(
+    tmp_path, capsys, scene, options, message
+):
+    out = str(tmp_path / "out")
+    assert message in refused(capsys, "run", scene, "--out", out, *options)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_rotated_run_reports_the_unrotated_axes(tmp_path):
     reactions = []
     for angle in ("0", "35"):
