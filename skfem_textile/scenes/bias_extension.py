@@ -12,11 +12,11 @@ from functools import partial
 
 import numpy as np
 from numpy import ndarray
-from skfem import MeshQuad
+from skfem import Mesh
 
 from ..conditions import Condition
 from ..fabric import Law
-from ..meshes import MeshError, check_quads, with_edges
+from ..meshes import MeshError, check_mesh, with_edges
 from .rectangle import rectangle
 from .scene import Scene
 from .trellis import Motion
@@ -26,7 +26,7 @@ WIDTH, HEIGHT = 50.0, 100.0
 
 
 def bias_extension(
-    mesh: str | MeshQuad = "irregular",
+    mesh: str | Mesh = "irregular",
     size: tuple[int, int] = (16, 32),
     jitter: float = 0.25,
     seed: int = 1,
@@ -57,7 +57,7 @@ def bias_extension(
     if isinstance(mesh, str):
         mesh = rectangle(WIDTH, HEIGHT, size, mesh, jitter, seed)
     else:
-        check_quads(mesh)
+        check_mesh(mesh)
         mesh = with_edges(mesh)
     W, H = _sides(mesh)
 
@@ -111,7 +111,7 @@ def force(law: Law, gamma: float, width: float, height: float) -> float:
     return float(work / ((H - W) * (np.cos(gamma / 2) - np.sin(gamma / 2))))
 
 
-def _sides(mesh: MeshQuad) -> tuple[float, float]:
+def _sides(mesh: Mesh) -> tuple[float, float]:
     """Width and height of a mesh that fits the scene."""
     for name in ("bottom", "top"):
         if name not in mesh.boundaries:

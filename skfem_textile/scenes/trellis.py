@@ -14,10 +14,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy import ndarray
 from numpy.polynomial.legendre import leggauss
-from skfem import MeshQuad
+from skfem import Mesh
 
 from ..conditions import Condition
-from ..meshes import MeshError, check_quads, with_edges
+from ..meshes import MeshError, check_mesh, with_edges
 from .rectangle import rectangle
 from .scene import Scene
 
@@ -32,7 +32,7 @@ _XI, _WEIGHTS = leggauss(24)
 
 
 def picture_frame(
-    mesh: str | MeshQuad = "irregular",
+    mesh: str | Mesh = "irregular",
     size: tuple[int, int] = (10, 10),
     jitter: float = 0.3,
     seed: int = 1,
@@ -64,7 +64,7 @@ def picture_frame(
 
 
 def trellis(
-    mesh: str | MeshQuad = "irregular",
+    mesh: str | Mesh = "irregular",
     size: tuple[int, int] = (10, 10),
     jitter: float = 0.3,
     seed: int = 1,
@@ -94,7 +94,7 @@ def trellis(
     if isinstance(mesh, str):
         mesh = rectangle(SIDE, SIDE, size, mesh, jitter, seed)
     else:
-        check_quads(mesh)
+        check_mesh(mesh)
         mesh = with_edges(mesh)
         if "top" not in mesh.boundaries:
             raise MeshError("trellis: the mesh has no straight top edge; name it")
@@ -103,11 +103,11 @@ def trellis(
     motion.check(mesh.p)
     return Scene(
         name="trellis",
-        mesh=mesh,
+        mesh=mesh.with_boundaries({"boundary": mesh.boundary_facets()}),
         warp=(float(np.cos(warp)), float(np.sin(warp))),
         weft=(float(np.cos(weft)), float(np.sin(weft))),
         conditions={
-            "boundary": Condition(mesh.boundary_nodes(), motion.displacement),
+            "boundary": Condition("boundary", motion.displacement),
             "top": Condition("top", motion.displacement),
         },
         driven="top",
