@@ -2,10 +2,17 @@
 
 from .checkpoint import CheckpointError
 from .conditions import Condition
-from .elements import CENTRE, GAUSS, ElementQuad1Fluctuation, HourglassBasis, quad_basis
+from .elements import (
+    CENTRE,
+    GAUSS,
+    ElementQuad1Fluctuation,
+    HourglassBasis,
+    quad_basis,
+    triangle_basis,
+)
 from .fabric import Fabric, Law, Linear, Sin2
 from .forms import Forms, shear, tension
-from .formulations import Full, OnePoint
+from .formulations import Full, OnePoint, Quadratic
 from .hourglass import (
     AccumulatedMoment,
     HeldStabilisation,
@@ -43,6 +50,7 @@ __all__ = [
     "Newton",
     "OnePoint",
     "Ply",
+    "Quadratic",
     "Result",
     "Sin2",
     "State",
@@ -53,4 +61,5 @@ __all__ = [
     "quad_basis",
     "shear",
     "tension",
+    "triangle_basis",
 ]

@@ -15,7 +15,7 @@ from .problem import Problem
 from .result import State
 from .verdict import Verdict
 
-_FORMAT = 1
+_FORMAT = 2
 _RUN, _STATES = "run.npz", "state_[0-9]*.npz"
 
 # How far the forces of the same ply may differ between machines.
@@ -142,7 +142,7 @@ class Checkpoint:
         probe = 0.1 * self._problem.element_size * np.sin(np.arange(ply.basis.N))
         return {
             "nodes": ply.mesh.p,
-            "quads": ply.mesh.t,
+            "cells": ply.mesh.t,
             "fixed unknowns": constraints.fixed,
             "fixed values": np.array([constraints.fixed_values(t) for t in at]),
             **{f"{k} forces": f for k, f in ply.residuals(probe).items()},

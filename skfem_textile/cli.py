@@ -171,7 +171,7 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
         "--mesh",
         default="irregular",
         metavar="KIND|FILE",
-        help=f"{', '.join(KINDS)}, or a file of quadrilaterals" + _SHOWN,
+        help=f"{', '.join(KINDS)}, or a file of quadrilaterals or triangles" + _SHOWN,
     )
     add("--size", type=_size, default=size, help="elements along x and y" + _SHOWN)
     add("--jitter", type=float, default=0.3, help="node moves per spacing" + _SHOWN)
@@ -183,9 +183,10 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
     add("--seed", type=int, default=1, help="seed of the node moves" + _SHOWN)
     add(
         "--formulation",
-        choices=("one-point", "full"),
+        choices=("one-point", "full", "quadratic"),
         default="one-point",
-        help="one stabilised point, or 2x2 points" + _SHOWN,
+        help="one stabilised point, 2x2 points, or quadratic triangles, for which "
+        "quadrilaterals are cut along a diagonal" + _SHOWN,
     )
     add(
         "--cs",

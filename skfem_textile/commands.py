@@ -10,16 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from skfem import MeshQuad
 
 from . import __version__
 from .fabric import Fabric, Law, Sin2
-from .formulations import Formulation, Full, OnePoint
+from .formulations import Formulation, Full, OnePoint, Quadratic
 from .ply import Ply
 from .result import Iteration, Result, State, StepError
 from .scenes import Scene, bias_extension, picture_frame, strip, trellis
 from .scenes.rectangle import KINDS
 from .scenes.trellis import Edge, sheared
-from .splitting import SplitMesh, split
+from .splitting import SplitMesh, cut, split
 from .stepper import LoadStepper
 
 #: The scenes, and what they are.
@@ -143,13 +144,18 @@ def _inputs(options: argparse.Namespace) -> Mapping[str, Any]:
 
 
 def _scene(options: argparse.Namespace) -> Scene:
-    mesh = options.mesh
+    mesh, triangles = options.mesh, options.formulation == Quadratic.name
+    if triangles and options.split:
+        raise ValueError(
+            "--split makes quadrilaterals, --formulation quadratic takes triangles: "
+            "leave one of them out"
+        )
     if mesh not in KINDS:
         if not Path(mesh).is_file():
             raise ValueError(f"--mesh {mesh}: neither a file nor {', '.join(KINDS)}")
         from .io import read_mesh
 
-        mesh = read_mesh(mesh)
+        mesh = read_mesh(mesh, split=not triangles)
     build = partial(
         _SCENES[options.scene](options),
         size=options.size,
@@ -159,6 +165,8 @@ def _scene(options: argparse.Namespace) -> Scene:
     scene = build(mesh=mesh)
     if options.split and not isinstance(scene.mesh, SplitMesh):
         scene = build(mesh=split(scene.mesh))
+    if triangles and isinstance(scene.mesh, MeshQuad):
+        scene = build(mesh=cut(scene.mesh))
     return scene.rotated(np.radians(options.rotate))
 
 
@@ -205,19 +213,20 @@ def _stepper(scene: Scene, options: argparse.Namespace) -> LoadStepper:
     except ValueError as error:
         raise ValueError(f"shear {error}") from None
     fabric = Fabric(options.fibre_stiffness, shear, scene.warp, scene.weft)
-    formulation: Formulation = (
-        Full()
-        if options.formulation == "full"
-        else OnePoint(options.cs, options.stabilisation)
-    )
     return LoadStepper(
-        Ply(scene.mesh, fabric, formulation),
+        Ply(scene.mesh, fabric, _formulation(options)),
         scene.conditions,
         options.steps,
         strategies=options.strategy,
         warn_only=options.warn_only,
         checkpoint=_checkpoint(options),
     )
+
+
+def _formulation(options: argparse.Namespace) -> Formulation:
+    if options.formulation == OnePoint.name:
+        return OnePoint(options.cs, options.stabilisation)
+    return Full() if options.formulation == Full.name else Quadratic()
 
 
 def _checkpoint(options: argparse.Namespace) -> Path | None:

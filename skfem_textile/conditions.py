@@ -9,8 +9,9 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix, identity
 from scipy.sparse.linalg import spsolve
-from skfem import CellBasis, Mesh
+from skfem import CellBasis
 
+from .elements import node_dofs, node_positions
 from .fabric import Direction, unit_vectors
 
 Where: TypeAlias = str | ArrayLike | Callable[[ndarray], ndarray]
@@ -28,7 +29,9 @@ class Condition:
     ----------
     where
         The name of a boundary of the mesh, a function of position
-        ``(2, n) -> (n,) bool``, one bool per node, or node numbers.
+        ``(2, n) -> (n,) bool``, one bool per node, or node numbers.  The nodes are
+        those of the ply: vertices, then middles of edges if the element has nodes
+        there.
     value
         Displacement in mm: with a direction, a scalar per node; without, a vector
         per node, shape (2, n).  Either a function ``value(X, t)`` of reference
@@ -51,7 +54,7 @@ class Condition:
     value: Value = 0.0
     direction: Direction | None = None
 
-    def nodes(self, name: str, mesh: Mesh) -> ndarray:
+    def nodes(self, name: str, basis: CellBasis) -> ndarray:
         """Numbers of the nodes on which the condition acts.
 
         Raises
@@ -59,6 +62,8 @@ class Condition:
         ValueError
             If the boundary is unknown, the nodes are not valid, or there are none.
         """
+        mesh, X = basis.mesh, node_positions(basis)
+        n_vertices, n_nodes = mesh.p.shape[1], X.shape[1]
         if isinstance(self.where, str):
             known = mesh.boundaries or {}
             if self.where not in known:
@@ -67,11 +72,14 @@ class Condition:
                     f"condition {name!r}: the mesh has no boundary {self.where!r} "
                     f"(it has: {names})"
                 )
-            nodes = np.unique(mesh.facets[:, known[self.where]])
+            edges = np.asarray(known[self.where])
+            nodes = np.unique(mesh.facets[:, edges])
+            if n_nodes > n_vertices:
+                nodes = np.concatenate([nodes, n_vertices + np.unique(edges)])
         else:
-            where = self.where(mesh.p) if callable(self.where) else self.where
+            where = self.where(X) if callable(self.where) else self.where
             chosen = np.asarray(where)
-            if chosen.dtype == bool and chosen.shape == (mesh.p.shape[1],):
+            if chosen.dtype == bool and chosen.shape == (n_nodes,):
                 nodes = np.flatnonzero(chosen)
             elif chosen.dtype.kind in "iu" and not callable(self.where):
                 nodes = np.unique(chosen)
@@ -82,9 +90,9 @@ class Condition:
                 )
         if nodes.size == 0:
             raise ValueError(f"condition {name!r} acts on no node")
-        if nodes.min() < 0 or nodes.max() >= mesh.p.shape[1]:
+        if nodes.min() < 0 or nodes.max() >= n_nodes:
             raise ValueError(
-                f"condition {name!r}: the mesh has nodes 0 to {mesh.p.shape[1] - 1}"
+                f"condition {name!r}: there are nodes 0 to {n_nodes - 1} only"
             )
         return nodes
 
@@ -171,10 +179,9 @@ class Constraints:
     def __init__(self, basis: CellBasis, conditions: Mapping[str, Condition]) -> None:
         if not conditions:
             raise ValueError("no conditions: a ply must be held somewhere")
-        mesh = basis.mesh
         self._conditions = dict(conditions)
-        self._X = mesh.p
-        self.nodes = {k: c.nodes(k, mesh) for k, c in self._conditions.items()}
+        self._X = node_positions(basis)
+        self.nodes = {k: c.nodes(k, basis) for k, c in self._conditions.items()}
 
         node, direction = [], []
         for name, condition in self._conditions.items():
@@ -190,7 +197,7 @@ class Constraints:
 
         A row fixes one direction at one node; ``_rows @ q[fixed] = values``.
         """
-        dofs, n = basis.nodal_dofs[:, self._node], self._direction
+        dofs, n = node_dofs(basis)[:, self._node], self._direction
         first = self._first_rows()
         along = np.abs(n[0] * n[1, first] - n[1] * n[0, first]) < _PARALLEL
         whole = np.zeros(self._X.shape[1], dtype=bool)

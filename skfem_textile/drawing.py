@@ -106,10 +106,11 @@ def grid(view: View, n: int, m: int, *scales: slice) -> pv.Plotter:
 
 
 def deformed(result: Result, state: State) -> pv.UnstructuredGrid:
-    """The ply in its current shape."""
+    """The ply in its current shape, with straight edges between the vertices."""
     mesh, u = result.ply.mesh, result.ply.nodal(state.u)
-    points = np.pad(mesh.p + u, ((0, 1), (0, 0))).T
-    return pv.UnstructuredGrid({pv.CellType.QUAD: mesh.t.T}, points)
+    points = np.pad(mesh.p + u[:, : mesh.nvertices], ((0, 1), (0, 0))).T
+    cell = {3: pv.CellType.TRIANGLE, 4: pv.CellType.QUAD}[len(mesh.t)]
+    return pv.UnstructuredGrid({cell: mesh.t.T}, points)
 
 
 def panel(

@@ -1,15 +1,23 @@
-"""Elements and rules of the fibrous quadrilateral: centre, 2×2 and hourglass.
+"""Elements, their rules and their nodes.
 
-The gradient of a bilinear quadrilateral splits into its value at the centre and
-a fluctuation, ∇N(ξ) = ∇N(0) + (∇N(ξ) − ∇N(0)).  The fluctuation is exactly the
-paper's B_HGL = γ ⊗ ∇h (Hamila & Boisse 2013, §3.1).
+Quadratic triangles take three points; bilinear quadrilaterals the centre, 2×2 points
+or both: their gradient splits into its value at the centre and a fluctuation,
+∇N(ξ) = ∇N(0) + (∇N(ξ) − ∇N(0)).  The fluctuation is exactly the paper's
+B_HGL = γ ⊗ ∇h (Hamila & Boisse 2013, §3.1).
 """
 
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from skfem import CellBasis, DiscreteField, ElementQuad1, ElementVector, Mesh
+from skfem import (
+    CellBasis,
+    DiscreteField,
+    ElementQuad1,
+    ElementTriP2,
+    ElementVector,
+    Mesh,
+)
 from skfem.quadrature import get_quadrature
 
 #: One point at the centre, carrying the exact area of a bilinear quadrilateral.
@@ -17,6 +25,12 @@ CENTRE = (np.array([[0.5], [0.5]]), np.array([1.0]))
 
 #: 2×2 Gauss points.
 GAUSS = get_quadrature(ElementQuad1, 3)
+
+#: Three points of a triangle, exact to degree 2.
+THREE = get_quadrature(ElementTriP2, 2)
+
+#: Six points of a triangle, exact to degree 4.
+SIX = get_quadrature(ElementTriP2, 4)
 
 
 class ElementQuad1Fluctuation(ElementQuad1):
@@ -65,6 +79,28 @@ def quad_basis(mesh: Mesh, rule: tuple[ndarray, ndarray]) -> CellBasis:
         `CENTRE` for one point, `GAUSS` for 2×2.
     """
     return CellBasis(mesh, ElementVector(ElementQuad1()), quadrature=rule)
+
+
+def triangle_basis(mesh: Mesh) -> CellBasis:
+    """Basis of a quadratic displacement on a `skfem.MeshTri`, with `THREE` points."""
+    return CellBasis(mesh, ElementVector(ElementTriP2()), quadrature=THREE)
+
+
+def node_positions(basis: CellBasis) -> ndarray:
+    """Nodes of a basis of the displacement, shape (2, n_nodes).
+
+    The vertices of the mesh as they stand, then the middles of its edges if the
+    element has nodes there.
+    """
+    mesh = basis.mesh
+    if not basis.elem.facet_dofs:
+        return mesh.p
+    return np.hstack([mesh.p, mesh.p[:, mesh.facets].mean(axis=1)])
+
+
+def node_dofs(basis: CellBasis) -> ndarray:
+    """Unknowns of each of the nodes of `node_positions`, shape (2, n_nodes)."""
+    return np.arange(basis.N).reshape(-1, 2).T
 
 
 class HourglassBasis(CellBasis):

@@ -3,14 +3,13 @@
 import numpy as np
 from numpy import ndarray
 
-from .elements import CENTRE
 from .ply import Ply
 from .splitting import SplitMesh
 
 
 def point_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
-    """``displacement`` in mm, shape (n_nodes, 3)."""
-    return {"displacement": _in_space(ply.nodal(u))}
+    """``displacement`` of the vertices in mm, shape (n_vertices, 3)."""
+    return {"displacement": _in_space(ply.nodal(u)[:, : ply.mesh.nvertices])}
 
 
 def cell_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
@@ -29,8 +28,7 @@ def cell_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
         (n_elements, 3).  1 is the warp, 2 the weft.
     """
     strain, tension = ply.fibre_strain(u), ply.fibre_tension(u)
-    centre, _ = CENTRE
-    direction = ply.fibre_direction(u, centre)[..., 0]
+    direction = ply.fibre_direction(u, ply.centre)[..., 0]
     fields = {"shear_angle": np.degrees(_extreme(ply.shear_angle(u)))}
     for i in range(2):
         fields[f"fibre_strain_{i + 1}"] = _extreme(strain[i])

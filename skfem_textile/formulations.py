@@ -1,13 +1,13 @@
-"""Formulations: where a ply takes its points, and what stabilises it."""
+"""Formulations: on which element, at which points, and what stabilises it."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal, NamedTuple, Protocol, TypeAlias, get_args
 
 import numpy as np
 from numpy import ndarray
-from skfem import CellBasis
+from skfem import CellBasis, Mesh
 
-from .elements import CENTRE, GAUSS, HourglassBasis
+from .elements import CENTRE, GAUSS, SIX, HourglassBasis, quad_basis, triangle_basis
 from .fabric import Fabric
 from .forms import Forms
 from .hourglass import (
@@ -17,6 +17,7 @@ from .hourglass import (
     hourglass_rate,
 )
 from .isotropic import isotropic_hourglass
+from .meshes import check_quads, check_triangles
 
 Kind: TypeAlias = Literal["energy", "rate", "isotropic"]
 
@@ -50,14 +51,29 @@ class Term(NamedTuple):
 
 
 class Formulation(Protocol):
-    """Points and weights of tension and shear, and the stabilising terms."""
+    """Element and points of tension and shear, and the stabilising terms.
+
+    ``centre`` is that of the reference element, ``fine_points`` are those in it at
+    which folding and strain are judged, shape (2, n_points).
+    """
 
     name: ClassVar[str]
-    rule: ClassVar[tuple[ndarray, ndarray]]
+    centre: ClassVar[ndarray]
+    fine_points: ClassVar[ndarray]
 
     @property
     def title(self) -> str:
         """What to call it in a picture."""
+        ...
+
+    def basis(self, mesh: Mesh) -> CellBasis:
+        """Basis of the displacement, with the points of tension and shear.
+
+        Raises
+        ------
+        MeshError
+            If the mesh is not sound, or has not the cells of this formulation.
+        """
         ...
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
@@ -65,8 +81,21 @@ class Formulation(Protocol):
         ...
 
 
+class _Quadrilaterals:
+    """Bilinear quadrilaterals, judged at the 2×2 points."""
+
+    rule: ClassVar[tuple[ndarray, ndarray]]
+    centre: ClassVar[ndarray] = CENTRE[0]
+    fine_points: ClassVar[ndarray] = GAUSS[0]
+
+    def basis(self, mesh: Mesh) -> CellBasis:
+        """Basis of the displacement."""
+        check_quads(mesh)
+        return quad_basis(mesh, self.rule)
+
+
 @dataclass(frozen=True)
-class Full:
+class Full(_Quadrilaterals):
     """2×2 points and no stabilisation: locks unless a mesh follows the fibres."""
 
     name: ClassVar[str] = "full"
@@ -79,7 +108,7 @@ class Full:
 
 
 @dataclass(frozen=True)
-class OnePoint:
+class OnePoint(_Quadrilaterals):
     """One point at the centre, stabilised on the non-constant shear angle alone.
 
     Parameters
@@ -146,3 +175,26 @@ class OnePoint:
             return [Term("stabilisation", isotropic_hourglass(C_s), corners)]
         memory = AccumulatedMoment(fabric, C_s, corners)
         return [Term("stabilisation", hourglass_rate(fabric, C_s), corners, memory)]
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """Quadratic triangles with three points and no stabilisation, for comparison.
+
+    The element is `skfem.ElementTriP2` on a `skfem.MeshTri`: nodes at vertices and at
+    the middles of edges.  Judged at six points, exact to degree 4.
+    """
+
+    name: ClassVar[str] = "quadratic"
+    title: ClassVar[str] = "quadratic triangles"
+    centre: ClassVar[ndarray] = np.array([[1 / 3], [1 / 3]])
+    fine_points: ClassVar[ndarray] = SIX[0]
+
+    def basis(self, mesh: Mesh) -> CellBasis:
+        """Basis of the displacement."""
+        check_triangles(mesh)
+        return triangle_basis(mesh)
+
+    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
+        """None."""
+        return []

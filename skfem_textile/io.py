@@ -15,11 +15,11 @@ from xml.etree import ElementTree
 import meshio
 import numpy as np
 from numpy import ndarray
-from skfem import MeshQuad
+from skfem import Mesh, MeshQuad, MeshTri
 from skfem.io.meshio import from_meshio
 
 from .fields import cell_fields, on_parents, point_fields
-from .meshes import MeshError, check_quads
+from .meshes import MeshError, check_mesh, check_quads
 from .ply import Ply
 from .result import Result
 from .splitting import SplitMesh, boundary_edges, split_cells
@@ -30,26 +30,34 @@ FIELDS = ("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd"
 _IGNORED_CELLS = {"vertex", "line"}
 
 
-def read_mesh(path: str | os.PathLike[str]) -> MeshQuad:
+def read_mesh(path: str | os.PathLike[str], split: bool = True) -> Mesh:
     """Read a plane mesh: Gmsh .msh, Abaqus .inp, .vtu and more.
 
     Triangles, and quadrilaterals beside triangles, are split in quadrilaterals
     (`split_cells`).  Named groups of edges (Gmsh physical groups) and of nodes (Abaqus
     node sets) become boundaries of that name.
 
+    Parameters
+    ----------
+    path
+        The file.
+    split
+        Whether triangles are split.  If not, a mesh of triangles alone is a
+        `skfem.MeshTri`, as `Quadratic` takes it.
+
     Raises
     ------
     MeshError
         If the file cannot be read, has other cells than triangles and four-node
-        quadrilaterals, does not lie in a plane z = const, or is not a sound mesh
-        (`check_quads`).
+        quadrilaterals, or both and they are not to be split, does not lie in a plane
+        z = const, or is not a sound mesh (`check_mesh`).
     """
     path = Path(path)
     if not path.is_file():
         raise MeshError(f"{path}: no such file")
     raw = _read(path)
     try:
-        return _quad_mesh(raw)
+        return _mesh(raw, split)
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from None
 
@@ -67,7 +75,7 @@ def _read(path: Path) -> meshio.Mesh:
         raise MeshError(f"{path}: meshio cannot read it. {reason}".strip()) from None
 
 
-def _quad_mesh(raw: meshio.Mesh) -> MeshQuad:
+def _mesh(raw: meshio.Mesh, split: bool) -> Mesh:
     kinds = {block.type for block in raw.cells} - _IGNORED_CELLS
     if not kinds or not kinds <= {"quad", "triangle"}:
         found = ", ".join(sorted(kinds)) or "none"
@@ -77,9 +85,16 @@ def _quad_mesh(raw: meshio.Mesh) -> MeshQuad:
     size = np.ptp(raw.points, axis=0)
     if not np.all(size[2:] <= 1e-9 * size[:2].max()):
         raise MeshError("the mesh must lie in a plane z = const")
-    if kinds != {"quad"}:
+    if split and kinds != {"quad"}:
         return _split(raw)
-    check_quads(MeshQuad(raw.points[:, :2].T.copy(), raw.cells_dict["quad"].T.copy()))
+    if len(kinds) > 1:
+        raise MeshError(
+            "triangles beside quadrilaterals must be split, for a formulation of "
+            "quadrilaterals"
+        )
+    (kind,) = kinds
+    cells = {"quad": MeshQuad, "triangle": MeshTri}[kind]
+    check_mesh(cells(raw.points[:, :2].T.copy(), raw.cells_dict[kind].T.copy()))
     return _with_node_sets(from_meshio(raw, ignore_orientation=True), raw.point_sets)
 
 
@@ -129,7 +144,7 @@ def _groups(raw: meshio.Mesh) -> Iterator[tuple[str, int, ndarray]]:
                 yield name, block, np.asarray(members, dtype=int)
 
 
-def _with_node_sets(mesh: MeshQuad, node_sets: Mapping[str, Any]) -> MeshQuad:
+def _with_node_sets(mesh: Mesh, node_sets: Mapping[str, Any]) -> Mesh:
     """Name the boundary edges whose both ends are in a set of nodes."""
     boundary = mesh.boundary_facets()
     ends = mesh.facets[:, boundary]
@@ -190,7 +205,8 @@ def _write_state(
     cells: Sequence[ndarray],
     fields: dict[str, ndarray],
 ) -> None:
-    n = 1 + max(cell.max() for cell in cells)  # the nodes of a split mesh's original
+    # The vertices of the cells: not the other nodes of a split mesh.
+    n = 1 + max(cell.max() for cell in cells)
     points = {k: v[:n] for k, v in point_fields(ply, u).items()}
     ends = np.cumsum([cell.shape[1] for cell in cells])[:-1]
     by_block: dict[str, Any] = {k: np.split(v, ends) for k, v in fields.items()}

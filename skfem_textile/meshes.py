@@ -1,16 +1,27 @@
-"""What a quadrilateral mesh must fulfil before anything is computed on it."""
+"""What a mesh must fulfil before anything is computed on it."""
 
+from collections.abc import Collection
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy import ndarray
-from skfem import Mesh, MeshQuad, MeshQuad2
+from skfem import Element, ElementQuad1, ElementTriP1, Mesh
 from skfem.helpers import det
 
 from .elements import GAUSS
 
 # An edge this much shorter than the others, or a Jacobian as small, is none.
 _NEGLIGIBLE = 1e-9
+
+_Mesh = TypeVar("_Mesh", bound=Mesh)
+
+
+# Elements of the meshes that can be used: what the mesh is called, and its cells.
+_CELLS: dict[type[Element], tuple[str, str]] = {
+    ElementQuad1: ("skfem.MeshQuad", "quadrilateral"),
+    ElementTriP1: ("skfem.MeshTri", "triangle"),
+}
 
 
 class MeshError(ValueError):
@@ -23,33 +34,58 @@ def check_quads(mesh: Mesh) -> None:
     Raises
     ------
     MeshError
-        If the mesh has other cells, positions that are not finite, unused nodes or
-        nodes that are not there, edges of more than two quadrilaterals,
-        quadrilaterals with a collapsed edge or inverted at a 2×2 point, or
-        quadrilaterals that overlap a neighbour.
+        If the mesh has other cells, or as `check_mesh`.
     """
-    if not isinstance(mesh, MeshQuad) or isinstance(mesh, MeshQuad2):
-        raise MeshError(f"the mesh must be a skfem.MeshQuad, not {type(mesh).__name__}")
+    advice = "splitting.split(mesh) makes one, or take Quadratic()"
+    _refuse_cells(mesh, [ElementQuad1], advice)
+    check_mesh(mesh)
+
+
+def check_triangles(mesh: Mesh) -> None:
+    """Refuse a mesh that is not a sound mesh of triangles with straight edges.
+
+    Raises
+    ------
+    MeshError
+        If the mesh has other cells, or as `check_mesh`.
+    """
+    _refuse_cells(mesh, [ElementTriP1], "mesh.to_meshtri() makes one")
+    check_mesh(mesh)
+
+
+def check_mesh(mesh: Mesh) -> None:
+    """Refuse a mesh that is not sound, be it of quadrilaterals or of triangles.
+
+    Raises
+    ------
+    MeshError
+        If the mesh has other cells, positions that are not finite, unused nodes or
+        nodes that are not there, edges of more than two cells, cells with a collapsed
+        edge, quadrilaterals inverted at a 2×2 point, triangles without area, or cells
+        that overlap a neighbour.
+    """
+    _refuse_cells(mesh, _CELLS)
+    _, cell = _CELLS[mesh.elem]
     listed = (mesh.t >= 0) & (mesh.t < mesh.p.shape[1])
-    _refuse("quadrilateral(s) name a node that is not there", ~listed.all(axis=0))
+    _refuse(f"{cell}(s) name a node that is not there", ~listed.all(axis=0))
     _refuse("node(s) not finite", ~np.isfinite(mesh.p).all(axis=0))
     gauss, _ = GAUSS
     used = np.zeros(mesh.p.shape[1], dtype=bool)
     used[mesh.t] = True
-    _refuse("node(s) belong to no quadrilateral; remove them", ~used)
+    _refuse(f"node(s) belong to no {cell}; remove them", ~used)
     shared = np.bincount(mesh.t2f.ravel())
     crowded = (shared > 2)[mesh.t2f].any(axis=0)
-    _refuse("quadrilateral(s) share an edge with more than one other", crowded)
-    jacobian = det(mesh.mapping().DF(gauss))
+    _refuse(f"{cell}(s) share an edge with more than one other", crowded)
+    jacobian = det(mesh.mapping().DF(gauss))  # that of a triangle is constant
     turn = np.sign(jacobian.sum(axis=1))
     _refuse(
-        "quadrilateral(s) inverted or degenerate",
+        f"{cell}(s) inverted or degenerate",
         _inverted(mesh, jacobian * turn[:, None]) | _collapsed(mesh),
     )
-    _refuse("quadrilateral(s) lie on top of a neighbour", _overlapping(mesh, turn))
+    _refuse(f"{cell}(s) lie on top of a neighbour", _overlapping(mesh, turn))
 
 
-def with_edges(mesh: MeshQuad) -> MeshQuad:
+def with_edges(mesh: _Mesh) -> _Mesh:
     """Name the straight edges ``left``, ``bottom``, ``right`` and ``top``.
 
     They are the boundary edges on the sides of the mesh's bounding box.  A side on
@@ -67,6 +103,19 @@ def with_edges(mesh: MeshQuad) -> MeshQuad:
     return replace(mesh, _boundaries=edges)
 
 
+def _refuse_cells(
+    mesh: Mesh, wanted: Collection[type[Element]], advice: str = ""
+) -> None:
+    """Refuse a mesh of other elements, with advice if the element is known."""
+    element = getattr(mesh, "elem", None)
+    if element not in wanted:
+        names = " or a ".join(_CELLS[e][0] for e in wanted)
+        instead = f"; {advice}" if element in _CELLS else ""
+        raise MeshError(
+            f"the mesh must be a {names}, not {type(mesh).__name__}{instead}"
+        )
+
+
 def _refuse(what: str, bad: ndarray) -> None:
     if bad.any():
         first = ", ".join(str(i) for i in np.flatnonzero(bad)[:10])
@@ -74,29 +123,29 @@ def _refuse(what: str, bad: ndarray) -> None:
         raise MeshError(f"{bad.sum()} {what}: {first}{more}")
 
 
-def _inverted(mesh: MeshQuad, jacobian: ndarray) -> ndarray:
+def _inverted(mesh: Mesh, jacobian: ndarray) -> ndarray:
     """Elements whose Jacobian vanishes or changes sign among the 2×2 points."""
     return jacobian.min(axis=1) <= _NEGLIGIBLE * _edge_lengths(mesh).max(axis=0) ** 2
 
 
-def _collapsed(mesh: MeshQuad) -> ndarray:
+def _collapsed(mesh: Mesh) -> ndarray:
     """Elements with an edge of no length."""
     length = _edge_lengths(mesh)
     return length.min(axis=0) <= _NEGLIGIBLE * length.max(axis=0)
 
 
-def _edge_lengths(mesh: MeshQuad) -> ndarray:
+def _edge_lengths(mesh: Mesh) -> ndarray:
     x = mesh.p[:, mesh.t]
     return np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
 
 
-def _overlapping(mesh: MeshQuad, turn: ndarray) -> ndarray:
+def _overlapping(mesh: Mesh, turn: ndarray) -> ndarray:
     """Elements that lie on the same side of some edge as their neighbour there.
 
-    Walked anticlockwise, two quadrilaterals on either side of an edge run along
-    it in opposite directions.
+    Walked anticlockwise, two cells on either side of an edge run along it in
+    opposite directions.
     """
-    start = mesh.t  # the edges run 0-1, 1-2, 2-3, 3-0, in the order of t2f
+    start = mesh.t  # the edges run 0-1, 1-2, ..., back to 0, in the order of t2f
     along = np.where(start == mesh.facets[0, mesh.t2f], 1, -1) * turn
     both = np.zeros(mesh.nfacets)
     np.add.at(both, mesh.t2f, along)

@@ -5,15 +5,14 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
-from skfem import ElementQuad1, MeshQuad, asm
+from skfem import Mesh, asm
 from skfem.assembly import Form
 
 from . import kinematics as kin
-from .elements import quad_basis
+from .elements import node_dofs, node_positions
 from .fabric import Fabric, is_zero
 from .forms import shear, tension
 from .formulations import Formulation, Term
-from .meshes import check_quads
 
 
 class Ply:
@@ -25,17 +24,25 @@ class Ply:
     Parameters
     ----------
     mesh
-        The reference configuration.
+        The reference configuration: a `skfem.MeshQuad`, or a `skfem.MeshTri` for
+        `Quadratic`.
     fabric
         Fibre directions and laws.
     formulation
-        `Full` or `OnePoint`.
+        `Full`, `OnePoint` or `Quadratic`.
 
     Attributes
     ----------
     basis
         `skfem.CellBasis` of the displacement at the ply's own points.  Every
         ``u`` below is a DOF vector of this basis.
+    nodes
+        Reference positions of the nodes, shape (2, n_nodes): the vertices of the mesh,
+        then, for `Quadratic`, the middles of its edges in the order of ``mesh.facets``.
+    centre, fine_points
+        Reference coordinates of the element's centre, shape (2, 1), and of the points
+        at which folding and strain are judged, (2, n_points): 2×2 of quadrilaterals,
+        six of quadratic triangles.
     terms
         The terms of the energy, each with its forms, its basis and what it remembers.
         With a memory (`OnePoint` of kind ``rate``) energy, residual and tangent are
@@ -45,7 +52,7 @@ class Ply:
     Raises
     ------
     MeshError
-        If the mesh is not a sound mesh of quadrilaterals.
+        If the mesh is not sound, or not of the cells of the formulation.
     ValueError
         If the fabric has no stiffness at all, or a fibre direction is not valid
         somewhere on the mesh.
@@ -60,14 +67,13 @@ class Ply:
     (0.0, (162,), (162, 162))
     """
 
-    def __init__(
-        self, mesh: MeshQuad, fabric: Fabric, formulation: Formulation
-    ) -> None:
-        check_quads(mesh)
+    def __init__(self, mesh: Mesh, fabric: Fabric, formulation: Formulation) -> None:
         self.mesh = mesh
         self.fabric = fabric
         self.formulation = formulation
-        self.basis = quad_basis(mesh, formulation.rule)
+        self.basis = formulation.basis(mesh)
+        self.nodes = node_positions(self.basis)
+        self.centre, self.fine_points = formulation.centre, formulation.fine_points
         self.terms = self._needed_terms()
         for term in self.terms:  # refuses directions that are not valid
             fabric.directions(np.asarray(term.basis.global_coordinates()))
@@ -148,14 +154,15 @@ class Ply:
         u
             Displacement.
         points
-            Reference coordinates in the unit square, shape (2, n_points); the
-            ply's own points if not given.
+            Reference coordinates in the unit square or triangle, shape (2,
+            n_points); the ply's own points if not given.
         """
         xi = self.basis.X if points is None else points
-        scalar = ElementQuad1()
+        vector: Any = self.basis.elem
+        scalar = vector.elem
         n_nodes = len(scalar.doflocs)
         dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
-        nodal = u[self.basis.element_dofs].reshape(n_nodes, self.basis.elem.dim, -1)
+        nodal = u[self.basis.element_dofs].reshape(n_nodes, vector.dim, -1)
         du_dxi = np.einsum("ain,ajq->ijnq", nodal, dN)
         return np.einsum("ijnq,jknq->iknq", du_dxi, self.basis.mapping.invDF(xi))
 
@@ -216,8 +223,8 @@ class Ply:
         return self.fabric.directions(self.basis.mapping.F(xi))
 
     def nodal(self, u: ndarray) -> ndarray:
-        """A DOF vector as one column per node, shape (2, n_nodes)."""
-        return u[self.basis.nodal_dofs]
+        """A DOF vector as one column per node of ``nodes``, shape (2, n_nodes)."""
+        return u[node_dofs(self.basis)]
 
     def __repr__(self) -> str:
         terms = ", ".join(term.name for term in self.terms)

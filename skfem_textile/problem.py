@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from .conditions import Constraints
-from .elements import GAUSS
+from .elements import node_dofs
 from .linear import Factors, SingularMatrixError
 from .ply import Ply
 
@@ -108,14 +108,14 @@ class Problem:
         return largest
 
     def area_ratio(self, u: ndarray) -> ndarray:
-        """Smallest det F of each element at the 2×2 points."""
-        gauss, _ = GAUSS
-        return self.ply.area_ratio(u, gauss).min(axis=1)
+        """Smallest det F of each element at the ply's fine points."""
+        return self.ply.area_ratio(u, self.ply.fine_points).min(axis=1)
 
     def around(self, u: ndarray) -> ndarray:
         """Elements at the node where a DOF vector is largest."""
-        node = np.linalg.norm(self.ply.nodal(u), axis=0).argmax()
-        return np.flatnonzero((self.ply.mesh.t == node).any(axis=0))
+        basis, node = self.ply.basis, np.linalg.norm(self.ply.nodal(u), axis=0).argmax()
+        dof = node_dofs(basis)[0, node]
+        return np.flatnonzero((basis.element_dofs == dof).any(axis=0))
 
 
 class Tangent:

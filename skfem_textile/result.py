@@ -141,7 +141,8 @@ class Result:
 
         ``max_fibre_strain``, ``max_fibre_tension`` and ``max_shear_angle_deg`` are
         the largest magnitudes at the ply's own points, ``max_fibre_strain_2x2`` and
-        ``min_det_F`` those at the 2×2 points, for every formulation.
+        ``min_det_F`` those at the ply's fine points: the 2×2 points for every
+        formulation of quadrilaterals, six points of quadratic triangles.
         """
         ply, u, verdict = self.ply, self.u, self.states[-1].verdict
         return {

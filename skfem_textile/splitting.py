@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
+from skfem.helpers import cross
 
 
 @dataclass(repr=False)
@@ -56,6 +57,28 @@ def split(mesh: Mesh) -> SplitMesh:
     return split_cells(
         triangles.p, [triangles.t], edges, dict(triangles.subdomains or {})
     )
+
+
+def cut(mesh: MeshQuad) -> MeshTri:
+    """Cut every quadrilateral in two triangles.
+
+    Along the diagonal that leaves the larger of the smaller triangles, so that none
+    lies outside a quadrilateral that is not convex.  Boundaries and subdomains keep
+    their names.
+
+    Examples
+    --------
+    >>> triangles = cut(MeshQuad().with_defaults())
+    >>> triangles.nelements, sorted(triangles.boundaries)
+    (2, ['bottom', 'left', 'right', 'top'])
+    """
+    before, here, after = (mesh.p[:, np.roll(mesh.t, i, axis=0)] for i in (1, 0, -1))
+    corner = cross(after - here, before - here)  # twice the area of the triangle there
+    corner = corner * np.sign(corner.sum(axis=0))
+    ends_13, ends_02 = corner[::2].min(axis=0), corner[1::2].min(axis=0)
+    other = ends_02 > ends_13 + 1e-9 * np.abs(ends_13)
+    t = np.where(other, np.roll(mesh.t, 1, axis=0), mesh.t)
+    return replace(mesh, t=t).to_meshtri()
 
 
 def split_cells(

@@ -8,7 +8,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy import ndarray
 
-from .elements import GAUSS
 from .problem import NoEquilibriumError, Problem, Tangent
 
 # Shares of the compression to keep in the geometric stiffness, tried in this order.
@@ -206,8 +205,8 @@ def definite(problem: Problem, u: ndarray, tension: ndarray) -> Tangent:
 
 
 def _largest_gradient(problem: Problem, du: ndarray) -> float:
-    gauss, _ = GAUSS
-    return float(np.abs(problem.ply.gradient(du, gauss)).max())
+    ply = problem.ply
+    return float(np.abs(ply.gradient(du, ply.fine_points)).max())
 
 
 def _shortened(problem: Problem, u: ndarray, du: ndarray, f: ndarray) -> ndarray:

@@ -11,7 +11,6 @@ from functools import cached_property
 import numpy as np
 from numpy import ndarray
 
-from .elements import GAUSS
 from .problem import NoEquilibriumError, Problem, Tangent, tangent_at
 from .strategies import Equilibrium, Start
 
@@ -30,9 +29,10 @@ class Verdict:
     negative_pivots
         Negative eigenvalues of the consistent tangent; None where it is singular.
     min_det_F
-        Smallest det F at the 2×2 points.
+        Smallest det F at the ply's fine points: of quadrilaterals the 2×2 points, of
+        quadratic triangles six points.
     max_fibre_strain_2x2
-        Largest magnitude of the fibre strain at the 2×2 points.
+        Largest magnitude of the fibre strain at these points.
     work
         Work of the reactions since the state before in N·mm (trapezoidal rule).
     """
@@ -79,14 +79,14 @@ class Trial:
 
     @cached_property
     def area_ratio(self) -> ndarray:
-        """Smallest det F of each element at the 2×2 points."""
+        """Smallest det F of each element at the ply's fine points."""
         return self.problem.area_ratio(self.found.u)
 
     @cached_property
     def strains(self) -> ndarray:
-        """Fibre strain at the 2×2 points, shape (2, n_elements, 4)."""
-        gauss, _ = GAUSS
-        return self.problem.ply.fibre_strain(self.found.u, gauss)
+        """Fibre strain at the ply's fine points, shape (2, n_elements, n_points)."""
+        ply = self.problem.ply
+        return ply.fibre_strain(self.found.u, ply.fine_points)
 
     @property
     def strain(self) -> ndarray:

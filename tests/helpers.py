@@ -3,7 +3,9 @@
 import numpy as np
 from skfem import MeshQuad
 
+from skfem_textile import Quadratic
 from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.splitting import cut
 
 ONE_QUAD = np.array([[0.0, 2.0, 2.3, -0.2], [0.0, 0.3, 1.7, 1.4]])
 
@@ -18,8 +20,24 @@ def distorted(seed: int, size=(3, 2), jitter=0.35) -> MeshQuad:
     return rectangle(3, 2, size, "irregular", jitter, seed)
 
 
-def wobble(ply, seed: int, amplitude=0.05) -> np.ndarray:
-    """An arbitrary displacement, as much as a share of the element size."""
+def fitting(mesh, formulation):
+    """The mesh, its quadrilaterals cut in triangles if the formulation takes these."""
+    return cut(mesh) if isinstance(formulation, Quadratic) else mesh
+
+
+def distorted_for(formulation, seed: int):
+    """A small distorted mesh of the formulation's cells; no triangle is thin."""
+    jitter = 0.2 if isinstance(formulation, Quadratic) else 0.35
+    return fitting(distorted(seed, jitter=jitter), formulation)
+
+
+def wobble(ply, seed: int, amplitude: float | None = None) -> np.ndarray:
+    """An arbitrary displacement, as much as a share of the element size.
+
+    By default less of quadratic triangles, whose nodes lie closer.
+    """
+    if amplitude is None:
+        amplitude = 0.015 if isinstance(ply.formulation, Quadratic) else 0.05
     rng = np.random.default_rng(seed)
     return amplitude * rng.standard_normal(ply.basis.N)
 

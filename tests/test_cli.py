@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
@@ -378,6 +379,76 @@ def test_quadrilaterals_may_be_split_first(tmp_path, scene):
     summary = json.loads((out / "summary.json").read_text())
     assert summary["n_elements"] == 6 * 8
     assert summary["inputs"]["split"] is True
+
+
+def test_a_run_takes_quadratic_triangles_and_writes_everything(tmp_path):
+    pytest.importorskip("pyvista")
+    assert run(tmp_path, *QUICK[:-1], "--formulation", "quadratic") == 0
+    out = tmp_path / "out"
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["formulation"] == "quadratic"
+    assert summary["n_elements"] == 2 * 12
+    assert summary["n_dofs"] == 2 * 7 * 9
+    assert summary["stable"]
+    assert summary["max_fibre_strain"] < summary["max_fibre_strain_2x2"]
+    assert set(commands._PICTURES) <= {p.name for p in out.iterdir()}
+    assert len(list((out / "fields").glob("*.vtu"))) == summary["load_steps"] + 1
+    assert (out / "history.csv").exists()
+
+
+@pytest.mark.parametrize("scene", ["picture_frame", "trellis", "bias_extension"])
+def test_every_scene_takes_quadratic_triangles(tmp_path, scene):
+    out = tmp_path / "out"
+    common = ("--size", "2x4", "--steps", "2", "--no-render", "--rotate", "30")
+    more = ("--shear-stiffness", "0.5", "--formulation", "quadratic")
+    assert cli.main(["run", scene, "--out", str(out), *common, *more]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["n_elements"] == 2 * 8
+    assert summary["scene"] == scene
+
+
+def saved_strip(path, cells):
+    """A strip of one of two sorts of cells in a file, its right edge named."""
+    x, y = np.meshgrid([0.0, 20.0, 40.0], [0.0, 30.0, 60.0])
+    points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
+    right = ("line", [[2, 5], [5, 8]])
+    tags = [*(np.full(len(c), 2) for _, c in cells), [1, 1]]
+    meshio.Mesh(
+        points,
+        [*cells, right],
+        cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+        field_data={"right": np.array([1, 1]), "ply": np.array([2, 2])},
+    ).write(path, file_format="gmsh22")
+    return str(path)
+
+
+FILE_QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]])
+FILE_TRIANGLES = np.vstack([FILE_QUADS[:, [0, 1, 2]], FILE_QUADS[:, [0, 2, 3]]])
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [[("triangle", FILE_TRIANGLES)], [("quad", FILE_QUADS)]],
+    ids=["triangles", "quadrilaterals"],
+)
+def test_quadratic_triangles_are_read_or_cut_from_a_file(tmp_path, cells):
+    mesh = saved_strip(tmp_path / "m.msh", cells)
+    arguments = ("--formulation", "quadratic", "--steps", "2", "--no-render")
+    assert run(tmp_path, "--mesh", mesh, *arguments) == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["n_elements"] == 8
+    assert summary["n_dofs"] == 2 * 25
+
+
+def test_what_quadratic_triangles_cannot_be_made_of_is_refused(tmp_path, capsys):
+    both = [("triangle", FILE_TRIANGLES[[0, 4]]), ("quad", FILE_QUADS[1:])]
+    mesh = saved_strip(tmp_path / "m.msh", both)
+    out = str(tmp_path / "out")
+    command = ("run", "strip", "--out", out, "--formulation", "quadratic")
+    said = refused(capsys, *command, "--mesh", mesh)
+    assert "m.msh: triangles beside quadrilaterals must be split" in said
+    assert "--split makes quadrilaterals" in refused(capsys, *command, "--split")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_run_takes_the_automatic_stabilisation(tmp_path):

@@ -132,7 +132,7 @@ def test_an_inclined_roller_does_no_work_along_its_slope():
 
 def test_a_mask_names_its_nodes():
     mask = MESH.p[0] == 1
-    nodes = Condition(mask).nodes("c", MESH)
+    nodes = Condition(mask).nodes("c", BASIS)
     np.testing.assert_array_equal(nodes, np.flatnonzero(mask))
 
 

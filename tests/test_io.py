@@ -5,6 +5,7 @@ import meshio
 import numpy as np
 import pytest
 from helpers import distorted, wobble
+from skfem import MeshTri
 
 from skfem_textile import Fabric, Full, LoadStepper, MeshError, OnePoint, Ply
 from skfem_textile.fields import cell_fields
@@ -133,12 +134,38 @@ def test_physical_groups_of_triangles_keep_their_names(tmp_path):
     assert mesh.p[0, mesh.t[:, mesh.subdomains["patch"]]].min() == 1.0
 
 
+TRIANGLES_INP = INP.replace("CPS4", "CPS3").replace(
+    "1, 1, 2, 5, 4\n2, 2, 3, 6, 5\n",
+    "1, 1, 2, 5\n2, 1, 5, 4\n3, 2, 3, 6\n4, 2, 6, 5\n",
+)
+
+
+def test_triangles_are_read_as_they_are_on_request(tmp_path):
+    (tmp_path / "m.inp").write_text(TRIANGLES_INP)
+    mesh = read_mesh(tmp_path / "m.inp", split=False)
+    assert isinstance(mesh, MeshTri)
+    np.testing.assert_array_equal(np.sort(mesh.t.T), np.sort(TRIANGLES))
+    np.testing.assert_array_equal(mesh.p, POINTS[:, :2].T)
+    found = {k: mesh.facets[:, v].T.tolist() for k, v in mesh.boundaries.items()}
+    assert found == {"bottom": [[0, 1], [1, 2]], "right": [[2, 5]]}
+
+
+@pytest.mark.parametrize(
+    ("cells", "message"),
+    [
+        ([("triangle", TRIANGLES[:2]), ("quad", QUADS[1:])], "must be split"),
+        ([("triangle", TRIANGLES + 1)], r"2 triangle.* name a node that is not there"),
+        ([("triangle", TRIANGLES[:2])], r"2 node.*belong to no triangle.*: 2, 5"),
+    ],
+)
+def test_bad_triangles_are_refused_by_name(tmp_path, cells, message):
+    path = saved(tmp_path / "bad.vtu", cells)
+    with pytest.raises(MeshError, match=f"bad.vtu: .*{message}"):
+        read_mesh(path, split=False)
+
+
 def test_node_sets_of_triangles_become_boundaries(tmp_path):
-    triangles = INP.replace("CPS4", "CPS3").replace(
-        "1, 1, 2, 5, 4\n2, 2, 3, 6, 5\n",
-        "1, 1, 2, 5\n2, 1, 5, 4\n3, 2, 3, 6\n4, 2, 6, 5\n",
-    )
-    (tmp_path / "m.inp").write_text(triangles)
+    (tmp_path / "m.inp").write_text(TRIANGLES_INP)
     boundaries = read_mesh(tmp_path / "m.inp").boundaries
     assert {k: len(v) for k, v in boundaries.items()} == {"bottom": 4, "right": 2}
 

@@ -15,11 +15,11 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy import ndarray
-from skfem import MeshQuad
+from skfem import Mesh
 
 from ..conditions import Condition
 from ..fabric import Law
-from ..meshes import MeshError, check_quads, with_edges
+from ..meshes import MeshError, check_mesh, with_edges
 from .rectangle import rectangle
 from .scene import Scene
 from .trellis import Motion
@@ -33,7 +33,7 @@ PARTS: tuple[str, ...] = get_args(Part)
 
 
 def bias_extension(
-    mesh: str | MeshQuad = "irregular",
+    mesh: str | Mesh = "irregular",
     size: tuple[int, int] = (16, 32),
     jitter: float = 0.25,
     seed: int = 1,
@@ -78,7 +78,7 @@ def bias_extension(
         height = 2 * WIDTH * np.tan(theta)
         mesh = rectangle(share * WIDTH, height, size, mesh, jitter, seed)
     else:
-        check_quads(mesh)
+        check_mesh(mesh)
         mesh = with_edges(mesh)
     W, H = _sides(mesh, theta, share)
     motion = _motion(theta, shear_angle, W, H)
@@ -162,7 +162,7 @@ def _motion(theta: float, gamma: float, width: float, height: float) -> Motion:
     )
 
 
-def _sides(mesh: MeshQuad, theta: float, share: float) -> tuple[float, float]:
+def _sides(mesh: Mesh, theta: float, share: float) -> tuple[float, float]:
     """Width and height of the ply of which a mesh is this share, if it fits."""
     for name in ("bottom", "top") if share == 1 else ("bottom", "top", "right"):
         if name not in mesh.boundaries:

@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy import ndarray
-from skfem import MeshQuad
+from skfem import Mesh
 
 from ..conditions import Condition
-from ..elements import CENTRE
 from ..fabric import Law, is_zero
 from ..result import Result, State
 
@@ -43,7 +42,7 @@ class Scene:
     """
 
     name: str
-    mesh: MeshQuad
+    mesh: Mesh
     warp: tuple[float, float]
     weft: tuple[float, float]
     conditions: dict[str, Condition]
@@ -95,12 +94,11 @@ class Scene:
         the vertices, weighted by reference area.
         """
         ply, mesh, t = result.ply, self.mesh, result.states[-1].load_factor
-        centre, _ = CENTRE
-        off = ply.nodal(result.u) - self.displacement(mesh.p, t)
+        off = ply.nodal(result.u) - self.displacement(ply.nodes, t)
         distance = np.linalg.norm(off, axis=0)
-        angle = ply.shear_angle(result.u, centre)[:, 0]
+        angle = ply.shear_angle(result.u, ply.centre)[:, 0]
         off_angle = angle - self.shear_angle(mesh.p[:, mesh.t].mean(axis=1), t)
-        area = np.abs(ply.basis.mapping.detDF(centre))[:, 0]
+        area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
         rms_angle = np.sqrt(np.average(off_angle**2, weights=area))
         return {
             "displacement_error_rms": float(np.sqrt(np.mean(distance**2))),

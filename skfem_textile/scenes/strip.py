@@ -8,10 +8,10 @@ R sin(Y/R)).  No fibre is stretched, and the shear angle is Γ = Y/R.
 
 import numpy as np
 from numpy import ndarray
-from skfem import MeshQuad
+from skfem import Mesh
 
 from ..conditions import Condition
-from ..meshes import MeshError, check_quads, with_edges
+from ..meshes import MeshError, check_mesh, with_edges
 from .rectangle import rectangle
 from .scene import Scene
 
@@ -19,7 +19,7 @@ WIDTH, HEIGHT, RADIUS = 40.0, 60.0, 55.0
 
 
 def strip(
-    mesh: str | MeshQuad = "irregular",
+    mesh: str | Mesh = "irregular",
     size: tuple[int, int] = (10, 15),
     jitter: float = 0.3,
     seed: int = 1,
@@ -69,9 +69,9 @@ def displacement(X: ndarray, t: float) -> ndarray:
     return np.stack([R * (1 - np.cos(X[1] / R)), R * np.sin(X[1] / R) - X[1]])
 
 
-def _laid_out(mesh: MeshQuad) -> MeshQuad:
+def _laid_out(mesh: Mesh) -> Mesh:
     """The mesh with its bottom and right edges named, if it fits the scene."""
-    check_quads(mesh)
+    check_mesh(mesh)
     mesh = with_edges(mesh)
     for name in ("bottom", "right"):
         if name not in mesh.boundaries:

@@ -15,10 +15,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy import ndarray
 from numpy.polynomial.legendre import leggauss
-from skfem import MeshQuad
+from skfem import Mesh
 
 from ..conditions import Condition
-from ..meshes import MeshError, check_quads, with_edges
+from ..meshes import MeshError, check_mesh, with_edges
 from .rectangle import rectangle
 from .scene import Scene
 
@@ -40,7 +40,7 @@ _XI, _WEIGHTS = leggauss(24)
 
 
 def picture_frame(
-    mesh: str | MeshQuad = "irregular",
+    mesh: str | Mesh = "irregular",
     size: tuple[int, int] = (10, 10),
     jitter: float = 0.3,
     seed: int = 1,
@@ -72,7 +72,7 @@ def picture_frame(
 
 
 def trellis(
-    mesh: str | MeshQuad = "irregular",
+    mesh: str | Mesh = "irregular",
     size: tuple[int, int] = (10, 10),
     jitter: float = 0.3,
     seed: int = 1,
@@ -119,7 +119,7 @@ def trellis(
     if isinstance(mesh, str):
         mesh = rectangle(SIDE, SIDE, size, mesh, jitter, seed)
     else:
-        check_quads(mesh)
+        check_mesh(mesh)
         mesh = with_edges(mesh)
         if "top" not in mesh.boundaries:
             raise MeshError("trellis: the mesh has no straight top edge; name it")
@@ -130,7 +130,7 @@ def trellis(
     conditions, driven = _conditions(mesh, edges or {}, motion)
     return Scene(
         name="trellis",
-        mesh=mesh,
+        mesh=mesh.with_boundaries({"boundary": mesh.boundary_facets()}),
         warp=(float(np.cos(warp)), float(np.sin(warp))),
         weft=(float(np.cos(weft)), float(np.sin(weft))),
         conditions=conditions,
@@ -160,7 +160,7 @@ def sheared(shear_angle: float, bend: float = 0.0) -> tuple[Turn, Turn]:
     return warp, weft
 
 
-def _with_held(mesh: MeshQuad, edges: Mapping[str, Edge]) -> MeshQuad:
+def _with_held(mesh: Mesh, edges: Mapping[str, Edge]) -> Mesh:
     """The mesh with the boundary ``held``: all but the sides that are not held."""
     held = mesh.boundary_facets()
     for side, edge in edges.items():
@@ -183,7 +183,7 @@ def _with_held(mesh: MeshQuad, edges: Mapping[str, Edge]) -> MeshQuad:
 
 
 def _conditions(
-    mesh: MeshQuad, edges: Mapping[str, Edge], motion: "Motion"
+    mesh: Mesh, edges: Mapping[str, Edge], motion: "Motion"
 ) -> tuple[dict[str, Condition], str]:
     """The conditions by name, and which of them is the driven one."""
     conditions = {"held": Condition("held", motion.displacement)}

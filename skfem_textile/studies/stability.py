@@ -26,7 +26,6 @@ import numpy as np
 from numpy import ndarray
 
 from ..conditions import Constraints
-from ..elements import GAUSS
 from ..ply import Ply
 from ..result import StepError
 from ..scenes import Scene
@@ -150,12 +149,11 @@ def is_sound(ply: Ply, scene: Scene, u: ndarray) -> bool:
     By the smallest det F, by Cholesky's factors of the dense tangent, scaled to a unit
     diagonal, and by the Newton step that is left to take.
     """
-    gauss, _ = GAUSS
     constraints = Constraints(ply.basis, scene.conditions)
     if constraints.turn is not None:
         raise ValueError("the dense check knows conditions along the axes only")
     off = np.abs(u[constraints.fixed] - constraints.fixed_values(1.0)).max()
-    if not ply.area_ratio(u, gauss).min() > 0 or off > 1e-9 * np.abs(u).max():
+    if not ply.area_ratio(u, ply.fine_points).min() > 0 or off > 1e-9 * np.abs(u).max():
         return False
     free = constraints.free
     K = ply.tangent(u).toarray()[np.ix_(free, free)]
