@@ -2,6 +2,7 @@
 
 from .checkpoint import CheckpointError
 from .conditions import Condition
+from .continuity import JumpBasis, shear_continuity
 from .elements import (
     CENTRE,
     GAUSS,
@@ -12,13 +13,14 @@ from .elements import (
 )
 from .fabric import Fabric, Law, Linear, Sin2
 from .forms import Forms, shear, tension
-from .formulations import Full, OnePoint, Quadratic
+from .formulations import Full, Macro, OnePoint, Quadratic
 from .hourglass import (
     AccumulatedMoment,
     HeldStabilisation,
     hourglass,
     hourglass_rate,
 )
+from .macro import MacroBasis, macro_tension
 from .meshes import MeshError
 from .ply import Ply
 from .result import Iteration, Result, State, StepError
@@ -42,9 +44,12 @@ __all__ = [
     "HeldStabilisation",
     "HourglassBasis",
     "Iteration",
+    "JumpBasis",
     "Law",
     "Linear",
     "LoadStepper",
+    "Macro",
+    "MacroBasis",
     "MeshError",
     "Mixed",
     "Newton",
@@ -58,8 +63,10 @@ __all__ = [
     "Verdict",
     "hourglass",
     "hourglass_rate",
+    "macro_tension",
     "quad_basis",
     "shear",
+    "shear_continuity",
     "tension",
     "triangle_basis",
 ]

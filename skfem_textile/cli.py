@@ -177,29 +177,34 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
     add("--jitter", type=float, default=0.3, help="node moves per spacing" + _SHOWN)
     add(
         "--split",
-        action="store_true",
-        help="cut the quadrilaterals in triangles, and these in three each",
+        nargs="?",
+        choices=("triangles", "quads"),
+        const="triangles",
+        help="cut the quadrilaterals in triangles, and these in three each; or quads: "
+        "cut them in four",
     )
     add("--seed", type=int, default=1, help="seed of the node moves" + _SHOWN)
     add(
         "--formulation",
-        choices=("one-point", "full", "quadratic"),
-        default="one-point",
-        help="one stabilised point, 2x2 points, or quadratic triangles, for which "
-        "quadrilaterals are cut along a diagonal" + _SHOWN,
+        choices=("one-point", "macro", "full", "quadratic"),
+        help="one stabilised point, macro-elements of what was split, 2x2 points, or "
+        "quadratic triangles, for which quadrilaterals are cut along a diagonal "
+        "(default: macro on a mesh that was split, unless --cs or --stabilisation is "
+        "given; else one-point)",
     )
     add(
         "--cs",
         type=_stabilisation,
-        default=1.0,
-        help="stabilisation C_s in N/mm, or auto: ten times the shear stiffness of "
+        default="auto",
+        help="stabilisation C_s in N/mm, or auto: eight times the shear stiffness of "
         "each element, 1e-4 E without any" + _SHOWN,
     )
     add(
         "--stabilisation",
         choices=get_args(Kind),
         default="energy",
-        help="independent of the path, the paper's rates, or isotropic" + _SHOWN,
+        help="independent of the path, the paper's rates, by jumps between elements, "
+        "or isotropic; the last three need --cs" + _SHOWN,
     )
     add("--fibre-stiffness", type=float, default=1e4, metavar="E", help="N/mm" + _SHOWN)
     add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm" + _SHOWN)

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from skfem import MeshQuad
+from skfem import Mesh, MeshQuad
 
 from . import __version__
 from .fabric import Fabric, Law, Sin2
-from .formulations import Formulation, Full, OnePoint, Quadratic
+from .formulations import Formulation, Full, Macro, OnePoint, Quadratic
 from .ply import Ply
 from .result import Iteration, Result, State, StepError
 from .scenes import Scene, bias_extension, picture_frame, strip, trellis
@@ -164,7 +164,8 @@ def _scene(options: argparse.Namespace) -> Scene:
     )
     scene = build(mesh=mesh)
     if options.split and not isinstance(scene.mesh, SplitMesh):
-        scene = build(mesh=split(scene.mesh))
+        quads: Any = scene.mesh
+        scene = build(mesh=split(quads if options.split == "quads" else cut(quads)))
     if triangles and isinstance(scene.mesh, MeshQuad):
         scene = build(mesh=cut(scene.mesh))
     return scene.rotated(np.radians(options.rotate))
@@ -214,7 +215,7 @@ def _stepper(scene: Scene, options: argparse.Namespace) -> LoadStepper:
         raise ValueError(f"shear {error}") from None
     fabric = Fabric(options.fibre_stiffness, shear, scene.warp, scene.weft)
     return LoadStepper(
-        Ply(scene.mesh, fabric, _formulation(options)),
+        Ply(scene.mesh, fabric, _formulation(options, scene.mesh)),
         scene.conditions,
         options.steps,
         strategies=options.strategy,
@@ -223,10 +224,18 @@ def _stepper(scene: Scene, options: argparse.Namespace) -> LoadStepper:
     )
 
 
-def _formulation(options: argparse.Namespace) -> Formulation:
-    if options.formulation == OnePoint.name:
-        return OnePoint(options.cs, options.stabilisation)
-    return Full() if options.formulation == Full.name else Quadratic()
+def _formulation(options: argparse.Namespace, mesh: Mesh) -> Formulation:
+    one_point = OnePoint(options.cs, options.stabilisation)
+    macro = isinstance(mesh, SplitMesh) and one_point == OnePoint()
+    name = options.formulation or (Macro.name if macro else OnePoint.name)
+    if name == OnePoint.name:
+        return one_point
+    if one_point != OnePoint():
+        raise ValueError(
+            "--cs and --stabilisation go with --formulation one-point: leave them out"
+        )
+    others: tuple[Formulation, ...] = (Macro(), Full(), Quadratic())
+    return next(other for other in others if other.name == name)
 
 
 def _checkpoint(options: argparse.Namespace) -> Path | None:

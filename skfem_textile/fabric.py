@@ -163,20 +163,25 @@ class Fabric:
         """Shear moment M_s(Γ)."""
         return _law("shear", self.shear)
 
-    def directions(self, x: ndarray) -> tuple[ndarray, ndarray]:
+    def directions(
+        self, x: ndarray, element: ndarray | None = None
+    ) -> tuple[ndarray, ndarray]:
         """Unit reference directions (A₁, A₂) at the points ``x``.
 
         Parameters
         ----------
         x
             Reference positions, shape (2, n_elements, n_points).
+        element
+            Numbers of the elements in which the points lie, shape (n_elements,
+            n_points), where they are not just those of the rows.
 
         Returns
         -------
         tuple of ndarray
             Each of a shape that broadcasts with ``x``.
         """
-        A1, A2 = (unit_vectors(f.name, f.direction, x) for f in self.families)
+        A1, A2 = (unit_vectors(f.name, f.direction, x, element) for f in self.families)
         if np.any(np.abs(A1[0] * A2[1] - A1[1] * A2[0]) < _PARALLEL):
             raise ValueError("warp and weft are parallel: they must cross at an angle")
         return A1, A2
@@ -201,8 +206,10 @@ def _law(name: str, law: float | Law) -> Law:
         raise ValueError(f"{name} {error}") from None
 
 
-def unit_vectors(name: str, direction: Direction, x: ndarray) -> ndarray:
-    """Unit vectors of a direction field at the points ``x``.
+def unit_vectors(
+    name: str, direction: Direction, x: ndarray, element: ndarray | None = None
+) -> ndarray:
+    """Unit vectors of a direction field at the points ``x`` of some elements.
 
     Raises
     ------
@@ -210,6 +217,8 @@ def unit_vectors(name: str, direction: Direction, x: ndarray) -> ndarray:
         If the direction has a wrong shape, or is zero or not finite somewhere.
     """
     a = np.asarray(direction(x) if callable(direction) else direction, dtype=float)
+    if element is not None and a.ndim == 2 and a.shape[1] > element.max():
+        a = a[:, element]
     a = a.reshape(a.shape + (1,) * (x.ndim - a.ndim))
     try:
         fits = len(a) == 2 and np.broadcast_shapes(a.shape, x.shape) == x.shape

@@ -88,6 +88,24 @@ def tension(fabric: Fabric) -> Forms:
     return _forms(energy, stress, stiffness)
 
 
+def fibre_tension(
+    fabric: Fabric, strain: ndarray, change: ndarray | float = 0.0
+) -> ndarray:
+    """Tensions T(ε) + T′(ε) Δε of warp and weft in N/mm.
+
+    Parameters
+    ----------
+    fabric
+        Gives the tension laws.
+    strain, change
+        Fibre strains and a change of them, of warp and weft, shape (2, ...).
+    """
+    laws = [family.tension for family in fabric.families]
+    value = np.array([T.value(e) for T, e in zip(laws, strain, strict=True)])
+    slope = np.array([T.tangent(e) for T, e in zip(laws, strain, strict=True)])
+    return value + slope * change
+
+
 def shear(fabric: Fabric) -> Forms:
     """In-plane shear: virtual work ∫ M_s δΓ dΩ."""
     M_s = fabric.shear_law
@@ -141,7 +159,7 @@ def _F(w: FormExtraParams) -> ndarray:
 
 def directions(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:
     """Unit reference directions of warp and weft."""
-    return fabric.directions(np.asarray(w["x"]))
+    return fabric.directions(np.asarray(w["x"]), w.get("element"))
 
 
 def _outer(S: ndarray, T: ndarray) -> ndarray:

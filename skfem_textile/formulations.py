@@ -1,15 +1,18 @@
 """Formulations: on which element, at which points, and what stabilises it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple, Protocol, TypeAlias, get_args
+from functools import partial
+from typing import Any, ClassVar, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, Mesh
 
+from .continuity import JumpBasis, shear_continuity
 from .elements import CENTRE, GAUSS, SIX, HourglassBasis, quad_basis, triangle_basis
 from .fabric import Fabric
-from .forms import Forms
+from .forms import Forms, fibre_tension, tension
 from .hourglass import (
     AccumulatedMoment,
     HeldStabilisation,
@@ -17,9 +20,11 @@ from .hourglass import (
     hourglass_rate,
 )
 from .isotropic import isotropic_hourglass
-from .meshes import check_quads, check_triangles
+from .macro import MacroBasis, macro_fibre_tension, macro_tension
+from .meshes import MeshError, check_quads, check_triangles
+from .splitting import SplitMesh
 
-Kind: TypeAlias = Literal["energy", "rate", "isotropic"]
+Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
 
 
 class Memory(Protocol):
@@ -41,13 +46,27 @@ class Memory(Protocol):
         ...
 
 
-class Term(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Term:
     """A term of the internal energy, the basis on which it is assembled, its memory."""
 
     name: str
     forms: Forms
-    basis: CellBasis
+    basis: CellBasis | JumpBasis
     memory: Memory | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class TensionTerm(Term):
+    """The term of the fibres.
+
+    ``law`` gives their tensions at the ply's own points after a change of the fibre
+    strains, ``(strain, change) -> tension``, to first order in it; all have the shape
+    (2, n_elements, n_points).  ``arrange`` puts them at the points of ``basis``.
+    """
+
+    law: Callable[[ndarray, ndarray | float], ndarray] = np.add
+    arrange: Callable[[ndarray], ndarray] = np.asarray
 
 
 class Formulation(Protocol):
@@ -76,12 +95,29 @@ class Formulation(Protocol):
         """
         ...
 
+    def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
+        """The term of the fibres; ``basis`` is that of the displacement."""
+        ...
+
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """Terms beyond tension and shear; ``basis`` is that of the displacement."""
+        """Terms beyond tension and shear."""
         ...
 
 
-class _Quadrilaterals:
+class _Pointwise:
+    """Every point has the tension of its own fibre strain, and nothing is added."""
+
+    def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
+        """The tension T(ε) at every point."""
+        law = partial(fibre_tension, fabric)
+        return TensionTerm("tension", tension(fabric), basis, law=law)
+
+    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
+        """None."""
+        return []
+
+
+class _Quadrilaterals(_Pointwise):
     """Bilinear quadrilaterals, judged at the 2×2 points."""
 
     rule: ClassVar[tuple[ndarray, ndarray]]
@@ -102,10 +138,6 @@ class Full(_Quadrilaterals):
     title: ClassVar[str] = "2×2 points"
     rule: ClassVar[tuple[ndarray, ndarray]] = GAUSS
 
-    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """None."""
-        return []
-
 
 @dataclass(frozen=True)
 class OnePoint(_Quadrilaterals):
@@ -115,12 +147,13 @@ class OnePoint(_Quadrilaterals):
     ----------
     stabilisation
         Stabilisation stiffness C_s in N/mm (Hamila & Boisse 2013, §3.2), or ``auto``:
-        in each element ten times its secant shear stiffness at the last converged
+        in each element eight times its secant shear stiffness at the last converged
         state, held during a step; 10⁻⁴ of the fibre stiffness where there is none.
     kind
         ``energy``: independent of the path, with an exact tangent.  ``rate``: the
         paper's accumulated rates; a `Ply` then remembers the last converged state.
-        ``isotropic``, for comparison: against hourglass motions of all directions.
+        For comparison, ``continuity``: against jumps of the shear angle between
+        elements; ``isotropic``: against hourglass motions of all directions.
 
     Raises
     ------
@@ -129,7 +162,7 @@ class OnePoint(_Quadrilaterals):
         than ``energy``, or the kind unknown.
     """
 
-    stabilisation: float | Literal["auto"] = 1.0
+    stabilisation: float | Literal["auto"] = "auto"
     kind: Kind = "energy"
 
     name: ClassVar[str] = "one-point"
@@ -143,7 +176,8 @@ class OnePoint(_Quadrilaterals):
         if self.stabilisation == "auto":
             if self.kind != "energy":
                 raise ValueError(
-                    f"stabilisation auto goes with kind energy, not {self.kind}"
+                    f"stabilisation auto goes with kind energy, not {self.kind}: give "
+                    "a number"
                 )
         elif isinstance(self.stabilisation, str) or not (
             np.isfinite(self.stabilisation) and self.stabilisation >= 0
@@ -165,10 +199,12 @@ class OnePoint(_Quadrilaterals):
         if self.stabilisation == 0:
             return []
         C_s = self.stabilisation
-        corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
         if C_s == "auto":
-            held = HeldStabilisation(fabric, corners)
-            return [Term("stabilisation", hourglass(fabric), corners, held)]
+            return _held_hourglass(basis, fabric)
+        if self.kind == "continuity":
+            edges = JumpBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
+            return [Term("stabilisation", shear_continuity(fabric, C_s), edges)]
+        corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
         if self.kind == "energy":
             return [Term("stabilisation", hourglass(fabric, C_s), corners)]
         if self.kind == "isotropic":
@@ -178,7 +214,43 @@ class OnePoint(_Quadrilaterals):
 
 
 @dataclass(frozen=True)
-class Quadratic:
+class Macro(_Quadrilaterals):
+    """One point in every quadrilateral of a mesh that was split, nothing to tune.
+
+    The elements that were split (`split`) are macro-elements, whose fibres meet their
+    whole stiffness in the mean strain alone (`macro_tension`); each of the parts is
+    stabilised as by `OnePoint` with ``auto``.
+    """
+
+    name: ClassVar[str] = "macro"
+    title: ClassVar[str] = "macro-elements"
+    rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
+
+    def basis(self, mesh: Mesh) -> CellBasis:
+        """Basis of the displacement."""
+        if not isinstance(mesh, SplitMesh):
+            raise MeshError("macro-elements need a mesh that was split: split(mesh)")
+        return super().basis(mesh)
+
+    def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
+        """The tension of the mean strain, and of what deviates from it."""
+        mesh: Any = basis.mesh
+        macro = MacroBasis(mesh, mapping=basis.mapping, dofs=basis.dofs)
+        return TensionTerm(
+            "tension",
+            macro_tension(fabric),
+            macro,
+            law=partial(macro_fibre_tension, fabric, macro),
+            arrange=macro.of_parts,
+        )
+
+    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
+        """The hourglass term."""
+        return _held_hourglass(basis, fabric)
+
+
+@dataclass(frozen=True)
+class Quadratic(_Pointwise):
     """Quadratic triangles with three points and no stabilisation, for comparison.
 
     The element is `skfem.ElementTriP2` on a `skfem.MeshTri`: nodes at vertices and at
@@ -195,6 +267,9 @@ class Quadratic:
         check_triangles(mesh)
         return triangle_basis(mesh)
 
-    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """None."""
-        return []
+
+def _held_hourglass(basis: CellBasis, fabric: Fabric) -> list[Term]:
+    """The hourglass term whose C_s follows the shear stiffness."""
+    corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
+    held = HeldStabilisation(fabric, corners)
+    return [Term("stabilisation", hourglass(fabric), corners, held)]

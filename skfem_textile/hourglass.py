@@ -20,7 +20,7 @@ from .fabric import Fabric, is_zero
 from .forms import Forms, contract, directions, once
 
 # C_s by default, as a share of the secant shear stiffness or of the fibre stiffness.
-_OF_SHEAR, _OF_FIBRES = 10.0, 1e-4
+_OF_SHEAR, _OF_FIBRES = 8.0, 1e-4
 
 # Below this shear angle (radians) the secant is the tangent at rest.
 _SMALL_ANGLE = 1e-6
@@ -67,9 +67,9 @@ def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
 class HeldStabilisation:
     """C_s of `hourglass` in each element, from its shear at the last converged state.
 
-    Ten times the secant shear stiffness M_s/Γ at the centre, at least a tenth of what
-    it was at rest; without shear stiffness 10⁻⁴ of the fibre stiffness.  It is held
-    during a step, so that the tangent is exact.
+    Eight times the secant shear stiffness M_s/Γ at the centre, at least a tenth of what
+    it was at rest; without shear stiffness at rest 10⁻⁴ of the fibre stiffness, or more
+    where the secant is.  It is held during a step, so that the tangent is exact.
 
     Parameters
     ----------
@@ -106,11 +106,9 @@ class HeldStabilisation:
         return not np.array_equal(C_s, before)
 
     def _stabilisation(self, u: ndarray) -> ndarray:
-        law = self._fabric.shear_law
+        law, least = self._fabric.shear_law, _at_rest(self._fabric)
         if is_zero(law):
-            families = self._fabric.families
-            E = np.mean([f.tension.tangent(np.zeros(1)) for f in families])
-            return np.full((self._basis.nelems, 1), _OF_FIBRES * E)
+            return np.full((self._basis.nelems, 1), least)
         # The centre's gradient is the same at the four points of an element.
         field: Any = self._basis.interpolate(u)
         F = kin.deformation_gradient(centre_grad(field))
@@ -120,7 +118,17 @@ class HeldStabilisation:
         sheared = np.abs(angle) > _SMALL_ANGLE
         divisor = np.where(sheared, angle, 1.0)
         secant = np.where(sheared, law.value(angle) / divisor, at_rest)
-        return _OF_SHEAR * np.maximum(secant, 0.1 * at_rest)
+        return np.maximum(_OF_SHEAR * secant, least)
+
+
+def _at_rest(fabric: Fabric) -> float:
+    """The least C_s of `HeldStabilisation`."""
+    G = float(fabric.shear_law.tangent(np.zeros(1))[0])
+    if G > 0:
+        return 0.1 * _OF_SHEAR * G
+    return _OF_FIBRES * float(
+        np.mean([f.tension.tangent(np.zeros(1)) for f in fabric.families])
+    )
 
 
 def hourglass_rate(fabric: Fabric, C_s: float) -> Forms:

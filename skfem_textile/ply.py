@@ -7,11 +7,13 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 from skfem import Mesh, asm
 from skfem.assembly import Form
+from skfem.assembly.form.form import FormExtraParams
+from skfem.helpers import ddot
 
 from . import kinematics as kin
 from .elements import node_dofs, node_positions
 from .fabric import Fabric, is_zero
-from .forms import shear, tension
+from .forms import directions, shear
 from .formulations import Formulation, Term
 
 
@@ -24,12 +26,12 @@ class Ply:
     Parameters
     ----------
     mesh
-        The reference configuration: a `skfem.MeshQuad`, or a `skfem.MeshTri` for
-        `Quadratic`.
+        The reference configuration: a `skfem.MeshQuad`, for `Macro` one that was
+        split, or for `Quadratic` a `skfem.MeshTri`.
     fabric
         Fibre directions and laws.
     formulation
-        `Full`, `OnePoint` or `Quadratic`.
+        `Full`, `OnePoint`, `Macro` or `Quadratic`.
 
     Attributes
     ----------
@@ -74,14 +76,15 @@ class Ply:
         self.basis = formulation.basis(mesh)
         self.nodes = node_positions(self.basis)
         self.centre, self.fine_points = formulation.centre, formulation.fine_points
+        self._tension = None
+        if not all(is_zero(family.tension) for family in fabric.families):
+            self._tension = formulation.tension_term(self.basis, fabric)
         self.terms = self._needed_terms()
         for term in self.terms:  # refuses directions that are not valid
-            fabric.directions(np.asarray(term.basis.global_coordinates()))
+            directions(fabric, FormExtraParams(term.basis.default_parameters()))
 
     def _needed_terms(self) -> list[Term]:
-        terms = []
-        if not all(is_zero(family.tension) for family in self.fabric.families):
-            terms.append(Term("tension", tension(self.fabric), self.basis))
+        terms: list[Term] = [self._tension] if self._tension else []
         if not is_zero(self.fabric.shear_law):
             terms.append(Term("shear", shear(self.fabric), self.basis))
         if not terms:
@@ -119,10 +122,11 @@ class Ply:
             Fibre tensions to use in the geometric stiffness instead of those of
             ``u``, shape (2, n_elements, n_points).
         """
-        given = {} if tension is None else {"tension": {"tension": tension}}
+        given: dict[Term, dict[str, ndarray]] = {}
+        if self._tension and tension is not None:
+            given[self._tension] = {"tension": self._tension.arrange(tension)}
         return sum(
-            _assembled(t, t.forms.tangent, u, **given.get(t.name, {}))
-            for t in self.terms
+            _assembled(t, t.forms.tangent, u, **given.get(t, {})) for t in self.terms
         )
 
     def commit(self, u: ndarray) -> bool:
@@ -181,13 +185,12 @@ class Ply:
         F = self.deformation_gradient(u, points)
         return np.array([kin.fibre_strain(F, A) for A in self.directions(points)])
 
-    def fibre_tension(self, u: ndarray, points: ndarray | None = None) -> ndarray:
-        """Tension of warp and weft in N/mm, shape (2, n_elements, n_points)."""
-        strains = self.fibre_strain(u, points)
-        families = self.fabric.families
-        return np.array(
-            [f.tension.value(e) for f, e in zip(families, strains, strict=True)]
-        )
+    def fibre_tension(self, u: ndarray) -> ndarray:
+        """Tension of warp and weft in N/mm at the ply's own points.
+
+        Shape (2, n_elements, n_points).
+        """
+        return self._tensions(self.fibre_strain(u))
 
     def predicted_tension(self, u: ndarray, du: ndarray) -> ndarray:
         """Fibre tensions after the increment ``du``, to first order in it.
@@ -195,13 +198,13 @@ class Ply:
         At the ply's own points, shape (2, n_elements, n_points): T(ε) + T′ ∂ε·∇du.
         """
         F, dF = self.deformation_gradient(u), self.gradient(du)
-        tensions = []
-        for family, A in zip(self.fabric.families, self.directions(), strict=True):
-            eps = kin.fibre_strain(F, A)
-            d_eps = np.einsum("iJ...,iJ...", kin.fibre_strain_d(F, A), dF)
-            law = family.tension
-            tensions.append(law.value(eps) + law.tangent(eps) * d_eps)
-        return np.array(tensions)
+        change = [ddot(kin.fibre_strain_d(F, A), dF) for A in self.directions()]
+        return self._tensions(self.fibre_strain(u), np.array(change))
+
+    def _tensions(self, strain: ndarray, change: ndarray | float = 0.0) -> ndarray:
+        if self._tension is None:
+            return np.zeros_like(strain)
+        return self._tension.law(strain, change)
 
     def fibre_direction(self, u: ndarray, points: ndarray | None = None) -> ndarray:
         """Current unit direction of warp and weft, (2, 2, n_elements, n_points).

@@ -34,15 +34,19 @@ class SplitMesh(MeshQuad):
 
 
 def split(mesh: Mesh) -> SplitMesh:
-    """Split every triangle of a mesh in three quadrilaterals.
+    """Split every triangle of a mesh in three, or every quadrilateral in four.
 
     Boundaries and subdomains keep their names.
 
     Parameters
     ----------
     mesh
-        A `skfem.MeshTri`, or a `skfem.MeshQuad`, whose quadrilaterals are first cut
-        along a diagonal.
+        A `skfem.MeshTri` or `skfem.MeshQuad` with straight edges.
+
+    Raises
+    ------
+    ValueError
+        If it is another mesh.
 
     Examples
     --------
@@ -50,13 +54,13 @@ def split(mesh: Mesh) -> SplitMesh:
     >>> quads.nelements, sorted(quads.boundaries), quads.parent
     (6, ['bottom', 'left', 'right', 'top'], array([0, 1, 0, 1, 0, 1]))
     """
-    triangles = mesh.to_meshtri() if isinstance(mesh, MeshQuad) else mesh
-    if not isinstance(triangles, MeshTri):
-        raise ValueError(f"only triangles can be split, not {type(mesh).__name__}")
+    if type(mesh) not in (MeshTri, MeshQuad, SplitMesh):
+        raise ValueError(
+            "only triangles and quadrilaterals with straight edges can be split, not "
+            f"{type(mesh).__name__}"
+        )
     edges = {k: mesh.facets[:, f] for k, f in (mesh.boundaries or {}).items()}
-    return split_cells(
-        triangles.p, [triangles.t], edges, dict(triangles.subdomains or {})
-    )
+    return split_cells(mesh.p, [mesh.t], edges, dict(mesh.subdomains or {}))
 
 
 def cut(mesh: MeshQuad) -> MeshTri:

@@ -21,7 +21,8 @@ from .verdict import CHECKS, Trial
 log = logging.getLogger(__name__)
 
 #: What a step tries and which checks only warn, unless told otherwise.
-DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY = ("mixed", "descent"), ("work",)
+DEFAULT_STRATEGIES = "mixed", "descent"
+DEFAULT_WARN_ONLY = "work", "stabilisation"
 
 # After a step of no more linear solves than this the next may be twice as long.
 _EASY = 6
@@ -247,7 +248,7 @@ class LoadStepper:
         found = balanced(problem, iterates, strategy.most, report)
         energies = problem.clock.time("assembly", problem.ply.energies, found.u)
         rise = sum(energies.values()) - sum(before.energies.values())
-        trial = Trial(problem, found, self._start, rise)
+        trial = Trial(problem, found, self._start, rise, energies)
         for warning in trial.complaints(self.warn_only):
             log.warning("load factor %g: %s", t, warning)
         return trial, energies

@@ -4,7 +4,7 @@ An iteration that balances the forces may have found a saddle point of the energ
 folded elements, or an equilibrium that the load does not lead to.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,6 +18,9 @@ _STIFFER = "more steps, or a larger stabilisation"
 
 # Share of the energy that the trapezoidal rule may miss before a step stands out.
 _NEGLIGIBLE = 0.01
+
+# Share of the energy that the stabilisation of a sheared ply may hold unremarked.
+_ARTIFICIAL = 0.1
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,8 @@ class Trial:
         The last good state; None for the undeformed ply.
     rise
         Rise of the energy from the one to the other in N·mm.
+    energies
+        Energy of the equilibrium in N·mm by term.
     """
 
     def __init__(
@@ -69,8 +74,10 @@ class Trial:
         found: Equilibrium,
         start: Start | None = None,
         rise: float = 0.0,
+        energies: Mapping[str, float] | None = None,
     ) -> None:
         self.problem, self.found, self.start, self.rise = problem, found, start, rise
+        self.energies = energies or {}
 
     @cached_property
     def tangent(self) -> Tangent | None:
@@ -194,10 +201,24 @@ def _work(trial: Trial) -> None:
         )
 
 
+def _stabilisation(trial: Trial) -> None:
+    """Of a ply without shear stiffness the exact energy may be none at all."""
+    if "shear" not in trial.energies:
+        return
+    held = trial.energies.get("stabilisation", 0.0)
+    whole = sum(trial.energies.values())
+    if held > _ARTIFICIAL * whole:
+        raise NoEquilibriumError(
+            f"the stabilisation holds {held / whole:.0%} of the energy: the mesh is "
+            "coarse, or the stabilisation stiff"
+        )
+
+
 #: Checks of a state by name, the cheap ones first.
 CHECKS: dict[str, Callable[[Trial], None]] = {
     "folding": _folding,
     "strain": _strain,
     "stability": _stability,
     "work": _work,
+    "stabilisation": _stabilisation,
 }

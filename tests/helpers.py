@@ -3,9 +3,9 @@
 import numpy as np
 from skfem import MeshQuad
 
-from skfem_textile import Quadratic
+from skfem_textile import Macro, Quadratic
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import cut
+from skfem_textile.splitting import cut, split
 
 ONE_QUAD = np.array([[0.0, 2.0, 2.3, -0.2], [0.0, 0.3, 1.7, 1.4]])
 
@@ -21,8 +21,9 @@ def distorted(seed: int, size=(3, 2), jitter=0.35) -> MeshQuad:
 
 
 def fitting(mesh, formulation):
-    """The mesh, its quadrilaterals cut in triangles if the formulation takes these."""
-    return cut(mesh) if isinstance(formulation, Quadratic) else mesh
+    """The mesh of quadrilaterals, cut or split as the formulation takes it."""
+    prepared = {Quadratic: cut, Macro: split}.get(type(formulation))
+    return prepared(mesh) if prepared else mesh
 
 
 def distorted_for(formulation, seed: int):

@@ -16,9 +16,9 @@ def stabilisation(ply):
     return term.memory.parameters["C_s"]
 
 
-def test_under_a_linear_law_it_is_ten_times_the_shear_stiffness():
+def test_under_a_linear_law_it_is_eight_times_the_shear_stiffness():
     scene = bias_extension(size=(6, 12))
-    auto, fixed = (run(scene, OnePoint(C_s)) for C_s in ("auto", 5.0))
+    auto, fixed = (run(scene, OnePoint(C_s)) for C_s in ("auto", 4.0))
     np.testing.assert_allclose(auto.u, fixed.u, atol=1e-9)
     assert auto.newton_iterations == fixed.newton_iterations
 
@@ -35,7 +35,7 @@ def test_it_follows_the_secant_of_each_element():
     ply = result.ply
     angle = ply.shear_angle(result.u)
     secant = 0.25 * np.sin(2 * angle) / angle
-    np.testing.assert_allclose(stabilisation(ply), 10 * secant, rtol=1e-9)
+    np.testing.assert_allclose(stabilisation(ply), 8 * secant, rtol=1e-9)
     assert np.ptp(stabilisation(ply)) > 0.5
 
 
@@ -45,7 +45,46 @@ def test_it_never_vanishes():
     sheared = ply.basis.zeros()
     sheared[ply.basis.nodal_dofs] = [8 * mesh.p[1], 0 * mesh.p[1]]
     ply.commit(sheared)
-    np.testing.assert_allclose(stabilisation(ply), 0.5)
+    np.testing.assert_allclose(stabilisation(ply), 0.4)
+
+
+class FromRest(Linear):
+    """A shear law without stiffness at rest: value = stiffness · x³."""
+
+    def energy(self, x):
+        return self.stiffness * x**4 / 4
+
+    def value(self, x):
+        return self.stiffness * x**3
+
+    def tangent(self, x):
+        return 3 * self.stiffness * x**2
+
+
+def test_a_law_without_stiffness_at_rest_starts_from_the_fibres():
+    ply = Ply(distorted(1), Fabric(1e4, FromRest(50.0)), OnePoint())
+    np.testing.assert_allclose(stabilisation(ply), 1.0)
+    sheared = ply.basis.zeros()
+    sheared[ply.basis.nodal_dofs] = [ply.mesh.p[1], 0 * ply.mesh.p[1]]
+    ply.commit(sheared)
+    np.testing.assert_allclose(stabilisation(ply), 8 * 50 * (np.pi / 4) ** 2)
+
+
+def test_it_is_the_default():
+    assert OnePoint() == OnePoint("auto")
+
+
+@pytest.mark.parametrize(("C_s", "warned"), [(4.0, False), (50.0, True)])
+def test_too_much_energy_in_the_stabilisation_is_told(caplog, C_s, warned):
+    run(bias_extension(size=(8, 16)), OnePoint(C_s), 1)
+    assert ("the stabilisation holds" in caplog.text) == warned
+
+
+def test_without_shear_stiffness_its_energy_is_not_compared(caplog):
+    result = run(strip(size=(4, 6)), OnePoint(), shear=0.0)
+    energies = result.states[-1].energies
+    assert energies["stabilisation"] > 0.1 * sum(energies.values())
+    assert "the stabilisation holds" not in caplog.text
 
 
 def test_it_is_held_during_a_step_so_that_the_tangent_is_exact():

@@ -371,19 +371,36 @@ def test_a_run_takes_the_papers_stabilisation(tmp_path):
 
 
 @pytest.mark.parametrize("scene", ["strip", "trellis", "bias_extension"])
-def test_quadrilaterals_may_be_split_first(tmp_path, scene):
+@pytest.mark.parametrize(("into", "parts"), [((), 6), (("quads",), 4)])
+@pytest.mark.parametrize(
+    ("more", "formulation"), [((), "macro"), (("--cs", "4"), "one-point")]
+)
+def test_quadrilaterals_may_be_split_first(
+    tmp_path, scene, into, parts, more, formulation
+):
     out = tmp_path / "out"
-    common = ("--size", "2x4", "--steps", "2", "--no-render", "--split", "--cs", "auto")
-    more = ("--shear-stiffness", "0.5")
+    common = ("--size", "2x4", "--steps", "2", "--no-render", "--split", *into)
+    more += ("--shear-stiffness", "0.5")
     assert cli.main(["run", scene, "--out", str(out), *common, *more]) == 0
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["n_elements"] == 6 * 8
-    assert summary["inputs"]["split"] is True
+    assert summary["n_elements"] == parts * 8
+    assert summary["formulation"] == formulation
+    assert summary["inputs"]["split"] == (into[0] if into else "triangles")
+
+
+@pytest.mark.parametrize("formulation", ["macro", "full", "quadratic"])
+def test_a_stabilisation_that_would_be_ignored_is_refused(
+    capsys, tmp_path, formulation
+):
+    command = ("run", "strip", "--out", str(tmp_path / "o"), "--split", "quads")
+    command = command[: 6 if formulation == "macro" else 4]
+    said = refused(capsys, *command, "--formulation", formulation, "--cs", "4")
+    assert "--cs and --stabilisation go with --formulation one-point" in said
 
 
 def test_a_run_takes_quadratic_triangles_and_writes_everything(tmp_path):
     pytest.importorskip("pyvista")
-    assert run(tmp_path, *QUICK[:-1], "--formulation", "quadratic") == 0
+    assert run(tmp_path, *QUICK[:4], "--formulation", "quadratic") == 0
     out = tmp_path / "out"
     summary = json.loads((out / "summary.json").read_text())
     assert summary["formulation"] == "quadratic"

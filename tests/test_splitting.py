@@ -10,7 +10,7 @@ from skfem_textile.io import write_fields
 from skfem_textile.meshes import check_quads
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import split, split_cells
+from skfem_textile.splitting import cut, split, split_cells
 
 TRIANGLE_AND_QUAD = (
     np.array([[0.0, 1.0, 1.0, 0.0, 2.0], [0.0, 0.0, 1.0, 1.0, 0.5]]),
@@ -71,11 +71,14 @@ def test_mixed_meshes_conform():
     assert len(mesh.boundaries["right"]) == 4
 
 
-def test_quadrilaterals_are_cut_in_triangles_first():
+@pytest.mark.parametrize(("prepared", "parts"), [(lambda q: q, 4), (cut, 6)])
+def test_quadrilaterals_are_split_in_four_or_by_way_of_triangles_in_six(
+    prepared, parts
+):
     quads = distorted(2)
-    mesh = split(quads)
+    mesh = split(prepared(quads))
     check_quads(mesh)
-    assert mesh.nelements == 6 * quads.nelements
+    assert mesh.nelements == parts * quads.nelements
     assert areas(mesh).sum() == pytest.approx(areas(quads).sum())
     assert set(mesh.boundaries) == {"left", "right", "bottom", "top"}
 
@@ -86,7 +89,7 @@ def test_moved_and_scaled_meshes_remember_their_parents():
 
 
 def test_other_cells_are_refused():
-    with pytest.raises(ValueError, match="only triangles can be split, not MeshHex"):
+    with pytest.raises(ValueError, match="straight edges can be split, not MeshHex"):
         split(MeshHex())
 
 

@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+from helpers import derivative, distorted, wobble
+from skfem import Functional, MeshQuad, asm
+
+from skfem_textile import Fabric, JumpBasis, LoadStepper, OnePoint, Ply
+from skfem_textile.scenes import bias_extension
+from skfem_textile.scenes.rectangle import rectangle
+
+MESH = distorted(1)
+
+
+def only_stabilised(mesh=MESH, warp=(1, 0), weft=(0, 1)):
+    ply = Ply(mesh, Fabric(1.0, 0.0, warp, weft), OnePoint(3.0, "continuity"))
+    ply.terms = [term for term in ply.terms if term.name == "stabilisation"]
+    return ply
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_residual_and_tangent_are_derivatives(seed):
+    ply = only_stabilised(distorted(seed))
+    u, du = wobble(ply, 1), wobble(ply, 2, 1.0)
+    assert derivative(ply.energy, u, du) == pytest.approx(ply.residual(u) @ du)
+    np.testing.assert_allclose(
+        derivative(ply.residual, u, du), ply.tangent(u) @ du, atol=1e-7
+    )
+
+
+def test_the_energy_is_that_of_the_jumps_at_the_middles_of_interior_edges():
+    mesh = MeshQuad(
+        np.array([[0, 2, 3, 0, 2, 3.0], [0, 0, 0, 1, 1, 1]]),
+        np.array([[0, 1, 4, 3], [1, 2, 5, 4]]).T,
+    )
+    ply = only_stabilised(mesh)
+    u = wobble(ply, 1, 0.1)
+    whole = Ply(mesh, Fabric(1.0), OnePoint(0.0))
+    right, left = (np.array([[x], [0.5]]) for x in (1.0, 0.0))
+    jump = whole.shear_angle(u, right)[0, 0] - whole.shear_angle(u, left)[1, 0]
+    assert abs(jump) > 0.01
+    assert ply.energy(u) == pytest.approx(0.5 * 3.0 * (2 + 1) / 4 * jump**2)
+
+
+def test_the_points_of_the_edges_carry_a_quarter_of_the_areas_beside():
+    basis = JumpBasis(MESH)
+    areas = Ply(MESH, Fabric(), OnePoint(0.0)).basis.dx[:, 0]
+    interior = np.count_nonzero(MESH.f2t[1] >= 0)
+    assert basis.dx.shape == (interior, 2)
+    beside = areas[MESH.f2t[:, MESH.f2t[1] >= 0]].sum()
+    assert asm(Functional(lambda w: 1 + 0 * w.x[0]), basis) == pytest.approx(beside / 4)
+
+
+def test_directions_may_differ_from_element_to_element():
+    """A ply whose fibres turn from element to element shears without a jump."""
+    angle = np.linspace(0.0, 0.5, MESH.nelements)
+    warp, weft = [np.array([np.cos(a), np.sin(a)]) for a in (angle, angle + 1.5)]
+    ply = only_stabilised(MESH, warp, weft)
+    u = ply.basis.zeros()
+    assert ply.energy(u) < 1e-25
+    u[ply.basis.nodal_dofs] = 0.2 * MESH.p
+    assert ply.energy(u) < 1e-25
+    u[ply.basis.nodal_dofs] = [0.2 * MESH.p[1], 0 * MESH.p[0]]
+    assert ply.energy(u) > 1e-6
+
+
+def test_it_does_not_see_the_hourglass_pattern_of_a_regular_mesh():
+    """Two motions more without energy than with the paper's stabilisation."""
+    mesh, counts = rectangle(4, 6, (4, 6), "aligned"), []
+    for kind in ("energy", "continuity"):
+        ply = Ply(mesh, Fabric(1.0, 1.0), OnePoint(1.0, kind))
+        stiffness = np.linalg.eigvalsh(ply.tangent(ply.basis.zeros()).toarray())
+        counts.append(int(np.sum(stiffness < 1e-12)))
+    assert counts == [3, 5]
+
+
+def test_it_resists_kinks_of_the_fibres_that_the_mesh_can_hold():
+    """Where the weft bends sharply from one row to the next the shear angle jumps."""
+    mesh = rectangle(2, 2, (2, 2), "aligned")
+    bent = np.where(mesh.p[1] > 1, 0.3 * (mesh.p[1] - 1), 0.0)
+    energies = []
+    for kind in ("energy", "continuity"):
+        ply = Ply(mesh, Fabric(1e-9), OnePoint(1.0, kind))
+        u = np.stack([bent, 0 * bent]).T.ravel()
+        energies.append(ply.energies(u)["stabilisation"])
+    assert energies[0] < 1e-25
+    assert energies[1] > 1e-2
+
+
+def test_it_reads_the_load_of_a_bias_extension():
+    scene = bias_extension(size=(8, 16))
+    fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
+    ply = Ply(scene.mesh, fabric, OnePoint(2.0, "continuity"))
+    summary = scene.summary(LoadStepper(ply, scene.conditions, 4).run())
+    assert summary["stable"]
+    assert summary["load_over_exact"] == pytest.approx(1.0, abs=0.15)

@@ -1,0 +1,174 @@
+import numpy as np
+import pytest
+from helpers import derivative, distorted, wobble
+from skfem import Functional, MeshQuad, MeshTri, asm
+from skfem.helpers import grad
+from test_splitting import TRIANGLE_AND_QUAD
+
+from skfem_textile import (
+    Fabric,
+    Linear,
+    LoadStepper,
+    Macro,
+    MacroBasis,
+    MeshError,
+    OnePoint,
+    Ply,
+    Sin2,
+)
+from skfem_textile.macro import deviation_stiffness
+from skfem_textile.scenes import bias_extension, strip
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.splitting import cut, split, split_cells
+
+MESHES = {
+    "triangles": split(cut(distorted(1))),
+    "quads": split(distorted(1)),
+    "both": split_cells(*TRIANGLE_AND_QUAD),
+}
+every_mesh = pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
+
+
+def tension(fabric, mesh):
+    ply = Ply(mesh, fabric, Macro())
+    ply.terms = [term for term in ply.terms if term.name == "tension"]
+    return ply
+
+
+def run(scene, formulation, E=1e4, shear=0.0, steps=4):
+    ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
+    return scene.summary(LoadStepper(ply, scene.conditions, steps).run())
+
+
+@every_mesh
+def test_the_basis_is_that_of_the_parts(mesh):
+    basis = MacroBasis(mesh)
+    u = np.random.default_rng(1).standard_normal(basis.N)
+    quads = Ply(mesh, Fabric(), OnePoint(0.0))
+    there = basis.parts >= 0
+    of_parts = quads.gradient(u)[..., 0][:, :, basis.parts]
+    np.testing.assert_allclose(
+        np.asarray(basis.interpolate(u).grad), of_parts * there, atol=1e-12
+    )
+    area = asm(Functional(lambda w: 1 + 0 * grad(w["u"])[0, 0]), basis, u=u)
+    assert area == pytest.approx(quads.basis.dx.sum())
+    x = np.arange(mesh.nelements)[None, :, None]
+    np.testing.assert_array_equal(basis.on_parts(basis.of_parts(x)), x)
+
+
+@every_mesh
+def test_the_energy_is_that_of_mean_and_deviation(mesh):
+    fabric = Fabric((1e6, 300.0), 0.01, warp=(2, 1), weft=(-1, 3))
+    assert deviation_stiffness(fabric) == (150.0, 150.0)
+    ply = tension(fabric, mesh)
+    u, area = wobble(ply, 1), ply.basis.dx[:, 0]
+    expected = 0.0
+    for eps, E in zip(ply.fibre_strain(u)[..., 0], (1e6, 300.0), strict=True):
+        for parent in range(mesh.parent.max() + 1):
+            own = mesh.parent == parent
+            mean = np.average(eps[own], weights=area[own])
+            off = area[own] @ (eps[own] - mean) ** 2
+            expected += 0.5 * E * mean**2 * area[own].sum() + 0.5 * 150.0 * off
+    assert ply.energy(u) == pytest.approx(expected, rel=1e-12)
+
+
+@every_mesh
+def test_residual_and_tangent_are_derivatives(mesh):
+    ply = tension(Fabric((1e3, 400.0), 0.02), mesh)
+    u, du = wobble(ply, 1), wobble(ply, 2, 1.0)
+    assert derivative(ply.energy, u, du) == pytest.approx(ply.residual(u) @ du)
+    K = ply.tangent(u)
+    np.testing.assert_allclose(
+        derivative(ply.residual, u, du), K @ du, atol=1e-6 * abs(K).max()
+    )
+    own = ply.tangent(u, ply.fibre_tension(u))
+    assert abs(own - K).max() < 1e-12 * abs(K).max()
+    assert abs(ply.tangent(u, 0 * ply.fibre_tension(u)) - K).max() > 1.0
+
+
+@every_mesh
+def test_its_tensions_do_the_work_of_its_forces(mesh):
+    """And those predicted are the first order of those that come."""
+    ply = tension(Fabric((1e3, 400.0), 0.02), mesh)
+    u, du = wobble(ply, 1), wobble(ply, 2, 1.0)
+    rates = derivative(ply.fibre_strain, u, du)
+    work = (ply.fibre_tension(u) * rates).sum(axis=0) * ply.basis.dx
+    assert work.sum() == pytest.approx(ply.residual(u) @ du)
+    np.testing.assert_allclose(
+        ply.predicted_tension(u, du) - ply.fibre_tension(u),
+        derivative(ply.fibre_tension, u, du),
+        atol=1e-5,
+    )
+
+
+@pytest.mark.parametrize(
+    ("fabric", "expected"),
+    [
+        (Fabric(1e6, 0.5), (7500.0, 7500.0)),
+        (Fabric(1e6, Sin2(0.5)), (7500.0, 7500.0)),
+        (Fabric((1e3, 1e6), 0.5), (1e3, 7500.0)),
+        (Fabric((1e4, 1e6), 0.0), (5e3, 5e5)),
+    ],
+)
+def test_deviations_meet_a_multiple_of_the_shear_stiffness_or_half_the_fibres(
+    fabric, expected
+):
+    assert deviation_stiffness(fabric) == expected
+
+
+def test_soft_fibres_are_those_of_one_point():
+    """Where E_d is the fibre stiffness a macro-element is the sum of its parts."""
+    mesh = split(distorted(3))
+    macro, plain = (Ply(mesh, Fabric(100.0, 0.5), f) for f in (Macro(), OnePoint()))
+    u = wobble(macro, 1)
+    assert macro.energy(u) == pytest.approx(plain.energy(u), rel=1e-12)
+    np.testing.assert_allclose(macro.residual(u), plain.residual(u), atol=1e-11)
+
+
+def test_directions_may_differ_from_part_to_part():
+    mesh = split(distorted(4))
+    angle = np.linspace(0.1, 0.4, mesh.nelements)
+    warp, weft = np.array([np.cos(angle), np.sin(angle)]), (-1, 2)
+    macro, plain = (
+        Ply(mesh, Fabric(100.0, 0.5, warp, weft), f) for f in (Macro(), OnePoint())
+    )
+    u = wobble(macro, 1)
+    assert macro.energy(u) == pytest.approx(plain.energy(u), rel=1e-12)
+
+
+def test_a_mesh_that_was_not_split_is_refused():
+    for mesh in (MeshQuad(), MeshTri()):
+        with pytest.raises(MeshError, match=r"need a mesh that was split: split\(mesh"):
+            Ply(mesh, Fabric(), Macro())
+
+
+@pytest.mark.parametrize("law", [Linear(0.5), Sin2(0.5)])
+@pytest.mark.parametrize("E", [1e4, 1e5, 1e6])
+def test_it_reads_the_load_of_a_bias_extension_however_stiff_the_fibres(E, law):
+    mesh = split(rectangle(50, 100, (8, 16), jitter=0.25))
+    summary = run(bias_extension(mesh), Macro(), E, law)
+    assert summary["stable"]
+    assert summary["load_over_exact"] == pytest.approx(1.0, abs=0.05)
+
+
+def test_it_does_not_lock_in_triangles_either():
+    """One point in each part alone reads 44 % too much here."""
+    mesh = split(cut(rectangle(50, 100, (8, 16), jitter=0.25, seed=2)))
+    macro, plain = (
+        run(bias_extension(mesh), f, 1e6, 0.5) for f in (Macro(), OnePoint())
+    )
+    assert abs(macro["load_over_exact"] - 1) < 0.12
+    assert plain["load_over_exact"] - 1 > 3 * abs(macro["load_over_exact"] - 1)
+    assert plain["displacement_error_rms"] > 2 * macro["displacement_error_rms"]
+
+
+@pytest.mark.parametrize("E", [1e4, 1e6])
+def test_the_shape_of_a_strip_converges(E):
+    """Position errors fall more than threefold as the elements halve."""
+    off = []
+    for size in ((5, 8), (10, 15)):
+        summary = run(strip(split(rectangle(40, 60, size))), Macro(), E)
+        assert summary["stable"]
+        off.append(summary["displacement_error_rms"])
+    assert abs(summary["reaction_x"]) < 1e-4 * E
+    assert off[1] < off[0] / 3 < 0.01
