@@ -20,7 +20,8 @@ from .hourglass import (
     hourglass,
     hourglass_rate,
 )
-from .macro import MacroBasis, macro_tension
+from .macro import MacroBasis
+from .mean_tension import MeanBasis, mean_tension
 from .meshes import MeshError
 from .ply import Ply
 from .result import Iteration, Result, State, StepError
@@ -50,6 +51,7 @@ __all__ = [
     "LoadStepper",
     "Macro",
     "MacroBasis",
+    "MeanBasis",
     "MeshError",
     "Mixed",
     "Newton",
@@ -63,7 +65,7 @@ __all__ = [
     "Verdict",
     "hourglass",
     "hourglass_rate",
-    "macro_tension",
+    "mean_tension",
     "quad_basis",
     "shear",
     "shear_continuity",

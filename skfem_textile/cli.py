@@ -189,8 +189,7 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
         choices=("one-point", "macro", "full", "quadratic"),
         help="one stabilised point, macro-elements of what was split, 2x2 points, or "
         "quadratic triangles, for which quadrilaterals are cut along a diagonal "
-        "(default: macro on a mesh that was split, unless --cs or --stabilisation is "
-        "given; else one-point)",
+        "(default: macro on a mesh that was split, else one-point)",
     )
     add(
         "--cs",
@@ -205,6 +204,14 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
         default="energy",
         help="independent of the path, the paper's rates, by jumps between elements, "
         "or isotropic; the last three need --cs" + _SHOWN,
+    )
+    add(
+        "--deviation",
+        type=float,
+        metavar="C",
+        help="stiffness of deviations from the mean strain of an element, as a "
+        "multiple of that of shear (default: 500 in macro-elements; quadratic "
+        "triangles have the strain at each point)",
     )
     add("--fibre-stiffness", type=float, default=1e4, metavar="E", help="N/mm" + _SHOWN)
     add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm" + _SHOWN)

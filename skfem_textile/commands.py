@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from skfem import Mesh, MeshQuad
+from skfem import Mesh, MeshQuad, MeshTri
 
 from . import __version__
 from .fabric import Fabric, Law, Sin2
@@ -163,11 +163,14 @@ def _scene(options: argparse.Namespace) -> Scene:
         seed=options.seed,
     )
     scene = build(mesh=mesh)
-    if options.split and not isinstance(scene.mesh, SplitMesh):
-        quads: Any = scene.mesh
-        scene = build(mesh=split(quads if options.split == "quads" else cut(quads)))
-    if triangles and isinstance(scene.mesh, MeshQuad):
-        scene = build(mesh=cut(scene.mesh))
+    if not isinstance(scene.mesh, SplitMesh):
+        own = scene.mesh
+        if isinstance(own, MeshQuad) and (triangles or options.split == "triangles"):
+            own = cut(own)
+        if options.split or (isinstance(own, MeshTri) and not triangles):
+            own = split(own)
+        if own is not scene.mesh:
+            scene = build(mesh=own)
     return scene.rotated(np.radians(options.rotate))
 
 
@@ -225,17 +228,21 @@ def _stepper(scene: Scene, options: argparse.Namespace) -> LoadStepper:
 
 
 def _formulation(options: argparse.Namespace, mesh: Mesh) -> Formulation:
-    one_point = OnePoint(options.cs, options.stabilisation)
-    macro = isinstance(mesh, SplitMesh) and one_point == OnePoint()
+    C_s, kind, C_d = options.cs, options.stabilisation, options.deviation
+    macro = isinstance(mesh, SplitMesh) and kind == "energy"
     name = options.formulation or (Macro.name if macro else OnePoint.name)
+    for option, given, names in (
+        ("--stabilisation", kind != "energy", (OnePoint.name,)),
+        ("--cs", C_s != "auto", (OnePoint.name, Macro.name)),
+        ("--deviation", C_d is not None, (Macro.name, Quadratic.name)),
+    ):
+        if given and name not in names:
+            raise ValueError(f"{option} goes with --formulation {' or '.join(names)}")
     if name == OnePoint.name:
-        return one_point
-    if one_point != OnePoint():
-        raise ValueError(
-            "--cs and --stabilisation go with --formulation one-point: leave them out"
-        )
-    others: tuple[Formulation, ...] = (Macro(), Full(), Quadratic())
-    return next(other for other in others if other.name == name)
+        return OnePoint(C_s, kind)
+    if name == Macro.name:
+        return Macro(C_s) if C_d is None else Macro(C_s, C_d)
+    return Full() if name == Full.name else Quadratic(C_d)
 
 
 def _checkpoint(options: argparse.Namespace) -> Path | None:

@@ -20,7 +20,8 @@ from .hourglass import (
     hourglass_rate,
 )
 from .isotropic import isotropic_hourglass
-from .macro import MacroBasis, macro_fibre_tension, macro_tension
+from .macro import MacroBasis
+from .mean_tension import MeanBasis, mean_fibre_tension, mean_tension
 from .meshes import MeshError, check_quads, check_triangles
 from .splitting import SplitMesh
 
@@ -173,18 +174,11 @@ class OnePoint(_Quadrilaterals):
             raise ValueError(
                 f"kind must be one of {', '.join(get_args(Kind))}, got {self.kind!r}"
             )
-        if self.stabilisation == "auto":
-            if self.kind != "energy":
-                raise ValueError(
-                    f"stabilisation auto goes with kind energy, not {self.kind}: give "
-                    "a number"
-                )
-        elif isinstance(self.stabilisation, str) or not (
-            np.isfinite(self.stabilisation) and self.stabilisation >= 0
-        ):
+        _refuse("stabilisation", self.stabilisation, " or 'auto'")
+        if self.stabilisation == "auto" and self.kind != "energy":
             raise ValueError(
-                "stabilisation must be a finite number >= 0 or 'auto', got "
-                f"{self.stabilisation}"
+                f"stabilisation auto goes with kind energy, not {self.kind}: give a "
+                "number"
             )
 
     @property
@@ -199,12 +193,13 @@ class OnePoint(_Quadrilaterals):
         if self.stabilisation == 0:
             return []
         C_s = self.stabilisation
-        if C_s == "auto":
-            return _held_hourglass(basis, fabric)
-        if self.kind == "continuity":
+        if C_s != "auto" and self.kind == "continuity":
             edges = JumpBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
             return [Term("stabilisation", shear_continuity(fabric, C_s), edges)]
         corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
+        if C_s == "auto":
+            held = HeldStabilisation(fabric, corners)
+            return [Term("stabilisation", hourglass(fabric), corners, held)]
         if self.kind == "energy":
             return [Term("stabilisation", hourglass(fabric, C_s), corners)]
         if self.kind == "isotropic":
@@ -218,13 +213,38 @@ class Macro(_Quadrilaterals):
     """One point in every quadrilateral of a mesh that was split, nothing to tune.
 
     The elements that were split (`split`) are macro-elements, whose fibres meet their
-    whole stiffness in the mean strain alone (`macro_tension`); each of the parts is
-    stabilised as by `OnePoint` with ``auto``.
+    whole stiffness in the mean strain alone (`mean_tension`); each of the parts is
+    stabilised as by `OnePoint`.
+
+    Parameters
+    ----------
+    stabilisation
+        As of `OnePoint`.
+    deviation
+        Stiffness that meets deviations from the mean strain, as a multiple of that of
+        shear (`deviation_stiffness`).
+
+    Raises
+    ------
+    ValueError
+        If one of them is negative or not finite.
     """
 
+    stabilisation: float | Literal["auto"] = "auto"
+    deviation: float = 500.0
+
     name: ClassVar[str] = "macro"
-    title: ClassVar[str] = "macro-elements"
     rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
+
+    def __post_init__(self) -> None:
+        _refuse("stabilisation", self.stabilisation, " or 'auto'")
+        _refuse("deviation", self.deviation)
+
+    @property
+    def title(self) -> str:
+        """What to call it in a picture."""
+        C_s = self.stabilisation
+        return "macro-elements" + ("" if C_s == "auto" else f", Cs = {C_s:g}")
 
     def basis(self, mesh: Mesh) -> CellBasis:
         """Basis of the displacement."""
@@ -233,43 +253,85 @@ class Macro(_Quadrilaterals):
         return super().basis(mesh)
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
-        """The tension of the mean strain, and of what deviates from it."""
+        """The tension of the mean strain of each macro-element."""
         mesh: Any = basis.mesh
         macro = MacroBasis(mesh, mapping=basis.mapping, dofs=basis.dofs)
-        return TensionTerm(
-            "tension",
-            macro_tension(fabric),
-            macro,
-            law=partial(macro_fibre_tension, fabric, macro),
-            arrange=macro.of_parts,
-        )
+        return _mean_tension_term(fabric, self.deviation, macro)
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """The hourglass term."""
-        return _held_hourglass(basis, fabric)
+        """The hourglass term, unless C_s is zero."""
+        return OnePoint(self.stabilisation).stabilising_terms(basis, fabric)
 
 
 @dataclass(frozen=True)
 class Quadratic(_Pointwise):
-    """Quadratic triangles with three points and no stabilisation, for comparison.
+    """Quadratic triangles with three points and no stabilisation.
 
     The element is `skfem.ElementTriP2` on a `skfem.MeshTri`: nodes at vertices and at
     the middles of edges.  Judged at six points, exact to degree 4.
+
+    Parameters
+    ----------
+    deviation
+        If given, fibres meet their whole stiffness in the mean strain of a triangle
+        alone, and deviations from it this multiple of the shear stiffness
+        (`deviation_stiffness`).
+
+    Raises
+    ------
+    ValueError
+        If it is negative or not finite.
     """
 
+    deviation: float | None = None
+
     name: ClassVar[str] = "quadratic"
-    title: ClassVar[str] = "quadratic triangles"
     centre: ClassVar[ndarray] = np.array([[1 / 3], [1 / 3]])
     fine_points: ClassVar[ndarray] = SIX[0]
+
+    def __post_init__(self) -> None:
+        if self.deviation is not None:
+            _refuse("deviation", self.deviation)
+
+    @property
+    def title(self) -> str:
+        """What to call it in a picture."""
+        return "quadratic triangles" + (", mean strain" if self.deviation else "")
 
     def basis(self, mesh: Mesh) -> CellBasis:
         """Basis of the displacement."""
         check_triangles(mesh)
         return triangle_basis(mesh)
 
+    def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
+        """The tension at each of the points, or of their mean strain."""
+        if self.deviation is None:
+            return super().tension_term(basis, fabric)
+        means = MeanBasis(
+            basis.mesh,
+            basis.elem,
+            mapping=basis.mapping,
+            dofs=basis.dofs,
+            quadrature=basis.quadrature,
+        )
+        return _mean_tension_term(fabric, self.deviation, means)
 
-def _held_hourglass(basis: CellBasis, fabric: Fabric) -> list[Term]:
-    """The hourglass term whose C_s follows the shear stiffness."""
-    corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
-    held = HeldStabilisation(fabric, corners)
-    return [Term("stabilisation", hourglass(fabric), corners, held)]
+
+def _mean_tension_term(
+    fabric: Fabric, deviation: float, basis: MeanBasis
+) -> TensionTerm:
+    return TensionTerm(
+        "tension",
+        mean_tension(fabric, deviation),
+        basis,
+        law=partial(mean_fibre_tension, fabric, deviation, basis),
+        arrange=basis.of_parts,
+    )
+
+
+def _refuse(name: str, value: float | str, also: str = "") -> None:
+    """Refuse what is no stiffness, nor ``auto`` where that may be."""
+    if also and value == "auto":
+        return
+    if isinstance(value, str) or not (np.isfinite(value) and value >= 0):
+        raise ValueError(f"{name} must be a finite number >= 0{also}, got {value}")

@@ -373,7 +373,12 @@ def test_a_run_takes_the_papers_stabilisation(tmp_path):
 @pytest.mark.parametrize("scene", ["strip", "trellis", "bias_extension"])
 @pytest.mark.parametrize(("into", "parts"), [((), 6), (("quads",), 4)])
 @pytest.mark.parametrize(
-    ("more", "formulation"), [((), "macro"), (("--cs", "4"), "one-point")]
+    ("more", "formulation"),
+    [
+        ((), "macro"),
+        (("--cs", "4"), "macro"),
+        (("--cs", "4", "--stabilisation", "isotropic"), "one-point"),
+    ],
 )
 def test_quadrilaterals_may_be_split_first(
     tmp_path, scene, into, parts, more, formulation
@@ -388,14 +393,16 @@ def test_quadrilaterals_may_be_split_first(
     assert summary["inputs"]["split"] == (into[0] if into else "triangles")
 
 
-@pytest.mark.parametrize("formulation", ["macro", "full", "quadratic"])
-def test_a_stabilisation_that_would_be_ignored_is_refused(
-    capsys, tmp_path, formulation
-):
-    command = ("run", "strip", "--out", str(tmp_path / "o"), "--split", "quads")
-    command = command[: 6 if formulation == "macro" else 4]
-    said = refused(capsys, *command, "--formulation", formulation, "--cs", "4")
-    assert "--cs and --stabilisation go with --formulation one-point" in said
+def test_a_stabilisation_that_would_be_ignored_is_refused(capsys, tmp_path):
+    command = ("run", "strip", "--out", str(tmp_path / "o"))
+    for formulation in ("full", "quadratic"):
+        said = refused(capsys, *command, "--formulation", formulation, "--cs", "4")
+        assert "--cs goes with --formulation one-point or macro" in said
+    more = ("--formulation", "one-point", "--deviation", "20")
+    said = refused(capsys, *command, *more)
+    assert "--deviation goes with --formulation macro or quadratic" in said
+    more = ("--split", "--formulation", "macro", "--cs", "4", "--stabilisation", "rate")
+    assert "goes with --formulation one-point" in refused(capsys, *command, *more)
 
 
 def test_a_run_takes_quadratic_triangles_and_writes_everything(tmp_path):

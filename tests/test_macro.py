@@ -14,9 +14,10 @@ from skfem_textile import (
     MeshError,
     OnePoint,
     Ply,
+    Quadratic,
     Sin2,
 )
-from skfem_textile.macro import deviation_stiffness
+from skfem_textile.mean_tension import deviation_stiffness
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.splitting import cut, split, split_cells
@@ -58,17 +59,16 @@ def test_the_basis_is_that_of_the_parts(mesh):
 
 @every_mesh
 def test_the_energy_is_that_of_mean_and_deviation(mesh):
-    fabric = Fabric((1e6, 300.0), 0.01, warp=(2, 1), weft=(-1, 3))
-    assert deviation_stiffness(fabric) == (150.0, 150.0)
-    ply = tension(fabric, mesh)
+    ply = tension(Fabric((1e6, 100.0), 0.1, warp=(2, 1), weft=(-1, 3)), mesh)
     u, area = wobble(ply, 1), ply.basis.dx[:, 0]
     expected = 0.0
-    for eps, E in zip(ply.fibre_strain(u)[..., 0], (1e6, 300.0), strict=True):
+    for eps, E in zip(ply.fibre_strain(u)[..., 0], (1e6, 100.0), strict=True):
         for parent in range(mesh.parent.max() + 1):
             own = mesh.parent == parent
             mean = np.average(eps[own], weights=area[own])
             off = area[own] @ (eps[own] - mean) ** 2
-            expected += 0.5 * E * mean**2 * area[own].sum() + 0.5 * 150.0 * off
+            E_d = min(E, 500.0 * 0.1 * np.sqrt(area.sum() / area[own].sum()))
+            expected += 0.5 * E * mean**2 * area[own].sum() + 0.5 * E_d * off
     assert ply.energy(u) == pytest.approx(expected, rel=1e-12)
 
 
@@ -101,19 +101,74 @@ def test_its_tensions_do_the_work_of_its_forces(mesh):
     )
 
 
+class Crimped(Linear):
+    """A tension law without stiffness at rest: value = stiffness · x³."""
+
+    def tangent(self, x):
+        return 3 * self.stiffness * x**2
+
+
 @pytest.mark.parametrize(
     ("fabric", "expected"),
     [
-        (Fabric(1e6, 0.5), (7500.0, 7500.0)),
-        (Fabric(1e6, Sin2(0.5)), (7500.0, 7500.0)),
-        (Fabric((1e3, 1e6), 0.5), (1e3, 7500.0)),
+        (Fabric(1e6, 0.5), (2500.0, 2500.0)),
+        (Fabric(1e6, Sin2(0.5)), (2500.0, 2500.0)),
+        (Fabric((1e3, 1e6), 0.5), (1e3, 2500.0)),
         (Fabric((1e4, 1e6), 0.0), (5e3, 5e5)),
+        (Fabric((Crimped(1e6), 1e6), 0.5), (2500.0, 2500.0)),
     ],
 )
 def test_deviations_meet_a_multiple_of_the_shear_stiffness_or_half_the_fibres(
     fabric, expected
 ):
-    assert deviation_stiffness(fabric) == expected
+    """The multiple is 500 for one element, 5000 where ten lie along the ply."""
+    E_d = deviation_stiffness(fabric, 500.0, np.array([[10.0]]))
+    assert tuple(float(e[0, 0]) for e in E_d) == expected
+
+
+def test_both_stiffnesses_may_be_chosen():
+    mesh, fabric = MESHES["quads"], Fabric((1e3, 1e6), 0.5)
+    given, auto = (Ply(mesh, fabric, f) for f in (Macro(4.0, 500.0), Macro()))
+    u = wobble(given, 1)
+    assert given.energies(u) == pytest.approx(auto.energies(u), rel=1e-12)
+    softer = Ply(mesh, fabric, Macro(0.0, 100.0))
+    assert softer.energies(u)["tension"] < auto.energies(u)["tension"]
+    assert "stabilisation" not in softer.energies(u)
+
+
+def test_bad_stiffnesses_are_refused():
+    for bad in (-1.0, np.nan, "much"):
+        with pytest.raises(ValueError, match=r"deviation must be a finite number >= 0"):
+            Macro(deviation=bad)
+        with pytest.raises(ValueError, match=r"deviation must be a finite number >= 0"):
+            Quadratic(deviation=bad)
+    with pytest.raises(ValueError, match=r">= 0 or 'auto', got nan"):
+        Macro(np.nan)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_quadratic_triangles_may_take_the_mean_strain_too(seed):
+    mesh = cut(distorted(seed, jitter=0.2))
+    ply = Ply(mesh, Fabric((1e3, 400.0), 0.02), Quadratic(20.0))
+    ply.terms = [term for term in ply.terms if term.name == "tension"]
+    u, du = wobble(ply, 1), wobble(ply, 2, 1.0)
+    assert derivative(ply.energy, u, du) == pytest.approx(ply.residual(u) @ du)
+    K = ply.tangent(u)
+    np.testing.assert_allclose(
+        derivative(ply.residual, u, du), K @ du, atol=1e-6 * abs(K).max()
+    )
+    assert abs(ply.tangent(u, ply.fibre_tension(u)) - K).max() < 1e-12 * abs(K).max()
+    plain = Ply(mesh, Fabric((1e3, 400.0)), Quadratic())
+    stiff = Ply(mesh, Fabric((1e3, 400.0), 1e9), Quadratic(20.0))
+    assert stiff.energies(u)["tension"] == pytest.approx(plain.energy(u), rel=1e-12)
+
+
+def test_quadratic_triangles_of_mean_strain_do_not_lock_at_kinks():
+    mesh, read = rectangle(50, 100, (8, 16), "delaunay", 0.25), []
+    for formulation in (Quadratic(), Quadratic(20.0)):
+        read.append(run(bias_extension(mesh), formulation, 1e6, 0.5)["load_over_exact"])
+    assert read[0] > 50
+    assert read[1] == pytest.approx(1.0, abs=0.06)
 
 
 def test_soft_fibres_are_those_of_one_point():

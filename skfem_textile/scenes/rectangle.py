@@ -1,13 +1,15 @@
-"""Quadrilateral meshes of a rectangle, regular or with jittered nodes."""
+"""Meshes of a rectangle, of quadrilaterals or triangles, regular or jittered."""
 
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
-from skfem import MeshQuad
+from numpy import ndarray
+from skfem import Mesh, MeshQuad, MeshTri
+from skfem.helpers import cross
 
 from ..meshes import with_edges
 
-Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical"]
+Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "delaunay"]
 
 KINDS: tuple[str, ...] = get_args(Kind)
 
@@ -19,7 +21,7 @@ def rectangle(
     kind: str = "irregular",
     jitter: float = 0.3,
     seed: int = 1,
-) -> MeshQuad:
+) -> Mesh:
     """Mesh of [0, width] × [0, height] with edges named left, bottom, right, top.
 
     Parameters
@@ -27,11 +29,12 @@ def rectangle(
     width, height
         Sides in mm.
     size
-        Number of elements along x and y.
+        Number of spacings along x and y.
     kind
         ``aligned`` with the axes; ``irregular``, every node moved; ``horizontal``,
         nodes moved along x only, so that horizontal element edges stay aligned;
         ``vertical``, along y only.  Boundary nodes slide along their edges.
+        ``delaunay``, the Delaunay triangulation of the nodes of ``irregular``.
     jitter
         Largest move, as a share of the spacing.
     seed
@@ -64,14 +67,23 @@ def rectangle(
     rng = np.random.default_rng(seed)
     dx = (2 * rng.random(x.shape) - 1) * jitter * width / nx
     dy = (2 * rng.random(y.shape) - 1) * jitter * height / ny
-    if kind in ("irregular", "horizontal"):
+    if kind in ("irregular", "horizontal", "delaunay"):
         x[:, 1:-1] += dx[:, 1:-1]
-    if kind in ("irregular", "vertical"):
+    if kind in ("irregular", "vertical", "delaunay"):
         y[1:-1] += dy[1:-1]
+    points = np.stack([x.ravel(), y.ravel()])
+    if kind == "delaunay":
+        return with_edges(_delaunay(points))
 
     node = np.arange(x.size).reshape(x.shape)
     corners = node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]
-    mesh = MeshQuad(
-        np.stack([x.ravel(), y.ravel()]), np.stack([c.ravel() for c in corners])
-    )
-    return with_edges(mesh)
+    return with_edges(MeshQuad(points, np.stack([c.ravel() for c in corners])))
+
+
+def _delaunay(points: ndarray) -> MeshTri:
+    from scipy.spatial import Delaunay
+
+    t = Delaunay(points.T).simplices.T
+    a, b, c = points[:, t].swapaxes(0, 1)
+    area = np.abs(cross(b - a, c - a))
+    return MeshTri(points, t[:, area > 1e-9 * area.max()])  # none along a side

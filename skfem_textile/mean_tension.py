@@ -1,0 +1,202 @@
+"""Fibre tension of the mean strain: no more constraints than an element can bear.
+
+Every point at which nearly inextensible fibres are kept from stretching takes away an
+unknown.  One point in every quadrilateral leaves as many unknowns as there are
+constraints, three in a quadratic triangle fewer: where the shear angle jumps, along
+fibres as stiff as those of real fabrics, both lock.  Here the fibres' own law holds for
+the mean ε̄ of the strains at the points of an element, and what deviates from it meets
+a stiffness E_d that does not grow with that of the fibres,
+
+    ψ(ε̄) + ½ E_d (ε − ε̄)².
+
+It is consistent: deviations vanish as elements become smaller, and E_d grows.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from skfem import BilinearForm, CellBasis, Functional, LinearForm
+from skfem.assembly.form.form import FormExtraParams
+from skfem.helpers import ddot, grad
+
+from . import kinematics as kin
+from .fabric import Fabric, is_zero
+from .forms import Forms, contract, directions, fibre_tension, once
+
+# E_d as a share of the fibre stiffness, where there is no shear stiffness.
+_OF_FIBRES = 0.5
+
+
+class MeanBasis(CellBasis):
+    """A `skfem.CellBasis` that tells forms what a mean over an element takes.
+
+    ``w["share"]`` is the share of each point in the area of its element, shape
+    (n_elements, n_points), and ``w["fineness"]`` √(A/A_e) for the areas of the mesh and
+    of the element, shape (n_elements, 1): how many elements lie along it.
+    """
+
+    def default_parameters(self) -> dict[str, Any]:
+        """Position, share and fineness."""
+        area = self.dx.sum(axis=1, keepdims=True)
+        return {
+            "x": self.global_coordinates(),
+            "share": self.dx / area,
+            "fineness": np.sqrt(area.sum() / area),
+        }
+
+    def of_parts(self, x: ndarray) -> ndarray:
+        """Values at the ply's own points as values at these points."""
+        return x
+
+    def on_parts(self, x: ndarray) -> ndarray:
+        """Values at these points as values at the ply's own points."""
+        return x
+
+
+def mean_tension(fabric: Fabric, deviation: float) -> Forms:
+    """Fibre tension with the energy ψ(ε̄) + ½ E_d (ε − ε̄)².
+
+    The forms go with `MeanBasis`.  The tangent takes an optional parameter ``tension``,
+    shape (2, n_elements, n_points), as that of `tension` does.
+
+    Parameters
+    ----------
+    fabric, deviation
+        As for `deviation_stiffness`.
+    """
+    # Index and tension law T(ε) of each family that has one.
+    families = [
+        (i, family.tension)
+        for i, family in enumerate(fabric.families)
+        if not is_zero(family.tension)
+    ]
+
+    def E_d(w):
+        return deviation_stiffness(fabric, deviation, w["fineness"])
+
+    def strain(w):
+        F, A = _F(w), directions(fabric, w)
+        return [kin.fibre_strain(F, a) for a in A]
+
+    def variation(w):
+        F, A = _F(w), directions(fabric, w)
+        return [kin.fibre_strain_d(F, a) for a in A]
+
+    def tension(w):
+        eps, E = once(w, strain), once(w, E_d)
+        means = [mean(w, e) for e in eps]
+        return {i: T.value(means[i]) + E[i] * (eps[i] - means[i]) for i, T in families}
+
+    def stress(w):
+        T, d_eps = tension(w), once(w, variation)
+        return sum(T[i] * d_eps[i] for i, _ in families)
+
+    def local_stiffness(w):
+        """What couples the motion at one point with itself."""
+        F, A, d_eps, E = _F(w), directions(fabric, w), once(w, variation), once(w, E_d)
+        geometric = w["tension"] if "tension" in w else tension(w)
+        return sum(
+            E[i] * np.einsum("iJ...,kL...->iJkL...", d_eps[i], d_eps[i])
+            + geometric[i] * kin.fibre_strain_dd(F, A[i])
+            for i, _ in families
+        )
+
+    def mean_stiffness(w):
+        eps, E = once(w, strain), once(w, E_d)
+        return {i: T.tangent(mean(w, eps[i])) - E[i] for i, T in families}
+
+    @Functional
+    def energy(w):
+        eps, E = once(w, strain), once(w, E_d)
+        means = [mean(w, e) for e in eps]
+        return sum(
+            T.energy(means[i]) + 0.5 * E[i] * (eps[i] - means[i]) ** 2
+            for i, T in families
+        )
+
+    @LinearForm
+    def residual(v, w):
+        return ddot(once(w, stress), grad(v))
+
+    @BilinearForm
+    def tangent(u, v, w):
+        d_eps, E_m = once(w, variation), once(w, mean_stiffness)
+        means = (
+            E_m[i] * mean(w, ddot(d_eps[i], grad(u))) * mean(w, ddot(d_eps[i], grad(v)))
+            for i, _ in families
+        )
+        return sum(means) + contract(grad(v), once(w, local_stiffness), grad(u))
+
+    return Forms(energy, residual, tangent)
+
+
+def mean_fibre_tension(
+    fabric: Fabric,
+    deviation: float,
+    basis: MeanBasis,
+    strain: ndarray,
+    change: ndarray | float = 0.0,
+) -> ndarray:
+    """Tensions T(ε̄) + E_d (ε − ε̄) of warp and weft after a change of the strains.
+
+    Parameters
+    ----------
+    fabric, deviation
+        As for `deviation_stiffness`.
+    basis
+        That of the forms.
+    strain, change
+        Fibre strains at the ply's own points and a change of them, to first order in
+        which the tensions are given; shape (2, n_elements, n_points).
+    """
+    w = basis.default_parameters()
+    eps, d_eps = (basis.of_parts(x + np.zeros_like(strain)) for x in (strain, change))
+    means, d_means = mean(w, eps), mean(w, d_eps)
+    E_d = np.array(deviation_stiffness(fabric, deviation, w["fineness"]))
+    off = eps + d_eps - means - d_means
+    return basis.on_parts(fibre_tension(fabric, means, d_means) + E_d * off)
+
+
+def deviation_stiffness(
+    fabric: Fabric, deviation: float, fineness: ndarray
+) -> tuple[ndarray, ndarray]:
+    """E_d of warp and weft in N/mm, at most the fibre stiffness at rest, if any.
+
+    Fibres of the stiffness E spread a jump of the shear angle over a width of L√(G/E)
+    along their length L: the finer a mesh, the stiffer the fibres that it can take.
+
+    Parameters
+    ----------
+    fabric
+        Gives the laws.
+    deviation
+        E_d as a multiple of the shear stiffness at rest times the fineness.  Where
+        there is no shear stiffness E_d is half of the fibre stiffness.
+    fineness
+        √(A/A_e), shape (n_elements, 1).
+
+    Returns
+    -------
+    tuple of ndarray
+        Each of shape (n_elements, 1).
+    """
+    rest = np.zeros(1)
+    G = fabric.shear_law.tangent(rest)
+    warp, weft = (family.tension.tangent(rest) for family in fabric.families)
+    if G == 0:
+        return _OF_FIBRES * warp + 0 * fineness, _OF_FIBRES * weft + 0 * fineness
+    E_d = deviation * G * fineness
+    return (
+        np.minimum(E_d, np.where(warp > 0, warp, np.inf)),
+        np.minimum(E_d, np.where(weft > 0, weft, np.inf)),
+    )
+
+
+def mean(w: Any, x: ndarray) -> ndarray:
+    """Mean over each element of values at its points, shape (..., n_elements, 1)."""
+    return (w["share"] * x).sum(axis=-1, keepdims=True)
+
+
+def _F(w: FormExtraParams) -> ndarray:
+    return kin.deformation_gradient(grad(w["u"]))
