@@ -6,6 +6,7 @@ import logging
 import sys
 from collections.abc import Callable, Mapping
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ SHEAR_LAWS: dict[str, Callable[[float], float | Law]] = {"linear": float, "sin2"
 #: The studies, and what they tell.
 STUDIES = {
     "stability": "stiff and extreme cases: which are right, refused or wrong",
+    "formulations": "every formulation on every scene: how far from the exact answer",
 }
 
 STOPPED_EARLY, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -118,21 +120,20 @@ def two_element(options: argparse.Namespace) -> int:
 def study(options: argparse.Namespace) -> int:
     """Run a study and write its report."""
     from . import io
-    from .studies import stability
 
-    results = io.ResultFolder(options.out, (*stability.FILES, *stability.PICTURES))
+    study = import_module(f".studies.{options.study}", __package__)
+    results = io.ResultFolder(options.out, (*study.FILES, *study.PICTURES))
     rows: list[dict[str, Any]] = []
     try:
-        for some in stability.cases(options.workers):
-            print(stability.line(some))
+        for some in study.cases(options.workers):
+            print(study.line(some))
             rows += some
     finally:  # an interrupted study reports on what it has
         if rows:
             with results as folder:
-                stability.write(rows, folder)
+                study.write(rows, folder)
     if not options.no_render:
-        pictures = stability.PICTURES
-        _render(lambda folder: stability.draw(rows, folder), options.out, pictures)
+        _render(lambda folder: study.draw(rows, folder), options.out, study.PICTURES)
     print(f"results in {options.out}")
     return 0
 

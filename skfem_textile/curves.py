@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 # Okabe and Ito's colours, told apart with any kind of colour vision.
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
 
 def curves(
@@ -38,7 +38,7 @@ def curves(
     ['Fig. 5']
     """
     labels = dict.fromkeys(label for lines in panels.values() for label in lines)
-    colour = dict(zip(labels, cycle(_COLOURS), strict=False))
+    colour = dict(zip(labels, cycle(COLOURS), strict=False))
     style = {
         "axes.spines.top": False,
         "axes.spines.right": False,
