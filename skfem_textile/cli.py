@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NoReturn, get_args
 
 from . import __version__, commands
+from .described import SHEAR_LAWS
 from .formulations import Kind
 from .scenes.bias_extension import PARTS
 from .scenes.rectangle import KINDS
@@ -217,7 +218,7 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
     add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm" + _SHOWN)
     add(
         "--shear-law",
-        choices=tuple(commands.SHEAR_LAWS),
+        choices=tuple(SHEAR_LAWS),
         default="linear",
         help="M_s = G gamma, or sin2: w = G sin^2 gamma / 2" + _SHOWN,
     )

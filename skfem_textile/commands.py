@@ -5,23 +5,16 @@ import json
 import logging
 import sys
 from collections.abc import Callable, Mapping
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from skfem import Mesh, MeshQuad, MeshTri
 
 from . import __version__
-from .fabric import Fabric, Law, Sin2
-from .formulations import Formulation, Full, Macro, OnePoint, Quadratic
-from .ply import Ply
+from .described import checkpoint_of, scene_of, stepper_of
 from .result import Iteration, Result, State, StepError
-from .scenes import Scene, bias_extension, picture_frame, strip, trellis
-from .scenes.rectangle import KINDS
-from .scenes.trellis import Edge, sheared
-from .splitting import SplitMesh, cut, split
+from .scenes import Scene
 from .stepper import LoadStepper
 
 #: The scenes, and what they are.
@@ -32,9 +25,6 @@ SCENES = {
     "bias_extension": "a rectangle pulled along the bisector of its fibres",
     "two_element": "why quadrilaterals lock: the paper's equations on two elements",
 }
-
-#: The shear laws, by their names on the command line.
-SHEAR_LAWS: dict[str, Callable[[float], float | Law]] = {"linear": float, "sin2": Sin2}
 
 #: The studies, and what they tell.
 STUDIES = {
@@ -64,8 +54,8 @@ def run(options: argparse.Namespace) -> int:
     """Load a scene and write its results."""
     from . import io  # loads meshio
 
-    scene = _scene(options)
-    stepper = _stepper(scene, options)
+    scene = scene_of(options)
+    stepper = stepper_of(scene, options)
     fields = (f"fields/{name}" for name in io.FIELDS)
     written = ("summary.json", "history.csv", *fields, *_PICTURES)
     results = io.ResultFolder(options.out, written)
@@ -144,118 +134,6 @@ def _inputs(options: argparse.Namespace) -> Mapping[str, Any]:
     return {k: v for k, v in vars(options).items() if k not in others}
 
 
-def _scene(options: argparse.Namespace) -> Scene:
-    mesh, triangles = options.mesh, options.formulation == Quadratic.name
-    if triangles and options.split:
-        raise ValueError(
-            "--split makes quadrilaterals, --formulation quadratic takes triangles: "
-            "leave one of them out"
-        )
-    if mesh not in KINDS:
-        if not Path(mesh).is_file():
-            raise ValueError(f"--mesh {mesh}: neither a file nor {', '.join(KINDS)}")
-        from .io import read_mesh
-
-        mesh = read_mesh(mesh, split=not triangles)
-    build = partial(
-        _SCENES[options.scene](options),
-        size=options.size,
-        jitter=options.jitter,
-        seed=options.seed,
-    )
-    scene = build(mesh=mesh)
-    if not isinstance(scene.mesh, SplitMesh):
-        own = scene.mesh
-        if isinstance(own, MeshQuad) and (triangles or options.split == "triangles"):
-            own = cut(own)
-        if options.split or (isinstance(own, MeshTri) and not triangles):
-            own = split(own)
-        if own is not scene.mesh:
-            scene = build(mesh=own)
-    return scene.rotated(np.radians(options.rotate))
-
-
-def _picture_frame(options: argparse.Namespace) -> Callable[..., Scene]:
-    return partial(picture_frame, shear_angle=np.radians(options.shear_angle))
-
-
-def _trellis(options: argparse.Namespace) -> Callable[..., Scene]:
-    warp, weft = np.radians([options.warp, options.weft])
-    turns = sheared(np.radians(options.shear_angle), np.radians(options.bend))
-    return partial(trellis, warp=warp, weft=weft, turns=turns, edges=_edges(options))
-
-
-def _edges(options: argparse.Namespace) -> dict[str, Edge]:
-    """What --free and --roller say of each side."""
-    edges: dict[str, Edge] = dict.fromkeys(options.free, "free")
-    for side, inclination in options.roller:
-        if side in edges:
-            raise ValueError(
-                f"--roller {side}: that side is already free or on a roller"
-            )
-        edges[side] = float(np.radians(inclination))
-    return edges
-
-
-def _bias_extension(options: argparse.Namespace) -> Callable[..., Scene]:
-    warp, weft, gamma = np.radians([options.warp, options.weft, options.shear_angle])
-    return partial(
-        bias_extension, warp=warp, weft=weft, shear_angle=gamma, part=options.part
-    )
-
-
-_SCENES: dict[str, Callable[[argparse.Namespace], Callable[..., Scene]]] = {
-    "strip": lambda options: strip,
-    "picture_frame": _picture_frame,
-    "trellis": _trellis,
-    "bias_extension": _bias_extension,
-}
-
-
-def _stepper(scene: Scene, options: argparse.Namespace) -> LoadStepper:
-    try:
-        shear = SHEAR_LAWS[options.shear_law](options.shear_stiffness)
-    except ValueError as error:
-        raise ValueError(f"shear {error}") from None
-    fabric = Fabric(options.fibre_stiffness, shear, scene.warp, scene.weft)
-    return LoadStepper(
-        Ply(scene.mesh, fabric, _formulation(options, scene.mesh)),
-        scene.conditions,
-        options.steps,
-        strategies=options.strategy,
-        warn_only=options.warn_only,
-        checkpoint=_checkpoint(options),
-    )
-
-
-def _formulation(options: argparse.Namespace, mesh: Mesh) -> Formulation:
-    C_s, kind, C_d = options.cs, options.stabilisation, options.deviation
-    macro = isinstance(mesh, SplitMesh) and kind == "energy"
-    name = options.formulation or (Macro.name if macro else OnePoint.name)
-    for option, given, names in (
-        ("--stabilisation", kind != "energy", (OnePoint.name,)),
-        ("--cs", C_s != "auto", (OnePoint.name, Macro.name)),
-        ("--deviation", C_d is not None, (Macro.name, Quadratic.name)),
-    ):
-        if given and name not in names:
-            raise ValueError(f"{option} goes with --formulation {' or '.join(names)}")
-    if name == OnePoint.name:
-        return OnePoint(C_s, kind)
-    if name == Macro.name:
-        return Macro(C_s) if C_d is None else Macro(C_s, C_d)
-    return Full() if name == Full.name else Quadratic(C_d)
-
-
-def _checkpoint(options: argparse.Namespace) -> Path | None:
-    """The folder that --checkpoint or --resume name, or theirs in the output folder."""
-    named = {f for f in (options.checkpoint, options.resume) if f not in (None, True)}
-    if len(named) > 1:
-        raise ValueError("--checkpoint and --resume name different folders")
-    if options.checkpoint is None and options.resume is None:
-        return None
-    return named.pop() if named else options.out / "checkpoint"
-
-
 def _load(stepper: LoadStepper, options: argparse.Namespace) -> tuple[int, str]:
     """Run with a progress bar on a terminal: exit code, and what to say at the end."""
     from rich.console import Console
@@ -293,7 +171,7 @@ def _load(stepper: LoadStepper, options: argparse.Namespace) -> tuple[int, str]:
 
 def _interrupted(stepper: LoadStepper, options: argparse.Namespace) -> str:
     at = stepper.states[-1].load_factor
-    kept = _checkpoint(options)
+    kept = checkpoint_of(options)
     advice = "--resume goes on from there" if kept else "--checkpoint lets a run resume"
     return f"interrupted; the state at load factor {at:.6g} is written, {advice}"
 

@@ -1,6 +1,5 @@
 """Formulations: on which element, at which points, and what stabilises it."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar, Literal, Protocol, TypeAlias, get_args
@@ -12,7 +11,7 @@ from skfem import CellBasis, Mesh
 from .continuity import JumpBasis, shear_continuity
 from .elements import CENTRE, GAUSS, SIX, HourglassBasis, quad_basis, triangle_basis
 from .fabric import Fabric
-from .forms import Forms, fibre_tension, tension
+from .forms import fibre_tension, tension
 from .hourglass import (
     AccumulatedMoment,
     HeldStabilisation,
@@ -24,50 +23,9 @@ from .macro import MacroBasis
 from .mean_tension import MeanBasis, mean_fibre_tension, mean_tension
 from .meshes import MeshError, check_quads, check_triangles
 from .splitting import SplitMesh
+from .terms import TensionTerm, Term
 
 Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
-
-
-class Memory(Protocol):
-    """What a term remembers of the last converged state.
-
-    ``parameters`` are passed to its forms, ``work`` is what it has stored so far in
-    N·mm: the term's energy form gives the rest.
-    """
-
-    parameters: dict[str, ndarray]
-    work: float
-
-    def reset(self) -> None:
-        """Return to the undeformed state."""
-        ...
-
-    def commit(self, u: ndarray) -> bool:
-        """Make ``u`` the last converged displacement; tell if that changes forces."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Term:
-    """A term of the internal energy, the basis on which it is assembled, its memory."""
-
-    name: str
-    forms: Forms
-    basis: CellBasis | JumpBasis
-    memory: Memory | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class TensionTerm(Term):
-    """The term of the fibres.
-
-    ``law`` gives their tensions at the ply's own points after a change of the fibre
-    strains, ``(strain, change) -> tension``, to first order in it; all have the shape
-    (2, n_elements, n_points).  ``arrange`` puts them at the points of ``basis``.
-    """
-
-    law: Callable[[ndarray, ndarray | float], ndarray] = np.add
-    arrange: Callable[[ndarray], ndarray] = np.asarray
 
 
 class Formulation(Protocol):

@@ -8,6 +8,7 @@ two triangles in place of a quadrilateral lock.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -36,7 +37,8 @@ class SplitMesh(MeshQuad):
 def split(mesh: Mesh) -> SplitMesh:
     """Split every triangle of a mesh in three, or every quadrilateral in four.
 
-    Boundaries and subdomains keep their names.
+    A quadrilateral that is not convex is cut in two triangles first.  Boundaries and
+    subdomains keep their names.
 
     Parameters
     ----------
@@ -60,7 +62,17 @@ def split(mesh: Mesh) -> SplitMesh:
             f"{type(mesh).__name__}"
         )
     edges = {k: mesh.facets[:, f] for k, f in (mesh.boundaries or {}).items()}
-    return split_cells(mesh.p, [mesh.t], edges, dict(mesh.subdomains or {}))
+    subdomains = dict(mesh.subdomains or {})
+    if isinstance(mesh, MeshTri):
+        return split_cells(mesh.p, [mesh.t], edges, subdomains)
+    quads: Any = mesh
+    convex = (_corners(quads) > 0).all(axis=0)
+    if convex.all():
+        return split_cells(mesh.p, [mesh.t], edges, subdomains)
+    cells = [_triangles(quads)[:, np.tile(~convex, 2)], mesh.t[:, convex]]
+    origin = np.concatenate([*[np.flatnonzero(~convex)] * 2, np.flatnonzero(convex)])
+    named = {k: np.flatnonzero(np.isin(origin, e)) for k, e in subdomains.items()}
+    return split_cells(mesh.p, cells, edges, named)
 
 
 def cut(mesh: MeshQuad) -> MeshTri:
@@ -76,13 +88,28 @@ def cut(mesh: MeshQuad) -> MeshTri:
     >>> triangles.nelements, sorted(triangles.boundaries)
     (2, ['bottom', 'left', 'right', 'top'])
     """
+    return replace(mesh, t=_turned(mesh)).to_meshtri()
+
+
+def _corners(mesh: MeshQuad) -> ndarray:
+    """Twice the area of the triangle at each corner, negative at a reflex one."""
     before, here, after = (mesh.p[:, np.roll(mesh.t, i, axis=0)] for i in (1, 0, -1))
-    corner = cross(after - here, before - here)  # twice the area of the triangle there
-    corner = corner * np.sign(corner.sum(axis=0))
+    corner = cross(after - here, before - here)
+    return corner * np.sign(corner.sum(axis=0))
+
+
+def _turned(mesh: MeshQuad) -> ndarray:
+    """Nodes of the quadrilaterals, the better diagonal from the second to the last."""
+    corner = _corners(mesh)
     ends_13, ends_02 = corner[::2].min(axis=0), corner[1::2].min(axis=0)
     other = ends_02 > ends_13 + 1e-9 * np.abs(ends_13)
-    t = np.where(other, np.roll(mesh.t, 1, axis=0), mesh.t)
-    return replace(mesh, t=t).to_meshtri()
+    return np.where(other, np.roll(mesh.t, 1, axis=0), mesh.t)
+
+
+def _triangles(mesh: MeshQuad) -> ndarray:
+    """Nodes of the triangles, the first of every quadrilateral and then the second."""
+    t = _turned(mesh)
+    return np.hstack([t[[0, 1, 3]], t[[1, 2, 3]]])
 
 
 def split_cells(

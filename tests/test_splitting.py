@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from helpers import distorted
 from scipy.spatial import Delaunay
-from skfem import MeshHex, MeshTri
+from skfem import MeshHex, MeshQuad, MeshTri
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.io import write_fields
@@ -81,6 +81,20 @@ def test_quadrilaterals_are_split_in_four_or_by_way_of_triangles_in_six(
     assert mesh.nelements == parts * quads.nelements
     assert areas(mesh).sum() == pytest.approx(areas(quads).sum())
     assert set(mesh.boundaries) == {"left", "right", "bottom", "top"}
+
+
+def test_a_quadrilateral_that_is_not_convex_is_cut_in_two_first():
+    p = np.array([[0.0, 1, 0.4, 0, 2, 2], [0.0, 0, 0.4, 1, 0, 1]])
+    t = np.array([[0, 1, 2, 3], [1, 4, 5, 2]]).T
+    quads = MeshQuad(p, t).with_subdomains({"dart": np.array([0])})
+    quads = quads.with_boundaries({"left": lambda x: x[0] == 0})
+    mesh = split(quads)
+    check_quads(mesh)
+    assert mesh.nelements == 2 * 3 + 4
+    assert areas(mesh).sum() == pytest.approx(areas(quads).sum())
+    assert areas(mesh)[mesh.subdomains["dart"]].sum() == pytest.approx(0.4)
+    assert len(mesh.subdomains["dart"]) == 6
+    assert len(mesh.boundaries["left"]) == 2
 
 
 def test_moved_and_scaled_meshes_remember_their_parents():

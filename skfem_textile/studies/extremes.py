@@ -4,20 +4,22 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from skfem import MeshQuad
+from skfem import Mesh, MeshQuad
 
 from ..conditions import Condition
 from ..fabric import Fabric
-from ..formulations import Formulation, Full, OnePoint
+from ..formulations import Formulation, Full, Macro, OnePoint
 from ..meshes import with_edges
 from ..ply import Ply
-from ..scenes import Scene, picture_frame, strip, trellis
+from ..scenes import Scene, bias_extension, picture_frame, strip, trellis
 from ..scenes.rectangle import rectangle
 from ..scenes.strip import HEIGHT, WIDTH
 from ..scenes.trellis import sheared
+from ..splitting import split
 
 _SIZE = (8, 8)
 
@@ -49,8 +51,8 @@ class Extreme:
     @property
     def name(self) -> str:
         """Value and formulation."""
-        element = "2×2" if isinstance(self.formulation, Full) else "one point"
-        return f"{self.label}, {element}"
+        elements = {"full": "2×2", "one-point": "one point", "macro": "macro"}
+        return f"{self.label}, {elements[self.formulation.name]}"
 
     def ply(self, scene: Scene) -> Ply:
         """The ply of the scene."""
@@ -65,7 +67,7 @@ def extremes() -> list[Extreme]:
     """Every problem."""
     families = (
         *(_stiffness_ratios, _stabilisations, _jitters, _slender, _flat_angles),
-        *(_crossings, _inclinations, _large_shear, _coordinates),
+        *(_crossings, _inclinations, _large_shear, _coordinates, _macro_elements),
     )
     return [problem for family in families for problem in family()]
 
@@ -156,17 +158,72 @@ def _coordinates() -> Iterator[Extreme]:
         yield Extreme("coordinates", "10⁶ mm away", far, element)
 
 
+def _macro_elements() -> Iterator[Extreme]:
+    """What is extreme for others, on quadrilaterals or triangles that were split."""
+
+    def problem(
+        label: str,
+        make: Callable[..., Scene],
+        E: float = 1e4,
+        G: float = 0.0,
+        exact: bool = False,
+        **options: Any,
+    ) -> Extreme:
+        scene = partial(_split, make, **options)
+        return Extreme("macro-elements", label, scene, Macro(), E, G, exact)
+
+    size = (5, 8)
+    for ratio in (1e2, 1e4, 1e6, 1e8, 1e10):
+        yield problem(f"E/G = {ratio:.0e}", strip, 0.5 * ratio, 0.5, size=size)
+    for E, mesh in product((1e4, 1e8), ("irregular", "delaunay")):
+        yield problem(f"E = {E:.0e}, G = 0, {mesh}", strip, E, mesh=mesh, size=size)
+    for ratio, mesh in product((1e4, 1e10), ("irregular", "delaunay")):
+        kinks: dict[str, Any] = {"mesh": mesh, "size": (4, 8)}
+        label = f"bias extension, E/G = {ratio:.0e}, {mesh}"
+        yield problem(label, bias_extension, 0.5 * ratio, 0.5, **kinks)
+    yield problem("1:100", strip, size=(2, 150))
+    yield problem("jitter 0.45", strip, jitter=0.45, size=size)
+    yield problem("angle 179°", _strip_with_flat_angles)
+    for crossing, bend in product((30, 150), (0, 8)):
+        net: dict[str, Any] = {
+            "crossing": crossing,
+            "shear": 15,
+            "bend": bend,
+            "size": (4, 4),
+        }
+        label = f"crossing {crossing}°" + (", bent" if bend else "")
+        yield problem(label, _trellis, G=0.5, exact=not bend, **net)
+    net = {"warp": 30, "shear": 85, "size": (4, 4)}
+    yield problem("shear 85°", _trellis, G=0.5, exact=True, **net)
+    for label, E, scale, shift in (
+        ("metres", 1e7, 1e-3, 0.0),
+        ("10⁶ mm away", 1e4, 1.0, 1e6),
+    ):
+        scene = partial(_placed, scale=scale, shift=shift, size=size)
+        yield Extreme("macro-elements", label, scene, Macro(), E)
+
+
+def _split(make: Callable[..., Scene], **options: Any) -> Scene:
+    """A scene on the mesh of the same scene, split."""
+    return make(**options | {"mesh": split(make(**options).mesh)})
+
+
 def _trellis(
-    warp: float = 0, crossing: float = 90, shear: float = 0, bend: float = 0
+    warp: float = 0,
+    crossing: float = 90,
+    shear: float = 0,
+    bend: float = 0,
+    size: tuple[int, int] = _SIZE,
+    mesh: str | Mesh = "irregular",
 ) -> Scene:
     warp, weft = np.radians([warp, warp + crossing])
     turns = sheared(*np.radians([shear, bend]))
-    return trellis(size=_SIZE, warp=warp, weft=weft, turns=turns)
+    return trellis(mesh, size, warp=warp, weft=weft, turns=turns)
 
 
-def _placed(scale: float, shift: float) -> Scene:
+def _placed(scale: float, shift: float, **options: Any) -> Scene:
     """The strip, larger and moved along x and y."""
-    scene = strip()
+    scene = _split(strip, **options) if options else strip()
 
     def at(X: ndarray) -> ndarray:
         return (X - shift) / scale
@@ -187,8 +244,8 @@ def _placed(scale: float, shift: float) -> Scene:
     )
 
 
-def _strip_with_flat_angles() -> Scene:
-    return strip(_with_flat_angles(WIDTH, HEIGHT, (10, 16)))
+def _strip_with_flat_angles(mesh: Mesh | None = None) -> Scene:
+    return strip(mesh or _with_flat_angles(WIDTH, HEIGHT, (10, 16)))
 
 
 def _frame_with_flat_angles() -> Scene:

@@ -1,0 +1,54 @@
+"""Terms of the internal energy of a ply, and what they remember."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy import ndarray
+from skfem import CellBasis
+
+from .continuity import JumpBasis
+from .forms import Forms
+
+
+class Memory(Protocol):
+    """What a term remembers of the last converged state.
+
+    ``parameters`` are passed to its forms, ``work`` is what it has stored so far in
+    N·mm: the term's energy form gives the rest.
+    """
+
+    parameters: dict[str, ndarray]
+    work: float
+
+    def reset(self) -> None:
+        """Return to the undeformed state."""
+        ...
+
+    def commit(self, u: ndarray) -> bool:
+        """Make ``u`` the last converged displacement; tell if that changes forces."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """A term of the internal energy, the basis on which it is assembled, its memory."""
+
+    name: str
+    forms: Forms
+    basis: CellBasis | JumpBasis
+    memory: Memory | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class TensionTerm(Term):
+    """The term of the fibres.
+
+    ``law`` gives their tensions at the ply's own points after a change of the fibre
+    strains, ``(strain, change) -> tension``, to first order in it; all have the shape
+    (2, n_elements, n_points).  ``arrange`` puts them at the points of ``basis``.
+    """
+
+    law: Callable[[ndarray, ndarray | float], ndarray] = np.add
+    arrange: Callable[[ndarray], ndarray] = np.asarray
