@@ -210,9 +210,8 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
         "--deviation",
         type=float,
         metavar="C",
-        help="stiffness of deviations from the mean strain of an element, as a "
-        "multiple of that of shear (default: 500 in macro-elements; quadratic "
-        "triangles have the strain at each point)",
+        help="give quadratic triangles the tension of their mean strain, and "
+        "deviations from it this multiple of the shear stiffness: 20",
     )
     add("--fibre-stiffness", type=float, default=1e4, metavar="E", help="N/mm" + _SHOWN)
     add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm" + _SHOWN)

@@ -120,14 +120,14 @@ def _formulation(options: argparse.Namespace, mesh: Mesh) -> Formulation:
     for option, given, names in (
         ("--stabilisation", kind != "energy", (OnePoint.name,)),
         ("--cs", C_s != "auto", (OnePoint.name, Macro.name)),
-        ("--deviation", C_d is not None, (Macro.name, Quadratic.name)),
+        ("--deviation", C_d is not None, (Quadratic.name,)),
     ):
         if given and name not in names:
             raise ValueError(f"{option} goes with --formulation {' or '.join(names)}")
     if name == OnePoint.name:
         return OnePoint(C_s, kind)
     if name == Macro.name:
-        return Macro(C_s) if C_d is None else Macro(C_s, C_d)
+        return Macro(C_s)
     return Full() if name == Full.name else Quadratic(C_d)
 
 

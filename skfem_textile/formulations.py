@@ -180,7 +180,7 @@ class Macro(_Quadrilaterals):
         As of `OnePoint`.
     deviation
         Stiffness that meets deviations from the mean strain, as a multiple of that of
-        shear (`deviation_stiffness`).
+        shear (`deviation_stiffness`), in what was a triangle and a quadrilateral.
 
     Raises
     ------
@@ -189,14 +189,15 @@ class Macro(_Quadrilaterals):
     """
 
     stabilisation: float | Literal["auto"] = "auto"
-    deviation: float = 500.0
+    deviation: tuple[float, float] = (400.0, 1600.0)
 
     name: ClassVar[str] = "macro"
     rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
 
     def __post_init__(self) -> None:
         _refuse("stabilisation", self.stabilisation, " or 'auto'")
-        _refuse("deviation", self.deviation)
+        for deviation in self.deviation:
+            _refuse("deviation", deviation)
 
     @property
     def title(self) -> str:
@@ -214,7 +215,10 @@ class Macro(_Quadrilaterals):
         """The tension of the mean strain of each macro-element."""
         mesh: Any = basis.mesh
         macro = MacroBasis(mesh, mapping=basis.mapping, dofs=basis.dofs)
-        return _mean_tension_term(fabric, self.deviation, macro)
+        of_triangles, of_quadrilaterals = self.deviation
+        four = (macro.parts >= 0).sum(axis=1) == 4
+        deviation = np.where(four, of_quadrilaterals, of_triangles)
+        return _mean_tension_term(fabric, deviation[:, None], macro)
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """The hourglass term, unless C_s is zero."""
@@ -276,7 +280,7 @@ class Quadratic(_Pointwise):
 
 
 def _mean_tension_term(
-    fabric: Fabric, deviation: float, basis: MeanBasis
+    fabric: Fabric, deviation: float | ndarray, basis: MeanBasis
 ) -> TensionTerm:
     return TensionTerm(
         "tension",

@@ -71,7 +71,7 @@ class MacroBasis(MeanBasis):
 
     def of_parts(self, x: ndarray) -> ndarray:
         """Values of the quadrilaterals, (..., n, 1), as those of the points."""
-        return np.where(self.parts >= 0, x[..., self.parts, 0], 0.0)
+        return x[..., self.parts, 0]
 
     def on_parts(self, x: ndarray) -> ndarray:
         """Values of the points as those of the quadrilaterals, (..., n, 1)."""

@@ -54,7 +54,7 @@ class MeanBasis(CellBasis):
         return x
 
 
-def mean_tension(fabric: Fabric, deviation: float) -> Forms:
+def mean_tension(fabric: Fabric, deviation: float | ndarray) -> Forms:
     """Fibre tension with the energy ψ(ε̄) + ½ E_d (ε − ε̄)².
 
     The forms go with `MeanBasis`.  The tangent takes an optional parameter ``tension``,
@@ -133,7 +133,7 @@ def mean_tension(fabric: Fabric, deviation: float) -> Forms:
 
 def mean_fibre_tension(
     fabric: Fabric,
-    deviation: float,
+    deviation: float | ndarray,
     basis: MeanBasis,
     strain: ndarray,
     change: ndarray | float = 0.0,
@@ -159,7 +159,7 @@ def mean_fibre_tension(
 
 
 def deviation_stiffness(
-    fabric: Fabric, deviation: float, fineness: ndarray
+    fabric: Fabric, deviation: float | ndarray, fineness: ndarray
 ) -> tuple[ndarray, ndarray]:
     """E_d of warp and weft in N/mm, at most the fibre stiffness at rest, if any.
 
@@ -171,8 +171,9 @@ def deviation_stiffness(
     fabric
         Gives the laws.
     deviation
-        E_d as a multiple of the shear stiffness at rest times the fineness.  Where
-        there is no shear stiffness E_d is half of the fibre stiffness.
+        E_d as a multiple of the shear stiffness at rest times the fineness: one, or
+        one per element, shape (n_elements, 1).  Where there is no shear stiffness E_d
+        is half of the fibre stiffness.
     fineness
         √(A/A_e), shape (n_elements, 1).
 

@@ -72,7 +72,21 @@ def test_a_case_is_measured_at_40_degrees_and_its_load_at_every_angle():
     assert row["position"] == at_40["displacement_error_rms"]
     at_20 = scene.summary(replace(result, states=result.states[:3]))
     assert row["load_20"] == pytest.approx(at_20["load_over_exact"])
+    assert row["strain_2x2"] == at_40["max_fibre_strain_2x2"] > row["strain"]
     assert not row["refused"]
+
+
+def test_a_fixed_stabilisation_competes_if_its_load_is_off_by_no_more_than_twice():
+    def rows(method, group, load, position):
+        names = {"group": group, "method": method.name, "problem": STRIP.name}
+        return [names | {"across": 16, "load": load, "position": position}]
+
+    best, worse, *_ = comparison.STABILISATIONS
+    own = rows(AUTO, "methods", 1.0, 0.1)
+    own += rows(worse, "stabilisation", 1.9, 0.09)
+    off = rows(best, "stabilisation", 2.1, 0.01)
+    assert tables._best_position(own + off, STRIP, AUTO) == pytest.approx(0.9)
+    assert np.isnan(tables._best_position(own[:1] + off, STRIP, AUTO))
 
 
 def test_the_load_is_the_force_along_what_is_prescribed():

@@ -64,7 +64,7 @@ MACRO_TRIANGLES = _method("macro, triangles", "triangles", 2, Macro())
 AUTO = _method("one point, auto", "quads", 1, OnePoint())
 PAPER = _method("one point, C_s = 1", "quads", 1, OnePoint(1.0))
 MEAN_QUADRATIC = _method(
-    "quadratic, mean strain", "triangles", 2, Quadratic(deviation=25.0)
+    "quadratic, mean strain", "triangles", 2, Quadratic(deviation=20.0)
 )
 
 #: Of every formulation one or two, those with nothing to tune first.
@@ -84,9 +84,9 @@ STABILISATIONS = tuple(
     _scaled(f"C_s = {k:g} C", k) for k in (2.0**i for i in (-5, *range(-3, 4), 5))
 )
 DEVIATIONS = tuple(
-    _method(f"{mesh}, {c:g}", mesh, 2, Macro(deviation=c))
-    for mesh in ("quads", "triangles")
-    for c in (125.0, 250.0, 1000.0, 2000.0)
+    _method(f"{mesh}, {c:g}", mesh, 2, Macro(deviation=(c, c)))
+    for mesh, chosen in zip(("triangles", "quads"), Macro().deviation, strict=True)
+    for c in (chosen / 4, chosen / 2, chosen * 2, chosen * 4)
 )
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ..formulations import Macro
 from .comparison import (
     ACROSS,
     ANGLES,
@@ -118,11 +119,15 @@ def constants(rows: list[Row]) -> str:
 
 def _deviations(rows: list[Row]) -> str:
     lines = []
-    for mesh, chosen in (("quads", MACRO), ("triangles", MACRO_TRIANGLES)):
+    of_triangles, of_quads = Macro().deviation
+    for mesh, chosen, c in (
+        ("quads", MACRO, of_quads),
+        ("triangles", MACRO_TRIANGLES, of_triangles),
+    ):
         own = [m for m in DEVIATIONS if m.mesh == mesh]
         for method in (*own[:2], chosen, *own[2:]):
             group = "methods" if method is chosen else "deviation"
-            line = [f"{mesh}, 500" if method is chosen else method.name]
+            line = [f"**{mesh}, {c:g}**" if method is chosen else method.name]
             for across in ACROSS[:2]:
                 for problem in (*BIAS[::2], *BIAS_SIN2[::2]):
                     some = _of(rows, group, problem, method, across)
