@@ -5,7 +5,6 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
-from skfem.helpers import cross
 
 from ..meshes import with_edges
 
@@ -83,7 +82,4 @@ def rectangle(
 def _delaunay(points: ndarray) -> MeshTri:
     from scipy.spatial import Delaunay
 
-    t = Delaunay(points.T).simplices.T
-    a, b, c = points[:, t].swapaxes(0, 1)
-    area = np.abs(cross(b - a, c - a))
-    return MeshTri(points, t[:, area > 1e-9 * area.max()])  # none along a side
+    return MeshTri(points, np.ascontiguousarray(Delaunay(points.T).simplices.T))

@@ -228,7 +228,8 @@ def errors(rows: list[Row]) -> dict[str, dict[str, dict[str, Any]]]:
     curves: dict[str, dict[str, dict[str, Any]]] = {}
     for key, label in what.items():
         for problem in (STRIP, TRELLIS, BIAS[0], BIAS[2]):
-            panel = curves.setdefault(label, {}).setdefault(problem.name, {})
+            title = problem.name.replace(", ", "\n", 1)
+            panel = curves.setdefault(label, {}).setdefault(title, {})
             for method in shown:
                 some = [_of(rows, "methods", problem, method, n) for n in ACROSS]
                 panel[method.name] = (
