@@ -1,6 +1,7 @@
-"""The command line: ``skfem-textile list`` and ``skfem-textile run SCENE``."""
+"""The command line: ``skfem-textile`` with ``list``, ``run`` and ``study``."""
 
 import argparse
+import math
 import os
 import sys
 from collections.abc import Sequence
@@ -84,7 +85,7 @@ def _study(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(task=commands.study)
     _output(parser)
     parser.add_argument(
-        "--workers", type=int, default=1, help="processes to use" + _SHOWN
+        "--workers", type=_positive, default=1, help="processes to use" + _SHOWN
     )
 
 
@@ -131,6 +132,7 @@ def _trellis(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--free",
         nargs="+",
+        action="extend",
         choices=SIDES,
         default=[],
         metavar="SIDE",
@@ -160,7 +162,7 @@ def _angle(
     parser: argparse.ArgumentParser, name: str, default: float, what: str
 ) -> None:
     parser.add_argument(
-        f"--{name}", type=float, default=default, metavar="DEG", help=what + _SHOWN
+        f"--{name}", type=_finite, default=default, metavar="DEG", help=what + _SHOWN
     )
 
 
@@ -268,6 +270,22 @@ def _stepping(parser: argparse.ArgumentParser) -> None:
         default=0,
         help="tell of every step; twice: of every iteration",
     )
+
+
+def _finite(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"{text!r} is no finite number")
+    return number
+
+
+def _positive(text: str) -> int:
+    if not (text.isdecimal() and int(text)):
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number of at least 1")
+    return int(text)
 
 
 def _roller(text: str) -> tuple[str, float]:

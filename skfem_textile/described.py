@@ -54,6 +54,8 @@ def _fitting(mesh: Mesh, into: str | None, triangles: bool) -> Mesh:
         return mesh
     if isinstance(mesh, MeshQuad) and (triangles or into == "triangles"):
         mesh = cut(mesh)
+    if into == "quads" and isinstance(mesh, MeshTri):
+        raise ValueError("--split quads: the mesh has triangles; leave it out")
     if into or (isinstance(mesh, MeshTri) and not triangles):
         mesh = split(mesh)
     return mesh

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import partial
+from numbers import Real
 from typing import Any, ClassVar, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
@@ -22,7 +23,7 @@ from .isotropic import isotropic_hourglass
 from .macro import MacroBasis
 from .mean_tension import MeanBasis, mean_fibre_tension, mean_tension
 from .meshes import MeshError, check_quads, check_triangles
-from .splitting import SplitMesh
+from .splitting import was_split
 from .terms import TensionTerm, Term
 
 Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
@@ -196,19 +197,31 @@ class Macro(_Quadrilaterals):
 
     def __post_init__(self) -> None:
         _refuse("stabilisation", self.stabilisation, " or 'auto'")
+        if np.shape(self.deviation) != (2,):
+            raise ValueError(
+                "deviation must be a pair (triangles, quadrilaterals), got "
+                f"{self.deviation}"
+            )
         for deviation in self.deviation:
             _refuse("deviation", deviation)
 
     @property
     def title(self) -> str:
         """What to call it in a picture."""
-        C_s = self.stabilisation
-        return "macro-elements" + ("" if C_s == "auto" else f", Cs = {C_s:g}")
+        C_s, own = self.stabilisation, self.deviation == Macro.deviation
+        return (
+            "macro-elements"
+            + ("" if C_s == "auto" else f", Cs = {C_s:g}")
+            + ("" if own else ", {:g} and {:g}".format(*self.deviation))
+        )
 
     def basis(self, mesh: Mesh) -> CellBasis:
         """Basis of the displacement."""
-        if not isinstance(mesh, SplitMesh):
-            raise MeshError("macro-elements need a mesh that was split: split(mesh)")
+        if not was_split(mesh):
+            raise MeshError(
+                "macro-elements need a mesh that was split, and not changed since: "
+                "split(mesh), or --split"
+            )
         return super().basis(mesh)
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
@@ -258,7 +271,8 @@ class Quadratic(_Pointwise):
     @property
     def title(self) -> str:
         """What to call it in a picture."""
-        return "quadratic triangles" + (", mean strain" if self.deviation else "")
+        C_d = self.deviation
+        return "quadratic triangles" + ("" if C_d is None else f", mean, {C_d:g}")
 
     def basis(self, mesh: Mesh) -> CellBasis:
         """Basis of the displacement."""
@@ -295,5 +309,5 @@ def _refuse(name: str, value: float | str, also: str = "") -> None:
     """Refuse what is no stiffness, nor ``auto`` where that may be."""
     if also and value == "auto":
         return
-    if isinstance(value, str) or not (np.isfinite(value) and value >= 0):
+    if not isinstance(value, Real) or not (np.isfinite(value) and value >= 0):
         raise ValueError(f"{name} must be a finite number >= 0{also}, got {value}")

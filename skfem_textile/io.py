@@ -22,7 +22,7 @@ from .fields import cell_fields, on_parents, point_fields
 from .meshes import MeshError, check_mesh, check_quads
 from .ply import Ply
 from .result import Result
-from .splitting import SplitMesh, boundary_edges, split_cells
+from .splitting import SplitMesh, boundary_edges, split_cells, was_split
 
 #: What `write_fields` may write.
 FIELDS = ("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd")
@@ -172,7 +172,7 @@ def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
             stale.unlink()
     ply, mesh = result.ply, result.ply.mesh
     _write_series(result, folder, "", [mesh.t], lambda u: cell_fields(ply, u))
-    if isinstance(mesh, SplitMesh):
+    if was_split(mesh):
         _write_series(
             *(result, folder, "own_", mesh.cells),
             lambda u: on_parents(mesh, cell_fields(ply, u)),

@@ -165,6 +165,8 @@ def deviation_stiffness(
 
     Fibres of the stiffness E spread a jump of the shear angle over a width of L√(G/E)
     along their length L: the finer a mesh, the stiffer the fibres that it can take.
+    The multiple and the exponent of the fineness are measured.  E_d depends on the area
+    of the whole mesh, and jumps where the shear stiffness vanishes.
 
     Parameters
     ----------

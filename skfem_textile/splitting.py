@@ -8,7 +8,7 @@ two triangles in place of a quadrilateral lock.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy import ndarray
@@ -32,6 +32,11 @@ class SplitMesh(MeshQuad):
 
     cells: tuple[ndarray, ...] = ()
     parent: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+
+
+def was_split(mesh: Mesh) -> TypeGuard[SplitMesh]:
+    """Whether a mesh still is what `split` made of it: not refined, nor cut down."""
+    return isinstance(mesh, SplitMesh) and len(mesh.parent) == mesh.nelements
 
 
 def split(mesh: Mesh) -> SplitMesh:

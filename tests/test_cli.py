@@ -292,7 +292,7 @@ def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypat
         (("--size", "1000000x1000000"), "llocate"),
         (("--jitter", "2"), "jitter must be in"),
         (("--seed", "-1"), "seed must be"),
-        (("--rotate", "nan"), "rotation must be"),
+        (("--rotate", "nan"), "--rotate: 'nan' is no finite number"),
         (("--mesh", "curly"), "--mesh curly: neither a file nor aligned"),
         (("--formulation", "fuller"), "--formulation"),
         (("--stabilisation", "magic"), "--stabilisation"),
@@ -391,6 +391,41 @@ def test_quadrilaterals_may_be_split_first(
     assert summary["n_elements"] == parts * 8
     assert summary["formulation"] == formulation
     assert summary["inputs"]["split"] == (into[0] if into else "triangles")
+
+
+@pytest.mark.parametrize(
+    "scene", ["strip", "trellis", "bias_extension", "picture_frame"]
+)
+@pytest.mark.parametrize(
+    ("formulation", "elements"),
+    [((), 3), (("--formulation", "one-point"), 3), (("--formulation", "quadratic"), 1)],
+)
+def test_every_scene_takes_delaunays_triangles(tmp_path, scene, formulation, elements):
+    out = tmp_path / "out"
+    options = ("--mesh", "delaunay", "--size", "3x6", "--steps", "2", "--no-render")
+    command = ["run", scene, "--out", str(out), *options, *formulation]
+    assert cli.main([*command, "--shear-stiffness", "0.5"]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["n_elements"] == elements * 2 * 18
+
+
+def test_numbers_that_make_no_sense_are_refused(capsys, tmp_path):
+    out = ("--out", str(tmp_path / "o"))
+    assert "no finite number" in refused(
+        capsys, "run", "trellis", "--warp", "nan", *out
+    )
+    assert "--workers" in refused(capsys, "study", "stability", "--workers", "0", *out)
+    triangles = ("--mesh", "delaunay", "--split", "quads")
+    assert "has triangles" in refused(capsys, "run", "strip", *triangles, *out)
+
+
+def test_sides_may_be_freed_one_by_one(tmp_path):
+    free = ("--free", "top", "--free", "left")
+    out = tmp_path / "out"
+    size = ("--size", "3x3", "--steps", "1", "--no-render")
+    assert cli.main(["run", "trellis", "--out", str(out), *size, *free]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["inputs"]["free"] == ["top", "left"]
 
 
 def test_a_stabilisation_that_would_be_ignored_is_refused(capsys, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skfem_textile import Full, LoadStepper, Macro, OnePoint, Ply, Quadratic, cli
-from skfem_textile.studies import comparison, formulations, tables
+from skfem_textile.studies import comparison, findings, formulations, tables
 from skfem_textile.studies.comparison import (
     AUTO,
     BIAS,
@@ -85,8 +85,8 @@ def test_a_fixed_stabilisation_competes_if_its_load_is_off_by_no_more_than_twice
     own = rows(AUTO, "methods", 1.0, 0.1)
     own += rows(worse, "stabilisation", 1.9, 0.09)
     off = rows(best, "stabilisation", 2.1, 0.01)
-    assert tables._best_position(own + off, STRIP, AUTO) == pytest.approx(0.9)
-    assert np.isnan(tables._best_position(own[:1] + off, STRIP, AUTO))
+    assert findings.best_position(own + off, STRIP, AUTO) == pytest.approx(0.9)
+    assert np.isnan(findings.best_position(own[:1] + off, STRIP, AUTO))
 
 
 def test_the_load_is_the_force_along_what_is_prescribed():
@@ -114,8 +114,14 @@ def test_the_furthest_load_is_the_one_furthest_from_the_exact():
         for x in (0.99, 1.02, 0.9)
     ]
     rows[2]["load_10"] = np.nan
-    assert tables._over_angles(rows) == (0.99, 0.9)
-    assert np.isnan(tables._over_angles([])).all()
+    assert findings.over_angles(rows) == (0.99, 0.9)
+    assert np.isnan(findings.over_angles([])).all()
+
+
+def test_a_figure_that_some_seeds_miss_says_how_many_have_it():
+    rows = [{"load": x} for x in (1.0, np.nan, 3.0)]
+    assert tables._cell(rows, "load") == "2 (2 of 3)"
+    assert tables._cell(rows[1:2], "load") == "-"
 
 
 def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
@@ -128,12 +134,17 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
         case(BIAS[0], MEAN_QUADRATIC, 8),
     ]
     monkeypatch.setattr(comparison, "cases", lambda: some)
-    monkeypatch.setattr(tables, "ACROSS", (4, 8, 16))
+    for module in (tables, findings):
+        monkeypatch.setattr(module, "ACROSS", (4, 8, 16))
     out = tmp_path / "out"
     assert cli.main(["study", "formulations", "--out", str(out)]) == 0
     names = {p.name for p in out.iterdir()}
     assert names == {*formulations.FILES, *formulations.PICTURES}
-    assert json.loads((out / "summary.json").read_text())["cases"] == len(some)
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["cases"] == len(some)
+    assert 0 < summary["triangulations"]["largest_load_over_E"] < 1e-5
+    shares = summary["position_error_of_the_best_fixed_stabilisation_over_that_of"]
+    assert shares[AUTO.name][STRIP.name] is None  # no rival among the cases
     with open(out / "formulations.csv") as file:
         rows = list(csv.DictReader(file))
     assert [row["method"] for row in rows[:3]] == [m.name for m in (MACRO, PAPER, AUTO)]

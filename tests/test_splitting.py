@@ -5,12 +5,21 @@ from helpers import distorted
 from scipy.spatial import Delaunay
 from skfem import MeshHex, MeshQuad, MeshTri
 
-from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    MeshError,
+    OnePoint,
+    Ply,
+)
 from skfem_textile.io import write_fields
 from skfem_textile.meshes import check_quads
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import cut, split, split_cells
+from skfem_textile.splitting import cut, split, split_cells, was_split
 
 TRIANGLE_AND_QUAD = (
     np.array([[0.0, 1.0, 1.0, 0.0, 2.0], [0.0, 0.0, 1.0, 1.0, 0.5]]),
@@ -95,6 +104,19 @@ def test_a_quadrilateral_that_is_not_convex_is_cut_in_two_first():
     assert areas(mesh)[mesh.subdomains["dart"]].sum() == pytest.approx(0.4)
     assert len(mesh.subdomains["dart"]) == 6
     assert len(mesh.boundaries["left"]) == 2
+
+
+def test_a_mesh_that_was_refined_is_no_longer_split(tmp_path):
+    mesh = split(distorted(1))
+    assert was_split(mesh)
+    for changed in (mesh.refined(), mesh.restrict(np.arange(4))):
+        assert not was_split(changed)
+        with pytest.raises(MeshError, match="not changed since"):
+            Ply(changed, Fabric(), Macro())
+    held = {"all": Condition(lambda X: X[0] >= 0, lambda X, t: 0 * X)}
+    ply = Ply(mesh.refined(), Fabric(), OnePoint())
+    write_fields(LoadStepper(ply, held, steps=1).run(), tmp_path)
+    assert not list(tmp_path.glob("own*"))
 
 
 def test_moved_and_scaled_meshes_remember_their_parents():

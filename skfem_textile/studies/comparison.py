@@ -51,6 +51,10 @@ def _one_point(k: float, kind: Kind, C: float) -> Formulation:
     return OnePoint(k * C, kind)
 
 
+def _macro(k: float, C: float) -> Formulation:
+    return Macro(k * C)
+
+
 def _method(name: str, mesh: str, parts: int, formulation: Formulation) -> Method:
     return Method(name, mesh, parts, partial(_as_is, formulation))
 
@@ -80,8 +84,12 @@ METHODS = (
 )
 
 #: Other constants: C_s of one point, and the stiffness of deviations.
-STABILISATIONS = tuple(
-    _scaled(f"C_s = {k:g} C", k) for k in (2.0**i for i in (-5, *range(-3, 4), 5))
+STABILISATIONS = (
+    *(_scaled(f"C_s = {k:g} C", k) for k in (1 / 32, 1 / 8, 1 / 4, 1 / 2, 2, 4, 8, 32)),
+    *(
+        Method(f"macro, C_s = {k:g} C", "quads", 2, partial(_macro, k))
+        for k in (1 / 8, 1 / 4, 1 / 2, 2, 4, 8)
+    ),
 )
 DEVIATIONS = tuple(
     _method(f"{mesh}, {c:g}", mesh, 2, Macro(deviation=(c, c)))
@@ -95,6 +103,7 @@ class Problem:
     """A scene and a material.
 
     ``steps`` load steps lead to the end; results are taken at the step ``last``.
+    ``exact_load`` is what the load should be, in N or as a share of the exact one.
     """
 
     name: str
@@ -105,6 +114,7 @@ class Problem:
     law: Law
     steps: int
     last: int
+    exact_load: float = 0.0
 
     @property
     def stabilisation(self) -> float:
@@ -125,13 +135,14 @@ def _bias(ratio: float, law: Law) -> Problem:
     name = f"bias extension, {'linear' if isinstance(law, Linear) else 'sin²'}"
     return Problem(
         f"{name}, E/G = {ratio:.0e}".replace("e+0", "e"),
-        *(_bias_extension, (50.0, 100.0), 0.25, ratio * G, law, 5, 4),
+        *(_bias_extension, (50.0, 100.0), 0.25, ratio * G, law, 5, 4, 1.0),
     )
 
 
 RATIOS = (2e4, 2e5, 2e6)
 STRIP = Problem("strip", strip, (WIDTH, HEIGHT), 0.3, 1e4, Linear(0.0), 5, 5)
 TRELLIS = Problem("trellis", trellis, (SIDE, SIDE), 0.3, 1e4, Linear(0.0), 5, 5)
+SHEARED = replace(TRELLIS, name="trellis, E/G = 2e5", E=2e5 * G, law=Linear(G))
 FRAME = Problem(
     "picture frame", picture_frame, (SIDE, SIDE), 0.3, 1e4, Linear(0.5), 5, 5
 )
@@ -169,6 +180,7 @@ def cases() -> Iterator[Case]:
     every = (STRIP, TRELLIS, FRAME, *BIAS)
     yield from _grid("methods", every, METHODS, ACROSS)
     yield from _grid("methods", BIAS_SIN2, FOR_LOAD, ACROSS)
+    yield from _grid("methods", [SHEARED], (*FOR_LOAD, PAPER), ACROSS[:2])
     for problem, method in product(BIAS, (MACRO, AUTO)):
         yield Case("resolved", problem, method, RESOLVED, SEEDS[0])
     some = (STRIP, TRELLIS, *BIAS)

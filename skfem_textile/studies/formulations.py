@@ -19,7 +19,7 @@ from ..ply import Ply
 from ..result import Result, StepError
 from ..scenes import Scene
 from ..stepper import LoadStepper
-from . import comparison, tables
+from . import comparison, findings, tables
 from .comparison import ANGLES, Case
 
 #: Written by `write` and by `draw`.
@@ -127,13 +127,8 @@ def write(rows: list[Row], folder: Path) -> None:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
-    counts = {
-        "cases": len(rows),
-        "refused": sum(bool(row["refused"]) for row in rows),
-        "not_stable": sum(row["negative_pivots"] > 0 for row in rows),
-        **tables.findings(rows),
-    }
-    (folder / "summary.json").write_text(json.dumps(counts, indent=2) + "\n")
+    found = json.dumps(findings.findings(rows), indent=2, allow_nan=False)
+    (folder / "summary.json").write_text(found + "\n")
     for name, table in tables.TABLES.items():
         (folder / f"{name}.md").write_text(table(rows))
 
@@ -142,4 +137,4 @@ def draw(rows: list[Row], folder: Path) -> None:
     """Draw `PICTURES`: errors against unknowns."""
     from ..convergence import convergence
 
-    convergence(tables.errors(rows), folder / "formulations.png")
+    convergence(findings.errors(rows), folder / "formulations.png")

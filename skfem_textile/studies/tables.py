@@ -1,14 +1,15 @@
-"""Tables of the study of formulations: medians over the seeds, in Markdown."""
+"""Tables of the study of formulations: medians over the seeds, in Markdown.
+
+Where not every seed reached a figure, it says how many did.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
 from ..formulations import Macro
 from .comparison import (
     ACROSS,
-    ANGLES,
     AUTO,
     BIAS,
     BIAS_SIN2,
@@ -19,51 +20,62 @@ from .comparison import (
     METHODS,
     PAPER,
     RESOLVED,
+    SHEARED,
     STABILISATIONS,
     STRIP,
     TRELLIS,
-    Method,
     Problem,
 )
-
-Row = dict[str, Any]
-
-# The load may be off by so much more than that of `auto`, in the comparison of C_s.
-_LOAD_MARGIN = 2.0
+from .findings import Row, load_error, median, of, over_angles, per_stiffness
 
 
 def methods(rows: list[Row]) -> str:
-    """Every method at the middle refinement."""
-    lines = []
+    """Every method at the middle refinement: strip and trellis, then bias extension."""
+    smooth, kinked = [], []
     for method in METHODS:
-        on = {p: _of(rows, "methods", p, method, ACROSS[1]) for p in _SCENES}
-        strip, trellis, *bias = on.values()
-        lines.append(
+        strip, trellis, *bias = (
+            of(rows, "methods", p, method, ACROSS[1]) for p in (STRIP, TRELLIS, *BIAS)
+        )
+        smooth.append(
             [
-                method.name,
-                f"{_median(strip, 'unknowns'):.0f}",
-                _figure(_median(strip, "load")),
-                *(_figure(_median(strip, key)) for key in ("position", "angle")),
-                *(_strain(_median(strip, key)) for key in ("strain", "strain_2x2")),
-                _figure(_median(trellis, "position")),
-                *(_load(_median(some, "load")) for some in bias),
-                *(_figure(_median(bias[1], key)) for key in ("position", "angle")),
-                f"{_median(bias[1], 'solves'):.0f}",
-                str(sum(bool(row["refused"]) for some in on.values() for row in some)),
+                *(method.name, _cell(strip, "unknowns", _count)),
+                *(_cell(strip, key) for key in ("load", "position", "angle")),
+                *(_cell(strip, key, _strain) for key in ("strain", "strain_2x2")),
+                *(_cell(trellis, key) for key in ("position", "angle")),
+                *(_cell(trellis, key, _count) for key in ("solves",)),
             ]
         )
-    head = [
-        "",
-        "unknowns",
-        "strip: N",
-        "mm",
-        "°",
-        "strain",
-        "strain 2×2",
-        "trellis: mm",
-    ]
-    head += [f"bias: load, {problem.E / 0.5:.0e}" for problem in BIAS]
-    return _table([*head, "mm", "°", "solves", "refused"], lines)
+        kinked.append(
+            [
+                *(method.name, _cell(bias[1], "unknowns", _count)),
+                *(_cell(some, "load", _load) for some in bias),
+                *(_cell(bias[1], key) for key in ("position", "angle")),
+                *(_cell(bias[1], key, _strain) for key in ("strain", "strain_2x2")),
+                *(_cell(bias[1], "solves", _count), _cell(bias[1], "seconds")),
+            ]
+        )
+    strains = ["strain", "strain 2×2"]
+    head = ["strip and trellis", "unknowns", "load, N", "mm", "°", *strains]
+    text = _table([*head, "trellis: mm", "°", "solves"], smooth)
+    loads = [f"load, {_ratio(problem)}" for problem in BIAS]
+    head = ["bias extension", "unknowns", *loads, "mm", "°", *strains, "solves", "s"]
+    return text + "\n" + _table(head, kinked) + "\n" + _sheared(rows)
+
+
+def _sheared(rows: list[Row]) -> str:
+    """A smooth motion of a fabric with shear stiffness."""
+    lines = []
+    for method in (*FOR_LOAD, PAPER):
+        line = [method.name]
+        for across in ACROSS[:2]:
+            some = of(rows, "methods", SHEARED, method, across)
+            line += [_cell(some, "position"), _cell(some, "angle")]
+            line.append(_cell(some, "solves", _count))
+        lines.append(line)
+    head = [SHEARED.name]
+    for across in ACROSS[:2]:
+        head += [f"{across} across: mm", "°", "solves"]
+    return _table(head, lines)
 
 
 def load(rows: list[Row]) -> str:
@@ -73,74 +85,54 @@ def load(rows: list[Row]) -> str:
         for problem in (*BIAS, *BIAS_SIN2):
             line = [method.name, problem.name.removeprefix("bias extension, ")]
             for across in ACROSS[1:]:
-                some = _of(rows, "methods", problem, method, across)
-                median, worst = _over_angles(some)
-                line += [_load(x) for x in (median, worst, _median(some, "load_50"))]
+                some = of(rows, "methods", problem, method, across)
+                line += [_load(x) for x in over_angles(some)]
+                line.append(_cell(some, "load_50", _load))
             lines.append(line)
     head = ["", "law, E/G"]
     for across in ACROSS[1:]:
         head += [f"{across} across: median", "worst", "50°"]
-    return _table(head, lines) + "\n" + _resolved(rows)
-
-
-def _resolved(rows: list[Row]) -> str:
-    lines = []
+    resolved = []
     for method in (MACRO, AUTO):
-        line = [method.name]
-        for problem in BIAS:
-            some = _of(rows, "resolved", problem, method, RESOLVED)
-            line.append(_load(_median(some, "load")))
-        lines.append(line)
-    head = [f"load at {RESOLVED} across"]
-    return _table(
-        [*head, *(p.name.removeprefix("bias extension, ") for p in BIAS)], lines
-    )
+        alone = [of(rows, "resolved", p, method, RESOLVED) for p in BIAS]
+        resolved.append([method.name, *(_cell(s, "load", _load) for s in alone)])
+    fine = [f"{RESOLVED} across, linear", *map(_ratio, BIAS)]
+    return _table(head, lines) + "\n" + _table(fine, resolved)
 
 
 def constants(rows: list[Row]) -> str:
     """Errors with other constants than those of ``auto``."""
-    problems = (STRIP, TRELLIS, *BIAS)
     lines = []
     for method in (*STABILISATIONS, AUTO, MACRO):
         group = "methods" if method in METHODS else "stabilisation"
-        line = [method.name]
-        for problem in problems:
-            some = _of(rows, group, problem, method, ACROSS[1])
+        line = [f"**{method.name}**" if method in METHODS else method.name]
+        for problem in (STRIP, TRELLIS, *BIAS):
+            some = of(rows, group, problem, method, ACROSS[1])
             if problem != TRELLIS:
-                show = _figure if problem == STRIP else _load
-                line.append(show(_median(some, "load")))
-            line.append(_figure(_median(some, "position")))
+                line.append(_cell(some, "load", _load if problem in BIAS else _figure))
+            line.append(_cell(some, "position"))
         lines.append(line)
-    head = ["", "strip: N", "mm", "trellis: mm"]
+    head = ["C_s", "strip: N", "mm", "trellis: mm"]
     for problem in BIAS:
-        head += [f"bias: load, {problem.E / 0.5:.0e}", "mm"]
+        head += [f"load, {_ratio(problem)}", "mm"]
     return _table(head, lines) + "\n" + _deviations(rows)
 
 
 def _deviations(rows: list[Row]) -> str:
+    """Loads with other stiffnesses of deviations."""
+    problems = (*BIAS[::2], *BIAS_SIN2[::2])
     lines = []
-    of_triangles, of_quads = Macro().deviation
-    for mesh, chosen, c in (
-        ("quads", MACRO, of_quads),
-        ("triangles", MACRO_TRIANGLES, of_triangles),
-    ):
-        own = [m for m in DEVIATIONS if m.mesh == mesh]
+    for chosen, c in zip((MACRO_TRIANGLES, MACRO), Macro().deviation, strict=True):
+        own = [m for m in DEVIATIONS if m.mesh == chosen.mesh]
         for method in (*own[:2], chosen, *own[2:]):
             group = "methods" if method is chosen else "deviation"
-            line = [f"**{mesh}, {c:g}**" if method is chosen else method.name]
+            line = [f"**{chosen.mesh}, {c:g}**" if method is chosen else method.name]
             for across in ACROSS[:2]:
-                for problem in (*BIAS[::2], *BIAS_SIN2[::2]):
-                    some = _of(rows, group, problem, method, across)
-                    line.append(_load(_median(some, "load")))
+                some = (of(rows, group, p, method, across) for p in problems)
+                line += [_cell(s, "load", _load) for s in some]
             lines.append(line)
-    shown = [
-        p.name.removeprefix("bias extension, ") for p in (*BIAS[::2], *BIAS_SIN2[::2])
-    ]
-    head = [
-        f"{n} across: {name}" if i == 0 else name
-        for n in ACROSS[:2]
-        for i, name in enumerate(shown)
-    ]
+    shown = [p.name.removeprefix("bias extension, ") for p in problems]
+    head = [f"{n} across: {name}" for n in ACROSS[:2] for name in shown]
     return _table(["deviation", *head], lines)
 
 
@@ -153,7 +145,7 @@ def triangulations(rows: list[Row]) -> str:
         lines.append(
             [
                 str(own[0]["elements"] // 3),
-                ", ".join(f"{_per_stiffness(row):.1e}" for row in own),
+                ", ".join(f"{per_stiffness(row):.1e}" for row in own),
                 ", ".join(_strain(row["strain"]) for row in own),
                 ", ".join(f"{row['position']:.2e}" for row in own),
                 ", ".join(f"{row['negative_pivots']:.0f}" for row in own),
@@ -164,22 +156,18 @@ def triangulations(rows: list[Row]) -> str:
     )
 
 
-def _per_stiffness(row: Row) -> float:
-    return row["load"] / float(row["problem"].rpartition(" ")[2])
-
-
 def equal(rows: list[Row]) -> str:
     """The recommended element and the paper's, at equal unknowns."""
     lines = []
     for problem in (STRIP, *BIAS):
         for across in ACROSS:
-            line = [problem.name, ""]
-            for key in ("load", "position", "angle"):
-                for method in (MACRO, PAPER):
-                    some = _of(rows, "methods", problem, method, across)
-                    line[1] = f"{_median(some, 'unknowns'):.0f}"
-                    error = _load_error(some, problem) if key == "load" else None
-                    line.append(_figure(_median(some, key) if error is None else error))
+            macro, paper = (
+                of(rows, "methods", problem, m, across) for m in (MACRO, PAPER)
+            )
+            line = [problem.name, _cell(macro, "unknowns", _count)]
+            line += [_figure(load_error(some, problem)) for some in (macro, paper)]
+            for key in ("position", "angle"):
+                line += [_cell(some, key) for some in (macro, paper)]
             lines.append(line)
     head = ["", "unknowns"]
     for what in ("load off by", "mm", "°"):
@@ -196,110 +184,34 @@ TABLES: dict[str, Callable[[list[Row]], str]] = {
     "equal": equal,
 }
 
-_SCENES = (STRIP, TRELLIS, *BIAS)
 
-
-def findings(rows: list[Row]) -> dict[str, Any]:
-    """What the report states in words, as numbers."""
-    strips = [row for row in rows if row["group"] == "triangulations"]
-    better: dict[str, Any] = {}
-    for problem in (STRIP, TRELLIS, *BIAS):
-        for chosen in (AUTO, MACRO):
-            share = _best_position(rows, problem, chosen)
-            better.setdefault(chosen.name, {})[problem.name] = share
-    return {
-        "triangulations": {
-            "largest_load_over_E": max(map(_per_stiffness, strips), default=np.nan),
-            "largest_strain": max((row["strain"] for row in strips), default=np.nan),
-            "negative_pivots": sum(row["negative_pivots"] for row in strips),
-        },
-        "position_error_of_the_best_fixed_stabilisation_over_that_of": better,
-    }
-
-
-def errors(rows: list[Row]) -> dict[str, dict[str, dict[str, Any]]]:
-    """Curves for the figure: by what is off, by problem, by method."""
-    shown = [m for m in METHODS if m.name not in _NOT_DRAWN]
-    what = {
-        "load": "Load error (N, or share)",
-        "position": "Position error (mm)",
-        "angle": "Shear-angle error (°)",
-    }
-    curves: dict[str, dict[str, dict[str, Any]]] = {}
-    for key, label in what.items():
-        for problem in (STRIP, TRELLIS, BIAS[0], BIAS[2]):
-            title = problem.name.replace(", ", "\n", 1)
-            panel = curves.setdefault(label, {}).setdefault(title, {})
-            for method in shown:
-                some = [_of(rows, "methods", problem, method, n) for n in ACROSS]
-                panel[method.name] = (
-                    [_median(s, "unknowns") for s in some],
-                    [
-                        _load_error(s, problem) if key == "load" else _median(s, key)
-                        for s in some
-                    ],
-                )
-    return curves
-
-
-_NOT_DRAWN = ("rates, C_s = 1", "isotropic, κ = C/8", "one point, triangles")
-
-
-def _best_position(rows: list[Row], problem: Problem, chosen: Method) -> float:
-    """Smallest position error of a fixed C_s, of those whose load is not far worse."""
-    own = _of(rows, "methods", problem, chosen, ACROSS[1])
-    allowed = _LOAD_MARGIN * _load_error(own, problem)
-    rivals = [
-        _median(some, "position")
-        for method in STABILISATIONS
-        if (some := _of(rows, "stabilisation", problem, method, ACROSS[1]))
-        and _load_error(some, problem) <= allowed
-    ]
-    return min(rivals, default=np.nan) / _median(own, "position")
-
-
-def _of(
-    rows: Iterable[Row], group: str, problem: Problem, method: Method, across: int
-) -> list[Row]:
-    key = (group, problem.name, method.name, across)
-    names = ("group", "problem", "method", "across")
-    return [row for row in rows if tuple(row[name] for name in names) == key]
-
-
-def _median(rows: Sequence[Row], key: str) -> float:
-    values = [row[key] for row in rows if not np.isnan(row[key])]
-    return float(np.median(values)) if values else np.nan
-
-
-def _load_error(rows: Sequence[Row], problem: Problem) -> float:
-    """Median distance of the load from the exact one, which is none on the strip."""
-    exact = 1.0 if problem in BIAS else 0.0
-    values = [abs(row["load"] - exact) for row in rows if not np.isnan(row["load"])]
-    return float(np.median(values)) if values else np.nan
-
-
-def _over_angles(rows: Sequence[Row]) -> tuple[float, float]:
-    """Of 10° to 40° the median and the single load that are furthest from the exact."""
-    keys = [f"load_{angle}" for angle in ANGLES if angle <= 40]
-    medians = [_median(rows, key) for key in keys]
-    return _furthest(medians), _furthest([row[key] for row in rows for key in keys])
-
-
-def _furthest(loads: Iterable[float]) -> float:
-    known = [x for x in loads if not np.isnan(x)]
-    return max(known, key=lambda x: abs(x - 1), default=np.nan)
-
-
-def _load(x: float) -> str:
-    return "-" if np.isnan(x) else f"{x:.3f}" if x < 2 else f"{x:.3g}"
+def _ratio(problem: Problem) -> str:
+    return problem.name.rpartition("E/G = ")[2]
 
 
 def _figure(x: float) -> str:
-    return "-" if np.isnan(x) else f"{x:.2g}"
+    return f"{x:.2g}"
+
+
+def _load(x: float) -> str:
+    return f"{x:.3f}" if x < 2 else f"{x:.3g}"
 
 
 def _strain(x: float) -> str:
-    return "-" if np.isnan(x) else f"{x:.1e}"
+    return f"{x:.1e}"
+
+
+def _count(x: float) -> str:
+    return f"{x:.0f}"
+
+
+def _cell(rows: Sequence[Row], key: str, show: Callable[[float], str] = _figure) -> str:
+    """The median, and how many of the rows have it if not all."""
+    known = sum(not np.isnan(row[key]) for row in rows)
+    if not known:
+        return "-"
+    few = "" if known == len(rows) else f" ({known} of {len(rows)})"
+    return show(median(rows, key)) + few
 
 
 def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
