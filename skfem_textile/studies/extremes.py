@@ -179,7 +179,7 @@ def _macro_elements() -> Iterator[Extreme]:
         yield problem(f"E = {E:.0e}, G = 0, {mesh}", strip, E, mesh=mesh, size=size)
     for ratio, mesh in product((1e4, 1e10), ("irregular", "delaunay")):
         kinks: dict[str, Any] = {"mesh": mesh, "size": (4, 8)}
-        label = f"bias extension, E/G = {ratio:.0e}, {mesh}"
+        label = f"bias, E/G = {ratio:.0e}, {mesh}"
         yield problem(label, bias_extension, 0.5 * ratio, 0.5, **kinks)
     yield problem("1:100", strip, size=(2, 150))
     yield problem("jitter 0.45", strip, jitter=0.45, size=size)
