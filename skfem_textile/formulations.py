@@ -70,7 +70,9 @@ class _Pointwise:
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
         """The tension T(ε) at every point."""
         law = partial(fibre_tension, fabric)
-        return TensionTerm("tension", tension(fabric), basis, law=law)
+        return TensionTerm(
+            "tension", tension(fabric), basis, law=law, arrange=lambda x: x
+        )
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """None."""

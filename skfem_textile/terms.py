@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
@@ -41,7 +40,7 @@ class Term:
     memory: Memory | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TensionTerm(Term):
     """The term of the fibres.
 
@@ -50,5 +49,5 @@ class TensionTerm(Term):
     (2, n_elements, n_points).  ``arrange`` puts them at the points of ``basis``.
     """
 
-    law: Callable[[ndarray, ndarray | float], ndarray] = np.add
-    arrange: Callable[[ndarray], ndarray] = np.asarray
+    law: Callable[..., ndarray]
+    arrange: Callable[[ndarray], ndarray]
