@@ -213,7 +213,8 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
         type=float,
         metavar="C",
         help="give quadratic triangles the tension of their mean strain, and "
-        "deviations from it this multiple of the shear stiffness: 20",
+        "deviations from it this multiple of the shear stiffness (20 does well), or "
+        "half of the fibre stiffness where there is none",
     )
     add("--fibre-stiffness", type=float, default=1e4, metavar="E", help="N/mm" + _SHOWN)
     add("--shear-stiffness", type=float, default=0.0, metavar="G", help="N/mm" + _SHOWN)

@@ -94,8 +94,9 @@ class Ply:
     def energies(self, u: ndarray) -> dict[str, float]:
         """Energy of each term in N·mm, by the name of the term."""
         return {
-            t.name: (t.memory.work if t.memory else 0.0)
-            + float(_assembled(t, t.forms.energy, u))
+            t.name: float(
+                _assembled(t, t.forms.energy, u) + (t.memory.work if t.memory else 0.0)
+            )
             for t in self.terms
         }
 

@@ -41,8 +41,8 @@ def methods(rows: list[Row]) -> str:
                 *(method.name, _cell(strip, "unknowns", _count)),
                 *(_cell(strip, key) for key in ("load", "position", "angle")),
                 *(_cell(strip, key, _strain) for key in ("strain", "strain_2x2")),
-                *(_cell(trellis, key) for key in ("position", "angle")),
-                *(_cell(trellis, key, _count) for key in ("solves",)),
+                *(_cell(trellis, key) for key in ("load", "position", "angle")),
+                _cell(trellis, "solves", _count),
             ]
         )
         kinked.append(
@@ -56,7 +56,7 @@ def methods(rows: list[Row]) -> str:
         )
     strains = ["strain", "strain 2×2"]
     head = ["strip and trellis", "unknowns", "load, N", "mm", "°", *strains]
-    text = _table([*head, "trellis: mm", "°", "solves"], smooth)
+    text = _table([*head, "trellis: N", "mm", "°", "solves"], smooth)
     loads = [f"load, {_ratio(problem)}" for problem in BIAS]
     head = ["bias extension", "unknowns", *loads, "mm", "°", *strains, "solves", "s"]
     return text + "\n" + _table(head, kinked) + "\n" + _sheared(rows)
@@ -69,12 +69,12 @@ def _sheared(rows: list[Row]) -> str:
         line = [method.name]
         for across in ACROSS[:2]:
             some = of(rows, "methods", SHEARED, method, across)
-            line += [_cell(some, "position"), _cell(some, "angle")]
+            line += [_cell(some, key) for key in ("load", "position", "angle")]
             line.append(_cell(some, "solves", _count))
         lines.append(line)
     head = [SHEARED.name]
     for across in ACROSS[:2]:
-        head += [f"{across} across: mm", "°", "solves"]
+        head += [f"{across} across: N", "mm", "°", "solves"]
     return _table(head, lines)
 
 
