@@ -8,7 +8,6 @@ import csv
 import json
 import logging
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from ..scenes import Scene
 from ..stepper import LoadStepper
 from . import comparison, findings, tables
 from .comparison import ANGLES, Case
+from .workers import shared_out
 
 #: Written by `write` and by `draw`.
 FILES = ("formulations.csv", "summary.json", *(f"{name}.md" for name in tables.TABLES))
@@ -37,12 +37,8 @@ def cases(workers: int = 1) -> Iterator[list[Row]]:
     workers
         Number of processes.
     """
-    pool = ProcessPoolExecutor(workers)
-    try:
-        for row in pool.map(examined, comparison.cases()):
-            yield [row]
-    finally:
-        pool.shutdown(cancel_futures=True)
+    for row in shared_out(examined, comparison.cases(), workers):
+        yield [row]
 
 
 def line(rows: list[Row]) -> str:

@@ -17,7 +17,6 @@ import json
 import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -31,6 +30,7 @@ from ..result import StepError
 from ..scenes import Scene
 from ..stepper import LoadStepper
 from .extremes import Extreme, extremes
+from .workers import shared_out
 
 STEPS = (1, 2, 5, 20, 100)
 _REFERENCE, _AGREEING = 400, (20, 100, 400)
@@ -61,11 +61,7 @@ def cases(workers: int = 1) -> Iterator[list[Row]]:
     workers
         Number of processes.
     """
-    pool = ProcessPoolExecutor(workers)
-    try:
-        yield from pool.map(examined, extremes())
-    finally:
-        pool.shutdown(cancel_futures=True)
+    return shared_out(examined, extremes(), workers)
 
 
 def line(rows: list[Row]) -> str:
