@@ -8,6 +8,7 @@ from .elements import (
     GAUSS,
     ElementQuad1Fluctuation,
     HourglassBasis,
+    MeanBasis,
     quad_basis,
     triangle_basis,
 )
@@ -21,7 +22,7 @@ from .hourglass import (
     hourglass_rate,
 )
 from .macro import MacroBasis
-from .mean_tension import MeanBasis, mean_tension
+from .mean_tension import mean_tension
 from .meshes import MeshError
 from .ply import Ply
 from .result import Iteration, Result, State, StepError

@@ -121,3 +121,29 @@ class HourglassBasis(CellBasis):
         super().__init__(mesh, element, quadrature=GAUSS, **kwargs)
         centre, _ = CENTRE
         self.dx = np.abs(self.mapping.detDF(centre, self.tind)) * self.W
+
+
+class MeanBasis(CellBasis):
+    """A `skfem.CellBasis` that tells forms what a mean over an element takes.
+
+    ``w["share"]`` is the share of each point in the area of its element, shape
+    (n_elements, n_points), and ``w["fineness"]`` √(A/A_e) for the areas of the mesh and
+    of the element, shape (n_elements, 1): how many elements lie along it.
+    """
+
+    def default_parameters(self) -> dict[str, Any]:
+        """Position, share and fineness."""
+        area = self.dx.sum(axis=1, keepdims=True)
+        return {
+            "x": self.global_coordinates(),
+            "share": self.dx / area,
+            "fineness": np.sqrt(area.sum() / area),
+        }
+
+    def of_parts(self, x: ndarray) -> ndarray:
+        """Values at the ply's own points as values at these points."""
+        return x
+
+    def on_parts(self, x: ndarray) -> ndarray:
+        """Values at these points as values at the ply's own points."""
+        return x

@@ -21,6 +21,8 @@ from skfem.helpers import ddot, grad
 
 from . import kinematics as kin
 from .fabric import Fabric, is_zero
+from .fused import FusedEnergy, FusedResidual, FusedTangent
+from .kernels import Kernel, ShearKernel, TensionKernel
 
 
 class Forms(NamedTuple):
@@ -85,7 +87,7 @@ def tension(fabric: Fabric) -> Forms:
             C = C + geometric * kin.fibre_strain_dd(F, A[i])
         return C
 
-    return _forms(energy, stress, stiffness)
+    return fused(_forms(energy, stress, stiffness), TensionKernel(fabric))
 
 
 def fibre_tension(
@@ -124,7 +126,17 @@ def shear(fabric: Fabric) -> Forms:
             angle
         ) * kin.shear_angle_dd(F, *A)
 
-    return _forms(energy, stress, stiffness)
+    return fused(_forms(energy, stress, stiffness), ShearKernel(fabric))
+
+
+def fused(forms: Forms, kernel: Kernel) -> Forms:
+    """The same forms, with their numbers from a kernel."""
+    energy, residual, tangent = forms
+    return Forms(
+        FusedEnergy(energy, kernel=kernel),
+        FusedResidual(residual, kernel=kernel),
+        FusedTangent(tangent, kernel=kernel),
+    )
 
 
 def _forms(energy: Callable, stress: Callable, stiffness: Callable) -> Forms:

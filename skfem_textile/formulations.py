@@ -10,7 +10,15 @@ from numpy import ndarray
 from skfem import CellBasis, Mesh
 
 from .continuity import JumpBasis, shear_continuity
-from .elements import CENTRE, GAUSS, SIX, HourglassBasis, quad_basis, triangle_basis
+from .elements import (
+    CENTRE,
+    GAUSS,
+    SIX,
+    HourglassBasis,
+    MeanBasis,
+    quad_basis,
+    triangle_basis,
+)
 from .fabric import Fabric
 from .forms import fibre_tension, tension
 from .hourglass import (
@@ -21,7 +29,7 @@ from .hourglass import (
 )
 from .isotropic import isotropic_hourglass
 from .macro import MacroBasis
-from .mean_tension import MeanBasis, mean_fibre_tension, mean_tension
+from .mean_tension import mean_fibre_tension, mean_tension
 from .meshes import MeshError, check_quads, check_triangles
 from .splitting import was_split
 from .terms import TensionTerm, Term

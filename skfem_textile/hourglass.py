@@ -17,7 +17,8 @@ from skfem.helpers import ddot, grad, inv
 from . import kinematics as kin
 from .elements import centre_grad
 from .fabric import Fabric, is_zero
-from .forms import Forms, contract, directions, once
+from .forms import Forms, contract, directions, fused, once
+from .kernels import HourglassKernel
 
 # C_s by default, as a share of the secant shear stiffness or of the fibre stiffness.
 _OF_SHEAR, _OF_FIBRES = 8.0, 1e-4
@@ -61,7 +62,8 @@ def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
     def moment(w):
         return stiffness(w) * difference(w)
 
-    return Forms(energy, *_forms(fabric, variation, moment, stiffness))
+    forms = Forms(energy, *_forms(fabric, variation, moment, stiffness))
+    return fused(forms, HourglassKernel(fabric, C_s))
 
 
 class HeldStabilisation:

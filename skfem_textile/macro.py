@@ -7,8 +7,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import DiscreteField, ElementQuad1, ElementVector
 
-from .elements import CENTRE
-from .mean_tension import MeanBasis
+from .elements import CENTRE, MeanBasis
 from .splitting import SplitMesh
 
 
@@ -30,6 +29,9 @@ class MacroBasis(MeanBasis):
     parts
         Numbers of the quadrilaterals of each element, shape (n_elements, n_points);
         −1 where an element has fewer than others.
+    corners
+        Which of the nodes of an element are those of its quadrilaterals, shape (4,
+        n_points, n_elements).
     """
 
     def __init__(self, mesh: SplitMesh, **kwargs: Any) -> None:
@@ -47,7 +49,7 @@ class MacroBasis(MeanBasis):
         # Nodes of an element, and for each node of its parts which of them it is.
         nodes = np.where(there, mesh.t[:, self.parts], mesh.t[:, self.parts[:, :1]])
         own, which = _distinct(nodes.transpose(0, 2, 1).reshape(-1, self.nelems))
-        which = which.reshape(4, n_points, self.nelems)
+        self.corners = which = which.reshape(4, n_points, self.nelems)
         dofs = self.nodal_dofs[:, own].transpose(1, 0, 2)
         self._element_dofs = dofs.reshape(-1, self.nelems)
         self.Nbfun = len(self._element_dofs)
@@ -99,14 +101,12 @@ def _parts(parent: ndarray) -> ndarray:
 def _distinct(nodes: ndarray) -> tuple[ndarray, ndarray]:
     """The distinct nodes of each column, and for each entry which of them it is.
 
-    Columns with fewer distinct nodes than others repeat their first.
+    In the order in which they appear, so that elements alike are alike; columns with
+    fewer distinct nodes than others repeat their first.
     """
-    order = np.argsort(nodes, axis=0, kind="stable")
-    ascending = np.take_along_axis(nodes, order, axis=0)
-    new = np.ones_like(ascending, dtype=bool)
-    new[1:] = ascending[1:] != ascending[:-1]
-    rank, which = new.cumsum(axis=0) - 1, np.empty_like(nodes)
-    np.put_along_axis(which, order, rank, axis=0)
-    own = np.repeat(ascending[:1], rank.max() + 1, axis=0)
-    np.put_along_axis(own, rank, ascending, axis=0)
+    rows = np.arange(len(nodes))[:, None]
+    first = (nodes[:, None] == nodes).argmax(axis=1)
+    which = np.take_along_axis((first == rows).cumsum(axis=0) - 1, first, axis=0)
+    own = np.repeat(nodes[:1], which.max() + 1, axis=0)
+    np.put_along_axis(own, which, nodes, axis=0)
     return own, which

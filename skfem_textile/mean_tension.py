@@ -22,36 +22,10 @@ from skfem.helpers import ddot, grad
 
 from . import kinematics as kin
 from .fabric import Fabric, is_zero
-from .forms import Forms, contract, directions, fibre_tension, once
-
-# E_d as a share of the fibre stiffness, where there is no shear stiffness.
-_OF_FIBRES = 0.5
-
-
-class MeanBasis(CellBasis):
-    """A `skfem.CellBasis` that tells forms what a mean over an element takes.
-
-    ``w["share"]`` is the share of each point in the area of its element, shape
-    (n_elements, n_points), and ``w["fineness"]`` √(A/A_e) for the areas of the mesh and
-    of the element, shape (n_elements, 1): how many elements lie along it.
-    """
-
-    def default_parameters(self) -> dict[str, Any]:
-        """Position, share and fineness."""
-        area = self.dx.sum(axis=1, keepdims=True)
-        return {
-            "x": self.global_coordinates(),
-            "share": self.dx / area,
-            "fineness": np.sqrt(area.sum() / area),
-        }
-
-    def of_parts(self, x: ndarray) -> ndarray:
-        """Values at the ply's own points as values at these points."""
-        return x
-
-    def on_parts(self, x: ndarray) -> ndarray:
-        """Values at these points as values at the ply's own points."""
-        return x
+from .deviation import deviation_stiffness
+from .elements import MeanBasis
+from .forms import Forms, contract, directions, fibre_tension, fused, once
+from .kernels import MeanTensionKernel
 
 
 def mean_tension(fabric: Fabric, deviation: float | ndarray) -> Forms:
@@ -128,7 +102,8 @@ def mean_tension(fabric: Fabric, deviation: float | ndarray) -> Forms:
         )
         return sum(means) + contract(grad(v), once(w, local_stiffness), grad(u))
 
-    return Forms(energy, residual, tangent)
+    forms = Forms(energy, residual, tangent)
+    return fused(forms, MeanTensionKernel(fabric, deviation))
 
 
 def mean_fibre_tension(
@@ -156,44 +131,6 @@ def mean_fibre_tension(
     E_d = np.array(deviation_stiffness(fabric, deviation, w["fineness"]))
     off = eps + d_eps - means - d_means
     return basis.on_parts(fibre_tension(fabric, means, d_means) + E_d * off)
-
-
-def deviation_stiffness(
-    fabric: Fabric, deviation: float | ndarray, fineness: ndarray
-) -> tuple[ndarray, ndarray]:
-    """E_d of warp and weft in N/mm, at most the fibre stiffness at rest, if any.
-
-    Fibres of the stiffness E spread a jump of the shear angle over a width of L√(G/E)
-    along their length L: the finer a mesh, the stiffer the fibres that it can take.
-    The multiple and the exponent of the fineness are measured.  E_d depends on the area
-    of the whole mesh, and jumps where the shear stiffness vanishes.
-
-    Parameters
-    ----------
-    fabric
-        Gives the laws.
-    deviation
-        E_d as a multiple of the shear stiffness at rest times the fineness: one, or
-        one per element, shape (n_elements, 1).  Where there is no shear stiffness E_d
-        is half of the fibre stiffness.
-    fineness
-        √(A/A_e), shape (n_elements, 1).
-
-    Returns
-    -------
-    tuple of ndarray
-        Each of shape (n_elements, 1).
-    """
-    rest = np.zeros(1)
-    G = fabric.shear_law.tangent(rest)
-    warp, weft = (family.tension.tangent(rest) for family in fabric.families)
-    if G == 0:
-        return _OF_FIBRES * warp + 0 * fineness, _OF_FIBRES * weft + 0 * fineness
-    E_d = deviation * G * fineness
-    return (
-        np.minimum(E_d, np.where(warp > 0, warp, np.inf)),
-        np.minimum(E_d, np.where(weft > 0, weft, np.inf)),
-    )
 
 
 def mean(w: Any, x: ndarray) -> ndarray:

@@ -1,12 +1,12 @@
 """A ply: a mesh, a fabric and a formulation, as a function of the displacement."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
-from skfem import Mesh, asm
-from skfem.assembly import Form
+from skfem import Mesh
 from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot
 
@@ -14,7 +14,10 @@ from . import kinematics as kin
 from .elements import node_dofs, node_positions
 from .fabric import Fabric, is_zero
 from .forms import directions, shear
-from .formulations import Formulation, Term
+from .formulations import Formulation
+from .pattern import Pattern
+from .sums import Sum
+from .terms import Term
 
 
 class Ply:
@@ -91,14 +94,18 @@ class Ply:
             raise ValueError("the fabric has no stiffness: give it tension or shear")
         return terms + self.formulation.stabilising_terms(self.basis, self.fabric)
 
+    @cached_property
+    def _sum(self) -> Sum:
+        return Sum(self.nodes.shape[1], self.terms)
+
+    @property
+    def pattern(self) -> Pattern:
+        """Which nodes the tangent couples."""
+        return self._sum.pattern
+
     def energies(self, u: ndarray) -> dict[str, float]:
         """Energy of each term in N·mm, by the name of the term."""
-        return {
-            t.name: float(
-                _assembled(t, t.forms.energy, u) + (t.memory.work if t.memory else 0.0)
-            )
-            for t in self.terms
-        }
+        return self._sum.energies(u)
 
     def energy(self, u: ndarray) -> float:
         """Internal energy in N·mm."""
@@ -106,7 +113,7 @@ class Ply:
 
     def residuals(self, u: ndarray) -> dict[str, ndarray]:
         """Internal nodal forces of each term in N, by the name of the term."""
-        return {t.name: _assembled(t, t.forms.residual, u) for t in self.terms}
+        return self._sum.residuals(u)
 
     def residual(self, u: ndarray) -> ndarray:
         """Internal nodal forces in N: the derivative of the energy."""
@@ -123,12 +130,20 @@ class Ply:
             Fibre tensions to use in the geometric stiffness instead of those of
             ``u``, shape (2, n_elements, n_points).
         """
+        return self.pattern.matrix(self.stiffness(u, tension))
+
+    def stiffness(self, u: ndarray, tension: ndarray | None = None) -> ndarray:
+        """Blocks of the tangent in the order of ``pattern``, shape (n_blocks, 2, 2).
+
+        Parameters
+        ----------
+        u, tension
+            As for `tangent`.
+        """
         given: dict[Term, dict[str, ndarray]] = {}
         if self._tension and tension is not None:
             given[self._tension] = {"tension": self._tension.arrange(tension)}
-        return sum(
-            _assembled(t, t.forms.tangent, u, **given.get(t, {})) for t in self.terms
-        )
+        return self._sum.stiffness(u, given)
 
     def commit(self, u: ndarray) -> bool:
         """Make ``u`` the last converged state, for terms that remember one.
@@ -236,9 +251,3 @@ class Ply:
             f"<Ply of {self.mesh.nelements} elements, {self.basis.N} unknowns, "
             f"{self.formulation}, terms: {terms}>"
         )
-
-
-def _assembled(term: Term, form: Form, u: ndarray, **parameters: ndarray) -> Any:
-    """One form of a term, with what the term remembers."""
-    remembered = {} if term.memory is None else term.memory.parameters
-    return asm(form, term.basis, u=u, **remembered, **parameters)

@@ -9,6 +9,7 @@ from skfem import CellBasis
 
 from .continuity import JumpBasis
 from .forms import Forms
+from .kernels import Kernel
 
 
 class Memory(Protocol):
@@ -38,6 +39,11 @@ class Term:
     forms: Forms
     basis: CellBasis | JumpBasis
     memory: Memory | None = None
+
+    @property
+    def kernel(self) -> Kernel | None:
+        """What gives the numbers of the forms fast; not all have one."""
+        return self.forms.tangent.params.get("kernel")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,0 +1,69 @@
+"""scikit-fem forms whose numbers come from a kernel, where it knows the basis.
+
+They are the forms that they are made of, ``form`` and all, and are assembled by `asm`
+like any other; only what they are made of is not evaluated function by function.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from skfem import BilinearForm, CellBasis, ElementVector, Functional, LinearForm
+
+from .assembly import Part, element_forces, element_matrices, whole_matrices
+from .stencils import stencils
+
+
+class FusedEnergy(Functional):
+    """A functional with a kernel among its ``params``."""
+
+    def _assemble(self, ubasis: Any, vbasis: Any = None, **kwargs: Any) -> Any:
+        parts = _parts(self.params["kernel"], ubasis, kwargs)
+        if not parts:
+            return super()._assemble(ubasis, vbasis, **kwargs)
+        return np.array([]), np.array([sum(part.energy() for part in parts)]), (), ()
+
+
+class FusedResidual(LinearForm):
+    """A linear form with a kernel among its ``params``."""
+
+    def _assemble(self, ubasis: Any, vbasis: Any = None, **kwargs: Any) -> Any:
+        parts = _parts(self.params["kernel"], ubasis, kwargs)
+        if not parts:
+            return super()._assemble(ubasis, vbasis, **kwargs)
+        f = np.zeros((ubasis.Nbfun, ubasis.nelems))
+        for part in parts:
+            own = element_forces(part)
+            f[: 2 * len(own), part.at.elements] = own.reshape(-1, own.shape[-1])
+        rows = np.array([ubasis.element_dofs.ravel()])
+        return rows, f.ravel(), (ubasis.N,), (ubasis.Nbfun,)
+
+
+class FusedTangent(BilinearForm):
+    """A symmetric bilinear form with a kernel among its ``params``."""
+
+    def _assemble(self, ubasis: Any, vbasis: Any = None, **kwargs: Any) -> Any:
+        parts = _parts(self.params["kernel"], ubasis, kwargs)
+        if not parts or vbasis not in (None, ubasis):
+            return super()._assemble(ubasis, vbasis, **kwargs)
+        n = ubasis.Nbfun
+        K = np.zeros((n, n, ubasis.nelems))
+        for part in parts:
+            own = whole_matrices(element_matrices([part]))
+            K[: len(own), : len(own), part.at.elements] = own
+        dofs = ubasis.element_dofs
+        rows, cols = np.broadcast_arrays(dofs[None], dofs[:, None])
+        indices = np.array([rows.ravel(), cols.ravel()])
+        return indices, K.ravel(), (ubasis.N, ubasis.N), (n, n)
+
+
+def _parts(kernel: Any, basis: Any, parameters: dict[str, Any]) -> list[Part]:
+    """What the kernel needs; nothing where only the form itself will do."""
+    u = parameters.get("u")
+    vector = isinstance(basis, CellBasis) and isinstance(basis.elem, ElementVector)
+    if not vector or not isinstance(u, ndarray) or u.ndim != 1:
+        return []
+    return [
+        Part(kernel, at, at.motions(u), parameters)
+        for at in stencils(basis, kernel.fabric)
+    ]

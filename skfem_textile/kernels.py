@@ -1,0 +1,273 @@
+"""The numbers of the forms for all elements at once, with no formula per function.
+
+A kernel knows, at the points of a `Stencil`, the tension T and the shear moment M times
+area, and how these change with the strains of the fibres.  Then
+
+    f_a  = Σ b_a (T v + M Jv),
+    K_ac = Σ b_a b_c (E v vᵀ + T ∂²ε + M ∂²θ) + Σ s g_a g_cᵀ,
+
+where ∂²(ε + iθ) = −(δz/z)², and the squares are of strains that several fibres or points
+share: shear angles, their differences, and means.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+from numpy import ndarray
+
+from .deviation import deviation_stiffness
+from .fabric import Fabric, is_zero
+from .stencils import Motion, Points, Stencil
+
+#: Parameters of a form: numbers, or arrays over elements and points.
+Parameters: TypeAlias = dict[str, Any]
+
+
+class Stress(NamedTuple):
+    """Tension and its slope, (2, P, n), and shear moment, (P, n), times area."""
+
+    tension: ndarray | float = 0.0
+    moment: ndarray | float = 0.0
+    slope: ndarray | float = 0.0
+
+    def on_fibres(self, some: slice) -> tuple[Any, Any, Any]:
+        """Tension, moment and slope of warp and weft in some elements."""
+        T, M, E = (x if isinstance(x, float) else x[..., some] for x in self)
+        return T, np.array([M, -M]) if np.ndim(M) else M, E
+
+
+class Square(NamedTuple):
+    """Strains that meet a stiffness, shape (P, n); P in each element.
+
+    ``gradients`` gives their gradients in some of the elements, shape (P, n_nodes, 2,
+    n_some).
+    """
+
+    stiffness: ndarray
+    gradients: Callable[[slice], ndarray]
+
+
+class Kernel(Protocol):
+    """Energy of a term and its derivatives with respect to strains of fibres."""
+
+    fabric: Fabric
+
+    def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
+        """Energy in N·mm."""
+        ...
+
+    def stresses(
+        self, at: Stencil, motions: list[Motion], w: Parameters
+    ) -> list[Stress]:
+        """Stresses at the points."""
+        ...
+
+    def squares(
+        self, at: Stencil, motions: list[Motion], w: Parameters
+    ) -> list[Square]:
+        """What couples several fibres or points."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class TensionKernel:
+    """The kernel of `tension`."""
+
+    fabric: Fabric
+
+    def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
+        """∫ Σ_α ψ(ε_α) dΩ."""
+        pairs = zip(at.points, motions, strict=True)
+        return sum(
+            float((p.dx * self._law("energy", m.strain)).sum()) for p, m in pairs
+        )
+
+    def stresses(
+        self, at: Stencil, motions: list[Motion], w: Parameters
+    ) -> list[Stress]:
+        """Tension and its slope."""
+        if "tension" in w:
+            T = [_resisting(self.fabric) * T_p for T_p in at.given(w["tension"])]
+        else:
+            T = [self._law("value", m.strain) for m in motions]
+        E = [self._law("tangent", m.strain) for m in motions]
+        return [
+            Stress(tension=p.dx * T_p, slope=p.dx * E_p)
+            for p, T_p, E_p in zip(at.points, T, E, strict=True)
+        ]
+
+    def squares(
+        self, at: Stencil, motions: list[Motion], w: Parameters
+    ) -> list[Square]:
+        """None."""
+        return []
+
+    def _law(self, part: str, strain: ndarray) -> ndarray:
+        return _laws(self.fabric, part, strain)
+
+
+@dataclass(frozen=True, eq=False)
+class ShearKernel:
+    """The kernel of `shear`."""
+
+    fabric: Fabric
+
+    def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
+        """∫ w(Γ) dΩ."""
+        law, pairs = self.fabric.shear_law, zip(at.points, motions, strict=True)
+        return sum(float((p.dx * _law(law.energy, m.angle)).sum()) for p, m in pairs)
+
+    def stresses(
+        self, at: Stencil, motions: list[Motion], w: Parameters
+    ) -> list[Stress]:
+        """Shear moment."""
+        law, pairs = self.fabric.shear_law, zip(at.points, motions, strict=True)
+        return [Stress(moment=p.dx * _law(law.value, m.angle)) for p, m in pairs]
+
+    def squares(
+        self, at: Stencil, motions: list[Motion], w: Parameters
+    ) -> list[Square]:
+        """Its slope, along the gradient of the shear angle."""
+        law, pairs = self.fabric.shear_law, zip(at.points, motions, strict=True)
+        return [
+            Square(p.dx * _law(law.tangent, m.angle), partial(turning, p, m))
+            for p, m in pairs
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class HourglassKernel:
+    """The kernel of `hourglass`: points at the centre, then at the corners."""
+
+    fabric: Fabric
+    C_s: float | None
+
+    def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
+        """½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))²."""
+        return 0.5 * float((self._stiffness(at, w) * _difference(motions) ** 2).sum())
+
+    def stresses(
+        self, at: Stencil, motions: list[Motion], w: Parameters
+    ) -> list[Stress]:
+        """Moments at the points, and what balances them at the centre."""
+        moment = self._stiffness(at, w) * _difference(motions)
+        once = len(motions[0].angle) == 1
+        opposite = moment.sum(axis=0, keepdims=True) if once else moment
+        return [Stress(moment=-opposite), Stress(moment=moment)]
+
+    def squares(
+        self, at: Stencil, motions: list[Motion], w: Parameters
+    ) -> list[Square]:
+        """C_s, along the gradient of Γ(ξ_k) − Γ(0)."""
+        (middle, corners), (still, turned) = at.points, motions
+
+        def gradients(some: slice) -> ndarray:
+            return turning(corners, turned, some) - turning(middle, still, some)
+
+        return [Square(self._stiffness(at, w), gradients)]
+
+    def _stiffness(self, at: Stencil, w: Parameters) -> ndarray:
+        _, corners = at.points
+        if self.C_s is not None:
+            return self.C_s * corners.dx
+        return corners.dx * np.asarray(w["C_s"])[:, 0]
+
+
+@dataclass(frozen=True, eq=False)
+class MeanTensionKernel:
+    """The kernel of `mean_tension`."""
+
+    fabric: Fabric
+    deviation: float | ndarray
+
+    def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
+        """∫ Σ_α ψ(ε̄_α) + ½ E_d (ε_α − ε̄_α)² dΩ."""
+        means, E_d = self._means(at, motions), self._deviation_stiffness(at)
+        density = _laws(self.fabric, "energy", means)
+        return sum(
+            float((p.dx * (density + 0.5 * E_d * (m.strain - means) ** 2)).sum())
+            for p, m in zip(at.points, motions, strict=True)
+        )
+
+    def stresses(
+        self, at: Stencil, motions: list[Motion], w: Parameters
+    ) -> list[Stress]:
+        """Tension, and the slope of what deviates from the mean."""
+        means, E_d = self._means(at, motions), self._deviation_stiffness(at)
+        if "tension" in w:
+            T = [_resisting(self.fabric) * T_p for T_p in at.given(w["tension"])]
+        else:
+            T_mean = _laws(self.fabric, "value", means)
+            T = [T_mean + E_d * (m.strain - means) for m in motions]
+        return [
+            Stress(tension=p.dx * T_p, slope=p.dx * E_d)
+            for p, T_p in zip(at.points, T, strict=True)
+        ]
+
+    def squares(
+        self, at: Stencil, motions: list[Motion], w: Parameters
+    ) -> list[Square]:
+        """The rest of the slope of the laws, along the gradient of the mean."""
+        n_nodes = len(at.nodes)
+        slope = _laws(self.fabric, "tangent", self._means(at, motions))
+        rest = at.area * (slope - self._deviation_stiffness(at))
+
+        def gradients(some: slice) -> ndarray:
+            g = np.zeros((2, n_nodes, 2, at.area[some].size))
+            for p, m in zip(at.points, motions, strict=True):
+                share = p.dx[:, some] / at.area[some]
+                b, v = p.b[..., some], share[:, None] * m.v[..., some]
+                g[:, p.nodes] += np.einsum("fpan,fpin->fain", b, v)
+            return g
+
+        return [Square(rest[:, 0], gradients)]
+
+    def _means(self, at: Stencil, motions: list[Motion]) -> ndarray:
+        """Mean strain of warp and weft, shape (2, 1, n)."""
+        pairs = zip(at.points, motions, strict=True)
+        return (
+            sum((p.dx * m.strain).sum(axis=1, keepdims=True) for p, m in pairs)
+            / at.area
+        )
+
+    def _deviation_stiffness(self, at: Stencil) -> ndarray:
+        """E_d of warp and weft, shape (2, 1, n); none without a law."""
+        c = self.deviation
+        c = c[at.elements] if isinstance(c, ndarray) else c
+        E_d = deviation_stiffness(self.fabric, c, np.sqrt(at.whole / at.area)[:, None])
+        return _resisting(self.fabric) * np.array([E.T for E in E_d])
+
+
+def turning(points: Points, motion: Motion, some: slice) -> ndarray:
+    """∂Γ/∂u_a = b_a Jv of the warp less that of the weft, shape (P, k, 2, n)."""
+    (b1, b2), (v1, v2) = points.b[..., some], motion.v[..., some]
+    g = np.empty((*b1.shape[:2], 2, b1.shape[-1]))
+    g[:, :, 0] = b2 * v2[:, None, 1] - b1 * v1[:, None, 1]
+    g[:, :, 1] = b1 * v1[:, None, 0] - b2 * v2[:, None, 0]
+    return g
+
+
+def _difference(motions: list[Motion]) -> ndarray:
+    """Γ(ξ_k) − Γ(0)."""
+    middle, corners = motions
+    return corners.angle - middle.angle
+
+
+def _resisting(fabric: Fabric) -> ndarray:
+    """1 for a family that has a tension law, 0 for one that has none; (2, 1, 1)."""
+    has = [not is_zero(family.tension) for family in fabric.families]
+    return np.array(has, dtype=float)[:, None, None]
+
+
+def _laws(fabric: Fabric, part: str, strain: ndarray) -> ndarray:
+    """One part of the tension laws of warp and weft, shape (2, P, n)."""
+    laws = [getattr(family.tension, part) for family in fabric.families]
+    return np.array([_law(law, x) for law, x in zip(laws, strain, strict=True)])
+
+
+def _law(law: Callable[[ndarray], ndarray], x: ndarray) -> ndarray:
+    """A law at points, shape (P, n), which it takes in the order of the forms."""
+    return np.broadcast_to(law(x.T), x.T.shape).T
