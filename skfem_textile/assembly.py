@@ -4,18 +4,19 @@ Element matrices are symmetric and hold the 2×2 blocks of the pairs of nodes (a
 a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2, n_elements).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from operator import add
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
-from .kernels import Kernel, Parameters, Stress
+from .kernels import Kernel, Parameters, Square, Stress
 from .stencils import Motion, Points, Stencil, blocks
 
 
 class Part(NamedTuple):
-    """What one kernel sees of the elements of a stencil."""
+    """What one kernel sees of some elements."""
 
     kernel: Kernel
     at: Stencil
@@ -24,56 +25,75 @@ class Part(NamedTuple):
 
     def energy(self) -> float:
         """Energy in N·mm."""
-        kernel, *seen = self
-        return kernel.energy(*seen)
+        return self.kernel.energy(self.at, self.motions, self.parameters)
 
-    def stresses(self) -> Iterator[tuple[Points, ndarray, Stress]]:
-        """The points, their v of `Motion` and their stresses."""
-        kernel, at, motions, w = self
-        v = [motion.v for motion in motions]
-        return zip(at.points, v, kernel.stresses(at, motions, w), strict=True)
+    def stresses(self) -> list[Stress]:
+        """Stresses at the points."""
+        return self.kernel.stresses(self.at, self.motions, self.parameters)
+
+    def squares(self) -> list[Square]:
+        """What couples several fibres or points."""
+        return self.kernel.squares(self.at, self.motions, self.parameters)
 
 
-def element_forces(part: Part) -> ndarray:
-    """Nodal forces of the elements, shape (n_nodes, 2, n)."""
-    n_nodes, n = part.at.nodes.shape
+def element_forces(parts: Sequence[Part], shape: tuple[int, ...]) -> ndarray:
+    """Sum of the nodal forces that kernels find in the same elements.
+
+    Parameters
+    ----------
+    parts
+        What the kernels see.
+    shape
+        Numbers of nodes and of elements.
+    """
+    n_nodes, n = shape
     f = np.zeros((n_nodes, 2, n))
-    for points, v, stress in part.stresses():
+    for points, (motion, stress) in _stresses(parts).items():
         for some in blocks(n):
-            (T, M, _), (x, y) = stress.on_fibres(some), _components(v[..., some])
+            (T, M, _), (x, y) = stress.on_fibres(some), _components(motion.v[..., some])
             r = np.stack([T * x - M * y, T * y + M * x], axis=2)
             b = points.b[..., some]
             f[points.nodes, :, some] += np.einsum("fpan,fpin->ain", b, r)
     return f
 
 
-def element_matrices(parts: Sequence[Part]) -> ndarray:
-    """Sum over kernels of the matrices of the same elements, in one pass over these."""
-    n_nodes, n = parts[0].at.nodes.shape
-    curvatures = [
-        (points, v, stress, _pairs(points.nodes, n_nodes))
-        for part in parts
-        for points, v, stress in part.stresses()
-    ]
-    squares = [
-        square
-        for kernel, at, motions, w in parts
-        for square in kernel.squares(at, motions, w)
-    ]
+def element_matrices(parts: Sequence[Part], shape: tuple[int, ...]) -> ndarray:
+    """Sum of the matrices that kernels find of the same elements, in one pass.
+
+    Parameters
+    ----------
+    parts, shape
+        As of `element_forces`.
+    """
+    n_nodes, n = shape
+    stresses = _stresses(parts)
+    squares = [square for part in parts for square in part.squares()]
+    pairs = {points: _pairs(points.nodes, n_nodes) for points in stresses}
     K = np.empty((n_nodes * (n_nodes + 1) // 2, 2, 2, n))
     for some in blocks(n):
-        own = np.zeros_like(K[..., some])
-        for points, v, stress, pairs in curvatures:
-            m = _curvature(v[..., some], *stress.on_fibres(some))
-            _add_products(own, pairs, points.b[..., some], m)
+        own = np.zeros((*K.shape[:-1], len(range(*some.indices(n)))))
+        for points, (motion, stress) in stresses.items():
+            m = _curvature(motion.v[..., some], *stress.on_fibres(some))
+            _add_products(own, pairs[points], points.b[..., some], m)
         for square in squares:
             _add_squares(own, square.gradients(some), square.stiffness[:, some])
         K[..., some] = own
     return K
 
 
+def _stresses(parts: Sequence[Part]) -> dict[Points, tuple[Motion, Stress]]:
+    """Motion at the points, and the sum of the stresses of all kernels there."""
+    found: dict[Points, tuple[Motion, Stress]] = {}
+    for part in parts:
+        here = zip(part.at.points, part.motions, part.stresses(), strict=True)
+        for points, motion, stress in here:
+            _, others = found.get(points, (motion, Stress()))
+            found[points] = motion, Stress(*map(add, others, stress))
+    return found
+
+
 def whole_matrices(K: ndarray) -> ndarray:
-    """Element matrices as arrays over their unknowns, shape (2 n_nodes, 2 n_nodes, n)."""
+    """Matrices over the unknowns of an element, shape (2 n_nodes, 2 n_nodes, n)."""
     n_nodes = round(np.sqrt(2 * len(K)))  # of n (n + 1) / 2 pairs
     whole = np.empty((n_nodes, 2, n_nodes, 2, K.shape[-1]))
     for (a, c), block in zip(np.transpose(np.triu_indices(n_nodes)), K, strict=True):

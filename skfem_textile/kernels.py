@@ -6,8 +6,8 @@ area, and how these change with the strains of the fibres.  Then
     f_a  = Σ b_a (T v + M Jv),
     K_ac = Σ b_a b_c (E v vᵀ + T ∂²ε + M ∂²θ) + Σ s g_a g_cᵀ,
 
-where ∂²(ε + iθ) = −(δz/z)², and the squares are of strains that several fibres or points
-share: shear angles, their differences, and means.
+where ∂²(ε + iθ) = −(δz/z)², and the squares are of strains that several fibres or
+points share: shear angles, their differences, and means.
 """
 
 from collections.abc import Callable
@@ -53,7 +53,10 @@ class Square(NamedTuple):
 class Kernel(Protocol):
     """Energy of a term and its derivatives with respect to strains of fibres."""
 
-    fabric: Fabric
+    @property
+    def fabric(self) -> Fabric:
+        """Gives directions and laws."""
+        ...
 
     def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
         """Energy in N·mm."""

@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from skfem import BilinearForm, CellBasis, Functional, LinearForm
+from skfem import BilinearForm, Functional, LinearForm
 from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot, grad
 
 from . import kinematics as kin
-from .fabric import Fabric, is_zero
 from .deviation import deviation_stiffness
 from .elements import MeanBasis
+from .fabric import Fabric, is_zero
 from .forms import Forms, contract, directions, fibre_tension, fused, once
 from .kernels import MeanTensionKernel
 

@@ -25,7 +25,7 @@ class Pattern:
     Attributes
     ----------
     rows, cols
-        Nodes that the blocks couple, row ≥ column, in ascending order; shape (n_blocks,).
+        Nodes that the blocks couple, row ≥ column, ascending; shape (n_blocks,).
     """
 
     def __init__(self, n_nodes: int, elements: Sequence[ndarray]) -> None:

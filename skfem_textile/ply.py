@@ -105,7 +105,10 @@ class Ply:
 
     def energies(self, u: ndarray) -> dict[str, float]:
         """Energy of each term in N·mm, by the name of the term."""
-        return self._sum.energies(u)
+        return {
+            t.name: self._sum.energy(u, t) + (t.memory.work if t.memory else 0.0)
+            for t in self.terms
+        }
 
     def energy(self, u: ndarray) -> float:
         """Internal energy in N·mm."""
@@ -113,11 +116,11 @@ class Ply:
 
     def residuals(self, u: ndarray) -> dict[str, ndarray]:
         """Internal nodal forces of each term in N, by the name of the term."""
-        return self._sum.residuals(u)
+        return {t.name: self._sum.residual(u, [t]) for t in self.terms}
 
     def residual(self, u: ndarray) -> ndarray:
         """Internal nodal forces in N: the derivative of the energy."""
-        return np.sum(list(self.residuals(u).values()), axis=0)
+        return self._sum.residual(u, self.terms)
 
     def tangent(self, u: ndarray, tension: ndarray | None = None) -> csr_matrix:
         """Derivative of the residual in N/mm.

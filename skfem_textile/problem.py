@@ -11,8 +11,9 @@ from numpy import ndarray
 
 from .conditions import Constraints
 from .elements import node_dofs
-from .linear import Factors, SingularMatrixError
+from .linear import SingularMatrixError
 from .ply import Ply
+from .system import System
 
 _ROUND_OFF = 2.0**-53
 
@@ -60,11 +61,21 @@ class Clock:
 class Problem:
     """A ply under conditions: what an iteration needs to know of them."""
 
-    def __init__(self, ply: Ply, constraints: Constraints) -> None:
+    def __init__(
+        self, ply: Ply, constraints: Constraints, solver: str = "auto"
+    ) -> None:
         self.ply = ply
         self.constraints = constraints
+        self._solver = solver
         self.clock = Clock()
         self.element_size = ply.mesh.param()
+
+    @cached_property
+    def system(self) -> System:
+        """Where the tangent's entries are among the free unknowns, on the clock."""
+        ply, given = self.ply, self.constraints
+        pattern = self.clock.time("assembly", lambda: ply.pattern)
+        return self.clock.time("solve", System, pattern, ply.nodes, given, self._solver)
 
     def energy(self, u: ndarray) -> float:
         """Internal energy, on the clock."""
@@ -139,36 +150,41 @@ class Tangent:
     def __init__(
         self, problem: Problem, u: ndarray, tension: ndarray | None = None
     ) -> None:
-        self._problem, clock = problem, problem.clock
-        turn, free = problem.constraints.turn, problem.constraints.free
-        K = clock.time("assembly", problem.ply.tangent, u, tension)
-        if turn is not None:
-            K = turn.T @ K @ turn
-        self._rows = K[free]
+        self._problem, clock, system = problem, problem.clock, problem.system
+        blocks = clock.time("assembly", problem.ply.stiffness, u, tension)
+        self._matrix = clock.time("assembly", system.reduced, blocks)
+        factorise = system.solver.factorise
         clock.factorisations += 1
         try:
-            self._factors = clock.time("solve", Factors, self._rows[:, free])
+            self._factors = clock.time("solve", factorise, self._matrix.upper.data)
         except SingularMatrixError as error:
             raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
 
     @property
+    def definite(self) -> bool:
+        """Whether every small motion costs energy, but for those of fixed unknowns."""
+        return self._factors.definite
+
+    @cached_property
     def negative_pivots(self) -> int | None:
         """Number of negative eigenvalues; None where the factors do not tell."""
-        return self._factors.negative_pivots
+        try:
+            return self._counted(lambda: self._factors.negative_pivots)
+        except SingularMatrixError:
+            return None
 
     @cached_property
     def stiffness(self) -> float:
         """Largest sum of magnitudes in a row."""
-        rows = np.asarray(abs(self._rows).sum(axis=1))
-        return float(rows.max(initial=0.0))
+        return self._matrix.stiffness()
 
     def increment(self, f: ndarray, u: ndarray, fixed_values: ndarray) -> ndarray:
         """Solve K·du = −f, with the fixed unknowns brought to their values."""
         problem = self._problem
-        fixed, free = problem.constraints.fixed, problem.constraints.free
+        fixed, free = problem.constraints.fixed, problem.system.free
         dq = np.zeros_like(u)
         dq[fixed] = fixed_values - problem.turned(u)[fixed]
-        b = -(problem.free(f) + self._rows @ dq)
+        b = -(problem.turned(f)[free] + self._matrix.coupling @ dq[fixed])
         dq[free] = self._solve(b)
         return problem.plain(dq)
 
@@ -178,22 +194,27 @@ class Tangent:
         By inverse iteration from a vector without symmetry.
         """
         problem = self._problem
-        v = np.sin(np.arange(self._rows.shape[0]) + 1.0)
+        q, free = np.zeros(problem.ply.basis.N), problem.system.free
+        v = np.sin(free + 1.0)
         for _ in range(3):
             v = self._solve(v)
             v = v / np.abs(v).max(initial=1e-300)
-        q = np.zeros(self._rows.shape[1])
-        q[problem.constraints.free] = v
+        q[free] = v
         return problem.plain(q)
 
     def _solve(self, b: ndarray) -> ndarray:
-        clock, factors = self._problem.clock, self._factors
-        before = factors.factorisations
-        clock.solves += 1
+        self._problem.clock.solves += 1
         try:
-            return clock.time("solve", factors.solve, b)
+            return self._counted(self._factors.solve, b)
         except SingularMatrixError as error:
             raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
+
+    def _counted(self, function: Callable, *args: Any) -> Any:
+        """Call on the clock what may have to factorise again."""
+        clock, factors = self._problem.clock, self._factors
+        before = factors.factorisations
+        try:
+            return clock.time("solve", function, *args)
         finally:
             clock.factorisations += factors.factorisations - before
 

@@ -1,7 +1,7 @@
 """Points of elements, and what a fibre there needs of the reference configuration.
 
-Written as a complex number z = a_x + i a_y a fibre a = F·A has the logarithm ε + iθ: its
-strain and its inclination.  It is linear in the displacements u_a of the nodes,
+A fibre a = F·A written as a complex number z = a_x + i a_y has the logarithm ε + iθ,
+its strain and its inclination.  It is linear in the displacements u_a of the nodes,
 
     z = A + Σ_a b_a u_a,    b_a = A·∇N_a,
 
@@ -16,7 +16,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy import ndarray
-from skfem import CellBasis
 
 from .elements import HourglassBasis, centre_grad
 from .fabric import Fabric
@@ -83,6 +82,13 @@ class Points:
         z /= squared[:, :, None]
         return Motion(z, 0.5 * np.log(squared), angle)
 
+    def same(self, other: "Points") -> bool:
+        """Whether fibres move alike at other points."""
+        return all(
+            np.array_equal(one, two)
+            for one, two in ((self.nodes, other.nodes), (self.b, other.b))
+        ) and np.array_equal(self._rest, other._rest)
+
     @cached_property
     def _rest(self) -> ndarray:
         return _between(self.A)
@@ -123,14 +129,14 @@ class Stencil:
         some = np.asarray(values)[..., self.elements, :]
         return [np.moveaxis(some[..., at], -1, -2) for at in self.at]
 
-    def motions(self, u: ndarray) -> list[Motion]:
-        """The motion at the points under a DOF vector ``u``."""
+    def motions(self, u: ndarray, of: Sequence[Points] | None = None) -> list[Motion]:
+        """The motion under a DOF vector ``u`` at all or some of the points."""
         x, y = u.reshape(-1, 2).T.copy()
         local = np.stack([x[self.nodes], y[self.nodes]], axis=1)
-        return [points.motion(local) for points in self.points]
+        return [p.motion(local) for p in (self.points if of is None else of)]
 
 
-def stencils(basis: CellBasis, fabric: Fabric) -> list[Stencil]:
+def stencils(basis: Any, fabric: Fabric) -> list[Stencil]:
     """The elements of a basis of the displacement by their kinds, found once.
 
     The corners of `HourglassBasis` come after its centre, seen by the fibres of the
@@ -145,8 +151,9 @@ def stencils(basis: CellBasis, fabric: Fabric) -> list[Stencil]:
 def _found(basis: Any, fabric: Fabric) -> Iterator[Stencil]:
     dN = np.array([field.grad[0] for (field,) in basis.basis[::2]])
     w, nodes = basis.default_parameters(), basis.element_dofs[::2] // 2
-    A = fabric.directions(np.asarray(w["x"]), w.get("element"))
-    A = np.array([np.broadcast_to(a, w["x"].shape) for a in A])
+    x = np.asarray(w["x"])
+    pair = fabric.directions(x, w.get("element"))
+    A = np.array([np.broadcast_to(a, x.shape) for a in pair])
     if isinstance(basis, MacroBasis):
         yield from _macro(basis, nodes, dN, A)
         return
@@ -158,7 +165,7 @@ def _found(basis: Any, fabric: Fabric) -> Iterator[Stencil]:
     centre = np.array([centre_grad(field)[0] for (field,) in basis.basis[::2]])
     corners = _points(every, dN + centre, A, basis.dx)
     # Once for all corners of an element in which the directions do not vary.
-    some = slice(1 if np.all(A == A[..., :1]) else None)
+    some = slice(1 if np.all(A[..., :1] == A) else None)
     middle = _points(every, centre[..., some], A[..., some], 0 * basis.dx[:, some])
     yield Stencil(nodes, [middle, corners], basis.dx.sum(), _ALL, [_ALL, _ALL])
 
@@ -176,21 +183,18 @@ def _macro(
     patterns, kinds = np.unique(flat, axis=1, return_inverse=True)
     for kind, pattern in enumerate(patterns.T):
         some = np.flatnonzero(kinds.ravel() == kind)
-        corners = pattern.reshape(4, -1)
-        n_parts = (basis.parts[some[0]] >= 0).sum()
-        points = []
-        for j in range(n_parts):
-            at = np.ix_(some, [j])
-            points.append(
-                _points(
-                    corners[:, j],
-                    dN[corners[:, j]][..., *at],
-                    A[..., *at],
-                    basis.dx[at],
-                )
+        corners = pattern.reshape(4, -1).T[basis.parts[some[0]] >= 0]
+        points = [
+            _points(
+                own,
+                dN[own][..., some, j : j + 1],
+                A[..., some, j : j + 1],
+                basis.dx[some, j : j + 1],
             )
-        own = nodes[: corners[:, :n_parts].max() + 1, some]
-        at = [[j] for j in range(n_parts)]
+            for j, own in enumerate(corners)
+        ]
+        at = [slice(j, j + 1) for j in range(len(points))]
+        own = nodes[: corners.max() + 1, some]
         yield Stencil(own, points, basis.dx.sum(), some, at)
 
 

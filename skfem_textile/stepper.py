@@ -12,6 +12,7 @@ from numpy import ndarray
 
 from .checkpoint import Checkpoint, CheckpointError, Saved
 from .conditions import Condition, Constraints
+from .linear import check_solver
 from .ply import Ply
 from .problem import Clock, NoEquilibriumError, Problem, tangent_at
 from .result import Iteration, Result, State, StepError
@@ -53,12 +54,16 @@ class LoadStepper:
         Called with each `Iteration` and with each converged `State`.
     checkpoint
         A folder to which every converged state is written.
+    solver
+        Linear solver: ``superlu``, ``cholmod`` (needs cvxopt), ``pardiso`` (needs
+        pypardiso), or ``auto`` for the fastest that is installed.
 
     Raises
     ------
     ValueError
         If a condition is not valid at some load factor, ``steps`` is no whole number
-        of at least 1, ``max_halvings`` is negative, or a strategy or check unknown.
+        of at least 1, ``max_halvings`` is negative, a strategy or check unknown, or the
+        solver unknown or not installed.
 
     Examples
     --------
@@ -92,6 +97,7 @@ class LoadStepper:
         on_iteration: Callable[[Iteration], None] | None = None,
         on_step: Callable[[State], None] | None = None,
         checkpoint: str | os.PathLike[str] | None = None,
+        solver: str = "auto",
     ) -> None:
         if not (np.isfinite(steps) and steps == int(steps) and steps >= 1):
             raise ValueError(f"steps must be at least 1, and whole; got {steps}")
@@ -101,7 +107,8 @@ class LoadStepper:
             raise ValueError(f"max_halvings must be at least 0, got {max_halvings}")
         for name in warn_only:
             _known("check", name, CHECKS)
-        self.problem = Problem(ply, Constraints(ply.basis, conditions))
+        check_solver(solver)
+        self.problem = Problem(ply, Constraints(ply.basis, conditions), solver)
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         for t in self.load_factors:
             self.problem.constraints.fixed_values(t)  # refuses what is not valid

@@ -199,7 +199,7 @@ def definite(problem: Problem, u: ndarray, tension: ndarray) -> Tangent:
             if share == shares[-1]:
                 raise
         else:
-            if tangent.negative_pivots == 0:
+            if tangent.definite:
                 break
     return tangent
 

@@ -1,6 +1,7 @@
-"""Sums of the terms of a ply: by their kernels, or by their forms where they have none."""
+"""Sums of the terms of a ply, by their kernels or else by their forms."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -9,13 +10,28 @@ from numpy import ndarray
 from skfem import asm
 
 from .assembly import Part, element_forces, element_matrices, pairs_of
-from .kernels import Kernel
 from .pattern import Pattern
-from .stencils import Motion, Stencil, stencils
+from .stencils import Motion, Points, Stencil, stencils
 from .terms import Term
 
 #: Parameters of the forms of some terms beyond what these remember.
 Given = Mapping[Term, dict[str, ndarray]]
+
+_NOTHING: Given = {}
+
+
+@dataclass
+class _Kind:
+    """Elements with the same nodes, and what each term sees of them."""
+
+    nodes: ndarray
+    stencils: dict[Term, Stencil] = field(default_factory=dict)
+
+    def add(self, term: Term, at: Stencil) -> None:
+        """Let a term see the elements; points that others see are the same points."""
+        known = {p for other in self.stencils.values() for p in other.points}
+        points = [next(filter(p.same, known), p) for p in at.points]
+        self.stencils[term] = replace(at, points=points)
 
 
 class Sum:
@@ -34,82 +50,93 @@ class Sum:
 
     def __init__(self, n_nodes: int, terms: Sequence[Term]) -> None:
         self._n_nodes, self._terms = n_nodes, terms
-        self._u, self._motions = np.empty(0), dict[Stencil, list[Motion]]()
+        self._u, self._motions = np.empty(0), dict[Points, Motion]()
 
-    def energies(self, u: ndarray) -> dict[str, float]:
-        """Energy of each term in N·mm."""
-        return {
-            t.name: float(self._energy(t, u) + (t.memory.work if t.memory else 0.0))
-            for t in self._terms
-        }
+    def energy(self, u: ndarray, term: Term) -> float:
+        """Energy of a term in N·mm, what it remembers aside."""
+        if term.kernel is None:
+            return float(asm(term.forms.energy, term.basis, u=u, **_parameters(term)))
+        return sum(
+            part.energy()
+            for kind in self._kinds
+            for part in self._parts(kind, u, [term])
+        )
 
-    def residuals(self, u: ndarray) -> dict[str, ndarray]:
-        """Nodal forces of each term in N."""
-        return {t.name: self._residual(t, u) for t in self._terms}
+    def residual(self, u: ndarray, terms: Sequence[Term]) -> ndarray:
+        """Nodal forces of some terms in N."""
+        f = np.zeros((2, self._n_nodes))
+        for kind in self._kinds:
+            own = element_forces(self._parts(kind, u, terms), kind.nodes.shape)
+            for i in range(2):
+                f[i] += np.bincount(
+                    kind.nodes.ravel(), own[:, i].ravel(), self._n_nodes
+                )
+        plain = (t for t in terms if t.kernel is None)
+        others = (asm(t.forms.residual, t.basis, u=u, **_parameters(t)) for t in plain)
+        return sum(others, f.T.ravel())
 
     def stiffness(self, u: ndarray, given: Given) -> ndarray:
         """Blocks of the tangent in the order of ``pattern``, in N/mm."""
         matrices = []
-        for nodes, terms in self._kinds:
-            if isinstance(terms, Term):
-                w = _parameters(terms, given)
-                form, size = terms.forms.tangent, terms.basis.Nbfun
-                local = form.elemental(terms.basis, u=u, **w).data
-                matrices.append(pairs_of(local.reshape(size, size, -1), nodes))
-            else:
-                parts = [self._part(t, at, u, given) for t, at in terms]
-                matrices.append(element_matrices(parts))
+        for kind in self._kinds:
+            parts = self._parts(kind, u, self._terms, given)
+            matrices.append(element_matrices(parts, kind.nodes.shape))
+        for term in self._plain:
+            form, size = term.forms.tangent, term.basis.Nbfun
+            local = form.elemental(term.basis, u=u, **_parameters(term, given))
+            K = local.data.reshape(size, size, -1)
+            matrices.append(pairs_of(K, _nodes(term)))
         return self.pattern.sum(matrices)
 
     @cached_property
     def pattern(self) -> Pattern:
         """Where the tangent has entries."""
-        return Pattern(self._n_nodes, [nodes for nodes, _ in self._kinds])
+        fused = [kind.nodes for kind in self._kinds]
+        return Pattern(self._n_nodes, fused + [_nodes(t) for t in self._plain])
+
+    @property
+    def _plain(self) -> list[Term]:
+        """Terms without a kernel."""
+        return [term for term in self._terms if term.kernel is None]
 
     @cached_property
-    def _kinds(self) -> list[tuple[ndarray, Any]]:
-        """Nodes of elements, with a term without a kernel or all that these meet in."""
-        kinds: list[tuple[ndarray, Any]] = []
+    def _kinds(self) -> list[_Kind]:
+        """Elements by their nodes, for the terms with a kernel."""
+        kinds: list[_Kind] = []
         for term in self._terms:
             if term.kernel is None:
-                kinds.append((term.basis.element_dofs[::2] // 2, term))
                 continue
             for at in stencils(term.basis, term.kernel.fabric):
-                for nodes, terms in kinds:
-                    if isinstance(terms, list) and np.array_equal(nodes, at.nodes):
-                        terms.append((term, at))
-                        break
-                else:
-                    kinds.append((at.nodes, [(term, at)]))
+                own = (k for k in kinds if np.array_equal(k.nodes, at.nodes))
+                kind = next(own, None)
+                if kind is None:
+                    kinds.append(kind := _Kind(at.nodes))
+                kind.add(term, at)
         return kinds
 
-    def _energy(self, term: Term, u: ndarray) -> float:
-        if term.kernel is None:
-            return asm(term.forms.energy, term.basis, u=u, **_parameters(term))
-        return sum(part.energy() for part in self._parts(term, term.kernel, u))
+    def _parts(
+        self, kind: _Kind, u: ndarray, terms: Sequence[Term], given: Given = _NOTHING
+    ) -> list[Part]:
+        """What the kernels of some terms see of the elements."""
+        return [
+            Part(term.kernel, at, self._seen(at, u), _parameters(term, given))
+            for term, at in kind.stencils.items()
+            if term in terms and term.kernel
+        ]
 
-    def _residual(self, term: Term, u: ndarray) -> ndarray:
-        if term.kernel is None:
-            return asm(term.forms.residual, term.basis, u=u, **_parameters(term))
-        f = np.zeros((2, self._n_nodes))
-        for part in self._parts(term, term.kernel, u):
-            nodes, own = part.at.nodes.ravel(), element_forces(part)
-            for i in range(2):
-                f[i] += np.bincount(nodes, own[:, i].ravel(), self._n_nodes)
-        return f.T.ravel()
-
-    def _parts(self, term: Term, kernel: Kernel, u: ndarray) -> list[Part]:
-        found = stencils(term.basis, kernel.fabric)
-        return [self._part(term, at, u) for at in found]
-
-    def _part(self, term: Term, at: Stencil, u: ndarray, given: Given = {}) -> Part:
+    def _seen(self, at: Stencil, u: ndarray) -> list[Motion]:
         if not np.array_equal(u, self._u):
             self._u, self._motions = u.copy(), {}
-        if at not in self._motions:
-            self._motions[at] = at.motions(u)
-        return Part(term.kernel, at, self._motions[at], _parameters(term, given))
+        if new := [points for points in at.points if points not in self._motions]:
+            self._motions.update(zip(new, at.motions(u, new), strict=True))
+        return [self._motions[points] for points in at.points]
 
 
-def _parameters(term: Term, given: Given = {}) -> dict[str, Any]:
+def _nodes(term: Term) -> ndarray:
+    """Nodes of the elements of a term, shape (n_nodes, n_elements)."""
+    return term.basis.element_dofs[::2] // 2
+
+
+def _parameters(term: Term, given: Given = _NOTHING) -> dict[str, Any]:
     remembered = {} if term.memory is None else term.memory.parameters
     return {**remembered, **given.get(term, {})}

@@ -1,8 +1,27 @@
 import numpy as np
 import pytest
-from scipy.sparse import csr_matrix, diags
+from scipy.sparse import csr_matrix, diags, tril
 
-from skfem_textile.linear import Factors, SingularMatrixError
+from skfem_textile.linear import (
+    SOLVERS,
+    SingularMatrixError,
+    nested_dissection,
+    solver_named,
+)
+from skfem_textile.scenes import strip
+
+
+@pytest.fixture(params=SOLVERS)
+def factorised(request):
+    """Factors of a matrix by each of the solvers that are installed."""
+    pytest.importorskip(SOLVERS[request.param][1])
+
+    def factorised(A, solver=None):
+        lower = tril(A, format="csc")
+        lower.sort_indices()
+        return solver_named(request.param, 0)(lower).factorise(lower.data)
+
+    return factorised
 
 
 def some_matrix(seed, shift):
@@ -13,34 +32,87 @@ def some_matrix(seed, shift):
 
 
 @pytest.mark.parametrize("shift", [-20.0, 0.0, 1.0, 20.0])
-def test_negative_pivots_count_negative_eigenvalues(shift):
+def test_negative_pivots_count_negative_eigenvalues(factorised, shift):
     A = some_matrix(3, shift)
     negative = np.sum(np.linalg.eigvalsh(A.toarray()) < 0)
-    assert Factors(A).negative_pivots == negative
+    factors = factorised(A)
+    assert factors.negative_pivots == negative
+    assert factors.definite == (negative == 0)
 
 
 @pytest.mark.parametrize("shift", [0.0, 20.0])
-def test_indefinite_systems_are_solved_too(shift):
+def test_indefinite_systems_are_solved_too(factorised, shift):
     A, x = some_matrix(4, shift), np.arange(40.0)
-    np.testing.assert_allclose(Factors(A).solve(A @ x), x, atol=1e-9)
+    np.testing.assert_allclose(factorised(A).solve(A @ x), x, atol=1e-9)
 
 
-def test_small_pivots_do_no_harm_to_the_solution():
-    A = csr_matrix([[1e-10, 1.0], [1.0, 1.0]])
+def test_small_diagonal_entries_do_no_harm_to_the_solution(factorised):
+    A = csr_matrix([[1.0, 1.0], [1.0, 1e-10]])
     x = np.array([1.0, 2.0])
-    np.testing.assert_allclose(Factors(A).solve(A @ x), x, rtol=1e-12)
+    np.testing.assert_allclose(factorised(A).solve(A @ x), x, rtol=1e-12)
 
 
-def test_pivots_off_the_diagonal_do_not_tell():
-    assert Factors(csr_matrix([[0.0, 1.0], [1.0, 0.0]])).negative_pivots is None
-
-
-def test_singular_systems_are_refused():
+def test_singular_systems_are_refused(factorised):
+    A = diags([np.r_[np.ones(5), 1e-17]], [0]).tocsr()
     with pytest.raises(SingularMatrixError, match="some motion meets no stiffness"):
-        Factors(diags([np.r_[np.ones(5), 1e-17]], [0]).tocsr())
+        _ = factorised(A).negative_pivots
+    with pytest.raises(SingularMatrixError, match="some motion meets no stiffness"):
+        factorised(A).solve(np.ones(6))
 
 
-def test_a_ply_with_every_unknown_fixed_is_no_special_case():
-    factors = Factors(csr_matrix((0, 0)))
+def test_a_mechanism_is_refused_whatever_its_pivots_are_beside_round_off(factorised):
+    A = csr_matrix(np.full((2, 2), 3.0) + np.diag([0.0, 1e-14]))
+    with pytest.raises(SingularMatrixError):
+        factorised(A).solve(np.ones(2))
+
+
+@pytest.mark.parametrize("shift", [0.0, 20.0])
+@pytest.mark.parametrize("name", SOLVERS)
+def test_factors_outlive_those_of_another_matrix_of_the_same_pattern(name, shift):
+    pytest.importorskip(SOLVERS[name][1])
+    A, x = some_matrix(5, shift), np.arange(40.0)
+    lower = tril(A, format="csc")
+    solver = solver_named(name, 0)(lower)
+    first, second = solver.factorise(lower.data), solver.factorise(2 * lower.data)
+    np.testing.assert_allclose(second.solve(A @ x), x / 2, atol=1e-9)
+    np.testing.assert_allclose(first.solve(A @ x), x, atol=1e-9)
+
+
+def test_a_ply_with_every_unknown_fixed_is_no_special_case(factorised):
+    factors = factorised(csr_matrix((0, 0)))
     assert factors.negative_pivots == 0
     assert factors.solve(np.empty(0)).size == 0
+
+
+def test_auto_takes_superlu_for_few_unknowns_and_the_fastest_there_is_for_many():
+    assert solver_named("auto", 100).__name__ == "SuperLU"
+    many = solver_named("auto", 10**5)
+    for name, (cls, package) in SOLVERS.items():
+        try:
+            __import__(package)
+        except ImportError:
+            with pytest.raises(ValueError, match=f"{name}.*needs {package}: pip"):
+                solver_named(name, 0)
+        else:
+            assert many.__name__ == cls
+            break
+
+
+def test_an_unknown_solver_is_refused_with_what_there_is():
+    with pytest.raises(ValueError, match="choose of auto, cholmod, pardiso, superlu"):
+        solver_named("umfpack", 0)
+
+
+def test_dissection_orders_every_node_and_ends_with_one_that_keeps_halves_apart():
+    mesh = strip(size=(16, 24)).mesh
+    pairs = np.concatenate(
+        [mesh.t[[i, j]] for i, j in ((0, 1), (1, 2), (0, 2), (1, 3))], 1
+    )
+    order = nested_dissection(mesh.p, pairs)
+    np.testing.assert_array_equal(np.sort(order), np.arange(mesh.p.shape[1]))
+    # The last 17 nodes cross the strip once; without them it falls apart.
+    last = mesh.p[1, order[-17:]]
+    assert np.ptp(last) < 60 / 24 * 2
+    kept = np.isin(pairs, order[-17:], invert=True).all(axis=0)
+    below = mesh.p[1] < last.mean()
+    assert not np.any(below[pairs[0, kept]] != below[pairs[1, kept]])

@@ -16,8 +16,8 @@ from skfem_textile import (
     OnePoint,
     Ply,
     StepError,
-    linear,
 )
+from skfem_textile.linear import superlu
 from skfem_textile.problem import NoEquilibriumError
 from skfem_textile.scenes import strip
 
@@ -300,7 +300,7 @@ def test_reactions_are_not_taken_for_unbalanced_forces():
 
 def test_every_solve_and_factorisation_is_counted(monkeypatch):
     counts = {"factorisations": 0, "solves": 0}
-    factorised = linear._factorised
+    factorised = superlu._decomposed
 
     class Counted:
         def __init__(self, lu):
@@ -317,7 +317,7 @@ def test_every_solve_and_factorisation_is_counted(monkeypatch):
         counts["factorisations"] += 1
         return Counted(factorised(*arguments, **options))
 
-    monkeypatch.setattr(linear, "_factorised", counted)
+    monkeypatch.setattr(superlu, "_decomposed", counted)
     ply, conditions = pulled(-0.3)
     result = LoadStepper(ply, conditions, 4).run()
     assert result.newton_iterations == counts["solves"]

@@ -1,0 +1,122 @@
+"""CHOLMOD through cvxopt, which is under the GPL and never required."""
+
+from functools import cached_property
+
+import numpy as np
+from cvxopt import cholmod, matrix, spmatrix
+from numpy import ndarray
+from scipy.sparse import csc_matrix
+
+from .solver import NO_PIVOT, NOTHING, OneAtATime, SingularMatrixError
+from .superlu import SuperLU, SuperLUFactors
+
+_SUPERNODAL, _SIMPLICIAL = {"supernodal": 2}, {"supernodal": 0}
+
+
+class Cholmod(OneAtATime):
+    """Cholesky factors, whose success proves stability; LDLᵀ of what has none.
+
+    Parameters
+    ----------
+    lower
+        As of `Solver`.
+    """
+
+    def __init__(self, lower: csc_matrix) -> None:
+        self.lower, n = lower, lower.shape[0]
+        row = matrix(lower.indices.tolist(), tc="i")
+        col = matrix(np.repeat(np.arange(n), np.diff(lower.indptr)).tolist(), tc="i")
+        self.A = spmatrix(0.0, row, col, (n, n))
+        self._order = matrix(range(n), tc="i")
+        self.factors = self._analysed(_SUPERNODAL)
+
+    def factorise(self, data: ndarray) -> "CholmodFactors":
+        """Factors of the matrix with the entries ``data``."""
+        return CholmodFactors(self, data)
+
+    @cached_property
+    def simplicial(self) -> object:
+        """Room for LDLᵀ."""
+        return self._analysed(_SIMPLICIAL)
+
+    @cached_property
+    def pivoting(self) -> SuperLU:
+        """What solves where there is no Cholesky factor: LDLᵀ does not pivot."""
+        return SuperLU(self.lower)
+
+    def _analysed(self, options: dict[str, int]) -> object:
+        cholmod.options.update(options)
+        return cholmod.symbolic(self.A, p=self._order)
+
+
+class CholmodFactors:
+    """See `Factors`."""
+
+    def __init__(self, solver: Cholmod, data: ndarray) -> None:
+        self._solver, self._data = solver, data
+        self.factorisations = 0
+        self.definite = True
+        solver.hold(self)
+
+    def refactorise(self) -> None:
+        """Cholesky's factors, if there are any."""
+        solver = self._solver
+        try:
+            self._numeric(solver.factors, _SUPERNODAL)
+        except ArithmeticError:
+            self.definite = False
+        else:
+            self._refuse_round_off(
+                solver.factors, _array(cholmod.diag(solver.factors)) ** 2
+            )
+
+    @cached_property
+    def negative_pivots(self) -> int:
+        """By the signs of D."""
+        if self.definite:
+            return 0
+        self.factorisations += 1
+        factors = self._solver.simplicial
+        try:
+            self._numeric(factors, _SIMPLICIAL)
+        except ArithmeticError:
+            raise SingularMatrixError from None
+        reciprocal = matrix(1.0, (len(self._diagonal), 1))
+        cholmod.solve(factors, reciprocal, sys=6)
+        pivots = 1.0 / _array(reciprocal)
+        self._refuse_round_off(factors, np.abs(pivots))
+        return int(np.sum(pivots < 0))
+
+    def solve(self, b: ndarray) -> ndarray:
+        """Solve A x = b."""
+        if self.definite:
+            self._solver.hold(self)
+            x = matrix(b)
+            cholmod.solve(self._solver.factors, x)
+            return _array(x)
+        return self._pivoting.solve(b)
+
+    @cached_property
+    def _pivoting(self) -> SuperLUFactors:
+        self.factorisations += 2
+        return self._solver.pivoting.factorise(self._data)
+
+    def _numeric(self, factors: object, options: dict[str, int]) -> None:
+        self._solver.A.V = matrix(self._data)
+        cholmod.options.update(options)
+        cholmod.numeric(self._solver.A, factors)
+
+    @property
+    def _diagonal(self) -> ndarray:
+        return self._data[self._solver.lower.indptr[:-1]]
+
+    def _refuse_round_off(self, factors: object, pivots: ndarray) -> None:
+        diagonal = matrix(np.abs(self._diagonal))
+        cholmod.solve(factors, diagonal, sys=8)  # in the order of the pivots
+        least = np.maximum(NO_PIVOT * _array(diagonal), NOTHING * pivots.max(initial=0))
+        if not np.all(pivots > least):
+            raise SingularMatrixError
+
+
+def _array(x: matrix) -> ndarray:
+    return np.array(x).ravel()

@@ -1,0 +1,96 @@
+"""MKL's PARDISO through pypardiso."""
+
+import numpy as np
+from numpy import ndarray
+from pypardiso import PyPardisoSolver
+from pypardiso.pardiso_wrapper import PyPardisoError
+from scipy.sparse import csc_matrix, csr_matrix
+
+from .solver import OneAtATime, SingularMatrixError
+
+_SYMMETRIC_INDEFINITE = -2
+_ANALYSE, _FACTORISE, _SOLVE = 11, 22, 33
+
+# Entries of its array of parameters, counted from 1 as in its manual.
+_OWN_PARAMETERS, _ORDER_GIVEN, _REFINEMENTS, _LEAST_PIVOT = 1, 5, 8, 10
+_PERTURBED, _NEGATIVE = 14, 23
+
+
+class Pardiso(OneAtATime):
+    """LDLᵀ factors with pivoting inside supernodes, which tells the inertia.
+
+    Parameters
+    ----------
+    lower
+        As of `Solver`.
+    """
+
+    def __init__(self, lower: csc_matrix) -> None:
+        # The lower triangle by columns is the upper one by rows.
+        self._A = csr_matrix(
+            (np.ones(lower.nnz), lower.indices, lower.indptr), lower.shape
+        )
+        solver = PyPardisoSolver(mtype=_SYMMETRIC_INDEFINITE)
+        solver.perm = np.arange(1, lower.shape[0] + 1, dtype=np.int32)
+        for number, value in (
+            (_OWN_PARAMETERS, 1),
+            (_ORDER_GIVEN, 1),
+            (_REFINEMENTS, 1),
+            (_LEAST_PIVOT, 13),
+        ):
+            solver.set_iparm(number, value)
+        self._solver = solver
+        self.call(_ANALYSE)
+
+    def __del__(self) -> None:
+        self._solver.free_memory(everything=True)
+
+    def factorise(self, data: ndarray) -> "PardisoFactors":
+        """Factors of the matrix with the entries ``data``."""
+        return PardisoFactors(self, data)
+
+    def call(
+        self, phase: int, data: ndarray | None = None, b: ndarray | None = None
+    ) -> ndarray:
+        """One phase of the solver."""
+        if data is not None:
+            self._A.data = data
+        if not self._A.nnz:
+            return np.empty(0)
+        self._solver.set_phase(phase)
+        none = np.zeros(self._A.shape[0])
+        return self._solver._call_pardiso(self._A, none if b is None else b)
+
+    def told(self, number: int) -> int:
+        """One of its parameters."""
+        return int(self._solver.get_iparm(number))
+
+
+class PardisoFactors:
+    """See `Factors`."""
+
+    def __init__(self, solver: Pardiso, data: ndarray) -> None:
+        self._solver, self._data = solver, data
+        self.factorisations = 0
+        self.negative_pivots = 0
+        solver.hold(self)
+
+    @property
+    def definite(self) -> bool:
+        """Whether no pivot is negative."""
+        return self.negative_pivots == 0
+
+    def refactorise(self) -> None:
+        """Factors and inertia."""
+        try:
+            self._solver.call(_FACTORISE, self._data)
+        except PyPardisoError:
+            raise SingularMatrixError from None
+        if self._solver.told(_PERTURBED):
+            raise SingularMatrixError
+        self.negative_pivots = self._solver.told(_NEGATIVE)
+
+    def solve(self, b: ndarray) -> ndarray:
+        """Solve A x = b."""
+        self._solver.hold(self)
+        return self._solver.call(_SOLVE, self._data, b)

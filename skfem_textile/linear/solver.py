@@ -1,0 +1,97 @@
+"""What the load stepper asks of a linear solver."""
+
+from typing import Any, Protocol
+
+from numpy import ndarray
+from scipy.sparse import csc_matrix
+
+MECHANISM = "some motion meets no stiffness"
+
+# A pivot is round-off when it is this small beside the diagonal entry that it comes
+# from, or beside the largest pivot.
+NO_PIVOT, NOTHING = 1e-12, 1e-16
+
+
+class SingularMatrixError(RuntimeError):
+    """The matrix leaves some motion without stiffness."""
+
+    def __init__(self) -> None:
+        super().__init__(MECHANISM)
+
+
+class Factors(Protocol):
+    """Factors of a symmetric matrix, definite or not.
+
+    ``factorisations`` is how many were needed so far: an indefinite matrix may have to
+    be factorised again to solve with, and so may one whose factors gave way to others.
+    """
+
+    factorisations: int
+
+    @property
+    def definite(self) -> bool:
+        """Whether the matrix is positive definite."""
+        ...
+
+    @property
+    def negative_pivots(self) -> int | None:
+        """Number of negative eigenvalues, by Sylvester's law of inertia.
+
+        None where a pivot had to be taken off the diagonal and does not tell.
+
+        Raises
+        ------
+        SingularMatrixError
+            If a pivot vanishes to working precision.
+        """
+        ...
+
+    def solve(self, b: ndarray) -> ndarray:
+        """Solve A x = b.
+
+        Raises
+        ------
+        SingularMatrixError
+            If a pivot vanishes to working precision.
+        """
+        ...
+
+
+class Solver(Protocol):
+    """Factorises symmetric matrices of one pattern, which is analysed once.
+
+    Parameters
+    ----------
+    lower
+        A matrix of the pattern: its triangle at and below the diagonal, with sorted
+        indices, in an order in which factors are sparse.
+    """
+
+    def __init__(self, lower: csc_matrix) -> None: ...
+
+    def factorise(self, data: ndarray) -> Factors:
+        """Factors of the matrix with the entries ``data`` of the lower triangle.
+
+        Raises
+        ------
+        SingularMatrixError
+            If a pivot vanishes to working precision, unless that is told later.
+        """
+        ...
+
+
+class OneAtATime:
+    """Room for the factors of one matrix: those of another are made again when asked.
+
+    Factors of large matrices are most of the memory of a run.
+    """
+
+    _held: Any = None
+
+    def hold(self, factors: Any) -> None:
+        """Have the factors of this matrix, and of no other."""
+        if self._held is not factors:
+            self._held = None  # in case this fails
+            factors.refactorise()
+            factors.factorisations += 1
+            self._held = factors
