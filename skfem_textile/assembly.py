@@ -5,6 +5,7 @@ a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2, n_elements)
 """
 
 from collections.abc import Sequence
+from itertools import combinations_with_replacement
 from operator import add
 from typing import Any, NamedTuple
 
@@ -12,7 +13,8 @@ import numpy as np
 from numpy import ndarray
 
 from .kernels import Kernel, Parameters, Square, Stress
-from .stencils import Motion, Points, Stencil, blocks
+from .points import Motion, Points
+from .stencils import Stencil, blocks, transformed
 
 
 class Part(NamedTuple):
@@ -36,48 +38,40 @@ class Part(NamedTuple):
         return self.kernel.squares(self.at, self.motions, self.parameters)
 
 
-def element_forces(parts: Sequence[Part], shape: tuple[int, ...]) -> ndarray:
-    """Sum of the nodal forces that kernels find in the same elements.
-
-    Parameters
-    ----------
-    parts
-        What the kernels see.
-    shape
-        Numbers of nodes and of elements.
-    """
-    n_nodes, n = shape
-    f = np.zeros((n_nodes, 2, n))
+def element_forces(parts: Sequence[Part]) -> ndarray:
+    """Nodal forces that kernels find in the same elements, shape (n_nodes, 2, n)."""
+    at = parts[0].at
+    f = np.zeros((at.n_motions, 2, at.nodes.shape[1]))
     for points, (motion, stress) in _stresses(parts).items():
-        for some in blocks(n):
+        for some in blocks(f.shape[-1]):
             (T, M, _), (x, y) = stress.on_fibres(some), _components(motion.v[..., some])
             r = np.stack([T * x - M * y, T * y + M * x], axis=2)
-            b = points.b[..., some]
-            f[points.nodes, :, some] += np.einsum("fpan,fpin->ain", b, r)
-    return f
+            f[..., some] += points.forces(r, some)
+    return f if at.modes is None else transformed("ran,rin->ain", at.modes, f)
 
 
-def element_matrices(parts: Sequence[Part], shape: tuple[int, ...]) -> ndarray:
-    """Sum of the matrices that kernels find of the same elements, in one pass.
+def element_matrices(parts: Sequence[Part]) -> ndarray:
+    """Matrices that kernels find of the same elements, in one pass over these.
 
-    Parameters
-    ----------
-    parts, shape
-        As of `element_forces`.
+    Blocks of the pairs of nodes, shape (n_pairs, 2, 2, n).
     """
-    n_nodes, n = shape
+    at = parts[0].at
     stresses = _stresses(parts)
     squares = [square for part in parts for square in part.squares()]
-    pairs = {points: _pairs(points.nodes, n_nodes) for points in stresses}
+    n_nodes, n = at.nodes.shape
     K = np.empty((n_nodes * (n_nodes + 1) // 2, 2, 2, n))
+    n_pairs = at.n_motions * (at.n_motions + 1) // 2
     for some in blocks(n):
-        own = np.zeros((*K.shape[:-1], len(range(*some.indices(n)))))
+        own = np.zeros((n_pairs, 2, 2, some.stop - some.start))
         for points, (motion, stress) in stresses.items():
             m = _curvature(motion.v[..., some], *stress.on_fibres(some))
-            _add_products(own, pairs[points], points.b[..., some], m)
+            points.add_products(own, m, some)
         for square in squares:
             _add_squares(own, square.gradients(some), square.stiffness[:, some])
-        K[..., some] = own
+        if at.modes is None:
+            K[..., some] = own
+        else:
+            _to_nodes(own, at.modes[..., some], K[..., some])
     return K
 
 
@@ -94,9 +88,10 @@ def _stresses(parts: Sequence[Part]) -> dict[Points, tuple[Motion, Stress]]:
 
 def whole_matrices(K: ndarray) -> ndarray:
     """Matrices over the unknowns of an element, shape (2 n_nodes, 2 n_nodes, n)."""
-    n_nodes = round(np.sqrt(2 * len(K)))  # of n (n + 1) / 2 pairs
+    n_nodes = int(np.sqrt(2 * len(K)))  # of n (n + 1) / 2 pairs
     whole = np.empty((n_nodes, 2, n_nodes, 2, K.shape[-1]))
-    for (a, c), block in zip(np.transpose(np.triu_indices(n_nodes)), K, strict=True):
+    pairs = combinations_with_replacement(range(n_nodes), 2)
+    for (a, c), block in zip(pairs, K, strict=True):
         whole[a, :, c], whole[c, :, a] = block, block.transpose(1, 0, 2)
     return whole.reshape(2 * n_nodes, 2 * n_nodes, -1)
 
@@ -131,30 +126,23 @@ def _curvature(v: ndarray, T: Any, M: Any, E: Any) -> ndarray:
     return m
 
 
-def _add_products(K: ndarray, pairs: Any, b: ndarray, m: ndarray) -> None:
-    """Add Σ b_a b_c m over fibres and points to the blocks of ``pairs`` of nodes."""
-    first, second = np.triu_indices(b.shape[2])
-    b, m = b.reshape(-1, *b.shape[2:]), m.reshape(-1, *m.shape[2:])
-    sums = np.einsum("spn,scn->pcn", b[:, first] * b[:, second], m)
-    K[pairs] += sums[:, [[0, 1], [1, 2]]]
-
-
 def _add_squares(K: ndarray, g: ndarray, s: ndarray) -> None:
-    """Add Σ s g_a g_cᵀ over points to the blocks of all pairs of nodes."""
-    first, second = np.triu_indices(g.shape[1])
-    scaled = s[:, None, None] * g
-    K += np.einsum("pain,pajn->aijn", scaled[:, first], g[:, second])
+    """Add Σ s g_a g_cᵀ over points to the blocks of all pairs of motions."""
+    scaled, n_motions = s[:, None, None] * g, g.shape[1]
+    for pair, (a, c) in enumerate(combinations_with_replacement(range(n_motions), 2)):
+        K[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
+
+
+def _to_nodes(K: ndarray, modes: ndarray, out: ndarray) -> None:
+    """Blocks of the pairs of nodes from those of the pairs of motions: Rᵀ K R."""
+    n_motions, n_nodes, n = modes.shape
+    k = whole_matrices(K).reshape(n_motions, 2, n_motions, 2, n)
+    half, end = np.einsum("ran,risjn->asijn", modes, k), 0
+    for a in range(n_nodes):
+        start, end = end, end + n_nodes - a
+        own = out[start:end]
+        np.einsum("sijn,scn->cijn", half[a], modes[:, a:], out=own)
 
 
 def _components(v: ndarray) -> tuple[ndarray, ndarray]:
     return v[:, :, 0], v[:, :, 1]
-
-
-def _pairs(nodes: ndarray, n_nodes: int) -> Any:
-    """Where the pairs of some nodes are among those of all; a slice if they are all."""
-    number = np.zeros((n_nodes, n_nodes), dtype=int)
-    first, second = np.triu_indices(n_nodes)
-    number[first, second] = number[second, first] = np.arange(len(first))
-    first, second = np.triu_indices(len(nodes))
-    pairs = number[nodes[first], nodes[second]]
-    return slice(None) if len(pairs) == number.max() + 1 else pairs

@@ -33,7 +33,7 @@ class FusedResidual(LinearForm):
             return super()._assemble(ubasis, vbasis, **kwargs)
         f = np.zeros((ubasis.Nbfun, ubasis.nelems))
         for part in parts:
-            own = element_forces([part], part.at.nodes.shape)
+            own = element_forces([part])
             f[: 2 * len(own), part.at.elements] = own.reshape(-1, own.shape[-1])
         rows = np.array([ubasis.element_dofs.ravel()])
         return rows, f.ravel(), (ubasis.N,), (ubasis.Nbfun,)
@@ -49,7 +49,7 @@ class FusedTangent(BilinearForm):
         n = ubasis.Nbfun
         K = np.zeros((n, n, ubasis.nelems))
         for part in parts:
-            own = whole_matrices(element_matrices([part], part.at.nodes.shape))
+            own = whole_matrices(element_matrices([part]))
             K[: len(own), : len(own), part.at.elements] = own
         dofs = ubasis.element_dofs
         rows, cols = np.broadcast_arrays(dofs[None], dofs[:, None])

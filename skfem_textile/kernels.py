@@ -20,7 +20,8 @@ from numpy import ndarray
 
 from .deviation import deviation_stiffness
 from .fabric import Fabric, is_zero
-from .stencils import Motion, Points, Stencil
+from .points import Motion, Points
+from .stencils import Stencil
 
 #: Parameters of a form: numbers, or arrays over elements and points.
 Parameters: TypeAlias = dict[str, Any]
@@ -136,7 +137,7 @@ class ShearKernel:
         """Its slope, along the gradient of the shear angle."""
         law, pairs = self.fabric.shear_law, zip(at.points, motions, strict=True)
         return [
-            Square(p.dx * _law(law.tangent, m.angle), partial(turning, p, m))
+            Square(p.dx * _law(law.tangent, m.angle), partial(_turning, p, m))
             for p, m in pairs
         ]
 
@@ -168,7 +169,7 @@ class HourglassKernel:
         (middle, corners), (still, turned) = at.points, motions
 
         def gradients(some: slice) -> ndarray:
-            return turning(corners, turned, some) - turning(middle, still, some)
+            return _turning(corners, turned, some) - _turning(middle, still, some)
 
         return [Square(self._stiffness(at, w), gradients)]
 
@@ -214,16 +215,14 @@ class MeanTensionKernel:
         self, at: Stencil, motions: list[Motion], w: Parameters
     ) -> list[Square]:
         """The rest of the slope of the laws, along the gradient of the mean."""
-        n_nodes = len(at.nodes)
         slope = _laws(self.fabric, "tangent", self._means(at, motions))
         rest = at.area * (slope - self._deviation_stiffness(at))
 
         def gradients(some: slice) -> ndarray:
-            g = np.zeros((2, n_nodes, 2, at.area[some].size))
+            g = np.zeros((2, at.n_motions, 2, at.area[some].size))
             for p, m in zip(at.points, motions, strict=True):
-                share = p.dx[:, some] / at.area[some]
-                b, v = p.b[..., some], share[:, None] * m.v[..., some]
-                g[:, p.nodes] += np.einsum("fpan,fpin->fain", b, v)
+                share = p.dx[:, None, some] / at.area[some]
+                g += p.stretching(share * m.v[..., some], some)
             return g
 
         return [Square(rest[:, 0], gradients)]
@@ -244,13 +243,8 @@ class MeanTensionKernel:
         return _resisting(self.fabric) * np.array([E.T for E in E_d])
 
 
-def turning(points: Points, motion: Motion, some: slice) -> ndarray:
-    """∂Γ/∂u_a = b_a Jv of the warp less that of the weft, shape (P, k, 2, n)."""
-    (b1, b2), (v1, v2) = points.b[..., some], motion.v[..., some]
-    g = np.empty((*b1.shape[:2], 2, b1.shape[-1]))
-    g[:, :, 0] = b2 * v2[:, None, 1] - b1 * v1[:, None, 1]
-    g[:, :, 1] = b1 * v1[:, None, 0] - b2 * v2[:, None, 0]
-    return g
+def _turning(points: Points, motion: Motion, some: slice) -> ndarray:
+    return points.turning(motion.v[..., some], some)
 
 
 def _difference(motions: list[Motion]) -> ndarray:

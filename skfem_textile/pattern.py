@@ -55,10 +55,11 @@ class Pattern:
             n_elements).
         """
         size = 4 * len(self.rows)
-        total = np.zeros(size)
-        for slots, matrix in zip(self._slots, matrices, strict=True):
-            total += np.bincount(slots.ravel(), matrix.ravel(), size)
-        return total.reshape(-1, 2, 2)
+        first, *others = (
+            np.bincount(slots.ravel(), matrix.ravel(), size)
+            for slots, matrix in zip(self._slots, matrices, strict=True)
+        )
+        return sum(others, first).reshape(-1, 2, 2)
 
     def matrix(self, blocks: ndarray) -> csr_matrix:
         """The whole matrix."""

@@ -1,97 +1,26 @@
-"""Points of elements, and what a fibre there needs of the reference configuration.
-
-A fibre a = F·A written as a complex number z = a_x + i a_y has the logarithm ε + iθ,
-its strain and its inclination.  It is linear in the displacements u_a of the nodes,
-
-    z = A + Σ_a b_a u_a,    b_a = A·∇N_a,
-
-so that one number per node, fibre and point holds all that a kernel needs of a mesh.
-"""
+"""Elements of a basis and their points, as kernels need them; found once."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy import ndarray
+from skfem import ElementQuad1
 
-from .elements import HourglassBasis, centre_grad
+from .elements import CENTRE, HourglassBasis, centre_grad
 from .fabric import Fabric
 from .macro import MacroBasis
+from .points import Motion, NodePoints, Points, QuadPoints
 
 # Elements at a time: what these need stays in the processor's cache.
-_BLOCK = 4096
+_BLOCK = 8192
 
 _ALL = slice(None)
 
 _KNOWN: WeakKeyDictionary[Any, WeakKeyDictionary] = WeakKeyDictionary()
-
-
-class Motion(NamedTuple):
-    """What becomes of the fibres at P points of n elements.
-
-    Attributes
-    ----------
-    v
-        z/|z|² of warp and weft, shape (2, P, 2, n): ∂ε/∂u_a = b_a v, ∂θ/∂u_a = b_a Jv.
-    strain
-        Fibre strain ε of both, shape (2, P, n).
-    angle
-        Shear angle Γ, shape (P, n).
-    """
-
-    v: ndarray
-    strain: ndarray
-    angle: ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Points:
-    """Points of some elements at which the same of their nodes meet.
-
-    Attributes
-    ----------
-    nodes
-        Which of the nodes of an element these are, shape (k,).
-    b
-        b_a of warp and weft, shape (2, P, k, n).
-    A
-        Reference directions of both, shape (2, P, 2, n), or 1 in place of P and n.
-    dx
-        Area of the points, shape (P, n).
-    """
-
-    nodes: ndarray
-    b: ndarray
-    A: ndarray
-    dx: ndarray
-
-    def motion(self, u: ndarray) -> Motion:
-        """The motion under displacements of the elements' nodes, (n_nodes, 2, n)."""
-        u, (_, P, _, n) = u[self.nodes], self.b.shape
-        z = np.empty((2, P, 2, n))
-        for some in blocks(n):
-            np.einsum(
-                "fpan,ain->fpin", self.b[..., some], u[..., some], out=z[..., some]
-            )
-        z += self.A
-        squared = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
-        angle = self._rest - _between(z)
-        z /= squared[:, :, None]
-        return Motion(z, 0.5 * np.log(squared), angle)
-
-    def same(self, other: "Points") -> bool:
-        """Whether fibres move alike at other points."""
-        return all(
-            np.array_equal(one, two)
-            for one, two in ((self.nodes, other.nodes), (self.b, other.b))
-        ) and np.array_equal(self._rest, other._rest)
-
-    @cached_property
-    def _rest(self) -> ndarray:
-        return _between(self.A)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +31,11 @@ class Stencil:
     ----------
     nodes
         Numbers of their nodes, shape (n_nodes, n).
+    modes
+        Their motions per displacement of the nodes, shape (n_motions, n_nodes, n); None
+        where the motions are the displacements.
     points
-        Their points, by the nodes that meet there.
+        Their points, those with the same motions together.
     whole
         Area of all elements of the basis.
     elements, at
@@ -111,10 +43,16 @@ class Stencil:
     """
 
     nodes: ndarray
+    modes: ndarray | None
     points: Sequence[Points]
     whole: float
     elements: Any
     at: Sequence[Any]
+
+    @property
+    def n_motions(self) -> int:
+        """How many motions an element has."""
+        return len(self.nodes if self.modes is None else self.modes)
 
     @cached_property
     def area(self) -> ndarray:
@@ -133,11 +71,21 @@ class Stencil:
         """The motion under a DOF vector ``u`` at all or some of the points."""
         x, y = u.reshape(-1, 2).T.copy()
         local = np.stack([x[self.nodes], y[self.nodes]], axis=1)
-        return [p.motion(local) for p in (self.points if of is None else of)]
+        if self.modes is not None:
+            local = transformed("ran,ain->rin", self.modes, local)
+        return [_motion(p, local) for p in (self.points if of is None else of)]
+
+    def alike(self, other: "Stencil") -> bool:
+        """Whether the elements of another have the same nodes and motions."""
+        if self.modes is None or other.modes is None:
+            return self.modes is other.modes and np.array_equal(self.nodes, other.nodes)
+        return np.array_equal(self.modes, other.modes) and np.array_equal(
+            self.nodes, other.nodes
+        )
 
 
 def stencils(basis: Any, fabric: Fabric) -> list[Stencil]:
-    """The elements of a basis of the displacement by their kinds, found once.
+    """The elements of a basis of the displacement by their kinds.
 
     The corners of `HourglassBasis` come after its centre, seen by the fibres of the
     corners, which weighs nothing.
@@ -146,6 +94,29 @@ def stencils(basis: Any, fabric: Fabric) -> list[Stencil]:
     if fabric not in known:
         known[fabric] = list(_found(basis, fabric))
     return known[fabric]
+
+
+def blocks(n: int) -> Iterator[slice]:
+    """Slices of the elements that keep what is computed in the cache."""
+    return (slice(i, min(i + _BLOCK, n)) for i in range(0, n, _BLOCK))
+
+
+def transformed(rule: str, modes: ndarray, x: ndarray) -> ndarray:
+    """`numpy.einsum` of modes and what belongs to nodes or motions, (k, 2, n)."""
+    parts = [np.einsum(rule, modes[..., s], x[..., s]) for s in blocks(x.shape[-1])]
+    return np.concatenate(parts, axis=-1)
+
+
+def _motion(points: Points, u: ndarray) -> Motion:
+    P, n = len(points.dx), u.shape[-1]
+    squared, angle, v = (np.empty((*k, n)) for k in ((2, P), (P,), (2, P, 2)))
+    still = np.broadcast_to(points.A, v.shape)
+    for some in blocks(n):
+        z = points.fibres(u[..., some], some) + still[..., some]
+        angle[..., some] = _between(still[..., some]) - _between(z)
+        squared[..., some] = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
+        v[..., some] = z / squared[:, :, None, some]
+    return Motion(v, squared, angle)
 
 
 def _found(basis: Any, fabric: Fabric) -> Iterator[Stencil]:
@@ -157,22 +128,43 @@ def _found(basis: Any, fabric: Fabric) -> Iterator[Stencil]:
     if isinstance(basis, MacroBasis):
         yield from _macro(basis, nodes, dN, A)
         return
-    every = np.arange(len(nodes))
-    if not isinstance(basis, HourglassBasis):
-        points = [_points(every, dN, A, basis.dx)]
-        yield Stencil(nodes, points, basis.dx.sum(), _ALL, [_ALL])
-        return
-    centre = np.array([centre_grad(field)[0] for (field,) in basis.basis[::2]])
-    corners = _points(every, dN + centre, A, basis.dx)
-    # Once for all corners of an element in which the directions do not vary.
-    some = slice(1 if np.all(A[..., :1] == A) else None)
-    middle = _points(every, centre[..., some], A[..., some], 0 * basis.dx[:, some])
-    yield Stencil(nodes, [middle, corners], basis.dx.sum(), _ALL, [_ALL, _ALL])
+    dx, whole, hourglass = basis.dx, basis.dx.sum(), isinstance(basis, HourglassBasis)
+    if hourglass:
+        dN += (centre := np.array([centre_grad(u)[0] for (u,) in basis.basis[::2]]))
+    bilinear = isinstance(basis.elem.elem, ElementQuad1) and np.all(A[..., :1] == A)
+    points: list[Points]
+    if not bilinear:
+        every = np.arange(len(nodes)), len(nodes)
+        points = [NodePoints(_last(A), _last(dx), _products(A, dN), *every)]
+        if hourglass:
+            still = NodePoints(_last(A), _last(0 * dx), _products(A, centre), *every)
+            points.insert(0, still)
+        modes = None
+    else:
+        modes, eta = _quadrilaterals(basis, A, dN)
+        A = _last(A[..., :1])
+        points = [QuadPoints(A, _last(dx), eta)]
+        if hourglass:
+            points.insert(0, QuadPoints(A, _last(0 * dx[:, :1]), 0 * eta[:, :1]))
+    yield Stencil(nodes, modes, points, whole, _ALL, [_ALL] * len(points))
 
 
-def blocks(n: int) -> Iterator[slice]:
-    """Slices of the elements that keep what is computed in the cache."""
-    return (slice(i, i + _BLOCK) for i in range(0, n, _BLOCK))
+def _quadrilaterals(basis: Any, A: ndarray, dN: ndarray) -> tuple[ndarray, ndarray]:
+    """Motions of bilinear quadrilaterals, (3, 4, n), and η, (2, P, n).
+
+    The gradients at a point differ from those at the centre by γ_a ∇h, where γ is the
+    hourglass vector (Flanagan & Belytschko 1981).
+    """
+    scalar, mapping, tind = ElementQuad1(), basis.mapping, basis.tind
+    fields = (scalar.gbasis(mapping, CENTRE[0], a, tind)[0] for a in range(4))
+    centre = np.array([field.grad for field in fields])
+    h = np.array([1.0, -1.0, 1.0, -1.0])
+    elements = slice(None) if tind is None else tind
+    corners = basis.mesh.p[:, basis.mesh.t[:, elements]]
+    gamma = h[:, None] - np.einsum("b,jbn,ajn->an", h, corners, centre[..., 0])
+    slope = np.einsum("an,ajnq->jnq", gamma / (gamma**2).sum(axis=0), dN - centre)
+    modes = np.concatenate([_products(A[..., :1], centre)[:, 0], gamma[None]])
+    return modes, _last((A * slope).sum(axis=1))
 
 
 def _macro(
@@ -184,29 +176,30 @@ def _macro(
     for kind, pattern in enumerate(patterns.T):
         some = np.flatnonzero(kinds.ravel() == kind)
         corners = pattern.reshape(4, -1).T[basis.parts[some[0]] >= 0]
-        points = [
-            _points(
-                own,
-                dN[own][..., some, j : j + 1],
-                A[..., some, j : j + 1],
-                basis.dx[some, j : j + 1],
-            )
-            for j, own in enumerate(corners)
-        ]
-        at = [slice(j, j + 1) for j in range(len(points))]
         own = nodes[: corners.max() + 1, some]
-        yield Stencil(own, points, basis.dx.sum(), some, at)
+        at = [slice(j, j + 1) for j in range(len(corners))]
+        points: list[Points] = [
+            NodePoints(
+                _last(A[..., some, j]),
+                _last(basis.dx[some, j]),
+                _products(A[..., some, j], dN[four][..., some, j]),
+                four,
+                len(own),
+            )
+            for j, four in zip(at, corners, strict=True)
+        ]
+        yield Stencil(own, None, points, basis.dx.sum(), some, at)
 
 
-def _points(nodes: ndarray, dN: ndarray, A: ndarray, dx: ndarray) -> Points:
-    """Points from gradients (k, 2, n, P) and directions (2, 2, n, P)."""
-    b = sum(A[:, None, J] * dN[:, J] for J in range(2))
-    return Points(
-        nodes,
-        np.ascontiguousarray(b.transpose(0, 3, 1, 2)),
-        A.transpose(0, 3, 1, 2),
-        np.ascontiguousarray(dx.T),
-    )
+def _products(A: ndarray, dN: ndarray) -> ndarray:
+    """A·∇N_a, shape (2, P, k, n)."""
+    b = A[:, None, 0] * dN[:, 0] + A[:, None, 1] * dN[:, 1]
+    return np.ascontiguousarray(b.transpose(0, 3, 1, 2))
+
+
+def _last(x: ndarray) -> ndarray:
+    """With the elements on the last axis and the points on the first of x itself."""
+    return x.T if x.ndim == 2 else np.moveaxis(x, -1, -3 if x.ndim == 4 else -2)
 
 
 def _between(z: ndarray) -> ndarray:

@@ -11,7 +11,8 @@ from skfem import asm
 
 from .assembly import Part, element_forces, element_matrices, pairs_of
 from .pattern import Pattern
-from .stencils import Motion, Points, Stencil, stencils
+from .points import Motion, Points, alike
+from .stencils import Stencil, stencils
 from .terms import Term
 
 #: Parameters of the forms of some terms beyond what these remember.
@@ -22,15 +23,15 @@ _NOTHING: Given = {}
 
 @dataclass
 class _Kind:
-    """Elements with the same nodes, and what each term sees of them."""
+    """Elements with the same motions, and what each term sees of them."""
 
-    nodes: ndarray
+    first: Stencil
     stencils: dict[Term, Stencil] = field(default_factory=dict)
 
     def add(self, term: Term, at: Stencil) -> None:
         """Let a term see the elements; points that others see are the same points."""
         known = {p for other in self.stencils.values() for p in other.points}
-        points = [next(filter(p.same, known), p) for p in at.points]
+        points = [next((q for q in known if alike(p, q)), p) for p in at.points]
         self.stencils[term] = replace(at, points=points)
 
 
@@ -66,10 +67,10 @@ class Sum:
         """Nodal forces of some terms in N."""
         f = np.zeros((2, self._n_nodes))
         for kind in self._kinds:
-            own = element_forces(self._parts(kind, u, terms), kind.nodes.shape)
+            own = element_forces(self._parts(kind, u, terms))
             for i in range(2):
                 f[i] += np.bincount(
-                    kind.nodes.ravel(), own[:, i].ravel(), self._n_nodes
+                    kind.first.nodes.ravel(), own[:, i].ravel(), self._n_nodes
                 )
         plain = (t for t in terms if t.kernel is None)
         others = (asm(t.forms.residual, t.basis, u=u, **_parameters(t)) for t in plain)
@@ -80,7 +81,7 @@ class Sum:
         matrices = []
         for kind in self._kinds:
             parts = self._parts(kind, u, self._terms, given)
-            matrices.append(element_matrices(parts, kind.nodes.shape))
+            matrices.append(element_matrices(parts))
         for term in self._plain:
             form, size = term.forms.tangent, term.basis.Nbfun
             local = form.elemental(term.basis, u=u, **_parameters(term, given))
@@ -91,7 +92,7 @@ class Sum:
     @cached_property
     def pattern(self) -> Pattern:
         """Where the tangent has entries."""
-        fused = [kind.nodes for kind in self._kinds]
+        fused = [kind.first.nodes for kind in self._kinds]
         return Pattern(self._n_nodes, fused + [_nodes(t) for t in self._plain])
 
     @property
@@ -107,10 +108,9 @@ class Sum:
             if term.kernel is None:
                 continue
             for at in stencils(term.basis, term.kernel.fabric):
-                own = (k for k in kinds if np.array_equal(k.nodes, at.nodes))
-                kind = next(own, None)
+                kind = next((k for k in kinds if k.first.alike(at)), None)
                 if kind is None:
-                    kinds.append(kind := _Kind(at.nodes))
+                    kinds.append(kind := _Kind(at))
                 kind.add(term, at)
         return kinds
 
