@@ -87,6 +87,11 @@ def _study(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers", type=_positive, default=1, help="processes to use" + _SHOWN
     )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on where an interrupted study stopped, with the results kept in DIR",
+    )
 
 
 def _two_element(parser: argparse.ArgumentParser) -> None:

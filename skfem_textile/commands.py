@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -108,24 +109,57 @@ def two_element(options: argparse.Namespace) -> int:
 
 
 def study(options: argparse.Namespace) -> int:
-    """Run a study and write its report."""
+    """Run a study and write its report; a case that fails is not in it."""
     from . import io
+    from .sweep import SweepError
 
     study = import_module(f".studies.{options.study}", __package__)
     results = io.ResultFolder(options.out, (*study.FILES, *study.PICTURES))
-    rows: list[dict[str, Any]] = []
+    kept = options.out / f"{options.study}-unfinished.jsonl"
+    if kept.is_file() and kept.stat().st_size and not options.resume:
+        raise ValueError(
+            f"{kept} is of an unfinished study: --resume goes on with it, or remove it"
+        )
+    cases, code, said = study.cases(), 0, ""
+    found: dict[str, list[dict[str, Any]]] = {}
     try:
-        for some in study.cases(options.workers):
-            print(study.line(some))
-            rows += some
-    finally:  # an interrupted study reports on what it has
+        _examine(study, cases, options.workers, kept, found)
+    except SweepError as error:
+        code, said = STOPPED_EARLY, f"{error}; --resume runs what is left"
+    except KeyboardInterrupt:
+        code, said = INTERRUPTED, "interrupted; --resume runs what is left"
+    finally:  # a study that stops reports on what it has
+        rows = [row for case in cases for row in found.get(study.name(case), ())]
         if rows:
             with results as folder:
                 study.write(rows, folder)
-    if not options.no_render:
+    if not (said and rows):
+        kept.unlink(missing_ok=True)
+    if not options.no_render and code != INTERRUPTED:
         _render(lambda folder: study.draw(rows, folder), options.out, study.PICTURES)
     print(f"results in {options.out}")
-    return 0
+    if said:
+        print(f"skfem-textile: {said}", file=sys.stderr)
+    return code
+
+
+def _examine(
+    study: ModuleType,
+    cases: list[Any],
+    workers: int,
+    kept: Path,
+    found: dict[str, list[dict[str, Any]]],
+) -> None:
+    """Find the rows of every case, by its name; they are on file as they come."""
+    from .sweep import Processes, sweep
+
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    with Processes(workers) as executor:
+        for case, rows in sweep(
+            study.examined, cases, executor, out=kept, key=study.name
+        ):
+            print(study.line(rows))
+            found[study.name(case)] = rows
 
 
 def _inputs(options: argparse.Namespace) -> Mapping[str, Any]:

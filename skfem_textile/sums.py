@@ -67,11 +67,10 @@ class Sum:
         """Nodal forces of some terms in N."""
         f = np.zeros((2, self._n_nodes))
         for kind in self._kinds:
-            own = element_forces(self._parts(kind, u, terms))
-            for i in range(2):
-                f[i] += np.bincount(
-                    kind.first.nodes.ravel(), own[:, i].ravel(), self._n_nodes
-                )
+            if parts := self._parts(kind, u, terms):
+                own, nodes = element_forces(parts), kind.first.nodes.ravel()
+                for i in range(2):
+                    f[i] += np.bincount(nodes, own[:, i].ravel(), self._n_nodes)
         plain = (t for t in terms if t.kernel is None)
         others = (asm(t.forms.residual, t.basis, u=u, **_parameters(t)) for t in plain)
         return sum(others, f.T.ravel())

@@ -41,6 +41,10 @@ def test_the_study_covers_every_formulation_and_scene():
     assert {c.problem.E / 0.5 for c in methods if c.problem in BIAS} == {2e4, 2e5, 2e6}
 
 
+def test_no_two_cases_have_one_name():
+    assert len({formulations.name(c) for c in ALL}) == len(ALL)
+
+
 def test_it_covers_ten_triangulations_of_400_to_4000_triangles():
     some = [c for c in ALL if c.group == "triangulations"]
     assert len(some) == 20
@@ -63,7 +67,7 @@ def test_rivals_are_as_stiff_as_the_automatic_stabilisation():
 
 
 def test_a_case_is_measured_at_40_degrees_and_its_load_at_every_angle():
-    row = formulations.examined(case(BIAS[0], AUTO))
+    (row,) = formulations.examined(case(BIAS[0], AUTO))
     scene = case(BIAS[0], AUTO).scene()
     ply = Ply(scene.mesh, BIAS[0].fabric(scene), OnePoint())
     result = LoadStepper(ply, scene.conditions, 5).run()
@@ -93,19 +97,20 @@ def test_the_load_is_the_force_along_what_is_prescribed():
     scene = case(STRIP, AUTO).scene()
     ply = Ply(scene.mesh, STRIP.fabric(scene), OnePoint())
     result = LoadStepper(ply, scene.conditions, 5).run()
-    row = formulations.examined(case(STRIP, AUTO))
+    (row,) = formulations.examined(case(STRIP, AUTO))
     assert row["load"] == pytest.approx(abs(scene.summary(result)["reaction_x"]))
     assert np.isnan(row["load_10"])
 
 
 def test_a_refused_case_keeps_what_it_reached():
     """2×2 quadratic triangles this coarse fold on the way to 50°."""
-    row = formulations.examined(case(BIAS[2], METHODS[5], 8))
+    (row,) = formulations.examined(case(BIAS[2], METHODS[5], 8))
     assert "stopped at load factor 0.8" in row["refused"]
     assert row["load_40"] > 100
     assert np.isnan(row["load_50"])
     early = replace(BIAS[2], last=5)
-    assert np.isnan(formulations.examined(case(early, METHODS[5], 8))["position"])
+    (row,) = formulations.examined(case(early, METHODS[5], 8))
+    assert np.isnan(row["position"])
 
 
 def test_the_furthest_load_is_the_one_furthest_from_the_exact():

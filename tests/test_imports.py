@@ -1,7 +1,17 @@
 import subprocess
 import sys
 
-HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "meshio", "rich", "imageio")
+HEAVY = (
+    "pyvista",
+    "vtk",
+    "vtkmodules",
+    "matplotlib",
+    "meshio",
+    "rich",
+    "imageio",
+    "dask",
+    "threadpoolctl",
+)
 OPTIONAL_SOLVERS = ("cvxopt", "pypardiso", "numba")
 
 

@@ -1,5 +1,6 @@
 import csv
 import json
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
@@ -21,6 +22,8 @@ def few_steps(monkeypatch):
     monkeypatch.setattr(stability, "STEPS", (1, 5))
     monkeypatch.setattr(stability, "_REFERENCE", 10)
     monkeypatch.setattr(stability, "_AGREEING", (5, 10))
+    # Processes would not know.
+    monkeypatch.setattr("skfem_textile.sweep.Processes", ThreadPoolExecutor)
 
 
 def rod() -> Scene:
@@ -94,7 +97,7 @@ def test_soundness_needs_equilibrium_stability_and_no_folds():
 def test_the_study_covers_what_it_should():
     problems = extremes()
     assert len(problems) * len(stability.STEPS) >= 300
-    assert len({(p.family, p.name) for p in problems}) == len(problems)
+    assert len({stability.name(p) for p in problems}) == len(problems)
     ratios = {p.E / p.G for p in problems if p.G}
     assert {1e2, 1e4, 1e6, 1e8, 1e10} <= ratios
     assert any(p.G == 0 for p in problems)
@@ -113,14 +116,48 @@ def test_flat_angles_are_flat():
     assert np.degrees(np.arccos(cosine)).max() == pytest.approx(179.0)
 
 
-def test_an_interrupted_study_reports_on_what_it_has(tmp_path, few_steps, monkeypatch):
-    def cases(_):
-        yield stability.examined(Extreme("plain", "one", SMALL, OnePoint(10.0)))
-        raise KeyboardInterrupt
+def test_an_interrupted_study_reports_on_what_it_has_and_goes_on(
+    tmp_path, few_steps, monkeypatch, capsys
+):
+    problems = [Extreme("plain", n, SMALL, OnePoint(10.0)) for n in ("one", "two")]
+    monkeypatch.setattr(stability, "extremes", lambda: problems)
+    examined, asked, interrupted = stability.examined, [], [True]
 
-    monkeypatch.setattr(stability, "cases", cases)
+    def interrupting(problem):
+        asked.append(problem.label)
+        if problem.label == "two" and interrupted:
+            interrupted.clear()
+            raise KeyboardInterrupt
+        return examined(problem)
+
+    monkeypatch.setattr(stability, "examined", interrupting)
     out = tmp_path / "out"
-    assert cli.main(["study", "stability", "--out", str(out)]) == 130
+    command = ["study", "stability", "--no-render", "--out", str(out)]
+    assert cli.main(command) == 130
+    assert "--resume" in capsys.readouterr().err
+    assert json.loads((out / "summary.json").read_text())["cases"] == 2
+    assert cli.main(command) == 2
+    assert "--resume" in capsys.readouterr().err
+    assert cli.main([*command, "--resume"]) == 0
+    assert asked == ["one", "two", "two"]
+    assert json.loads((out / "summary.json").read_text())["cases"] == 4
+    assert {p.name for p in out.iterdir()} == set(stability.FILES)
+
+
+def test_a_case_that_fails_is_named_and_the_others_are_reported(
+    tmp_path, few_steps, monkeypatch, capsys
+):
+    problems = [
+        Extreme("plain", "fails", partial(strip, mesh="none"), Full()),
+        Extreme("plain", "one", SMALL, OnePoint(10.0)),
+    ]
+    monkeypatch.setattr(stability, "extremes", lambda: problems)
+    out = tmp_path / "out"
+    command = ["study", "stability", "--no-render", "--out", str(out)]
+    assert cli.main(command) == 1
+    said = capsys.readouterr().err
+    assert "plain, fails, 2×2: " in said
+    assert "--resume" in said
     assert json.loads((out / "summary.json").read_text())["cases"] == 2
 
 

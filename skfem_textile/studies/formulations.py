@@ -7,7 +7,6 @@ do not stretch, and tables and a figure of their medians.
 import csv
 import json
 import logging
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,6 @@ from ..scenes import Scene
 from ..stepper import LoadStepper
 from . import comparison, findings, tables
 from .comparison import ANGLES, Case
-from .workers import shared_out
 
 #: Written by `write` and by `draw`.
 FILES = ("formulations.csv", "summary.json", *(f"{name}.md" for name in tables.TABLES))
@@ -29,16 +27,15 @@ PICTURES = ("formulations.png",)
 Row = dict[str, Any]
 
 
-def cases(workers: int = 1) -> Iterator[list[Row]]:
-    """The results of one case after the other.
+def cases() -> list[Case]:
+    """The cases, in the order of the report."""
+    return list(comparison.cases())
 
-    Parameters
-    ----------
-    workers
-        Number of processes.
-    """
-    for row in shared_out(examined, comparison.cases(), workers):
-        yield [row]
+
+def name(case: Case) -> str:
+    """A name that no other case has."""
+    names = f"{case.group}: {case.problem.name}, {case.method.name}"
+    return f"{names}, {case.across} across, {case.seed}"
 
 
 def line(rows: list[Row]) -> str:
@@ -49,8 +46,8 @@ def line(rows: list[Row]) -> str:
     return f"{case}: {off}" + (f"; {row['refused']}" if row["refused"] else "")
 
 
-def examined(case: Case) -> Row:
-    """One case with its result; numbers that it does not reach are nan."""
+def examined(case: Case) -> list[Row]:
+    """One case with its result, a row; numbers that it does not reach are nan."""
     logging.getLogger("skfem_textile").setLevel(logging.ERROR)
     problem, scene, refused = case.problem, case.scene(), ""
     formulation = case.method.formulation(problem.stabilisation)
@@ -59,7 +56,7 @@ def examined(case: Case) -> Row:
         result = LoadStepper(ply, scene.conditions, problem.steps).run()
     except StepError as error:
         result, refused = error.result, str(error)
-    return {
+    row = {
         "group": case.group,
         "problem": problem.name,
         "method": case.method.name,
@@ -72,6 +69,7 @@ def examined(case: Case) -> Row:
         "seconds": result.wall_time_s,
         "refused": refused,
     }
+    return [row]
 
 
 _FIGURES = (

@@ -16,7 +16,7 @@ import csv
 import json
 import logging
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -30,7 +30,6 @@ from ..result import StepError
 from ..scenes import Scene
 from ..stepper import LoadStepper
 from .extremes import Extreme, extremes
-from .workers import shared_out
 
 STEPS = (1, 2, 5, 20, 100)
 _REFERENCE, _AGREEING = 400, (20, 100, 400)
@@ -53,15 +52,14 @@ _EXACT = 1e-8
 Row = dict[str, Any]
 
 
-def cases(workers: int = 1) -> Iterator[list[Row]]:
-    """The cases of one problem after the other.
+def cases() -> list[Extreme]:
+    """The problems, in the order of the report."""
+    return extremes()
 
-    Parameters
-    ----------
-    workers
-        Number of processes.
-    """
-    return shared_out(examined, extremes(), workers)
+
+def name(problem: Extreme) -> str:
+    """A name that no other problem has."""
+    return f"{problem.family}, {problem.name}"
 
 
 def line(rows: list[Row]) -> str:

@@ -1,0 +1,62 @@
+"""A parameter study: the load of a bias-extension test, by stiffness and shear angle.
+
+Two worker processes share the cases, or with ``--dask`` the workers of a cluster, here
+one on this machine.  Every result is on file as soon as it comes: a study that was
+killed goes on where it was when it is started again.
+"""
+
+import sys
+from itertools import product
+
+import numpy as np
+
+from skfem_textile import Fabric, LoadStepper, Macro, Ply
+from skfem_textile.scenes import bias_extension
+from skfem_textile.splitting import split
+from skfem_textile.sweep import Processes, sweep
+
+G = 0.5  # N/mm
+RATIOS, ANGLES = (2e4, 2e5, 2e6), (10, 20, 30, 40)  # E/G, degrees
+
+
+def load(case):
+    """The load over that of fibres that do not stretch."""
+    ratio, degrees = case
+    mesh = split(bias_extension(size=(4, 8)).mesh)
+    scene = bias_extension(mesh, shear_angle=np.radians(degrees))
+    fabric = Fabric(ratio * G, G, scene.warp, scene.weft)
+    result = LoadStepper(Ply(mesh, fabric, Macro()), scene.conditions, steps=4).run()
+    return scene.summary(result)["load_over_exact"]
+
+
+def study(executor):
+    cases, found = product(RATIOS, ANGLES), {}
+    for (ratio, degrees), share in sweep(load, cases, executor, out="loads.jsonl"):
+        print(f"E/G = {ratio:.0e}, {degrees}°: {share:.3f}")
+        found[ratio, degrees] = share
+    return found
+
+
+def main(dask="--dask" in sys.argv):
+    if dask:
+        from dask.distributed import Client, LocalCluster
+
+        # A cluster of many machines is Client("tcp://scheduler:8786") instead.
+        with (
+            LocalCluster(n_workers=2, threads_per_worker=1) as cluster,
+            Client(cluster) as client,
+        ):
+            found = study(client.get_executor())
+    else:
+        with Processes(2) as executor:
+            found = study(executor)
+    print("load over exact, by E/G and shear angle")
+    print(" " * 8 + "".join(f"{degrees:7}°" for degrees in ANGLES))
+    for ratio in RATIOS:
+        shares = (f"{found[ratio, degrees]:8.3f}" for degrees in ANGLES)
+        print(f"{ratio:8.0e}" + "".join(shares))
+    assert all(abs(share - 1) < 0.1 for share in found.values())
+
+
+if __name__ == "__main__":
+    main()
