@@ -72,6 +72,7 @@ def _parser() -> argparse.ArgumentParser:
     studies = study.add_subparsers(dest="study", required=True)
     for name, what in commands.STUDIES.items():
         _study(studies.add_parser(name, help=what))
+    _error_time(studies.add_parser("error-time", help=commands.ERROR_TIME))
     return parser
 
 
@@ -87,6 +88,12 @@ def _study(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers", type=_positive, default=1, help="processes to use" + _SHOWN
     )
+
+
+def _error_time(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(task=commands.error_time)
+    parser.add_argument("scene", choices=("strip", "bias_extension"))
+    _output(parser)
 
 
 def _two_element(parser: argparse.ArgumentParser) -> None:

@@ -4,7 +4,7 @@ import argparse
 import json
 import logging
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ STUDIES = {
     "stability": "stiff and extreme cases: which are right, refused or wrong",
     "formulations": "every formulation on every scene: how far from the exact answer",
 }
+ERROR_TIME = "error against run time, beside other codes; one process, undisturbed"
 
 STOPPED_EARLY, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -109,14 +110,28 @@ def two_element(options: argparse.Namespace) -> int:
 
 def study(options: argparse.Namespace) -> int:
     """Run a study and write its report."""
+    study = import_module(f".studies.{options.study}", __package__)
+    return _studied(study, study.cases(options.workers), options)
+
+
+def error_time(options: argparse.Namespace) -> int:
+    """Run the study of error against run time on one scene and write its report."""
+    from .studies import error_time as study
+
+    return _studied(study, study.cases(options.scene), options)
+
+
+def _studied(
+    study: Any, cases: Iterable[list[dict[str, Any]]], options: argparse.Namespace
+) -> int:
+    """Go through the cases of a study and write its report."""
     from . import io
 
-    study = import_module(f".studies.{options.study}", __package__)
     results = io.ResultFolder(options.out, (*study.FILES, *study.PICTURES))
     rows: list[dict[str, Any]] = []
     try:
-        for some in study.cases(options.workers):
-            print(study.line(some))
+        for some in cases:
+            print(study.line(some), flush=True)
             rows += some
     finally:  # an interrupted study reports on what it has
         if rows:
