@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
@@ -12,6 +13,9 @@ from numpy.typing import ArrayLike
 from .curves import COLOURS, save
 
 _MARKERS = "osD^vP*Xdh"
+
+# What is this small beside the largest error is round-off, and not drawn.
+_DECADES = 1e-8
 
 
 def work_precision(
@@ -60,6 +64,8 @@ def work_precision(
                     seconds, error, marker=marker[element], markersize=5, **look[code]
                 )
             axes.set(xlabel="Seconds", ylabel=what)
+            largest = max((np.max(error) for _, error in lines.values()), default=1.0)
+            axes.set_ylim(bottom=max(axes.get_ylim()[0], _DECADES * largest))
             axes.grid(alpha=0.3)
         handles = [Line2D([], [], label=code, **s) for code, s in look.items()]
         handles += [

@@ -25,6 +25,9 @@ Row = dict[str, Any]
 #: Seconds of a run after which a method is not refined further.
 LONG = 20.0
 
+# Seconds in which a rival may look for a number of steps with which it converges.
+_PATIENCE = 60.0
+
 _SEED = 1
 
 # Runs on the clock; fewer will do when one takes some seconds.
@@ -126,6 +129,8 @@ class Other:
         steps, run = self._fewest_steps(task)
         if run is None:
             note = f"no unfolded state in up to {steps} equal steps"
+            if steps < STEPS[-1]:
+                note += f", given up after {_PATIENCE:.0f} s"
             return _row(task.basis, note=note)
         if (repeats := _repeats(run.seconds[0])) > 1:
             run = self.rival.run(task, steps, repeats)
@@ -144,7 +149,7 @@ class Other:
             else:
                 if unfolded(task.basis, run.u):
                     return steps, run
-            if perf_counter() - start > 3 * LONG:
+            if perf_counter() - start > _PATIENCE:
                 break
         return steps, None
 

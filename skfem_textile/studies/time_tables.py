@@ -40,11 +40,12 @@ Key = tuple[str, str]
 
 
 def of(rows: Sequence[Row]) -> dict[Key, list[Row]]:
-    """Results by code and element, from coarse to fine."""
+    """Results by code and element, from coarse to fine; those of refused runs not."""
     by: dict[Key, list[Row]] = {}
     for row in rows:
-        if not np.isnan(row.get("seconds", np.nan)):
-            by.setdefault((row["code"], row["element"]), []).append(row)
+        if "seconds" in row:
+            results = by.setdefault((row["code"], row["element"]), [])
+            results += [] if np.isnan(row["seconds"]) else [row]
     return by
 
 
@@ -94,34 +95,37 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
             else None
             for key, row in order
         },
-        "skipped": {
-            _name((row["code"], row["element"])): row["note"]
+        "skipped": {_of(row): row["note"] for row in rows if "seconds" not in row},
+        "refused": [
+            f"{_of(row)}, {row['across']} across: {row['note']}"
             for row in rows
-            if "seconds" not in row
-        },
+            if "seconds" in row and row["note"]
+        ],
     }
 
 
 def tables(rows: Sequence[Row]) -> str:
-    """All tables, in Markdown."""
-    skipped = summary(rows)["skipped"].items()
-    notes = "".join(f"- {name}: {why}\n" for name, why in skipped)
-    return "\n".join(
-        part for part in (to_the_bar(rows), same_mesh(rows), notes) if part
-    )
+    """All tables, and what was skipped or refused, in Markdown."""
+    found = summary(rows)
+    notes = [f"{name}: {why}" for name, why in found["skipped"].items()]
+    notes += found["refused"]
+    listed = "".join(f"- {note}\n" for note in notes)
+    return "\n".join(x for x in (to_the_bar(rows), same_mesh(rows), listed) if x)
 
 
 def to_the_bar(rows: Sequence[Row]) -> str:
     """The fastest run of each method that reaches the bar, and its finest if none."""
     order = standing(rows)
     best = order[0][1] if order else None
-    own = next((row for key, row in order if row and _is_own(key)), None)
-    lines = []
-    for key, row in order:
-        shown = row or of(rows)[key][-1]
+    own = next((row for method, row in order if row and _is_own(method)), None)
+    by, lines = of(rows), []
+    for method, row in order:
+        if not by[method]:
+            continue
+        shown = row or by[method][-1]
         lines.append(
             [
-                *(_bold(key), str(shown["across"]), str(shown["unknowns"])),
+                *(_bold(method), str(shown["across"]), str(shown["unknowns"])),
                 *(f"{shown['steps']} / {shown['iterations']}", _seconds(shown)),
                 *(_ratio(row, best), _ratio(row, own)),
                 *(f"{shown[key]:.2g}" for key in ("angle", "load_error")),
@@ -170,6 +174,7 @@ def curves(rows: Sequence[Row]) -> dict[str, dict[Key, tuple[list, list]]]:
         label: {
             key: ([row["seconds"] for row in some], [row[error] for row in some])
             for key, some in of(rows).items()
+            if some
         }
         for error, label in ERRORS.items()
     }
@@ -181,6 +186,10 @@ def _is_own(key: Key) -> bool:
 
 def _name(key: Key) -> str:
     return ", ".join(key)
+
+
+def _of(row: Row) -> str:
+    return _name((row["code"], row["element"]))
 
 
 def _bold(key: Key) -> str:
