@@ -80,6 +80,8 @@ class System:
         self._f = petsc.create_vector(forms.residual)
         self._du, self._b = self._f.duplicate(), self._f.duplicate()
         self.size = self._f.getSize()
+        # MUMPS orders indefinite matrices for pivoting by default, in twice the time.
+        PETSc.Options().setValue("mat_mumps_icntl_12", 1)
         self._solver = PETSc.KSP().create(MPI.COMM_WORLD)
         self._solver.setType("preonly")
         self._solver.getPC().setType("cholesky")
@@ -111,6 +113,14 @@ class System:
         return self._du.array.copy()
 
 
+def blas():
+    """File of the BLAS that MUMPS has loaded, with its folder."""
+    with open("/proc/self/maps") as maps:
+        files = [line.split("/")[-2:] for line in maps if "blas" in line]
+    known = ("/".join(file).strip() for file in files if file[-1].startswith("lib"))
+    return next(known, "an unknown BLAS")
+
+
 def main(source, target):
     """Load the ply of the file and write what was found."""
     task = dict(np.load(source))
@@ -140,4 +150,4 @@ if __name__ == "__main__":
     if len(sys.argv) > 1:
         main(*sys.argv[1:])
     else:
-        print(dolfinx.__version__)
+        print(dolfinx.__version__, "on", blas())

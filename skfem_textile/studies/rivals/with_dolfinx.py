@@ -71,7 +71,7 @@ class Dolfinx:
 
 @cache
 def found() -> tuple[str, str] | None:
-    """The first interpreter that can import DOLFINx, and its version; None if none."""
+    """The first interpreter that can import DOLFINx, and its version and BLAS."""
     for python in (sys.executable, "/usr/bin/python3"):
         try:
             return python, _run(python, timeout=60)

@@ -49,9 +49,11 @@ class FElupe(InProcess):
             return spsolve
         import pypardiso
 
+        solver = pypardiso.PyPardisoSolver()  # of its own: it keeps the last factors
+
         def solved(A, b):
             try:
-                return pypardiso.spsolve(A, b)
+                return pypardiso.spsolve(A, b, solver=solver)
             except pypardiso.pardiso_wrapper.PyPardisoError as error:
                 raise NotConvergedError(str(error)) from None
 
