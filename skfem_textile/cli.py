@@ -72,6 +72,7 @@ def _parser() -> argparse.ArgumentParser:
     studies = study.add_subparsers(dest="study", required=True)
     for name, what in commands.STUDIES.items():
         _study(studies.add_parser(name, help=what))
+    _error_time(studies.add_parser("error-time", help=commands.ERROR_TIME))
     return parser
 
 
@@ -92,6 +93,12 @@ def _study(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="go on where an interrupted study stopped, with the results kept in DIR",
     )
+
+
+def _error_time(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(task=commands.error_time)
+    parser.add_argument("scene", choices=("strip", "bias_extension"))
+    _output(parser)
 
 
 def _two_element(parser: argparse.ArgumentParser) -> None:

@@ -32,6 +32,7 @@ STUDIES = {
     "stability": "stiff and extreme cases: which are right, refused or wrong",
     "formulations": "every formulation on every scene: how far from the exact answer",
 }
+ERROR_TIME = "error against run time, beside other codes; one process, undisturbed"
 
 STOPPED_EARLY, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -104,6 +105,27 @@ def two_element(options: argparse.Namespace) -> int:
         text = json.dumps(systems.report(), indent=2, ensure_ascii=False)
         (folder / "systems.json").write_text(text + "\n")
     print(table, end="")
+    print(f"results in {options.out}")
+    return 0
+
+
+def error_time(options: argparse.Namespace) -> int:
+    """Time methods on one scene, one after the other, and write the report."""
+    from . import io
+    from .studies import error_time as study
+
+    results = io.ResultFolder(options.out, (*study.FILES, *study.PICTURES))
+    rows: list[dict[str, Any]] = []
+    try:
+        for some in study.cases(options.scene):
+            print(study.line(some), flush=True)
+            rows += some
+    finally:  # an interrupted study reports on what it has
+        if rows:
+            with results as folder:
+                study.write(rows, folder)
+    if not options.no_render:
+        _render(lambda folder: study.draw(rows, folder), options.out, study.PICTURES)
     print(f"results in {options.out}")
     return 0
 

@@ -126,6 +126,12 @@ class Problem:
         """The fabric of the scene."""
         return Fabric(self.E, self.law, scene.warp, scene.weft)
 
+    def mesh(self, cells: str, n: int, seed: int) -> Mesh:
+        """A mesh of ``quads`` or of ``triangles``, n edges wide."""
+        W, H = self.sides
+        kind = {"quads": "irregular", "triangles": "delaunay"}[cells]
+        return rectangle(W, H, (n, round(n * H / W)), kind, self.jitter, seed)
+
 
 def _bias_extension(mesh: Mesh) -> Scene:
     return bias_extension(mesh, shear_angle=np.radians(ANGLES[-1]))
@@ -165,12 +171,9 @@ class Case:
 
     def scene(self) -> Scene:
         """The scene, on the mesh of the method."""
-        (W, H), n = self.problem.sides, self.across // self.method.parts
-        kind = {"quads": "irregular", "triangles": "delaunay"}[self.method.mesh]
-        size = (n, round(n * H / W))
-        mesh = rectangle(W, H, size, kind, self.problem.jitter, self.seed)
-        formulation = self.method.formulation(1.0)
-        if self.method.parts == 2 and not isinstance(formulation, Quadratic):
+        method, formulation = self.method, self.method.formulation(1.0)
+        mesh = self.problem.mesh(method.mesh, self.across // method.parts, self.seed)
+        if method.parts == 2 and not isinstance(formulation, Quadratic):
             mesh = split(mesh)
         return self.problem.scene(mesh)
 

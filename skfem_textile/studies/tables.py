@@ -56,10 +56,10 @@ def methods(rows: list[Row]) -> str:
         )
     strains = ["strain", "strain 2×2"]
     head = ["strip and trellis", "unknowns", "load, N", "mm", "°", *strains]
-    text = _table([*head, "trellis: N", "mm", "°", "solves"], smooth)
+    text = table([*head, "trellis: N", "mm", "°", "solves"], smooth)
     loads = [f"load, {_ratio(problem)}" for problem in BIAS]
     head = ["bias extension", "unknowns", *loads, "mm", "°", *strains, "solves", "s"]
-    return text + "\n" + _table(head, kinked) + "\n" + _sheared(rows)
+    return text + "\n" + table(head, kinked) + "\n" + _sheared(rows)
 
 
 def _sheared(rows: list[Row]) -> str:
@@ -75,7 +75,7 @@ def _sheared(rows: list[Row]) -> str:
     head = [SHEARED.name]
     for across in ACROSS[:2]:
         head += [f"{across} across: N", "mm", "°", "solves"]
-    return _table(head, lines)
+    return table(head, lines)
 
 
 def load(rows: list[Row]) -> str:
@@ -97,7 +97,7 @@ def load(rows: list[Row]) -> str:
         alone = [of(rows, "resolved", p, method, RESOLVED) for p in BIAS]
         resolved.append([method.name, *(_cell(s, "load", _load) for s in alone)])
     fine = [f"{RESOLVED} across, linear", *map(_ratio, BIAS)]
-    return _table(head, lines) + "\n" + _table(fine, resolved)
+    return table(head, lines) + "\n" + table(fine, resolved)
 
 
 def constants(rows: list[Row]) -> str:
@@ -115,7 +115,7 @@ def constants(rows: list[Row]) -> str:
     head = ["C_s", "strip: N", "mm", "trellis: mm"]
     for problem in BIAS:
         head += [f"load, {_ratio(problem)}", "mm"]
-    return _table(head, lines) + "\n" + _deviations(rows)
+    return table(head, lines) + "\n" + _deviations(rows)
 
 
 def _deviations(rows: list[Row]) -> str:
@@ -133,7 +133,7 @@ def _deviations(rows: list[Row]) -> str:
             lines.append(line)
     shown = [p.name.removeprefix("bias extension, ") for p in problems]
     head = [f"{n} across: {name}" for n in ACROSS[:2] for name in shown]
-    return _table(["deviation", *head], lines)
+    return table(["deviation", *head], lines)
 
 
 def triangulations(rows: list[Row]) -> str:
@@ -151,7 +151,7 @@ def triangulations(rows: list[Row]) -> str:
                 ", ".join(f"{row['negative_pivots']:.0f}" for row in own),
             ]
         )
-    return _table(
+    return table(
         ["triangles", "load / E", "own strain", "mm", "negative pivots"], lines
     )
 
@@ -172,7 +172,7 @@ def equal(rows: list[Row]) -> str:
     head = ["", "unknowns"]
     for what in ("load off by", "mm", "°"):
         head += [f"{what}: macro", "C_s = 1"]
-    return _table(head, lines)
+    return table(head, lines)
 
 
 #: The tables by name.
@@ -214,6 +214,7 @@ def _cell(rows: Sequence[Row], key: str, show: Callable[[float], str] = _figure)
     return show(median(rows, key)) + few
 
 
-def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown."""
     text = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
     return "\n".join(text + [f"| {' | '.join(line)} |" for line in lines]) + "\n"

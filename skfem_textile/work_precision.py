@@ -1,0 +1,79 @@
+"""Errors against seconds with matplotlib."""
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import ArrayLike
+
+from .curves import COLOURS, save
+
+_MARKERS = "osD^vP*Xdh"
+
+# What is this small beside the largest error is round-off, and not drawn.
+_DECADES = 1e-8
+
+
+def work_precision(
+    panels: Mapping[str, Mapping[tuple[str, str], tuple[ArrayLike, ArrayLike]]],
+    filename: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Errors against seconds on logarithmic scales, a panel for each error.
+
+    Parameters
+    ----------
+    panels
+        By what is off, the curves ``(seconds, error)`` by code and element.  A code
+        has one colour, an element one marker; the first code stands out.
+    filename
+        Where to write a PNG.
+
+    Examples
+    --------
+    >>> lines = {("ours", "Q4"): ([1, 2], [0.4, 0.1])}
+    >>> figure = work_precision({"mm": lines, "°": lines})
+    >>> [axes.get_ylabel() for axes in figure.axes]
+    ['mm', '°']
+    """
+    keys = dict.fromkeys(key for lines in panels.values() for key in lines)
+    codes = list(dict.fromkeys(code for code, _ in keys))
+    elements = list(dict.fromkeys(element for _, element in keys))
+    look: dict[str, dict[str, Any]] = {
+        code: {
+            "color": COLOURS[i % len(COLOURS)],
+            "linestyle": "--" if i else "-",
+            "linewidth": 1.0 if i else 2.0,
+            "zorder": 2 if i else 3,
+        }
+        for i, code in enumerate(codes)
+    }
+    marker = {e: _MARKERS[i % len(_MARKERS)] for i, e in enumerate(elements)}
+    with mpl.rc_context(
+        {"font.size": 10, "axes.spines.top": False, "axes.spines.right": False}
+    ):
+        lengthwise = -(-len(panels) // 2)
+        figure = Figure(figsize=(10, 4 * lengthwise + 1), layout="constrained")
+        grid = figure.subplots(lengthwise, 2, squeeze=False, sharex=True)
+        for axes, (what, lines) in zip(grid.flat, panels.items(), strict=False):
+            for (code, element), (seconds, error) in lines.items():
+                axes.loglog(
+                    seconds, error, marker=marker[element], markersize=5, **look[code]
+                )
+            axes.set(xlabel="Seconds", ylabel=what)
+            largest = max((np.max(error) for _, error in lines.values()), default=1.0)
+            axes.set_ylim(bottom=max(axes.get_ylim()[0], _DECADES * largest))
+            axes.grid(alpha=0.3)
+        handles = [Line2D([], [], label=code, **s) for code, s in look.items()]
+        handles += [
+            Line2D([], [], color="0.3", linestyle="", marker=m, label=element)
+            for element, m in marker.items()
+        ]
+        figure.legend(
+            handles=handles, loc="outside lower center", ncols=4, frameon=False
+        )
+        save(figure, filename)
+    return figure

@@ -1,0 +1,168 @@
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, Quadratic
+from skfem_textile.scenes import bias_extension, strip
+from skfem_textile.studies.rivals import newton, with_dolfinx
+from skfem_textile.studies.rivals.every import RIVALS
+from skfem_textile.studies.rivals.newton import NotConvergedError
+from skfem_textile.studies.rivals.plain import QUAD4_CENTRE, Plain
+from skfem_textile.studies.rivals.rival import (
+    QUAD4,
+    QUAD9,
+    TRIANGLE6,
+    InProcess,
+)
+from skfem_textile.studies.rivals.task import Task
+from skfem_textile.studies.rivals.with_dolfinx import Dolfinx, DolfinxError
+from skfem_textile.studies.rivals.with_felupe import FElupe
+
+KINDS = {"quads": "irregular", "triangles": "delaunay"}
+FORMULATIONS = {
+    QUAD4: lambda C: Full(),
+    QUAD4_CENTRE: OnePoint,
+    TRIANGLE6: lambda C: Quadratic(),
+}
+SAME_AS_OURS = [rival for rival in RIVALS if rival.shape in FORMULATIONS]
+
+
+def name(rival):
+    return f"{rival.code}, {rival.shape.name}"
+
+
+def task_of(shape, make=bias_extension, E=1e3, G=0.5, size=(4, 8)):
+    scene = make(KINDS[shape.mesh], size, 0.2, 1)
+    return Task(scene, shape.element, shape.rule, E, G)
+
+
+def ply_of(task, shape):
+    scene = task.scene
+    fabric = Fabric(task.E, task.G, scene.warp, scene.weft)
+    return Ply(scene.mesh, fabric, FORMULATIONS[shape](8 * task.G))
+
+
+def there(rival):
+    if missing := rival.missing():
+        pytest.skip(f"not installed: {missing}")
+    return rival
+
+
+@pytest.mark.parametrize("rival", SAME_AS_OURS, ids=name)
+def test_a_rival_ends_where_this_library_does(rival):
+    task = task_of(rival.shape)
+    ply = ply_of(task, rival.shape)
+    result = LoadStepper(ply, task.scene.conditions, 5).run()
+    run = there(rival).run(task, 5, repeats=2)
+    np.testing.assert_allclose(run.u, result.u, rtol=0, atol=1e-6)
+    reaction = task.scene.reaction(result.states[-1])
+    np.testing.assert_allclose(task.reaction(run.f), reaction, rtol=1e-6, atol=1e-6)
+    assert run.iterations >= 5
+    assert len(run.seconds) == 2
+
+
+@pytest.mark.parametrize(
+    "rival", [r for r in SAME_AS_OURS if isinstance(r, InProcess)], ids=name
+)
+@pytest.mark.parametrize("G", [0.0, 0.5])
+def test_forces_and_tangent_are_those_of_this_library(rival, G):
+    task = task_of(rival.shape, strip, G=G, size=(3, 4))
+    system = there(rival).system(task)
+    scene, C = task.scene, 8 * G or 1e-4 * task.E
+    fabric = Fabric(task.E, G, scene.warp, scene.weft)
+    ply = Ply(scene.mesh, fabric, FORMULATIONS[rival.shape](C))
+    u = 0.1 * np.random.default_rng(1).standard_normal(ply.basis.N)
+    f, K = system.forces(u), system.tangent(u)
+    np.testing.assert_allclose(f, ply.residual(u), atol=1e-9 * np.abs(f).max())
+    expected = ply.tangent(u)
+    assert abs(K - expected).max() < 1e-9 * abs(expected).max()
+
+
+def test_biquadratic_quadrilaterals_are_those_of_felupe():
+    task = task_of(QUAD9, strip, size=(2, 3))
+    felupe = there(FElupe(QUAD9)).run(task, 10, repeats=0)
+    plain = Plain(QUAD9).run(task, 10, repeats=0)
+    np.testing.assert_allclose(plain.u, felupe.u, rtol=0, atol=1e-6)
+    assert len(task.nodes.T) == 5 * 7
+
+
+@pytest.mark.parametrize("rival", RIVALS, ids=name)
+def test_an_iteration_is_timed_in_two_parts(rival):
+    task = task_of(rival.shape)
+    seconds = there(rival).iteration(task, np.zeros(task.nodes.size))
+    assert len(seconds) == 2
+    assert min(seconds) > 0
+
+
+def test_cells_of_triangles_run_anticlockwise_with_the_middles_of_their_edges():
+    task = task_of(TRIANGLE6)
+    x = task.nodes[:, task.cells]
+    a, b = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
+    assert (a[0] * b[1] - a[1] * b[0] > 0).all()
+    for middle, (i, j) in zip((3, 4, 5), ((0, 1), (1, 2), (2, 0)), strict=True):
+        np.testing.assert_allclose(x[:, middle], (x[:, i] + x[:, j]) / 2)
+
+
+def test_prescribed_values_are_those_of_the_scene():
+    task = task_of(QUAD4, strip)
+    halfway, end = task.values(2)
+    exact = task.scene.displacement(task.nodes, 0.5).T.ravel()
+    np.testing.assert_allclose(halfway, exact[task.fixed], atol=1e-12)
+    assert np.abs(end).max() > np.abs(halfway).max()
+
+
+def test_too_long_a_step_is_told_and_not_a_warning():
+    """Plain Newton iterations do not find this strip in one step, but in ten."""
+    task = task_of(QUAD4, strip, 1e4, 0.0, (10, 15))
+    with pytest.raises(NotConvergedError, match="not"):
+        Plain(QUAD4).run(task, 1, repeats=0)
+    Plain(QUAD4).run(task, 10, repeats=0)
+
+
+def test_a_singular_tangent_is_told_and_not_a_warning():
+    task = task_of(QUAD4, strip, 1e4, 0.0, (1, 1))
+    system = Plain(QUAD4).system(task)
+    system.tangent = lambda u: 0.0 * type(system).tangent(system, u)
+    with pytest.raises(NotConvergedError, match="not finite"):
+        newton.timed(lambda: system, task.values(1), repeats=0)
+
+
+def test_what_goes_wrong_in_the_process_of_dolfinx_is_one_line():
+    rival = there(Dolfinx(QUAD9))
+    with pytest.raises(DolfinxError, match=r"^DOLFINx: KeyError: 9$"):
+        rival.run(task_of(QUAD9, size=(2, 4)), 1, repeats=0)
+
+
+def test_without_an_interpreter_that_has_it_dolfinx_is_missing(monkeypatch):
+    monkeypatch.setattr(with_dolfinx, "found", lambda: None)
+    assert "python3-dolfinx" in Dolfinx(QUAD4).missing()
+
+
+def test_a_package_that_is_not_installed_is_missing(monkeypatch):
+    monkeypatch.setattr(FElupe, "packages", {"no_such_module": "some-package"})
+    assert FElupe(QUAD4).missing() == "some-package"
+    assert Plain(QUAD4).missing() == ""
+
+
+def test_the_clock_counts_every_repeat_but_not_the_first_run():
+    begun = []
+
+    class Spring:
+        fixed, stiffness, size = np.array([0]), 1.0, 2
+
+        def __init__(self):
+            begun.append(self)
+
+        def forces(self, u):
+            return np.array([u[0] - u[1], u[1] - u[0]])
+
+        def tangent(self, u):
+            return None
+
+        def increment(self, K, f, du):
+            return np.array([du[0], du[0]])
+
+    run = newton.timed(Spring, np.array([[1.0], [2.0]]), repeats=3)
+    assert len(begun) == 4
+    assert len(run.seconds) == 3
+    assert run.u.tolist() == [2.0, 2.0]
+    assert run.iterations == 2
