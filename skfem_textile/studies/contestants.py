@@ -1,6 +1,5 @@
 """What takes part in the study of error against time: this library, and its rivals."""
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
@@ -16,6 +15,7 @@ from ..scenes import Scene
 from ..stepper import LoadStepper
 from .comparison import Case, Method, Problem
 from .quality import errors, unfolded
+from .quiet import quiet
 from .rivals.newton import STEPS, NotConvergedError, Run
 from .rivals.rival import Rival
 from .rivals.task import Task
@@ -76,9 +76,9 @@ class Own:
         """Nothing."""
         return ""
 
+    @quiet()
     def measured(self, problem: Problem, across: int) -> Row:
         """Load in one step, which the load stepper halves where it has to."""
-        logging.getLogger("skfem_textile").setLevel(logging.ERROR)
         scene = Case("", problem, self.method, across, _SEED).scene()
 
         def loaded() -> Result:

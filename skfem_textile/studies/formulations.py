@@ -6,7 +6,6 @@ do not stretch, and tables and a figure of their medians.
 
 import csv
 import json
-import logging
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from ..scenes import Scene
 from ..stepper import LoadStepper
 from . import comparison, findings, tables
 from .comparison import ANGLES, Case
+from .quiet import quiet
 
 #: Written by `write` and by `draw`.
 FILES = ("formulations.csv", "summary.json", *(f"{name}.md" for name in tables.TABLES))
@@ -46,9 +46,9 @@ def line(rows: list[Row]) -> str:
     return f"{case}: {off}" + (f"; {row['refused']}" if row["refused"] else "")
 
 
+@quiet()
 def examined(case: Case) -> list[Row]:
     """One case with its result, a row; numbers that it does not reach are nan."""
-    logging.getLogger("skfem_textile").setLevel(logging.ERROR)
     problem, scene, refused = case.problem, case.scene(), ""
     formulation = case.method.formulation(problem.stabilisation)
     ply = Ply(scene.mesh, problem.fabric(scene), formulation)

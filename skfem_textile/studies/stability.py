@@ -14,7 +14,6 @@ algebra and apart from the load stepper.
 
 import csv
 import json
-import logging
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
@@ -30,6 +29,7 @@ from ..result import StepError
 from ..scenes import Scene
 from ..stepper import LoadStepper
 from .extremes import Extreme, extremes
+from .quiet import quiet
 
 STEPS = (1, 2, 5, 20, 100)
 _REFERENCE, _AGREEING = 400, (20, 100, 400)
@@ -68,9 +68,9 @@ def line(rows: list[Row]) -> str:
     return f"{rows[0]['family']}, {rows[0]['problem']:40} {outcomes}"
 
 
+@quiet()
 def examined(problem: Extreme) -> list[Row]:
     """The cases of one problem, each with its outcome."""
-    logging.getLogger("skfem_textile").setLevel(logging.ERROR)
     runs = {steps: _run(problem, steps) for steps in (*STEPS, _REFERENCE)}
     reference = runs[_REFERENCE]
     scale = _SAME_ENERGY * abs(reference["energy"]) + reference["negligible"]
