@@ -2,6 +2,7 @@
 
 from importlib import import_module
 from importlib.util import find_spec
+from typing import NamedTuple
 
 from .dissection import nested_dissection
 from .solver import Factors, SingularMatrixError, Solver
@@ -15,21 +16,27 @@ __all__ = [
     "solver_named",
 ]
 
-#: Solvers by name, the fastest first: module, class and the package that it needs.
-SOLVERS = {
-    "cholmod": ("Cholmod", "cvxopt"),
-    "pardiso": ("Pardiso", "pypardiso"),
-    "superlu": ("SuperLU", "scipy"),
-}
 
-# Below this many unknowns loading another solver is not repaid.
-_FEW = 5000
+class Offer(NamedTuple):
+    """A solver: its class, its package, and when loading that package is repaid."""
+
+    cls: str
+    package: str
+    unknowns: int
+
+
+#: Solvers by name, the fastest first.
+SOLVERS = {
+    "cholmod": Offer("Cholmod", "cvxopt", 500),
+    "pardiso": Offer("Pardiso", "pypardiso", 20_000),
+    "superlu": Offer("SuperLU", "scipy", 0),
+}
 
 
 def solver_named(name: str, unknowns: int) -> type[Solver]:
     """The solver of a name; ``auto`` takes the fastest that is installed.
 
-    For systems of few ``unknowns`` that is SuperLU, which is there in any case.
+    For systems of few ``unknowns`` that is SuperLU, which takes no time to load.
 
     Raises
     ------
@@ -39,11 +46,11 @@ def solver_named(name: str, unknowns: int) -> type[Solver]:
     if name == "auto":
         name = next(
             known
-            for known, (_, package) in SOLVERS.items()
-            if known == "superlu" or (unknowns >= _FEW and find_spec(package))
+            for known, offer in SOLVERS.items()
+            if unknowns >= offer.unknowns and find_spec(offer.package)
         )
     check_solver(name)
-    return getattr(import_module(f".{name}", __package__), SOLVERS[name][0])
+    return getattr(import_module(f".{name}", __package__), SOLVERS[name].cls)
 
 
 def check_solver(name: str) -> None:
@@ -54,6 +61,6 @@ def check_solver(name: str) -> None:
         raise ValueError(
             f"unknown solver {name!r}: choose of auto, {', '.join(SOLVERS)}"
         )
-    package = SOLVERS[name][1]
+    package = SOLVERS[name].package
     if find_spec(package) is None:
         raise ValueError(f"solver {name!r} needs {package}: pip install {package}")
