@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix, identity
-from scipy.sparse.linalg import spsolve
+from scipy.sparse.linalg import splu
 from skfem import CellBasis
 
 from .elements import node_dofs, node_positions
@@ -223,8 +223,7 @@ class Constraints:
         self._rows = N[:, self.fixed]
         # The rows of a node couple at most two unknowns, of full rank by choice: least
         # squares, which leave a remainder where conditions disagree.
-        normal = (self._rows.T @ self._rows).tocsc()
-        self._to_fixed = spsolve(normal, self._rows.T.tocsc())
+        self._normal = splu((self._rows.T @ self._rows).tocsc())
 
     def _first_rows(self) -> ndarray:
         """For each row, the first row at the same node."""
@@ -247,7 +246,7 @@ class Constraints:
                 for name, c in self._conditions.items()
             ]
         )
-        q = self._to_fixed @ g
+        q = self._normal.solve(self._rows.T @ g)
         remainder = np.abs(self._rows @ q - g)
         allowed = 1e-9 * np.abs(g).max() + 1e-15 * np.abs(self._X).max()
         if remainder.max() > allowed:

@@ -13,7 +13,7 @@ import ufl
 from dolfinx import fem, mesh
 from dolfinx.fem import petsc
 from mpi4py import MPI
-from newton import NotConvergedError, one_iteration, timed
+from newton import NotConvergedError, iterations, timed
 from petsc4py import PETSc
 from scipy.spatial import KDTree
 
@@ -130,9 +130,7 @@ def main(source, target):
     if "u" in task:
         u = np.empty(len(dofs))
         u[dofs] = task["u"]
-        system = System(forms, task)
-        one_iteration(system, u)
-        found["iteration"] = one_iteration(system, u)
+        found["iterations"] = iterations(System(forms, task), u, int(task["repeats"]))
     else:
         try:
             run = timed(

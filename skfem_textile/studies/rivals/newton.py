@@ -132,3 +132,12 @@ def one_iteration(system: System, u: ndarray) -> tuple[float, float]:
     assembled = perf_counter()
     system.increment(K, f, np.zeros_like(u))
     return assembled - start, perf_counter() - assembled
+
+
+def iterations(system: System, u: ndarray, repeats: int) -> list[tuple[float, float]]:
+    """The same for several iterations, after one to be warm.
+
+    The displacement is never quite the same, or factors might be kept.
+    """
+    shares = 1 + 1e-9 * np.arange(1 + repeats)
+    return [one_iteration(system, share * u) for share in shares][1:]

@@ -9,7 +9,7 @@ from skfem import Element, ElementQuad1, ElementQuad2, ElementTriP2
 from skfem.quadrature import get_quadrature
 
 from ...elements import GAUSS, THREE
-from .newton import Run, System, one_iteration, timed
+from .newton import Run, System, iterations, timed
 from .task import Task
 
 
@@ -70,8 +70,10 @@ class Rival(Protocol):
         """
         ...
 
-    def iteration(self, task: Task, u: ndarray) -> tuple[float, float]:
-        """Seconds of assembly and of solution in one Newton iteration at ``u``."""
+    def iterations(
+        self, task: Task, u: ndarray, repeats: int
+    ) -> list[tuple[float, float]]:
+        """Seconds of assembly and of solution in Newton iterations at ``u``."""
         ...
 
 
@@ -96,6 +98,8 @@ class InProcess:
         """Load a ply in equal steps; see `Rival`."""
         return timed(lambda: self.system(task), task.values(steps), repeats)
 
-    def iteration(self, task: Task, u: ndarray) -> tuple[float, float]:
-        """Time one Newton iteration; see `Rival`."""
-        return one_iteration(self.system(task), u)
+    def iterations(
+        self, task: Task, u: ndarray, repeats: int
+    ) -> list[tuple[float, float]]:
+        """Time Newton iterations; see `Rival`."""
+        return iterations(self.system(task), u, repeats)

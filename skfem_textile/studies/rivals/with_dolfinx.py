@@ -63,10 +63,11 @@ class Dolfinx:
         iterations, seconds = int(said["iterations"]), said["seconds"].tolist()
         return Run(said["u"], said["f"], iterations, seconds)
 
-    def iteration(self, task: Task, u: ndarray) -> tuple[float, float]:
-        """Time one Newton iteration; see `Rival`."""
-        assembly, solution = _child(task, u=u)["iteration"].tolist()
-        return assembly, solution
+    def iterations(
+        self, task: Task, u: ndarray, repeats: int
+    ) -> list[tuple[float, float]]:
+        """Time Newton iterations; see `Rival`."""
+        return _child(task, u=u, repeats=repeats)["iterations"].tolist()
 
 
 @cache

@@ -1,0 +1,139 @@
+"""One Newton iteration on 60 000 quadrilaterals, beside other codes.
+
+Residual, tangent, factorisation and solution at one displacement, on one thread, in
+warm processes, by turns: in every round each code has its own.  Prints medians, ratios.
+"""
+
+from statistics import median
+from time import perf_counter
+
+from common import options, spread, write  # isort: skip  (sets the threads)
+
+import numpy as np
+
+from skfem_textile import Fabric, Full, OnePoint, Ply
+from skfem_textile.conditions import Constraints
+from skfem_textile.linear import SOLVERS, check_solver
+from skfem_textile.problem import Problem
+from skfem_textile.scenes import strip
+from skfem_textile.studies.rivals.newton import one_iteration
+from skfem_textile.studies.rivals.plain import QUAD4_CENTRE, Plain
+from skfem_textile.studies.rivals.rival import QUAD4
+from skfem_textile.studies.rivals.task import Task
+from skfem_textile.studies.rivals.with_dolfinx import Dolfinx
+from skfem_textile.studies.rivals.with_felupe import FElupe
+from skfem_textile.studies.rivals.with_native import Native
+
+E, G, LOAD_FACTOR = 1e4, 0.5, 0.2
+
+#: Elements, as the rivals call them, and as formulations with the same energy.
+ELEMENTS = {"Q4, one point": OnePoint(8 * G), "Q4, 2×2": Full()}
+
+RIVALS = (
+    *(Plain(QUAD4_CENTRE, C_s=1.0), Plain(QUAD4)),
+    *(FElupe(QUAD4), FElupe(QUAD4, "pypardiso"), Dolfinx(QUAD4), Native(QUAD4)),
+)
+
+
+class Own:
+    """This library, with one of its solvers."""
+
+    def __init__(self, formulation, scene, solver, u):
+        ply = Ply(scene.mesh, Fabric(E, G), formulation)
+        constraints = Constraints(ply.basis, scene.conditions)
+        self.problem, self.u = Problem(ply, constraints, solver), u
+
+    def round(self):
+        """Seconds of assembly, factorisation and solution."""
+        ply, system = self.problem.ply, self.problem.system
+        u = self.u = (1 + 1e-9) * self.u  # or the ply would remember its strains
+        times = [perf_counter()]
+        f = ply.residual(u)
+        K = system.reduced(ply.stiffness(u))
+        times.append(perf_counter())
+        factors = system.solver.factorise(K.upper.data)
+        times.append(perf_counter())
+        factors.solve(-f[system.free])
+        times.append(perf_counter())
+        assert factors.definite
+        return np.diff(times).tolist()
+
+
+class Other:
+    """Another code."""
+
+    def __init__(self, rival, scene, u):
+        shape, self._rival, self._u = rival.shape, rival, u
+        self._task = Task(scene, shape.element, shape.rule, E, G)
+        inside = not isinstance(rival, Dolfinx)
+        self._system = rival.system(self._task) if inside else None
+
+    def round(self):
+        """Seconds of assembly, and of factorisation and solution together."""
+        self._u = (1 + 1e-9) * self._u  # or factors might be kept
+        if self._system:
+            return one_iteration(self._system, self._u)
+        return self._rival.iterations(self._task, self._u, 1)[0]
+
+
+def contestants(scene, u):
+    """Who takes part, by name; and who is not installed."""
+    found, missing = {}, {}
+    for element, formulation in ELEMENTS.items():
+        for solver in SOLVERS:
+            name = f"{element}: skfem_textile, {solver}"
+            try:
+                check_solver(solver)
+            except ValueError as error:
+                missing[name] = str(error)
+            else:
+                found[name] = Own(formulation, scene, solver, u)
+    for rival in RIVALS:
+        name = f"{rival.shape.name}: {rival.code}"
+        if needed := rival.missing():
+            missing[name] = f"needs {needed}"
+        else:
+            found[name] = Other(rival, scene, u)
+    return found, missing
+
+
+def measured(size, rounds):
+    """Times of every contestant, by turns."""
+    scene = strip(size=(round((size / 1.5) ** 0.5), round((size * 1.5) ** 0.5)))
+    X, Y = scene.mesh.p
+    u = scene.displacement(scene.mesh.p, LOAD_FACTOR).T.ravel()
+    there, missing = contestants(scene, u)
+    times = {name: [] for name in there}
+    for number in range(1 + rounds):
+        for name, contestant in there.items():
+            parts = contestant.round()
+            if number:
+                times[name].append([*parts, sum(parts)])
+    return scene.mesh.nelements, times, missing
+
+
+def main():
+    """Measure, print and write."""
+    chosen = options(__doc__, "iteration", size=60_000, rounds=7)
+    n, times, missing = measured(chosen.size, chosen.rounds)
+    stock = {e: median(t[-1] for t in times[f"{e}: scikit-fem"]) for e in ELEMENTS}
+    found = {"elements": n, "rounds": chosen.rounds, "missing": missing, "codes": {}}
+    print(f"{n} elements, medians of {chosen.rounds} rounds, ms and stock over code")
+    for name, rows in sorted(times.items()):
+        columns = list(zip(*rows, strict=True))
+        total = median(columns[-1])
+        faster = stock[name.partition(":")[0]] / total
+        found["codes"][name] = {
+            "seconds": spread(columns[-1]),
+            "parts": [median(column) for column in columns[:-1]],
+            "stock_over_this": faster,
+        }
+        shown = " + ".join(f"{1e3 * median(c):.0f}" for c in columns[:-1])
+        print(f"{name:50} {shown:>18} = {1e3 * total:5.0f}  {faster:6.2f} x")
+    for name, why in missing.items():
+        print(f"{name:50} {why}")
+    write(found, chosen.out)
+
+
+if __name__ == "__main__":
+    main()
