@@ -10,7 +10,8 @@ import numpy as np
 from numpy import ndarray
 from skfem import BilinearForm, CellBasis, ElementVector, Functional, LinearForm
 
-from .assembly import Part, element_forces, element_matrices, whole_matrices
+from .arithmetic import whole
+from .assembly import Part, element_forces, element_matrices
 from .stencils import stencils
 
 
@@ -49,8 +50,14 @@ class FusedTangent(BilinearForm):
         n = ubasis.Nbfun
         K = np.zeros((n, n, ubasis.nelems))
         for part in parts:
-            own = whole_matrices(element_matrices([part]))
-            K[: len(own), : len(own), part.at.elements] = own
+            size, elements = 2 * len(part.at.nodes), part.at.elements
+            own = np.empty((size, size, part.at.nodes.shape[1]))
+
+            def put(blocks: ndarray, some: slice, own: ndarray = own) -> None:
+                own[..., some] = whole(blocks)
+
+            element_matrices([part], put)
+            K[:size, :size, elements] = own
         dofs = ubasis.element_dofs
         rows, cols = np.broadcast_arrays(dofs[None], dofs[:, None])
         indices = np.array([rows.ravel(), cols.ravel()])

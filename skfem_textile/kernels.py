@@ -34,10 +34,11 @@ class Stress(NamedTuple):
     moment: ndarray | float = 0.0
     slope: ndarray | float = 0.0
 
-    def on_fibres(self, some: slice) -> tuple[Any, Any, Any]:
-        """Tension, moment and slope of warp and weft in some elements."""
-        T, M, E = (x if isinstance(x, float) else x[..., some] for x in self)
-        return T, np.array([M, -M]) if np.ndim(M) else M, E
+    def spread(self, motion: Motion, some: slice) -> list[ndarray]:
+        """Tension, moment and slope in some elements, zero or not."""
+        shapes = motion.squared.shape, motion.angle.shape, motion.squared.shape
+        pairs = zip(self, shapes, strict=True)
+        return [np.broadcast_to(x, shape)[..., some] for x, shape in pairs]
 
 
 class Square(NamedTuple):

@@ -13,10 +13,13 @@ with a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2, n).
 
 from dataclasses import dataclass
 from functools import cached_property
+from types import ModuleType
 from typing import Protocol
 
 import numpy as np
 from numpy import ndarray
+
+from .arithmetic import add, between, curvature, pulls, turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +51,8 @@ class Points(Protocol):
 
     ``A`` are the directions of warp and weft, shape (2, P, 2, n), ``dx`` the areas of
     the points, shape (P, n).  ``some`` are elements; what is given and returned has
-    values for these only.
+    values for these only: v, tensions T and their slopes E of warp and weft, shear
+    moments M.
     """
 
     @property
@@ -57,16 +61,24 @@ class Points(Protocol):
     @property
     def dx(self) -> ndarray: ...  # noqa: D102
 
-    def fibres(self, u: ndarray, some: slice) -> ndarray:
-        """Σ_a b_a u_a of warp and weft, (2, P, 2, n), of motions (n_motions, 2, n)."""
+    def motion(self, u: ndarray, some: slice) -> tuple[ndarray, ndarray, ndarray]:
+        """V and λ² of the fibres, and the angle between them, for motions u."""
         ...
 
-    def forces(self, r: ndarray, some: slice) -> ndarray:
-        """Σ b_a r over fibres and points, (n_motions, 2, n), of r (2, P, 2, n)."""
+    def forces(self, v: ndarray, T: ndarray, M: ndarray, some: slice) -> ndarray:
+        """Σ b_a (T v ± M Jv) over fibres and points, shape (n_motions, 2, n)."""
         ...
 
-    def add_products(self, K: ndarray, m: ndarray, some: slice) -> None:
-        """Add Σ b_a b_c m over fibres and points, m as (xx, xy, yy), (2, P, 3, n)."""
+    def add_stiffness(
+        self,
+        K: ndarray,
+        v: ndarray,
+        T: ndarray,
+        M: ndarray,
+        E: ndarray,
+        some: slice,
+    ) -> None:
+        """Add Σ b_a b_c (E v vᵀ + T ∂²ε ± M ∂²θ) over fibres and points."""
         ...
 
     def stretching(self, v: ndarray, some: slice) -> ndarray:
@@ -100,21 +112,33 @@ class NodePoints:
     nodes: ndarray
     n_nodes: int
 
-    def fibres(self, u: ndarray, some: slice) -> ndarray:
+    def motion(self, u: ndarray, some: slice) -> tuple[ndarray, ndarray, ndarray]:
         """See `Points`."""
-        return np.einsum("fpan,ain->fpin", self.b[..., some], u[self.nodes])
+        A = np.broadcast_to(self.A, (*self.A.shape[:3], self.b.shape[-1]))[..., some]
+        z = A + np.einsum("fpan,ain->fpin", self.b[..., some], u[self.nodes])
+        squared = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
+        return z / squared[:, :, None], squared, between(z)
 
-    def forces(self, r: ndarray, some: slice) -> ndarray:
+    def forces(self, v: ndarray, T: ndarray, M: ndarray, some: slice) -> ndarray:
         """See `Points`."""
+        r = pulls(v, T, M)
         f = np.zeros((self.n_nodes, *r.shape[2:]))
         f[self.nodes] = np.einsum("fpan,fpin->ain", self.b[..., some], r)
         return f
 
-    def add_products(self, K: ndarray, m: ndarray, some: slice) -> None:
+    def add_stiffness(
+        self,
+        K: ndarray,
+        v: ndarray,
+        T: ndarray,
+        M: ndarray,
+        E: ndarray,
+        some: slice,
+    ) -> None:
         """See `Points`."""
-        b = self.b[..., some]
+        b, m = self.b[..., some], curvature(v, T, M, E)
         for pair, a, c in self._pairs:
-            _add(K[pair], np.einsum("fpn,fpcn->cn", b[:, :, a] * b[:, :, c], m))
+            add(K[pair], np.einsum("fpn,fpcn->cn", b[:, :, a] * b[:, :, c], m))
 
     def stretching(self, v: ndarray, some: slice) -> ndarray:
         """See `Points`."""
@@ -126,7 +150,7 @@ class NodePoints:
         """See `Points`."""
         (b1, b2), (v1, v2) = self.b[..., some, None].swapaxes(-1, -2), v[:, :, None]
         g = np.zeros((len(self.dx), self.n_nodes, *v.shape[2:]))
-        g[:, self.nodes] = b1 * _turned(v1) - b2 * _turned(v2)
+        g[:, self.nodes] = b1 * turned(v1) - b2 * turned(v2)
         return g
 
     @cached_property
@@ -149,32 +173,38 @@ class QuadPoints:
     Attributes
     ----------
     A, dx
-        See `Points`.
+        See `Points`; A is the same for all points.
     eta
         η of warp and weft, shape (2, P, n).
+    own
+        The arithmetic: `arithmetic`, or `compiled`.
     """
 
     A: ndarray
     dx: ndarray
     eta: ndarray
+    own: ModuleType
 
-    def fibres(self, u: ndarray, some: slice) -> ndarray:
+    def motion(self, u: ndarray, some: slice) -> tuple[ndarray, ndarray, ndarray]:
         """See `Points`."""
-        return u[:2, None] + self.eta[:, :, None, some] * u[2]
+        A = np.broadcast_to(self.A, (2, 1, 2, self.eta.shape[-1]))
+        return self.own.motion(A[..., some], self.eta[..., some], u)
 
-    def forces(self, r: ndarray, some: slice) -> ndarray:
+    def forces(self, v: ndarray, T: ndarray, M: ndarray, some: slice) -> ndarray:
         """See `Points`."""
-        hourglass = np.einsum("fpn,fpin->in", self.eta[..., some], r)
-        return np.concatenate([r.sum(axis=1), hourglass[None]])
+        return self.own.forces(self.eta[..., some], v, T, M)
 
-    def add_products(self, K: ndarray, m: ndarray, some: slice) -> None:
+    def add_stiffness(
+        self,
+        K: ndarray,
+        v: ndarray,
+        T: ndarray,
+        M: ndarray,
+        E: ndarray,
+        some: slice,
+    ) -> None:
         """See `Points`."""
-        eta = self.eta[..., some]
-        mixed = eta[:, :, None] * m
-        for own, beside, fibre, both in zip((0, 3), (2, 4), m, mixed, strict=True):
-            _add(K[own], fibre.sum(axis=0))
-            _add(K[beside], both.sum(axis=0))
-        _add(K[5], np.einsum("fpn,fpcn->cn", eta, mixed))
+        self.own.add_stiffness(K, self.eta[..., some], v, T, M, E)
 
     def stretching(self, v: ndarray, some: slice) -> ndarray:
         """See `Points`."""
@@ -185,11 +215,7 @@ class QuadPoints:
 
     def turning(self, v: ndarray, some: slice) -> ndarray:
         """See `Points`."""
-        eta = self.eta[..., some]
-        g = np.empty((v.shape[1], 3, *v.shape[2:]))
-        g[:, 0], g[:, 1] = _turned(v[0]), -_turned(v[1])
-        g[:, 2] = eta[0][:, None] * g[:, 0] + eta[1][:, None] * g[:, 1]
-        return g
+        return self.own.turning(self.eta[..., some], v)
 
 
 def alike(one: Points, other: Points) -> bool:
@@ -201,16 +227,3 @@ def alike(one: Points, other: Points) -> bool:
     else:
         return False
     return np.array_equal(*moved) and np.array_equal(one.A, other.A)
-
-
-def _add(K: ndarray, m: ndarray) -> None:
-    """Add a symmetric 2×2 matrix, given as (xx, xy, yy)."""
-    K[0, 0] += m[0]
-    K[0, 1] += m[1]
-    K[1, 0] += m[1]
-    K[1, 1] += m[2]
-
-
-def _turned(v: ndarray) -> ndarray:
-    """Jv, of components on the last axis but one."""
-    return np.stack([-v[..., 1, :], v[..., 0, :]], axis=-2)

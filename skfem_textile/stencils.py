@@ -10,13 +10,11 @@ import numpy as np
 from numpy import ndarray
 from skfem import ElementQuad1
 
+from .arithmetic import between, fastest
 from .elements import CENTRE, HourglassBasis, centre_grad
 from .fabric import Fabric
 from .macro import MacroBasis
 from .points import Motion, NodePoints, Points, QuadPoints
-
-# Elements at a time: what these need stays in the processor's cache.
-_BLOCK = 8192
 
 _ALL = slice(None)
 
@@ -98,7 +96,8 @@ def stencils(basis: Any, fabric: Fabric) -> list[Stencil]:
 
 def blocks(n: int) -> Iterator[slice]:
     """Slices of the elements that keep what is computed in the cache."""
-    return (slice(i, min(i + _BLOCK, n)) for i in range(0, n, _BLOCK))
+    size = fastest(n).BLOCK
+    return (slice(i, min(i + size, n)) for i in range(0, n, size))
 
 
 def transformed(rule: str, modes: ndarray, x: ndarray) -> ndarray:
@@ -108,15 +107,12 @@ def transformed(rule: str, modes: ndarray, x: ndarray) -> ndarray:
 
 
 def _motion(points: Points, u: ndarray) -> Motion:
-    P, n = len(points.dx), u.shape[-1]
+    P, n = points.dx.shape[0], u.shape[-1]
     squared, angle, v = (np.empty((*k, n)) for k in ((2, P), (P,), (2, P, 2)))
-    still = np.broadcast_to(points.A, v.shape)
     for some in blocks(n):
-        z = points.fibres(u[..., some], some) + still[..., some]
-        angle[..., some] = _between(still[..., some]) - _between(z)
-        squared[..., some] = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
-        v[..., some] = z / squared[:, :, None, some]
-    return Motion(v, squared, angle)
+        found = points.motion(u[..., some], some)
+        v[..., some], squared[..., some], angle[..., some] = found
+    return Motion(v, squared, between(points.A) - angle)
 
 
 def _found(basis: Any, fabric: Fabric) -> Iterator[Stencil]:
@@ -143,9 +139,10 @@ def _found(basis: Any, fabric: Fabric) -> Iterator[Stencil]:
     else:
         modes, eta = _quadrilaterals(basis, A, dN)
         A = _last(A[..., :1])
-        points = [QuadPoints(A, _last(dx), eta)]
+        own = fastest(nodes.shape[1])
+        points = [QuadPoints(A, _last(dx), eta, own)]
         if hourglass:
-            points.insert(0, QuadPoints(A, _last(0 * dx[:, :1]), 0 * eta[:, :1]))
+            points.insert(0, QuadPoints(A, _last(0 * dx[:, :1]), 0 * eta[:, :1], own))
     yield Stencil(nodes, modes, points, whole, _ALL, [_ALL] * len(points))
 
 
@@ -200,9 +197,3 @@ def _products(A: ndarray, dN: ndarray) -> ndarray:
 def _last(x: ndarray) -> ndarray:
     """With the elements on the last axis and the points on the first of x itself."""
     return x.T if x.ndim == 2 else np.moveaxis(x, -1, -3 if x.ndim == 4 else -2)
-
-
-def _between(z: ndarray) -> ndarray:
-    """Angle from the first to the second fibre in (−π, π]."""
-    (x1, y1), (x2, y2) = z.transpose(0, 2, 1, 3)
-    return np.arctan2(x1 * y2 - y1 * x2, x1 * x2 + y1 * y2)

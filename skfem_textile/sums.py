@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from skfem import asm
 
+from .arithmetic import Put
 from .assembly import Part, element_forces, element_matrices, pairs_of
 from .pattern import Pattern
 from .points import Motion, Points, alike
@@ -77,16 +78,12 @@ class Sum:
 
     def stiffness(self, u: ndarray, given: Given) -> ndarray:
         """Blocks of the tangent in the order of ``pattern``, in N/mm."""
-        matrices = []
-        for kind in self._kinds:
-            parts = self._parts(kind, u, self._terms, given)
-            matrices.append(element_matrices(parts))
-        for term in self._plain:
-            form, size = term.forms.tangent, term.basis.Nbfun
-            local = form.elemental(term.basis, u=u, **_parameters(term, given))
-            K = local.data.reshape(size, size, -1)
-            matrices.append(pairs_of(K, _nodes(term)))
-        return self.pattern.sum(matrices)
+        fused = [
+            partial(element_matrices, self._parts(kind, u, self._terms, given))
+            for kind in self._kinds
+        ]
+        plain = [partial(_matrices, t, u, _parameters(t, given)) for t in self._plain]
+        return self.pattern.sum(fused + plain)
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -129,6 +126,13 @@ class Sum:
         if new := [points for points in at.points if points not in self._motions]:
             self._motions.update(zip(new, at.motions(u, new), strict=True))
         return [self._motions[points] for points in at.points]
+
+
+def _matrices(term: Term, u: ndarray, parameters: dict[str, Any], put: Put) -> None:
+    """Matrices of a term without a kernel."""
+    form, size = term.forms.tangent, term.basis.Nbfun
+    K = form.elemental(term.basis, u=u, **parameters).data.reshape(size, size, -1)
+    put(pairs_of(K, _nodes(term)), slice(None))
 
 
 def _nodes(term: Term) -> ndarray:

@@ -23,7 +23,7 @@ from .rivals.task import Task
 Row = dict[str, Any]
 
 #: Seconds of a run after which a method is not refined further.
-LONG = 20.0
+LONG = 5.0
 
 # Seconds in which a rival may look for a number of steps with which it converges.
 _PATIENCE = 60.0

@@ -1,0 +1,161 @@
+"""Sums over points of bilinear quadrilaterals in three motions, with NumPy.
+
+The motions of an element are those of warp and weft at its centre, and that of the
+hourglass, which moves the fibres at a point by η.  The arrays are those of `QuadPoints`
+and `Motion`; element matrices hold the blocks of the pairs of motions (a, c), a ≤ c.
+`compiled` has the same functions.
+"""
+
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
+from itertools import combinations_with_replacement
+from types import ModuleType
+from typing import TypeAlias
+
+import numpy as np
+from numpy import ndarray
+
+#: What takes the matrices of some elements.
+Put: TypeAlias = Callable[[ndarray, slice], None]
+
+#: Elements at a time: what these need stays in the processor's cache.
+BLOCK = 8192
+
+# Elements from which loading numba is repaid.
+_MANY = 50_000
+
+
+def fastest(n_elements: int) -> ModuleType:
+    """The module itself, or for many elements `compiled` if numba is installed."""
+    if n_elements >= _MANY and find_spec("numba"):
+        return import_module(".compiled", __package__)
+    return sys.modules[__name__]
+
+
+def motion(A: ndarray, eta: ndarray, u: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """V and λ² of the fibres, and the angle between them."""
+    z = A + u[:2, None] + eta[:, :, None] * u[2]
+    squared = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
+    return z / squared[:, :, None], squared, between(z)
+
+
+def forces(eta: ndarray, v: ndarray, T: ndarray, M: ndarray) -> ndarray:
+    """Forces on the motions, shape (3, 2, n), of tensions and shear moments."""
+    r = pulls(v, T, M)
+    hourglass = np.einsum("fpn,fpin->in", eta, r)
+    return np.concatenate([r.sum(axis=1), hourglass[None]])
+
+
+def add_stiffness(
+    K: ndarray, eta: ndarray, v: ndarray, T: ndarray, M: ndarray, E: ndarray
+) -> None:
+    """Add what tensions, their slopes and moments make of the products b_a b_c."""
+    m = curvature(v, T, M, E)
+    mixed = eta[:, :, None] * m
+    for own, beside, fibre, both in zip((0, 3), (2, 4), m, mixed, strict=True):
+        add(K[own], fibre.sum(axis=0))
+        add(K[beside], both.sum(axis=0))
+    add(K[5], np.einsum("fpn,fpcn->cn", eta, mixed))
+
+
+def turning(eta: ndarray, v: ndarray) -> ndarray:
+    """Gradient of the shear angle, shape (P, 3, 2, n)."""
+    g = np.empty((v.shape[1], 3, *v.shape[2:]))
+    g[:, 0], g[:, 1] = turned(v[0]), -turned(v[1])
+    g[:, 2] = eta[0][:, None] * g[:, 0] + eta[1][:, None] * g[:, 1]
+    return g
+
+
+def add_squares(K: ndarray, g: ndarray, s: ndarray) -> None:
+    """Add Σ s g_a g_cᵀ over points to the blocks of all pairs of motions."""
+    scaled, n_motions = s[:, None, None] * g, g.shape[1]
+    for pair, (a, c) in enumerate(combinations_with_replacement(range(n_motions), 2)):
+        K[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
+
+
+def to_nodes(K: ndarray, modes: ndarray) -> ndarray:
+    """Blocks of the pairs of nodes from those of the pairs of motions: Rᵀ K R."""
+    n_motions, n_nodes, n = modes.shape
+    k = whole(K).reshape(n_motions, 2, n_motions, 2, n)
+    half = np.einsum("ran,risjn->asijn", modes, k)
+    rows = zip(half, range(n_nodes), strict=True)
+    return np.concatenate(
+        [np.einsum("sijn,scn->cijn", row, modes[:, a:]) for row, a in rows]
+    )
+
+
+class Total:
+    """Sum of the blocks of element matrices by their slots.
+
+    Parameters
+    ----------
+    slots
+        Where the entries go, shape (n_pairs, 2, 2, n).
+    size
+        Number of places.
+    """
+
+    def __init__(self, slots: ndarray, size: int) -> None:
+        self._slots, self._size = slots, size
+        self._K = np.empty(slots.shape)
+
+    def put(self, K: ndarray, some: slice) -> None:
+        """Add the blocks of some elements, each once."""
+        self._K[..., some] = K
+
+    def sum(self) -> ndarray:
+        """The sums, shape (size,)."""
+        return np.bincount(self._slots.ravel(), self._K.ravel(), self._size)
+
+
+def whole(K: ndarray) -> ndarray:
+    """Matrices over the unknowns of an element, shape (2 n_nodes, 2 n_nodes, n)."""
+    n_nodes = int(np.sqrt(2 * len(K)))  # of n (n + 1) / 2 pairs
+    full = np.empty((n_nodes, 2, n_nodes, 2, K.shape[-1]))
+    pairs = combinations_with_replacement(range(n_nodes), 2)
+    for (a, c), block in zip(pairs, K, strict=True):
+        full[a, :, c], full[c, :, a] = block, block.transpose(1, 0, 2)
+    return full.reshape(2 * n_nodes, 2 * n_nodes, -1)
+
+
+def pulls(v: ndarray, T: ndarray, M: ndarray) -> ndarray:
+    """T v + M Jv of the warp, T v − M Jv of the weft: shape (2, P, 2, n)."""
+    M, x, y = np.array([M, -M]), v[:, :, 0], v[:, :, 1]
+    r = np.empty(v.shape)
+    r[:, :, 0] = T * x - M * y
+    r[:, :, 1] = T * y + M * x
+    return r
+
+
+def curvature(v: ndarray, T: ndarray, M: ndarray, E: ndarray) -> ndarray:
+    """E v vᵀ + T ∂²ε + M ∂²θ per b_a b_c as (xx, xy, yy), shape (2, P, 3, n)."""
+    M, x, y = np.array([M, -M]), v[:, :, 0], v[:, :, 1]
+    xx, xy, yy = x * x, x * y, y * y
+    turned, along = 2 * xy, xx - yy  # −∂²θ and −∂²ε of what is displaced along x
+    m = np.empty((*v.shape[:2], 3, v.shape[-1]))
+    first, second = T * along - M * turned, T * turned + M * along
+    m[:, :, 0] = E * xx - first
+    m[:, :, 1] = E * xy - second
+    m[:, :, 2] = E * yy + first
+    return m
+
+
+def between(z: ndarray) -> ndarray:
+    """Angle from the first to the second fibre in (−π, π]."""
+    (x1, y1), (x2, y2) = z.transpose(0, 2, 1, 3)
+    return np.arctan2(x1 * y2 - y1 * x2, x1 * x2 + y1 * y2)
+
+
+def turned(v: ndarray) -> ndarray:
+    """Jv, of components on the last axis but one."""
+    return np.stack([-v[..., 1, :], v[..., 0, :]], axis=-2)
+
+
+def add(K: ndarray, m: ndarray) -> None:
+    """Add a symmetric 2×2 matrix, given as (xx, xy, yy)."""
+    K[0, 0] += m[0]
+    K[0, 1] += m[1]
+    K[1, 0] += m[1]
+    K[1, 1] += m[2]

@@ -1,0 +1,183 @@
+"""Kernels give the numbers of the forms that they stand beside."""
+
+import numpy as np
+import pytest
+from helpers import distorted, distorted_for, wobble
+from scipy.sparse import csr_matrix
+from skfem import BilinearForm, CellBasis, ElementVector, Functional, LinearForm, asm
+from skfem.element import ElementQuad2
+from test_splitting import TRIANGLE_AND_QUAD
+
+from skfem_textile import (
+    Fabric,
+    Full,
+    HourglassBasis,
+    Linear,
+    Macro,
+    MeanBasis,
+    OnePoint,
+    Ply,
+    Quadratic,
+    Sin2,
+    arithmetic,
+    elements,
+    hourglass,
+    mean_tension,
+    tension,
+)
+from skfem_textile.pattern import Pattern
+from skfem_textile.splitting import split_cells
+from skfem_textile.stencils import stencils
+
+FABRICS = {
+    "even": Fabric((1e4, 3.0), Sin2(0.7), warp=(2, 1), weft=(-1, 3)),
+    "curved": Fabric(
+        1e3,
+        0.5,
+        warp=lambda x: np.stack([np.cos(0.2 * x[1]), np.sin(0.2 * x[1])]),
+        weft=lambda x: np.stack([-np.sin(0.3 * x[0]), np.cos(0.2 * x[0])]),
+    ),
+    "one family": Fabric((0.0, 50.0), 0.3),
+}
+FORMULATIONS = (
+    *(Full(), OnePoint(2.0), OnePoint(), Macro(), Quadratic(), Quadratic(20.0)),
+)
+READABLE = Functional, LinearForm, BilinearForm
+
+every_fabric = pytest.mark.parametrize("fabric", FABRICS.values(), ids=FABRICS)
+
+
+def assert_same(fast, slow):
+    if isinstance(slow, csr_matrix):
+        fast, slow = fast.toarray(), slow.toarray()
+    np.testing.assert_allclose(fast, slow, rtol=0, atol=1e-12 * np.abs(slow).max())
+
+
+def plies(fabric):
+    for formulation in FORMULATIONS:
+        yield Ply(distorted_for(formulation, 1), fabric, formulation)
+    yield Ply(split_cells(*TRIANGLE_AND_QUAD), fabric, Macro())
+
+
+@pytest.fixture(params=["arithmetic", "compiled"])
+def loops(request, monkeypatch):
+    """Sums in NumPy, or compiled by numba."""
+    if request.param == "compiled":
+        pytest.importorskip("numba")
+        monkeypatch.setattr(arithmetic, "_MANY", 1)
+    return request.param
+
+
+@every_fabric
+def test_assembling_a_form_by_its_kernel_or_by_itself_is_the_same(fabric, loops):
+    for ply in plies(fabric):
+        u = wobble(ply, 3)
+        for term in ply.terms:
+            w = {} if term.memory is None else term.memory.parameters
+            for form, readable in zip(term.forms, READABLE, strict=True):
+                slow = asm(readable(form.form), term.basis, u=u, **w)
+                assert_same(asm(form, term.basis, u=u, **w), slow)
+
+
+@every_fabric
+def test_a_ply_is_the_sum_of_its_forms(fabric, loops):
+    for ply in plies(fabric):
+        u, T = wobble(ply, 4), wobble(ply, 5)
+        tensions = np.resize(T, (2, *ply.basis.dx.shape))
+        given = {"tension": {"tension": ply.terms[0].arrange(tensions)}}
+        energy, f, K = 0.0, 0.0, 0.0
+        for term in ply.terms:
+            w = {} if term.memory is None else term.memory.parameters
+            parts = (c(x.form) for c, x in zip(READABLE, term.forms, strict=True))
+            of_energy, residual, tangent = parts
+            energy += asm(of_energy, term.basis, u=u, **w)
+            f = f + asm(residual, term.basis, u=u, **w)
+            w = w | given.get(term.name, {})
+            K = K + asm(tangent, term.basis, u=u, **w)
+        assert ply.energy(u) == pytest.approx(energy, rel=1e-12)
+        assert_same(ply.residual(u), f)
+        assert_same(ply.tangent(u, tensions), K)
+
+
+@pytest.mark.parametrize("C_s", [3.0, None])
+def test_fields_other_bases_and_subsets_of_elements_are_assembled_too(C_s):
+    fabric, mesh = FABRICS["even"], distorted(2)
+    some = HourglassBasis(mesh, elements=[1, 4])
+    w = {} if C_s else {"C_s": np.array([[2.0], [5.0]])}
+    form = hourglass(fabric, C_s).tangent
+    u = np.random.default_rng(1).standard_normal(some.N) * 0.05
+    assert_same(asm(form, some, u=u, **w), asm(BilinearForm(form.form), some, u=u, **w))
+    form = tension(fabric).tangent
+    nine = CellBasis(mesh, ElementVector(ElementQuad2()), intorder=4)
+    u = np.random.default_rng(2).standard_normal(nine.N) * 0.05
+    slow = asm(BilinearForm(form.form), nine, u=u)
+    assert_same(asm(form, nine, u=u), slow)
+    assert_same(asm(form, nine, u=nine.interpolate(u)), slow)
+    form = mean_tension(fabric, 20.0).tangent
+    means = MeanBasis(mesh, ElementVector(elements.ElementQuad1()), intorder=3)
+    u = np.random.default_rng(3).standard_normal(means.N) * 0.05
+    assert_same(asm(form, means, u=u), asm(BilinearForm(form.form), means, u=u))
+
+
+def test_elemental_matrices_are_those_of_the_form():
+    ply = next(plies(FABRICS["even"]))
+    form, u = ply.terms[0].forms.tangent, wobble(ply, 6)
+    fast = form.elemental(ply.basis, u=u).tolocal()
+    slow = BilinearForm(form.form).elemental(ply.basis, u=u).tolocal()
+    assert_same(fast, slow)
+
+
+def test_laws_see_points_as_in_the_forms():
+    """A law may have a stiffness of its own in each element."""
+
+    class Varied(Linear):
+        def _scaled(self, x):
+            assert x.shape == (6, 4)
+            return np.arange(1.0, 7.0)[:, None] * x
+
+        def value(self, x):
+            return self._scaled(super().value(x))
+
+        def tangent(self, x):
+            return self._scaled(super().tangent(x))
+
+    ply = Ply(distorted(3), Fabric(Varied(10.0), Linear(0.0)), Full())
+    form, u = ply.terms[0].forms.tangent, wobble(ply, 7)
+    assert_same(ply.tangent(u), asm(BilinearForm(form.form), ply.basis, u=u))
+
+
+def test_the_reference_data_of_a_basis_is_found_once():
+    ply = next(plies(FABRICS["even"]))
+    assert stencils(ply.basis, ply.fabric) is stencils(ply.basis, ply.fabric)
+
+
+def test_the_pattern_keeps_entries_that_happen_to_be_zero():
+    ply = Ply(distorted(1, jitter=0.0), Fabric(1e4), Full())
+    at_rest, moved = ply.tangent(ply.basis.zeros()), ply.tangent(wobble(ply, 8))
+    assert np.any(at_rest.data == 0)
+    np.testing.assert_array_equal(at_rest.indices, moved.indices)
+    np.testing.assert_array_equal(at_rest.indptr, moved.indptr)
+
+
+def test_strains_are_found_once_for_forces_and_tangent_of_a_state(monkeypatch):
+    ply, seen = Ply(distorted(1), Fabric(1e4, 0.5), OnePoint(1.0)), []
+    motion = arithmetic.motion
+    monkeypatch.setattr(
+        arithmetic, "motion", lambda *a: seen.append(a[1].shape[1]) or motion(*a)
+    )
+    u = wobble(ply, 9)
+    ply.residual(u), ply.tangent(u), ply.energy(u)
+    assert sorted(seen) == [1, 4]  # the centre once for three terms, and the corners
+    u[0] += 1e-3
+    ply.residual(u)
+    assert len(seen) == 4
+
+
+def test_blocks_of_a_pair_of_nodes_are_kept_below_the_diagonal():
+    pattern = Pattern(3, [np.array([[0], [2]])])
+    blocks = np.arange(12.0).reshape(3, 2, 2, 1)
+    blocks[0, 1, 0], blocks[2, 1, 0] = blocks[0, 0, 1], blocks[2, 0, 1]
+    K = pattern.matrix(pattern.sum([lambda put: put(blocks, slice(None))])).toarray()
+    np.testing.assert_array_equal(K, K.T)
+    np.testing.assert_array_equal(K[:2, 4:], blocks[1, ..., 0])
+    assert not K[2:4].any()
