@@ -11,6 +11,7 @@ from typing import NoReturn, get_args
 from . import __version__, commands
 from .described import SHEAR_LAWS
 from .formulations import Kind
+from .linear import SOLVERS
 from .scenes.bias_extension import PARTS
 from .scenes.rectangle import KINDS
 from .scenes.trellis import SIDES
@@ -259,6 +260,13 @@ def _stepping(parser: argparse.ArgumentParser) -> None:
         default=list(DEFAULT_WARN_ONLY),
         metavar="CHECK",
         help=f"checks that do not refuse a state, of {', '.join(CHECKS)}" + _SHOWN,
+    )
+    add(
+        "--solver",
+        choices=("auto", *SOLVERS),
+        default="auto",
+        help="linear solver: cholmod needs cvxopt, pardiso pypardiso; auto takes the "
+        "fastest that is there" + _SHOWN,
     )
     add(
         "--checkpoint",

@@ -112,6 +112,7 @@ def stepper_of(scene: Scene, options: argparse.Namespace) -> LoadStepper:
         strategies=options.strategy,
         warn_only=options.warn_only,
         checkpoint=checkpoint_of(options),
+        solver=options.solver,
     )
 
 

@@ -41,6 +41,17 @@ def test_list_names_the_scenes(capsys):
     assert [line.split()[0] for line in lines] == names
 
 
+def test_a_solver_is_taken_by_name_or_refused_in_one_line(
+    tmp_path, capsys, monkeypatch
+):
+    assert run(tmp_path, *QUICK, "--solver", "superlu") == 0
+    capsys.readouterr()
+    monkeypatch.setattr("skfem_textile.linear.find_spec", lambda name: None)
+    again = ("run", "strip", "--out", str(tmp_path / "b"), *QUICK)
+    said = refused(capsys, *again, "--solver", "cholmod")
+    assert "solver 'cholmod' needs cvxopt: pip install cvxopt" in said
+
+
 def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
     assert run(tmp_path, *QUICK, "--shear-stiffness", "0.5") == 0
     out = tmp_path / "out"

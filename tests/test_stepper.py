@@ -17,7 +17,7 @@ from skfem_textile import (
     Ply,
     StepError,
 )
-from skfem_textile.linear import superlu
+from skfem_textile.linear import SOLVERS, superlu
 from skfem_textile.problem import NoEquilibriumError
 from skfem_textile.scenes import strip
 
@@ -323,6 +323,22 @@ def test_every_solve_and_factorisation_is_counted(monkeypatch):
     assert result.newton_iterations == counts["solves"]
     assert result.factorisations == counts["factorisations"]
     assert counts["solves"] > sum(len(state.residuals) for state in result.states)
+
+
+def test_an_unknown_solver_is_refused_before_any_work():
+    ply, conditions = pulled(0.5)
+    with pytest.raises(ValueError, match="unknown solver 'umfpack': choose of auto"):
+        LoadStepper(ply, conditions, solver="umfpack")
+
+
+@pytest.mark.parametrize("solver", ["cholmod", "pardiso", "superlu"])
+def test_every_solver_leads_to_the_same_end(solver):
+    pytest.importorskip(SOLVERS[solver].package)
+    ply, conditions = pulled(-0.3)  # indefinite on the way
+    end = LoadStepper(ply, conditions, 4, solver=solver).run()
+    reference = LoadStepper(ply, conditions, 4).run()
+    np.testing.assert_allclose(end.u, reference.u, atol=1e-9)
+    assert end.states[-1].verdict.negative_pivots == 0
 
 
 def test_an_interrupted_run_keeps_its_states():

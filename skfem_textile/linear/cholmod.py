@@ -24,10 +24,9 @@ class Cholmod(OneAtATime):
 
     def __init__(self, lower: csc_matrix) -> None:
         self.lower, n = lower, lower.shape[0]
-        row = matrix(lower.indices.tolist(), tc="i")
-        col = matrix(np.repeat(np.arange(n), np.diff(lower.indptr)).tolist(), tc="i")
-        self.A = spmatrix(0.0, row, col, (n, n))
-        self._order = matrix(range(n), tc="i")
+        col = np.repeat(np.arange(n), np.diff(lower.indptr))
+        self.A = spmatrix(0.0, _integers(lower.indices), _integers(col), (n, n))
+        self._order = _integers(np.arange(n))
         self.factors = self._analysed(_SUPERNODAL)
 
     def factorise(self, data: ndarray) -> "CholmodFactors":
@@ -116,6 +115,10 @@ class CholmodFactors:
         least = np.maximum(NO_PIVOT * _array(diagonal), NOTHING * pivots.max(initial=0))
         if not np.all(pivots > least):
             raise SingularMatrixError
+
+
+def _integers(x: ndarray) -> matrix:
+    return matrix(x.astype(np.int64), tc="i")
 
 
 def _array(x: matrix) -> ndarray:

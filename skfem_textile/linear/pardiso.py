@@ -1,5 +1,7 @@
 """MKL's PARDISO through pypardiso."""
 
+from weakref import finalize
+
 import numpy as np
 from numpy import ndarray
 from pypardiso import PyPardisoSolver
@@ -40,10 +42,8 @@ class Pardiso(OneAtATime):
         ):
             solver.set_iparm(number, value)
         self._solver = solver
+        finalize(self, solver.free_memory, everything=True)
         self.call(_ANALYSE)
-
-    def __del__(self) -> None:
-        self._solver.free_memory(everything=True)
 
     def factorise(self, data: ndarray) -> "PardisoFactors":
         """Factors of the matrix with the entries ``data``."""

@@ -1,0 +1,82 @@
+"""Only what a scene needs: what leaving terms, pictures and packages out saves.
+
+Times of the set-up and of an iteration of plies that need less and less, and of
+imports, each import in a process of its own.  Prints medians and ratios.
+"""
+
+import subprocess
+import sys
+from statistics import median
+
+from common import options, seconds, write  # isort: skip  (sets the threads)
+
+from skfem_textile import Fabric, Full, OnePoint, Ply
+from skfem_textile.scenes import strip
+
+#: Plies by what they need.
+PLIES = {
+    "tension, shear, stabilisation": (Fabric(1e4, 0.5), OnePoint(4.0)),
+    "tension, stabilisation": (Fabric(1e4), OnePoint(4.0)),
+    "tension, shear": (Fabric(1e4, 0.5), OnePoint(0.0)),
+    "tension": (Fabric(1e4), OnePoint(0.0)),
+    "tension at 2×2 points": (Fabric(1e4), Full()),
+}
+
+IMPORTS = ("skfem", "skfem_textile", "skfem_textile.scenes", "skfem_textile.plot")
+
+
+def assembled(ply, u):
+    """Forces and tangent."""
+    return ply.residual(u), ply.stiffness(u)
+
+
+def imported(name):
+    """Seconds to import a package in a new process."""
+    code = (
+        "from time import perf_counter as now; start = now(); "
+        f"import {name}; print(now() - start)"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True
+    )
+    return float(said.stdout)
+
+
+def main():
+    """Measure, print and write."""
+    chosen = options(__doc__, "needs", rounds=7, size=20_000)
+    across = (chosen.size / 1.5) ** 0.5
+    scene = strip(size=(round(across), round(1.5 * across)))
+    times = {name: ([], []) for name in PLIES}
+    for number in range(1 + chosen.rounds):
+        for name, given in PLIES.items():
+            ply, built = seconds(Ply, scene.mesh, *given)
+            u = (1 + 1e-9 * number) * scene.displacement(ply.nodes, 0.2).T.ravel()
+            assembled(ply, u)
+            _, took = seconds(assembled, ply, (1 + 1e-9) * u)
+            if number:
+                times[name][0].append(built)
+                times[name][1].append(took)
+    found = {"elements": scene.mesh.nelements, "plies": {}, "imports": {}}
+    most = [median(x) for x in next(iter(times.values()))]
+    print("ply: set-up and forces with tangent in ms, and as shares of the first")
+    for name, columns in times.items():
+        values = [median(x) for x in columns]
+        shares = [x / y for x, y in zip(values, most, strict=True)]
+        found["plies"][name] = {"seconds": values, "shares": shares}
+        print(
+            f"{name:32} {1e3 * values[0]:6.0f} {1e3 * values[1]:6.1f}  "
+            f"{shares[0]:.2f} {shares[1]:.2f}"
+        )
+    for name in IMPORTS:
+        imported(name)  # once to have it in the file cache
+        found["imports"][name] = median(imported(name) for _ in range(chosen.rounds))
+        ratio = found["imports"][name] / found["imports"]["skfem"]
+        print(
+            f"import {name:25} {found['imports'][name]:.3f} s, {ratio:.2f} of skfem's"
+        )
+    write(found, chosen.out)
+
+
+if __name__ == "__main__":
+    main()

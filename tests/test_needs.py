@@ -1,0 +1,89 @@
+"""A scene pays only for what it needs: by counting calls."""
+
+import sys
+from collections import Counter
+from subprocess import run
+
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, kernels
+from skfem_textile.linear import superlu
+from skfem_textile.pattern import Pattern
+from skfem_textile.scenes import picture_frame, strip
+
+KERNELS = {
+    "tension": kernels.TensionKernel,
+    "shear": kernels.ShearKernel,
+    "stabilisation": kernels.HourglassKernel,
+}
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """How often each kernel was asked for stresses, and other work was done."""
+    counts = Counter()
+
+    def count(cls, method, name):
+        function = getattr(cls, method)
+
+        def counted(*args, **kwargs):
+            counts[name] += 1
+            return function(*args, **kwargs)
+
+        monkeypatch.setattr(cls, method, counted)
+
+    for name, kernel in KERNELS.items():
+        count(kernel, "stresses", name)
+    count(Pattern, "__init__", "patterns")
+    count(superlu.SuperLU, "__init__", "analyses")
+    return counts
+
+
+def loaded(fabric, formulation, steps=3):
+    scene = strip(size=(4, 6))
+    ply = Ply(scene.mesh, fabric, formulation)
+    return LoadStepper(ply, scene.conditions, steps, solver="superlu").run()
+
+
+def test_a_scene_without_shear_or_stabilisation_computes_neither(calls):
+    loaded(Fabric(1e4), Full())
+    assert calls["tension"] > 0
+    assert calls["shear"] == calls["stabilisation"] == 0
+    calls.clear()
+    loaded(Fabric(1e4), OnePoint(10.0))
+    assert calls["stabilisation"] > 0
+    assert calls["shear"] == 0
+    calls.clear()
+    scene = picture_frame(size=(2, 2))
+    ply = Ply(scene.mesh, Fabric(0.0, 1.0, scene.warp, scene.weft), Full())
+    ply.tangent(ply.basis.zeros())
+    assert calls["shear"] == 1
+    assert calls["tension"] == 0
+
+
+def test_a_run_finds_its_pattern_and_analyses_it_once(calls):
+    result = loaded(Fabric(1e4, 0.5), OnePoint(10.0))
+    assert result.factorisations > 10
+    assert calls["patterns"] == calls["analyses"] == 1
+
+
+def test_a_residual_needs_no_pattern(calls):
+    ply = Ply(MeshQuad().refined(2), Fabric(1e4, 0.5), Full())
+    ply.residual(ply.basis.zeros()), ply.energy(ply.basis.zeros())
+    assert calls["patterns"] == 0
+
+
+def test_a_run_of_few_elements_loads_no_package_that_is_not_needed():
+    script = (
+        "import sys; from skfem_textile import *; "
+        "from skfem_textile.scenes import strip; scene = strip(size=(4, 6)); "
+        "ply = Ply(scene.mesh, Fabric(1e4), OnePoint()); "
+        "LoadStepper(ply, scene.conditions, 1).run(); "
+        "heavy = 'cvxopt pypardiso numba pyvista matplotlib meshio rich'.split(); "
+        "print([name for name in heavy if name in sys.modules])"
+    )
+    child = run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert child.stdout.strip() == "[]"
