@@ -186,7 +186,7 @@ class Ply:
         n_nodes = len(scalar.doflocs)
         dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
         nodal = u[self.basis.element_dofs].reshape(n_nodes, vector.dim, -1)
-        du_dxi = np.einsum("ain,ajq->ijnq", nodal, dN)
+        du_dxi = nodal.transpose(1, 2, 0)[:, None] @ dN.transpose(1, 0, 2)
         return np.einsum("ijnq,jknq->iknq", du_dxi, self.basis.mapping.invDF(xi))
 
     def deformation_gradient(
@@ -216,9 +216,10 @@ class Ply:
 
         At the ply's own points, shape (2, n_elements, n_points): T(ε) + T′ ∂ε·∇du.
         """
-        F, dF = self.deformation_gradient(u), self.gradient(du)
-        change = [ddot(kin.fibre_strain_d(F, A), dF) for A in self.directions()]
-        return self._tensions(self.fibre_strain(u), np.array(change))
+        F, dF, A = self.deformation_gradient(u), self.gradient(du), self.directions()
+        strain = [kin.fibre_strain(F, A_i) for A_i in A]
+        change = [ddot(kin.fibre_strain_d(F, A_i), dF) for A_i in A]
+        return self._tensions(np.array(strain), np.array(change))
 
     def _tensions(self, strain: ndarray, change: ndarray | float = 0.0) -> ndarray:
         if self._tension is None:
