@@ -14,23 +14,28 @@ from time import perf_counter
 
 from skfem_textile.studies import machine
 
+#: Where results go, for the docs to show.
+RESULTS = Path(__file__).parents[1] / "docs" / "speed"
+
 
 def options(doc, name, **more):
     """Command line of a benchmark: where its results go, and what else it takes."""
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
-    parser.add_argument(
-        "--out", type=Path, default=Path(__file__).with_name("results") / f"{name}.json"
-    )
+    parser.add_argument("--out", type=Path, default=RESULTS / f"{name}.json")
     for option, default in more.items():
         parser.add_argument(f"--{option}", type=type(default), default=default)
     return parser.parse_args()
 
 
-def write(found, path):
-    """Write what was found, and on what machine."""
+def write(found, path, head, rows):
+    """Write what was found, and on what machine, as JSON and as a table."""
     path.parent.mkdir(exist_ok=True)
-    text = json.dumps({"machine": machine.described(), **found}, indent=2)
-    path.write_text(text + "\n")
+    there = machine.described()
+    path.write_text(json.dumps({"machine": there, **found}, indent=2) + "\n")
+    lines = [head, ["---"] + ["---:"] * (len(head) - 1), *rows]
+    table = "".join(f"| {' | '.join(map(str, line))} |\n" for line in lines)
+    path.with_suffix(".md").write_text(table)
+    path.with_name("machine.md").write_text(machine.sentence(there) + "\n")
     print(f"results in {path}")
 
 

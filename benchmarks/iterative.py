@@ -81,7 +81,17 @@ def main():
                 "{iterative_over_direct:.1f} times as long as direct".format(**row),
                 flush=True,
             )
-    write({"sizes": rows}, chosen.out)
+    head = ["E/G", "elements", "iterations", "iterative / direct"]
+    table = [
+        [
+            f"{row['E_over_G']:g}",
+            row["elements"],
+            row["iterations"],
+            f"{row['iterative_over_direct']:.1f}",
+        ]
+        for row in rows
+    ]
+    write({"sizes": rows}, chosen.out, head, table)
 
 
 if __name__ == "__main__":

@@ -75,7 +75,12 @@ def main():
         print(
             f"import {name:25} {found['imports'][name]:.3f} s, {ratio:.2f} of skfem's"
         )
-    write(found, chosen.out)
+    head = ["", "set-up, share", "forces and tangent, share"]
+    plies = [
+        [name, *(f"{share:.2f}" for share in ply["shares"])]
+        for name, ply in found["plies"].items()
+    ]
+    write(found, chosen.out, head, plies)
 
 
 if __name__ == "__main__":

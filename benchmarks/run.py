@@ -4,7 +4,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-BENCHMARKS = ("needs", "iteration", "scaling", "whole_strip", "overhead")
+BENCHMARKS = (
+    "needs",
+    "iteration",
+    "scaling",
+    "iterative",
+    "whole_strip",
+    "overhead",
+)
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or BENCHMARKS:

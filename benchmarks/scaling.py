@@ -81,7 +81,14 @@ def main():
     found = {"solver": chosen.solver, "sizes": rows, "exponents": exponents(rows)}
     for name, exponent in found["exponents"].items():
         print(f"exponent of {name}: {exponent:.2f}")
-    write(found, chosen.out)
+    names = ("once", "assembly", "factorisation", "solution", "iteration")
+    head = ["elements", *(f"{name}, s" for name in names), "peak, GiB"]
+    table = [
+        [row["elements"], *(f"{row[n]:.3g}" for n in names), f"{row['peak_GiB']:.2f}"]
+        for row in rows
+    ]
+    fitted = [f"{found['exponents'][name]:.2f}" for name in names]
+    write(found, chosen.out, head, [*table, ["exponent from 10⁴ on", *fitted, ""]])
 
 
 def exponents(rows):
