@@ -29,9 +29,9 @@ class Motion:
     Attributes
     ----------
     v
-        z/|z|² of warp and weft, shape (2, P, 2, n): ∂ε/∂u_a = b_a v, ∂θ/∂u_a = b_a Jv.
+        z/λ² of warp and weft, shape (2, P, 2, n): ∂ε/∂u_a = b_a v, ∂θ/∂u_a = b_a Jv.
     squared
-        |z|² = λ² of both, shape (2, P, n).
+        Squared stretch λ² of both, shape (2, P, n).
     angle
         Shear angle Γ, shape (P, n).
     """
@@ -62,7 +62,7 @@ class Points(Protocol):
     def dx(self) -> ndarray: ...  # noqa: D102
 
     def motion(self, u: ndarray, some: slice) -> tuple[ndarray, ndarray, ndarray]:
-        """V and λ² of the fibres, and the angle between them, for motions u."""
+        """z/λ² and λ² of the fibres, and the angle between them, for motions u."""
         ...
 
     def forces(self, v: ndarray, T: ndarray, M: ndarray, some: slice) -> ndarray:

@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import closing
+from multiprocessing import parent_process
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Generic, TypeVar
@@ -25,6 +26,8 @@ log = logging.getLogger(__name__)
 
 # Cases that an executor has at a time: more than it has workers, few enough to hold.
 _AT_ONCE = 4096
+
+_THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
 # How many failed cases a message names.
 _NAMED = 5
@@ -186,6 +189,8 @@ def _alone(function: Callable[[Case], Found], case: Case, attempt: int) -> Found
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(1)
+    if parent_process() is not None:  # for libraries that the call loads
+        os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:
         return function(case)
     except Exception as error:

@@ -63,3 +63,11 @@ def takes_long(file):
     Path(file).touch()
     time.sleep(20)
     Path(f"{file} ended").touch()
+
+
+def threads_of_pardiso(_):
+    """Threads of a library that the call itself loads."""
+    from pypardiso import PyPardisoSolver
+
+    PyPardisoSolver()
+    return [x["num_threads"] for x in threadpool_info() if x["internal_api"] == "mkl"]

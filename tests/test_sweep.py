@@ -91,6 +91,13 @@ def test_every_call_has_one_thread_of_linear_algebra(many_threads, executor):
         assert set(threads) == {1}
 
 
+def test_libraries_that_a_call_loads_have_one_thread_too():
+    pytest.importorskip("pypardiso")
+    with Processes(1) as executor:
+        ((_, threads),) = sweep(sweep_cases.threads_of_pardiso, [0], executor)
+    assert threads == [1]
+
+
 def test_the_callers_own_threads_are_as_before():
     with threadpool_limits(3), ThreadPoolExecutor(2) as executor:
         before = sweep_cases.threads(None)
