@@ -8,6 +8,7 @@ and `Motion`; element matrices hold the blocks of the pairs of motions (a, c), a
 
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import combinations_with_replacement
@@ -30,12 +31,13 @@ _MANY = 50_000
 def fastest(n_elements: int) -> ModuleType:
     """The module itself, or for many elements `compiled` if numba is installed."""
     if n_elements >= _MANY and find_spec("numba"):
-        return import_module(".compiled", __package__)
+        with suppress(ImportError):  # installed, but not whole
+            return import_module(".compiled", __package__)
     return sys.modules[__name__]
 
 
 def motion(A: ndarray, eta: ndarray, u: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """V and λ² of the fibres, and the angle between them."""
+    """z/λ² and λ² of the fibres, and the angle between them."""
     z = A + u[:2, None] + eta[:, :, None] * u[2]
     squared = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
     return z / squared[:, :, None], squared, between(z)

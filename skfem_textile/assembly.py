@@ -14,14 +14,18 @@ from numpy import ndarray
 from .arithmetic import Put, fastest
 from .kernels import Kernel, Parameters, Square, Stress
 from .points import Motion, Points
-from .stencils import Stencil, blocks, transformed
+from .stencils import Stencil, transformed
 
 
 class Part(NamedTuple):
-    """What one kernel sees of some elements."""
+    """What one kernel sees of some elements.
+
+    ``places`` are its points, or others, where fibres move alike, that stand for them.
+    """
 
     kernel: Kernel
     at: Stencil
+    places: Sequence[Points]
     motions: list[Motion]
     parameters: Parameters
 
@@ -43,10 +47,10 @@ def element_forces(parts: Sequence[Part]) -> ndarray:
     at = parts[0].at
     f = np.zeros((at.n_motions, 2, at.nodes.shape[1]))
     for points, (motion, stress) in _stresses(parts).items():
-        for some in blocks(f.shape[-1]):
+        for some in at.blocks():
             T, M, _ = stress.spread(motion, some)
             f[..., some] += points.forces(motion.v[..., some], T, M, some)
-    return f if at.modes is None else transformed("ran,rin->ain", at.modes, f)
+    return f if at.modes is None else transformed(at, "ran,rin->ain", f)
 
 
 def element_matrices(parts: Sequence[Part], put: Put) -> None:
@@ -65,7 +69,7 @@ def element_matrices(parts: Sequence[Part], put: Put) -> None:
     squares = [square for part in parts for square in part.squares()]
     n, n_pairs = at.nodes.shape[1], at.n_motions * (at.n_motions + 1) // 2
     own = fastest(n)
-    for some in blocks(n):
+    for some in at.blocks():
         k = np.zeros((n_pairs, 2, 2, some.stop - some.start))
         for points, (motion, stress) in stresses.items():
             T, M, E = stress.spread(motion, some)
@@ -76,13 +80,13 @@ def element_matrices(parts: Sequence[Part], put: Put) -> None:
 
 
 def _stresses(parts: Sequence[Part]) -> dict[Points, tuple[Motion, Stress]]:
-    """Motion at the points, and the sum of the stresses of all kernels there."""
+    """Motion at each place, and the sum of the stresses of all kernels there."""
     found: dict[Points, tuple[Motion, Stress]] = {}
     for part in parts:
-        here = zip(part.at.points, part.motions, part.stresses(), strict=True)
-        for points, motion, stress in here:
-            _, others = found.get(points, (motion, Stress()))
-            found[points] = motion, Stress(*map(add, others, stress))
+        here = zip(part.places, part.motions, part.stresses(), strict=True)
+        for place, motion, stress in here:
+            _, others = found.get(place, (motion, Stress()))
+            found[place] = motion, Stress(*map(add, others, stress))
     return found
 
 

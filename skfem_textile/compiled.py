@@ -15,7 +15,7 @@ _compiled = njit(cache=True)
 
 
 def motion(A: ndarray, eta: ndarray, u: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """V and λ² of the fibres, and the angle between them."""
+    """z/λ² and λ² of the fibres, and the angle between them."""
     A = np.broadcast_to(A, (2, eta.shape[1], 2, eta.shape[2]))
     v, squared, cross, dot = _motion(A, eta, u)
     return v, squared, np.arctan2(cross, dot)

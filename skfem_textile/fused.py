@@ -12,6 +12,7 @@ from skfem import BilinearForm, CellBasis, ElementVector, Functional, LinearForm
 
 from .arithmetic import whole
 from .assembly import Part, element_forces, element_matrices
+from .kernels import Kernel
 from .stencils import stencils
 
 
@@ -29,6 +30,7 @@ class FusedResidual(LinearForm):
     """A linear form with a kernel among its ``params``."""
 
     def _assemble(self, ubasis: Any, vbasis: Any = None, **kwargs: Any) -> Any:
+        kwargs.pop("tension", None)  # only the tangent may be given other tensions
         parts = _parts(self.params["kernel"], ubasis, kwargs)
         if not parts:
             return super()._assemble(ubasis, vbasis, **kwargs)
@@ -64,13 +66,24 @@ class FusedTangent(BilinearForm):
         return indices, K.ravel(), (ubasis.N, ubasis.N), (n, n)
 
 
-def _parts(kernel: Any, basis: Any, parameters: dict[str, Any]) -> list[Part]:
-    """What the kernel needs; nothing where only the form itself will do."""
+def _parts(kernel: Kernel, basis: Any, parameters: dict[str, Any]) -> list[Part]:
+    """What the kernel sees; nothing where only the form itself will do."""
     u = parameters.get("u")
-    vector = isinstance(basis, CellBasis) and isinstance(basis.elem, ElementVector)
-    if not vector or not isinstance(u, ndarray) or u.ndim != 1:
+    if not isinstance(u, ndarray) or u.ndim != 1 or not _in_the_plane(basis):
+        return []
+    if not kernel.takes(basis):
         return []
     return [
-        Part(kernel, at, at.motions(u), parameters)
+        Part(kernel, at, at.points, at.motions(u), parameters)
         for at in stencils(basis, kernel.fabric)
     ]
+
+
+def _in_the_plane(basis: Any) -> bool:
+    """Whether a basis has two components, unknowns 2k and 2k + 1 of each node."""
+    if not isinstance(basis, CellBasis) or not isinstance(basis.elem, ElementVector):
+        return False
+    first, second = basis.element_dofs[::2], basis.element_dofs[1::2]
+    return basis.elem.dim == 2 and bool(
+        np.all((first % 2 == 0) & (second == first + 1))
+    )

@@ -17,8 +17,10 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
+from skfem import CellBasis
 
 from .deviation import deviation_stiffness
+from .elements import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
 from .fabric import Fabric, is_zero
 from .points import Motion, Points
 from .stencils import Stencil
@@ -60,6 +62,10 @@ class Kernel(Protocol):
         """Gives directions and laws."""
         ...
 
+    def takes(self, basis: CellBasis) -> bool:
+        """Whether a basis of the displacement is one that the kernel knows."""
+        ...
+
     def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
         """Energy in N·mm."""
         ...
@@ -82,6 +88,10 @@ class TensionKernel:
     """The kernel of `tension`."""
 
     fabric: Fabric
+
+    def takes(self, basis: CellBasis) -> bool:
+        """Any whose functions have gradients of their own."""
+        return not isinstance(_scalar(basis), ElementQuad1Fluctuation)
 
     def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
         """∫ Σ_α ψ(ε_α) dΩ."""
@@ -120,6 +130,10 @@ class ShearKernel:
 
     fabric: Fabric
 
+    def takes(self, basis: CellBasis) -> bool:
+        """Any whose functions have gradients of their own."""
+        return not isinstance(_scalar(basis), ElementQuad1Fluctuation)
+
     def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
         """∫ w(Γ) dΩ."""
         law, pairs = self.fabric.shear_law, zip(at.points, motions, strict=True)
@@ -150,6 +164,10 @@ class HourglassKernel:
     fabric: Fabric
     C_s: float | None
 
+    def takes(self, basis: CellBasis) -> bool:
+        """`HourglassBasis`."""
+        return isinstance(basis, HourglassBasis)
+
     def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
         """½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))²."""
         return 0.5 * float((self._stiffness(at, w) * _difference(motions) ** 2).sum())
@@ -178,7 +196,7 @@ class HourglassKernel:
         _, corners = at.points
         if self.C_s is not None:
             return self.C_s * corners.dx
-        return corners.dx * np.asarray(w["C_s"])[:, 0]
+        return corners.dx * np.broadcast_to(w["C_s"], corners.dx.T.shape).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +205,10 @@ class MeanTensionKernel:
 
     fabric: Fabric
     deviation: float | ndarray
+
+    def takes(self, basis: CellBasis) -> bool:
+        """`MeanBasis`."""
+        return isinstance(basis, MeanBasis)
 
     def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
         """∫ Σ_α ψ(ε̄_α) + ½ E_d (ε_α − ε̄_α)² dΩ."""
@@ -242,6 +264,11 @@ class MeanTensionKernel:
         c = c[at.elements] if isinstance(c, ndarray) else c
         E_d = deviation_stiffness(self.fabric, c, np.sqrt(at.whole / at.area)[:, None])
         return _resisting(self.fabric) * np.array([E.T for E in E_d])
+
+
+def _scalar(basis: CellBasis) -> Any:
+    vector: Any = basis.elem
+    return vector.elem
 
 
 def _turning(points: Points, motion: Motion, some: slice) -> ndarray:

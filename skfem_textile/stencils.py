@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import ElementQuad1
 
-from .arithmetic import between, fastest
+from . import arithmetic
 from .elements import CENTRE, HourglassBasis, centre_grad
 from .fabric import Fabric
 from .macro import MacroBasis
@@ -47,6 +47,12 @@ class Stencil:
     elements: Any
     at: Sequence[Any]
 
+    def blocks(self) -> Iterator[slice]:
+        """Slices of the elements that keep what is computed in the cache."""
+        n = self.nodes.shape[1]
+        size = (arithmetic if self.modes is None else arithmetic.fastest(n)).BLOCK
+        return (slice(i, min(i + size, n)) for i in range(0, n, size))
+
     @property
     def n_motions(self) -> int:
         """How many motions an element has."""
@@ -70,8 +76,8 @@ class Stencil:
         x, y = u.reshape(-1, 2).T.copy()
         local = np.stack([x[self.nodes], y[self.nodes]], axis=1)
         if self.modes is not None:
-            local = transformed("ran,ain->rin", self.modes, local)
-        return [_motion(p, local) for p in (self.points if of is None else of)]
+            local = transformed(self, "ran,ain->rin", local)
+        return [_motion(self, p, local) for p in (self.points if of is None else of)]
 
     def alike(self, other: "Stencil") -> bool:
         """Whether the elements of another have the same nodes and motions."""
@@ -83,8 +89,9 @@ class Stencil:
 
 
 def stencils(basis: Any, fabric: Fabric) -> list[Stencil]:
-    """The elements of a basis of the displacement by their kinds.
+    """The elements of a basis of the displacement by their kinds, found once.
 
+    What a basis holds must not be changed after this.
     The corners of `HourglassBasis` come after its centre, seen by the fibres of the
     corners, which weighs nothing.
     """
@@ -94,25 +101,20 @@ def stencils(basis: Any, fabric: Fabric) -> list[Stencil]:
     return known[fabric]
 
 
-def blocks(n: int) -> Iterator[slice]:
-    """Slices of the elements that keep what is computed in the cache."""
-    size = fastest(n).BLOCK
-    return (slice(i, min(i + size, n)) for i in range(0, n, size))
-
-
-def transformed(rule: str, modes: ndarray, x: ndarray) -> ndarray:
-    """`numpy.einsum` of modes and what belongs to nodes or motions, (k, 2, n)."""
-    parts = [np.einsum(rule, modes[..., s], x[..., s]) for s in blocks(x.shape[-1])]
+def transformed(at: Stencil, rule: str, x: ndarray) -> ndarray:
+    """`numpy.einsum` of the modes and what belongs to nodes or motions, (k, 2, n)."""
+    modes: Any = at.modes
+    parts = [np.einsum(rule, modes[..., s], x[..., s]) for s in at.blocks()]
     return np.concatenate(parts, axis=-1)
 
 
-def _motion(points: Points, u: ndarray) -> Motion:
+def _motion(at: Stencil, points: Points, u: ndarray) -> Motion:
     P, n = points.dx.shape[0], u.shape[-1]
     squared, angle, v = (np.empty((*k, n)) for k in ((2, P), (P,), (2, P, 2)))
-    for some in blocks(n):
+    for some in at.blocks():
         found = points.motion(u[..., some], some)
         v[..., some], squared[..., some], angle[..., some] = found
-    return Motion(v, squared, between(points.A) - angle)
+    return Motion(v, squared, arithmetic.between(points.A) - angle)
 
 
 def _found(basis: Any, fabric: Fabric) -> Iterator[Stencil]:
@@ -124,44 +126,55 @@ def _found(basis: Any, fabric: Fabric) -> Iterator[Stencil]:
     if isinstance(basis, MacroBasis):
         yield from _macro(basis, nodes, dN, A)
         return
-    dx, whole, hourglass = basis.dx, basis.dx.sum(), isinstance(basis, HourglassBasis)
-    if hourglass:
-        dN += (centre := np.array([centre_grad(u)[0] for (u,) in basis.basis[::2]]))
-    bilinear = isinstance(basis.elem.elem, ElementQuad1) and np.all(A[..., :1] == A)
-    points: list[Points]
-    if not bilinear:
-        every = np.arange(len(nodes)), len(nodes)
-        points = [NodePoints(_last(A), _last(dx), _products(A, dN), *every)]
-        if hourglass:
-            still = NodePoints(_last(A), _last(0 * dx), _products(A, centre), *every)
-            points.insert(0, still)
-        modes = None
-    else:
-        modes, eta = _quadrilaterals(basis, A, dN)
-        A = _last(A[..., :1])
-        own = fastest(nodes.shape[1])
-        points = [QuadPoints(A, _last(dx), eta, own)]
-        if hourglass:
-            points.insert(0, QuadPoints(A, _last(0 * dx[:, :1]), 0 * eta[:, :1], own))
-    yield Stencil(nodes, modes, points, whole, _ALL, [_ALL] * len(points))
+    centre = None
+    if isinstance(basis, HourglassBasis):
+        centre = np.array([centre_grad(field)[0] for (field,) in basis.basis[::2]])
+        dN = dN + centre
+    bilinear = (
+        isinstance(basis.elem.elem, ElementQuad1)
+        and basis.mesh.elem is ElementQuad1
+        and np.all(A[..., :1] == A)
+    )
+    points = _of_quadrilaterals if bilinear else _of_nodes
+    modes, found = points(basis, A, dN, centre)
+    yield Stencil(nodes, modes, found, basis.dx.sum(), _ALL, [_ALL] * len(found))
 
 
-def _quadrilaterals(basis: Any, A: ndarray, dN: ndarray) -> tuple[ndarray, ndarray]:
-    """Motions of bilinear quadrilaterals, (3, 4, n), and η, (2, P, n).
+def _of_nodes(
+    basis: Any, A: ndarray, dN: ndarray, centre: ndarray | None
+) -> tuple[None, list[Points]]:
+    """Points of any element, after its centre if that counts."""
+    every, dx = np.arange(len(dN)), basis.dx.T
+    there = [(dN, dx)] if centre is None else [(centre, 0 * dx), (dN, dx)]
+    return None, [
+        NodePoints(_directions(A), area, _products(A, gradients), every, len(dN))
+        for gradients, area in there
+    ]
+
+
+def _of_quadrilaterals(
+    basis: Any, A: ndarray, dN: ndarray, centre: ndarray | None
+) -> tuple[ndarray, list[Points]]:
+    """Motions of bilinear quadrilaterals, (3, 4, n), and points, after the centre.
 
     The gradients at a point differ from those at the centre by γ_a ∇h, where γ is the
     hourglass vector (Flanagan & Belytschko 1981).
     """
     scalar, mapping, tind = ElementQuad1(), basis.mapping, basis.tind
     fields = (scalar.gbasis(mapping, CENTRE[0], a, tind)[0] for a in range(4))
-    centre = np.array([field.grad for field in fields])
+    middle = np.array([field.grad for field in fields])
     h = np.array([1.0, -1.0, 1.0, -1.0])
-    elements = slice(None) if tind is None else tind
-    corners = basis.mesh.p[:, basis.mesh.t[:, elements]]
-    gamma = h[:, None] - np.einsum("b,jbn,ajn->an", h, corners, centre[..., 0])
-    slope = np.einsum("an,ajnq->jnq", gamma / (gamma**2).sum(axis=0), dN - centre)
-    modes = np.concatenate([_products(A[..., :1], centre)[:, 0], gamma[None]])
-    return modes, _last((A * slope).sum(axis=1))
+    corners = basis.mesh.p[:, basis.mesh.t[:, _ALL if tind is None else tind]]
+    gamma = h[:, None] - np.einsum("b,jbn,ajn->an", h, corners, middle[..., 0])
+    slope = np.einsum("an,ajnq->jnq", gamma / (gamma**2).sum(axis=0), dN - middle)
+    modes = np.concatenate([_products(A[..., :1], middle)[:, 0], gamma[None]])
+
+    own, still = arithmetic.fastest(dN.shape[2]), _directions(A[..., :1])
+    eta, dx = (A * slope).sum(axis=1).swapaxes(1, 2), basis.dx.T
+    there = (
+        [] if centre is None else [QuadPoints(still, 0 * dx[:1], 0 * eta[:, :1], own)]
+    )
+    return modes, [*there, QuadPoints(still, dx, eta, own)]
 
 
 def _macro(
@@ -177,8 +190,8 @@ def _macro(
         at = [slice(j, j + 1) for j in range(len(corners))]
         points: list[Points] = [
             NodePoints(
-                _last(A[..., some, j]),
-                _last(basis.dx[some, j]),
+                _directions(A[..., some, j]),
+                basis.dx[some, j].T,
                 _products(A[..., some, j], dN[four][..., some, j]),
                 four,
                 len(own),
@@ -194,6 +207,6 @@ def _products(A: ndarray, dN: ndarray) -> ndarray:
     return np.ascontiguousarray(b.transpose(0, 3, 1, 2))
 
 
-def _last(x: ndarray) -> ndarray:
-    """With the elements on the last axis and the points on the first of x itself."""
-    return x.T if x.ndim == 2 else np.moveaxis(x, -1, -3 if x.ndim == 4 else -2)
+def _directions(A: ndarray) -> ndarray:
+    """Directions (2, 2, n, P) in the order of `Points`."""
+    return A.transpose(0, 3, 1, 2)

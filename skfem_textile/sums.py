@@ -1,7 +1,7 @@
 """Sums of the terms of a ply, by their kernels or else by their forms."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
 
@@ -24,16 +24,19 @@ _NOTHING: Given = {}
 
 @dataclass
 class _Kind:
-    """Elements with the same motions, and what each term sees of them."""
+    """Elements with the same motions, and what each term sees of them.
+
+    Of points where fibres move alike the first stand for all.
+    """
 
     first: Stencil
-    stencils: dict[Term, Stencil] = field(default_factory=dict)
+    seen: dict[Term, tuple[Stencil, list[Points]]] = field(default_factory=dict)
 
     def add(self, term: Term, at: Stencil) -> None:
-        """Let a term see the elements; points that others see are the same points."""
-        known = {p for other in self.stencils.values() for p in other.points}
-        points = [next((q for q in known if alike(p, q)), p) for p in at.points]
-        self.stencils[term] = replace(at, points=points)
+        """Let a term see the elements."""
+        known = [place for _, places in self.seen.values() for place in places]
+        places = [next((q for q in known if alike(p, q)), p) for p in at.points]
+        self.seen[term] = at, places
 
 
 class Sum:
@@ -52,7 +55,7 @@ class Sum:
 
     def __init__(self, n_nodes: int, terms: Sequence[Term]) -> None:
         self._n_nodes, self._terms = n_nodes, terms
-        self._u, self._motions = np.empty(0), dict[Points, Motion]()
+        self._kept = np.empty(0), dict[Points, Motion]()
 
     def energy(self, u: ndarray, term: Term) -> float:
         """Energy of a term in N·mm, what it remembers aside."""
@@ -115,17 +118,25 @@ class Sum:
     ) -> list[Part]:
         """What the kernels of some terms see of the elements."""
         return [
-            Part(term.kernel, at, self._seen(at, u), _parameters(term, given))
-            for term, at in kind.stencils.items()
+            Part(
+                term.kernel,
+                at,
+                places,
+                self._seen(at, places, u),
+                _parameters(term, given),
+            )
+            for term, (at, places) in kind.seen.items()
             if term in terms and term.kernel
         ]
 
-    def _seen(self, at: Stencil, u: ndarray) -> list[Motion]:
-        if not np.array_equal(u, self._u):
-            self._u, self._motions = u.copy(), {}
-        if new := [points for points in at.points if points not in self._motions]:
-            self._motions.update(zip(new, at.motions(u, new), strict=True))
-        return [self._motions[points] for points in at.points]
+    def _seen(self, at: Stencil, places: list[Points], u: ndarray) -> list[Motion]:
+        """The motions at the places; threads may ask for those of different states."""
+        kept = self._kept
+        if not np.array_equal(u, kept[0]):
+            kept = self._kept = u.copy(), {}
+        if new := [place for place in places if place not in kept[1]]:
+            kept[1].update(zip(new, at.motions(u, new), strict=True))
+        return [kept[1][place] for place in places]
 
 
 def _matrices(term: Term, u: ndarray, parameters: dict[str, Any], put: Put) -> None:

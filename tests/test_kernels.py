@@ -1,10 +1,22 @@
 """Kernels give the numbers of the forms that they stand beside."""
 
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers import distorted, distorted_for, wobble
 from scipy.sparse import csr_matrix
-from skfem import BilinearForm, CellBasis, ElementVector, Functional, LinearForm, asm
+from skfem import (
+    BilinearForm,
+    CellBasis,
+    ElementVector,
+    Functional,
+    LinearForm,
+    MeshQuad2,
+    asm,
+)
 from skfem.element import ElementQuad2
 from test_splitting import TRIANGLE_AND_QUAD
 
@@ -23,6 +35,7 @@ from skfem_textile import (
     elements,
     hourglass,
     mean_tension,
+    shear,
     tension,
 )
 from skfem_textile.pattern import Pattern
@@ -117,6 +130,77 @@ def test_fields_other_bases_and_subsets_of_elements_are_assembled_too(C_s):
     means = MeanBasis(mesh, ElementVector(elements.ElementQuad1()), intorder=3)
     u = np.random.default_rng(3).standard_normal(means.N) * 0.05
     assert_same(asm(form, means, u=u), asm(BilinearForm(form.form), means, u=u))
+
+
+def curved_mesh():
+    mesh = MeshQuad2.from_mesh(distorted(2))
+    x = np.sin(mesh.doflocs)
+    return replace(mesh, doflocs=mesh.doflocs + 0.05 * x[::-1])
+
+
+def test_curved_elements_and_odd_bases_give_what_the_forms_give():
+    fabric, mesh = FABRICS["even"], distorted(2)
+    corners = HourglassBasis(mesh)
+    bilinear = ElementVector(elements.ElementQuad1())
+    fluctuating = ElementVector(elements.ElementQuad1Fluctuation())
+    for forms, basis in (
+        (tension(fabric), CellBasis(curved_mesh(), bilinear, intorder=3)),
+        (hourglass(fabric, 2.0), HourglassBasis(curved_mesh())),
+        (tension(fabric), corners),
+        (shear(fabric), corners),
+        (shear(fabric), CellBasis(mesh, fluctuating, intorder=3)),
+        (hourglass(fabric, 2.0), CellBasis(mesh, fluctuating, intorder=3)),
+        (mean_tension(fabric, 2.0), MeanBasis(curved_mesh(), bilinear, intorder=3)),
+    ):
+        u = np.random.default_rng(4).standard_normal(basis.N) * 0.05
+        for form, readable in zip(forms, READABLE, strict=True):
+            slow = asm(readable(form.form), basis, u=u)
+            assert_same(asm(form, basis, u=u), slow)
+
+
+@pytest.mark.parametrize("C_s", [2.0, np.arange(1.0, 25.0).reshape(6, 4)])
+def test_a_stabilisation_may_be_one_number_or_one_for_each_point(C_s):
+    basis, form = HourglassBasis(distorted(1)), hourglass(FABRICS["even"]).tangent
+    u = np.random.default_rng(5).standard_normal(basis.N) * 0.05
+    slow = asm(BilinearForm(form.form), basis, u=u, C_s=C_s)
+    assert_same(asm(form, basis, u=u, C_s=C_s), slow)
+
+
+def test_forces_take_no_other_tensions():
+    ply = next(plies(FABRICS["even"]))
+    form, u = ply.terms[0].forms.residual, wobble(ply, 6)
+    T = np.ones((2, *ply.basis.dx.shape))
+    assert_same(asm(form, ply.basis, u=u, tension=T), asm(form, ply.basis, u=u))
+
+
+def test_terms_that_share_points_keep_their_own_areas():
+    """Tension at the 2×2 points weighs by J, the hourglass by A/4."""
+
+    class Both(Full):
+        def stabilising_terms(self, basis, fabric):
+            return OnePoint(50.0).stabilising_terms(basis, fabric)
+
+    ply = Ply(distorted(1), FABRICS["even"], Both())
+    u = wobble(ply, 2)
+    for term in ply.terms:
+        energy = Functional(term.forms.energy.form)
+        expected = asm(energy, term.basis, u=u)
+        assert ply.energies(u)[term.name] == pytest.approx(expected, rel=1e-12)
+
+
+def test_threads_may_ask_one_ply_for_several_states():
+    ply = next(plies(FABRICS["even"]))
+    states = [wobble(ply, seed) for seed in range(4)]
+    alone = [ply.residual(u) for u in states]
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as executor:
+            together = list(executor.map(ply.residual, 50 * states))
+    finally:
+        sys.setswitchinterval(before)
+    for f, expected in zip(together, 50 * alone, strict=True):
+        np.testing.assert_array_equal(f, expected)
 
 
 def test_elemental_matrices_are_those_of_the_form():

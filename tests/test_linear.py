@@ -1,3 +1,4 @@
+from importlib import import_module
 from importlib.util import find_spec
 
 import numpy as np
@@ -52,6 +53,47 @@ def test_small_diagonal_entries_do_no_harm_to_the_solution(factorised):
     A = csr_matrix([[1.0, 1.0], [1.0, 1e-10]])
     x = np.array([1.0, 2.0])
     np.testing.assert_allclose(factorised(A).solve(A @ x), x, rtol=1e-12)
+
+
+@pytest.mark.parametrize("weak", [1e-7, 1e-10])
+def test_indefinite_systems_with_hardly_a_diagonal_are_solved_too(factorised, weak):
+    rng, n = np.random.default_rng(6), 40
+    B = rng.standard_normal((n, n)) + 8 * np.eye(n)
+    A = csr_matrix(np.block([[weak * np.eye(n), B], [B.T, weak * np.eye(n)]]))
+    x = rng.standard_normal(2 * n)
+    np.testing.assert_allclose(factorised(A).solve(A @ x), x, atol=1e-9)
+
+
+def test_pivots_are_compared_with_their_own_entries(factorised):
+    """Stiffnesses of very different size are no mechanism, in any order."""
+    rng, n = np.random.default_rng(7), 12
+    S = np.tril(rng.standard_normal((n, n)) * (rng.random((n, n)) < 0.3), -1)
+    D = np.diag(10.0 ** rng.permutation(np.linspace(-3.5, 3.5, n)))
+    A = csr_matrix(D @ (S + S.T + 4 * np.eye(n)) @ D)
+    x = rng.standard_normal(n)
+    factors = factorised(A)
+    assert factors.definite
+    np.testing.assert_allclose(factors.solve(A @ x), x, rtol=1e-9)
+
+
+def test_the_options_of_cvxopt_are_left_as_they_were():
+    cholmod = pytest.importorskip("cvxopt.cholmod")
+    before, A = dict(cholmod.options), some_matrix(3, 0.0)
+    lower = tril(A, format="csc")
+    assert solver_named("cholmod", 0)(lower).factorise(lower.data).negative_pivots
+    assert cholmod.options == before
+
+
+def test_auto_passes_over_a_package_that_is_not_whole(monkeypatch, caplog):
+    def broken(name, package):
+        if name == ".superlu":
+            return import_module(name, package)
+        raise ImportError(f"no {name}")
+
+    monkeypatch.setattr("skfem_textile.linear.import_module", broken)
+    monkeypatch.setattr("skfem_textile.linear.find_spec", lambda name: True)
+    assert solver_named("auto", 10**5).__name__ == "SuperLU"
+    assert "solver cholmod: no .cholmod" in caplog.text
 
 
 def test_singular_systems_are_refused(factorised):

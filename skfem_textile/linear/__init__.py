@@ -1,5 +1,6 @@
 """Sparse direct solvers of symmetric systems, by name."""
 
+import logging
 from importlib import import_module
 from importlib.util import find_spec
 from typing import NamedTuple
@@ -15,6 +16,9 @@ __all__ = [
     "nested_dissection",
     "solver_named",
 ]
+
+
+log = logging.getLogger(__name__)
 
 
 class Offer(NamedTuple):
@@ -43,13 +47,19 @@ def solver_named(name: str, unknowns: int) -> type[Solver]:
     ValueError
         If the name is unknown, or the package that it needs is not installed.
     """
-    if name == "auto":
-        name = next(
-            known
-            for known, offer in SOLVERS.items()
-            if unknowns >= offer.unknowns and find_spec(offer.package)
-        )
     check_solver(name)
+    if name != "auto":
+        return _loaded(name)
+    for known, offer in SOLVERS.items():
+        if unknowns >= offer.unknowns and find_spec(offer.package):
+            try:
+                return _loaded(known)
+            except ImportError as error:  # installed, but not whole
+                log.warning("solver %s: %s", known, error)
+    return _loaded("superlu")
+
+
+def _loaded(name: str) -> type[Solver]:
     return getattr(import_module(f".{name}", __package__), SOLVERS[name].cls)
 
 

@@ -1,20 +1,27 @@
 """CHOLMOD through cvxopt, which is under the GPL and never required."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 from cvxopt import cholmod, matrix, spmatrix
 from numpy import ndarray
 from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import SuperLU as Decomposition
 
-from .solver import NO_PIVOT, NOTHING, OneAtATime, SingularMatrixError
-from .superlu import SuperLU, SuperLUFactors
+from .solver import OneAtATime, SingularMatrixError, refuse_round_off
+from .superlu import SuperLU
 
-_SUPERNODAL, _SIMPLICIAL = {"supernodal": 2}, {"supernodal": 0}
+_SUPERNODAL, _SIMPLICIAL = 2, 0
+
+# The options of cvxopt are those of the whole process.
+_LOCK = Lock()
 
 
 class Cholmod(OneAtATime):
-    """Cholesky factors, whose success proves stability; LDLᵀ of what has none.
+    """Cholesky factors, whose success proves stability; LDLᵀ counts where it fails.
 
     Parameters
     ----------
@@ -43,9 +50,9 @@ class Cholmod(OneAtATime):
         """What solves where there is no Cholesky factor: LDLᵀ does not pivot."""
         return SuperLU(self.lower)
 
-    def _analysed(self, options: dict[str, int]) -> object:
-        cholmod.options.update(options)
-        return cholmod.symbolic(self.A, p=self._order)
+    def _analysed(self, kind: int) -> object:
+        with _option(kind):
+            return cholmod.symbolic(self.A, p=self._order)
 
 
 class CholmodFactors:
@@ -59,15 +66,12 @@ class CholmodFactors:
 
     def refactorise(self) -> None:
         """Cholesky's factors, if there are any."""
-        solver = self._solver
+        factors = self._solver.factors
         try:
-            self._numeric(solver.factors, _SUPERNODAL)
-        except ArithmeticError:
+            self._numeric(factors, _SUPERNODAL)
+            self._refuse_round_off(factors, _array(cholmod.diag(factors)) ** 2)
+        except (ArithmeticError, SingularMatrixError):
             self.definite = False
-        else:
-            self._refuse_round_off(
-                solver.factors, _array(cholmod.diag(solver.factors)) ** 2
-            )
 
     @cached_property
     def negative_pivots(self) -> int:
@@ -88,33 +92,44 @@ class CholmodFactors:
 
     def solve(self, b: ndarray) -> ndarray:
         """Solve A x = b."""
-        if self.definite:
-            self._solver.hold(self)
-            x = matrix(b)
-            cholmod.solve(self._solver.factors, x)
-            return _array(x)
-        return self._pivoting.solve(b)
+        if not self.definite:
+            return self._pivoted.solve(b)
+        self._solver.hold(self)
+        x = matrix(b)
+        cholmod.solve(self._solver.factors, x)
+        return _array(x)
 
     @cached_property
-    def _pivoting(self) -> SuperLUFactors:
-        self.factorisations += 2
-        return self._solver.pivoting.factorise(self._data)
+    def _pivoted(self) -> Decomposition:
+        self.factorisations += 1
+        return self._solver.pivoting.pivoted(self._data)
 
-    def _numeric(self, factors: object, options: dict[str, int]) -> None:
+    def _numeric(self, factors: object, kind: int) -> None:
         self._solver.A.V = matrix(self._data)
-        cholmod.options.update(options)
-        cholmod.numeric(self._solver.A, factors)
+        with _option(kind):
+            cholmod.numeric(self._solver.A, factors)
 
     @property
     def _diagonal(self) -> ndarray:
         return self._data[self._solver.lower.indptr[:-1]]
 
     def _refuse_round_off(self, factors: object, pivots: ndarray) -> None:
-        diagonal = matrix(np.abs(self._diagonal))
-        cholmod.solve(factors, diagonal, sys=8)  # in the order of the pivots
-        least = np.maximum(NO_PIVOT * _array(diagonal), NOTHING * pivots.max(initial=0))
-        if not np.all(pivots > least):
-            raise SingularMatrixError
+        diagonal = matrix(self._diagonal)
+        cholmod.solve(factors, diagonal, sys=7)  # in the order of the pivots
+        refuse_round_off(pivots, _array(diagonal))
+
+
+@contextmanager
+def _option(kind: int) -> Iterator[None]:
+    """Have cvxopt make factors of a kind."""
+    with _LOCK:
+        before = dict(cholmod.options)
+        cholmod.options["supernodal"] = kind
+        try:
+            yield
+        finally:
+            cholmod.options.clear()
+            cholmod.options.update(before)
 
 
 def _integers(x: ndarray) -> matrix:

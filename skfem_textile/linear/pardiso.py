@@ -1,5 +1,6 @@
 """MKL's PARDISO through pypardiso."""
 
+from functools import cached_property
 from weakref import finalize
 
 import numpy as np
@@ -7,8 +8,10 @@ from numpy import ndarray
 from pypardiso import PyPardisoSolver
 from pypardiso.pardiso_wrapper import PyPardisoError
 from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse.linalg import SuperLU as Decomposition
 
 from .solver import OneAtATime, SingularMatrixError
+from .superlu import SuperLU
 
 _SYMMETRIC_INDEFINITE = -2
 _ANALYSE, _FACTORISE, _SOLVE = 11, 22, 33
@@ -17,9 +20,11 @@ _ANALYSE, _FACTORISE, _SOLVE = 11, 22, 33
 _OWN_PARAMETERS, _ORDER_GIVEN, _REFINEMENTS, _LEAST_PIVOT = 1, 5, 8, 10
 _PERTURBED, _NEGATIVE = 14, 23
 
+_ZERO_PIVOT = -4  # an error of its
+
 
 class Pardiso(OneAtATime):
-    """LDLᵀ factors with pivoting inside supernodes, which tells the inertia.
+    """LDLᵀ factors, for matrices that may be indefinite: they tell the inertia.
 
     Parameters
     ----------
@@ -28,6 +33,7 @@ class Pardiso(OneAtATime):
     """
 
     def __init__(self, lower: csc_matrix) -> None:
+        self.lower = lower
         # The lower triangle by columns is the upper one by rows.
         self._A = csr_matrix(
             (np.ones(lower.nnz), lower.indices, lower.indptr), lower.shape
@@ -44,6 +50,11 @@ class Pardiso(OneAtATime):
         self._solver = solver
         finalize(self, solver.free_memory, everything=True)
         self.call(_ANALYSE)
+
+    @cached_property
+    def pivoting(self) -> SuperLU:
+        """What solves where the matrix is indefinite: PARDISO pivots in blocks only."""
+        return SuperLU(self.lower)
 
     def factorise(self, data: ndarray) -> "PardisoFactors":
         """Factors of the matrix with the entries ``data``."""
@@ -72,25 +83,41 @@ class PardisoFactors:
     def __init__(self, solver: Pardiso, data: ndarray) -> None:
         self._solver, self._data = solver, data
         self.factorisations = 0
-        self.negative_pivots = 0
         solver.hold(self)
 
     @property
+    def negative_pivots(self) -> int:
+        """The inertia that came with the factors."""
+        if self._negative is None:
+            raise SingularMatrixError
+        return self._negative
+
+    @property
     def definite(self) -> bool:
-        """Whether no pivot is negative."""
-        return self.negative_pivots == 0
+        """Whether no pivot is negative, and none of them round-off."""
+        return self._negative == 0
 
     def refactorise(self) -> None:
         """Factors and inertia."""
+        solver = self._solver
         try:
-            self._solver.call(_FACTORISE, self._data)
-        except PyPardisoError:
-            raise SingularMatrixError from None
-        if self._solver.told(_PERTURBED):
-            raise SingularMatrixError
-        self.negative_pivots = self._solver.told(_NEGATIVE)
+            solver.call(_FACTORISE, self._data)
+        except PyPardisoError as error:
+            if error.value != _ZERO_PIVOT:
+                raise
+            self._negative = None
+        else:
+            singular = solver.told(_PERTURBED) > 0
+            self._negative = None if singular else solver.told(_NEGATIVE)
 
     def solve(self, b: ndarray) -> ndarray:
         """Solve A x = b."""
+        if not self.definite:
+            return self._pivoted.solve(b)
         self._solver.hold(self)
         return self._solver.call(_SOLVE, self._data, b)
+
+    @cached_property
+    def _pivoted(self) -> Decomposition:
+        self.factorisations += 1
+        return self._solver.pivoting.pivoted(self._data)

@@ -2,21 +2,34 @@
 
 from typing import Any, Protocol
 
+import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
-MECHANISM = "some motion meets no stiffness"
-
-# A pivot is round-off when it is this small beside the diagonal entry that it comes
-# from, or beside the largest pivot.
-NO_PIVOT, NOTHING = 1e-12, 1e-16
+# A pivot is round-off when it is this small beside the entry that it comes from, or
+# beside the largest pivot.
+_NO_PIVOT, _NOTHING = 1e-12, 1e-16
 
 
 class SingularMatrixError(RuntimeError):
     """The matrix leaves some motion without stiffness."""
 
     def __init__(self) -> None:
-        super().__init__(MECHANISM)
+        super().__init__("some motion meets no stiffness")
+
+
+def refuse_round_off(pivots: ndarray, entries: ndarray) -> None:
+    """Refuse pivots, given by magnitude, that are but round-off of the entries.
+
+    Raises
+    ------
+    SingularMatrixError
+        If there is one.
+    """
+    largest = pivots.max(initial=0.0)
+    round_off = np.maximum(_NO_PIVOT * np.abs(entries), _NOTHING * largest)
+    if not np.all(pivots > round_off):
+        raise SingularMatrixError
 
 
 class Factors(Protocol):
@@ -75,7 +88,7 @@ class Solver(Protocol):
         Raises
         ------
         SingularMatrixError
-            If a pivot vanishes to working precision, unless that is told later.
+            If a pivot vanishes; one that is round-off may be told later.
         """
         ...
 

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import SuperLU as Decomposition
 from scipy.sparse.linalg import splu
 
 from ..pattern import where
-from .solver import NO_PIVOT, NOTHING, SingularMatrixError
+from .solver import SingularMatrixError, refuse_round_off
 
 
 class SuperLU:
@@ -37,9 +37,15 @@ class SuperLU:
 
     def factorise(self, data: ndarray) -> "SuperLUFactors":
         """Factors of the matrix with the entries ``data``."""
+        return SuperLUFactors(self._matrix(data))
+
+    def pivoted(self, data: ndarray) -> Decomposition:
+        """Factors fit to solve with where the matrix is indefinite."""
+        return _pivoted(self._matrix(data))
+
+    def _matrix(self, data: ndarray) -> csc_matrix:
         whole = self._whole
-        A = csc_matrix((data[whole.data], whole.indices, whole.indptr), whole.shape)
-        return SuperLUFactors(A)
+        return csc_matrix((data[whole.data], whole.indices, whole.indptr), whole.shape)
 
 
 class SuperLUFactors:
@@ -48,21 +54,24 @@ class SuperLUFactors:
     def __init__(self, A: csc_matrix) -> None:
         self._A = A
         self.factorisations = 1
-        self._diagonal = _decomposed(self._A, pivoting=0.0)
-        pivots = self._diagonal.U.diagonal()
-        size, order = np.abs(pivots), self._diagonal.perm_c
-        round_off = np.maximum(
-            NO_PIVOT * np.abs(self._A.diagonal()), NOTHING * size.max(initial=0.0)
-        )
-        if not np.all(size[order] > round_off):
-            raise SingularMatrixError
-        kept = np.array_equal(self._diagonal.perm_r, order)
-        self.negative_pivots = int(np.sum(pivots < 0)) if kept else None
+        self._diagonal = _decomposed(A, pivoting=0.0)
+
+    @cached_property
+    def negative_pivots(self) -> int | None:
+        """By the signs of the pivots, where they stay on the diagonal."""
+        lu = self._diagonal
+        pivots = lu.U.diagonal()
+        refuse_round_off(np.abs(pivots)[lu.perm_c], self._A.diagonal())
+        kept = np.array_equal(lu.perm_r, lu.perm_c)
+        return int(np.sum(pivots < 0)) if kept else None
 
     @property
     def definite(self) -> bool:
-        """Whether every pivot is positive."""
-        return self.negative_pivots == 0
+        """Whether every pivot is positive, and none of them round-off."""
+        try:
+            return self.negative_pivots == 0
+        except SingularMatrixError:
+            return False
 
     def solve(self, b: ndarray) -> ndarray:
         """Solve A x = b."""
@@ -74,7 +83,14 @@ class SuperLUFactors:
         if self.definite:
             return self._diagonal
         self.factorisations += 1
-        return _decomposed(self._A, pivoting=0.01)
+        return _pivoted(self._A)
+
+
+def _pivoted(A: csc_matrix) -> Decomposition:
+    lu = _decomposed(A, pivoting=0.01)
+    columns = abs(A).max(axis=0).toarray().ravel()
+    refuse_round_off(np.abs(lu.U.diagonal())[lu.perm_c], columns)
+    return lu
 
 
 def _decomposed(A: csc_matrix, pivoting: float) -> Decomposition:
