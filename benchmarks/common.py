@@ -12,6 +12,7 @@ from pathlib import Path
 from statistics import median
 from time import perf_counter
 
+from skfem_textile.scenes import strip
 from skfem_textile.studies import machine
 
 #: Where results go, for the docs to show.
@@ -32,9 +33,7 @@ def write(found, path, head, rows):
     path.parent.mkdir(exist_ok=True)
     there = machine.described()
     path.write_text(json.dumps({"machine": there, **found}, indent=2) + "\n")
-    lines = [head, ["---"] + ["---:"] * (len(head) - 1), *rows]
-    table = "".join(f"| {' | '.join(map(str, line))} |\n" for line in lines)
-    path.with_suffix(".md").write_text(table)
+    write_table(path.with_suffix(".md"), head, rows)
     path.with_name("machine.md").write_text(machine.sentence(there) + "\n")
     print(f"results in {path}")
 
@@ -44,6 +43,18 @@ def seconds(function, *arguments):
     start = perf_counter()
     result = function(*arguments)
     return result, perf_counter() - start
+
+
+def write_table(path, head, rows):
+    """Write a table in Markdown."""
+    lines = [head, ["---"] + ["---:"] * (len(head) - 1), *rows]
+    path.write_text("".join(f"| {' | '.join(map(str, line))} |\n" for line in lines))
+
+
+def strip_of(elements, **more):
+    """The strip on about so many elements."""
+    across = (elements / 1.5) ** 0.5
+    return strip(size=(round(across), round(1.5 * across)), **more)
 
 
 def spread(times):

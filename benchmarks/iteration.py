@@ -4,18 +4,19 @@ Residual, tangent, factorisation and solution at one displacement, on one thread
 warm processes, by turns: in every round each code has its own.  Prints medians, ratios.
 """
 
+from importlib import import_module
 from statistics import median
 from time import perf_counter
+from unittest.mock import patch
 
-from common import options, spread, write  # isort: skip  (sets the threads)
+from common import options, spread, strip_of, write, write_table  # isort: skip  (sets the threads)
 
 import numpy as np
 
-from skfem_textile import Fabric, Full, OnePoint, Ply
+from skfem_textile import Fabric, Full, OnePoint, Ply, arithmetic
 from skfem_textile.conditions import Constraints
-from skfem_textile.linear import SOLVERS, check_solver
+from skfem_textile.linear import check_solver
 from skfem_textile.problem import Problem
-from skfem_textile.scenes import strip
 from skfem_textile.studies.rivals.newton import one_iteration
 from skfem_textile.studies.rivals.plain import QUAD4_CENTRE, Plain
 from skfem_textile.studies.rivals.rival import QUAD4
@@ -29,6 +30,16 @@ E, G, LOAD_FACTOR = 1e4, 0.5, 0.02
 #: Elements, as the rivals call them, and as formulations with the same energy.
 ELEMENTS = {"Q4, one point": OnePoint(8 * G), "Q4, 2×2": Full()}
 
+#: This library with its solvers, and whether numba is used.
+OWN = {
+    "SciPy only": ("superlu", False),
+    "superlu, numba": ("superlu", True),
+    "pardiso": ("pardiso", False),
+    "pardiso, numba": ("pardiso", True),
+    "cholmod": ("cholmod", False),
+    "cholmod, numba": ("cholmod", True),
+}
+
 RIVALS = (
     *(Plain(QUAD4_CENTRE, C_s=1.0), Plain(QUAD4)),
     *(FElupe(QUAD4), FElupe(QUAD4, "pypardiso"), Dolfinx(QUAD4), Native(QUAD4)),
@@ -36,27 +47,35 @@ RIVALS = (
 
 
 class Own:
-    """This library, with one of its solvers."""
+    """This library, with one of its solvers, and with numba if it is told so."""
 
-    def __init__(self, formulation, scene, solver, u):
-        ply = Ply(scene.mesh, Fabric(E, G), formulation)
-        constraints = Constraints(ply.basis, scene.conditions)
-        self.problem, self.u = Problem(ply, constraints, solver), u
+    def __init__(self, formulation, scene, solver, u, compiled):
+        self._compiled, self._u = compiled, u
+        with self._loops():
+            ply = Ply(scene.mesh, Fabric(E, G), formulation)
+            constraints = Constraints(ply.basis, scene.conditions)
+            self._problem = Problem(ply, constraints, solver)
 
     def round(self):
         """Seconds of assembly, factorisation and solution."""
-        ply, system = self.problem.ply, self.problem.system
-        u = self.u = (1 + 1e-9) * self.u  # or the ply would remember its strains
-        times = [perf_counter()]
-        f = ply.residual(u)
-        K = system.reduced(ply.stiffness(u))
-        times.append(perf_counter())
-        factors = system.solver.factorise(K.upper.data)
-        times.append(perf_counter())
-        factors.solve(-f[system.free])
-        times.append(perf_counter())
+        ply, system = self._problem.ply, self._problem.system
+        u = self._u = (1 + 1e-9) * self._u  # or the ply would remember its strains
+        with self._loops():
+            times = [perf_counter()]
+            f = ply.residual(u)
+            K = system.reduced(ply.stiffness(u))
+            times.append(perf_counter())
+            factors = system.solver.factorise(K.upper.data)
+            times.append(perf_counter())
+            factors.solve(-f[system.free])
+            times.append(perf_counter())
         assert factors.definite
         return np.diff(times).tolist()
+
+    def _loops(self):
+        """Loops in NumPy, or compiled."""
+        many = arithmetic._MANY if self._compiled else float("inf")
+        return patch.object(arithmetic, "_MANY", many)
 
 
 class Other:
@@ -80,14 +99,16 @@ def contestants(scene, u):
     """Who takes part, by name; and who is not installed."""
     found, missing = {}, {}
     for element, formulation in ELEMENTS.items():
-        for solver in SOLVERS:
-            name = f"{element}: skfem_textile, {solver}"
+        for name, (solver, compiled) in OWN.items():
+            name = f"{element}: skfem_textile, {name}"
             try:
                 check_solver(solver)
-            except ValueError as error:
+                if compiled:
+                    import_module("numba")
+            except (ValueError, ImportError) as error:
                 missing[name] = str(error)
             else:
-                found[name] = Own(formulation, scene, solver, u)
+                found[name] = Own(formulation, scene, solver, u, compiled)
     for rival in RIVALS:
         name = f"{rival.shape.name}: {rival.code}"
         if needed := rival.missing():
@@ -99,8 +120,7 @@ def contestants(scene, u):
 
 def measured(size, rounds):
     """Times of every contestant, by turns."""
-    scene = strip(size=(round((size / 1.5) ** 0.5), round((size * 1.5) ** 0.5)))
-    X, Y = scene.mesh.p
+    scene = strip_of(size)
     u = scene.displacement(scene.mesh.p, LOAD_FACTOR).T.ravel()
     there, missing = contestants(scene, u)
     times = {name: [] for name in there}
@@ -132,8 +152,50 @@ def main():
         print(f"{name:50} {shown:>18} = {1e3 * total:5.0f}  {faster:6.2f} x")
     for name, why in missing.items():
         print(f"{name:50} {why}")
+    found["ratios"] = ratios(found["codes"])
+    for name, ratio in found["ratios"].items():
+        print(f"{name}: {ratio:.2f}")
     head = ["code", "assembly", "factorisation", "solution", "all, ms", "stock / this"]
-    write(found, chosen.out, head, lines(found["codes"]))
+    table = lines(found["codes"])
+    write(found, chosen.out, head, table)
+    write_table(
+        chosen.out.with_name("ratios.md"),
+        ["", "ratio"],
+        [[name, f"{ratio:.2f}"] for name, ratio in found["ratios"].items()],
+    )
+
+
+def ratios(codes):
+    """What the codes take beside one another, where all of them are there."""
+    own = "Q4, 2×2: skfem_textile, "
+    pairs = {
+        "DOLFINx over cholmod, numba": ("Q4, 2×2: DOLFINx", own + "cholmod, numba"),
+        "FElupe with Pardiso over cholmod, numba": (
+            "Q4, 2×2: FElupe with Pardiso",
+            own + "cholmod, numba",
+        ),
+    }
+    found = {
+        name: codes[a]["seconds"]["median"] / codes[b]["seconds"]["median"]
+        for name, (a, b) in pairs.items()
+        if a in codes and b in codes
+    }
+    for element in ELEMENTS:
+        for solver in ("cholmod", "cholmod, numba"):
+            name = f"{element}: skfem_textile, {solver}"
+            if name in codes:
+                assembly, factorisation, _ = codes[name]["parts"]
+                found[f"assembly over factorisation, {element}, {solver}"] = (
+                    assembly / factorisation
+                )
+        both = [
+            codes[name]["parts"][0]
+            for solver in ("cholmod", "cholmod, numba")
+            if (name := f"{element}: skfem_textile, {solver}") in codes
+        ]
+        if len(both) == 2:
+            found[f"assembly by NumPy over by numba, {element}"] = both[0] / both[1]
+    return found
 
 
 def lines(codes):

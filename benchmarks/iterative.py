@@ -5,7 +5,7 @@ solution by each direct solver; set-up and solution to 10⁻⁸ by conjugate gra
 smoothed aggregation (pyamg) that is told the rigid motions.  On one thread.
 """
 
-from common import options, seconds, write  # isort: skip  (sets the threads)
+from common import options, seconds, strip_of, write  # isort: skip  (sets the threads)
 
 import numpy as np
 from scipy.sparse.linalg import cg
@@ -13,7 +13,6 @@ from scipy.sparse.linalg import cg
 from skfem_textile import Fabric, OnePoint, Ply
 from skfem_textile.conditions import Constraints
 from skfem_textile.problem import Problem
-from skfem_textile.scenes import strip
 
 SIZES, MOST = (10_000, 30_000, 100_000, 300_000), 500
 
@@ -22,8 +21,7 @@ def one_size(size, E_over_G):
     """Seconds and iterations on one mesh."""
     import pyamg
 
-    across = (size / 1.5) ** 0.5
-    scene = strip(size=(round(across), round(1.5 * across)))
+    scene = strip_of(size)
     G = 0.5
     ply = Ply(scene.mesh, Fabric(E_over_G * G, G), OnePoint(8 * G))
     constraints = Constraints(ply.basis, scene.conditions)

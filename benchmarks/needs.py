@@ -8,10 +8,9 @@ import subprocess
 import sys
 from statistics import median
 
-from common import options, seconds, write  # isort: skip  (sets the threads)
+from common import options, seconds, strip_of, write, write_table  # isort: skip  (sets the threads)
 
 from skfem_textile import Fabric, Full, OnePoint, Ply
-from skfem_textile.scenes import strip
 
 #: Plies by what they need.
 PLIES = {
@@ -45,8 +44,7 @@ def imported(name):
 def main():
     """Measure, print and write."""
     chosen = options(__doc__, "needs", rounds=7, size=20_000)
-    across = (chosen.size / 1.5) ** 0.5
-    scene = strip(size=(round(across), round(1.5 * across)))
+    scene = strip_of(chosen.size)
     times = {name: ([], []) for name in PLIES}
     for number in range(1 + chosen.rounds):
         for name, given in PLIES.items():
@@ -81,6 +79,13 @@ def main():
         for name, ply in found["plies"].items()
     ]
     write(found, chosen.out, head, plies)
+    skfem = found["imports"]["skfem"]
+    imports = [
+        [f"`import {name}`", f"{took:.3f}", f"{took / skfem:.2f}"]
+        for name, took in found["imports"].items()
+    ]
+    path = chosen.out.with_name("imports.md")
+    write_table(path, ["", "s", "share of skfem's"], imports)
 
 
 if __name__ == "__main__":

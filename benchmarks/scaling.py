@@ -11,22 +11,20 @@ import subprocess
 import sys
 from statistics import median
 
-from common import options, seconds, write  # isort: skip  (sets the threads)
+from common import options, seconds, strip_of, write  # isort: skip  (sets the threads)
 
 import numpy as np
 
 from skfem_textile import Fabric, OnePoint, Ply
 from skfem_textile.conditions import Constraints
 from skfem_textile.problem import Problem
-from skfem_textile.scenes import strip
 
 SIZES = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 
 
 def one_size(size, solver, rounds):
     """Seconds of one size, by what takes them, and the peak of the memory in GiB."""
-    across = (size / 1.5) ** 0.5
-    scene = strip(size=(round(across), round(1.5 * across)))
+    scene = strip_of(size)
     ply, built = seconds(Ply, scene.mesh, Fabric(1e4, 0.5), OnePoint(4.0))
     constraints, held = seconds(Constraints, ply.basis, scene.conditions)
     problem = Problem(ply, constraints, solver)
@@ -93,7 +91,7 @@ def main():
 
 def exponents(rows):
     """Of power laws through the sizes from 10⁴ elements on, by what takes the time."""
-    large = [row for row in rows if row["elements"] > 9_000]
+    large = [row for row in rows if row["elements"] > 9_000] or rows
     n = np.log([row["elements"] for row in large])
     return {
         part: float(np.polyfit(n, np.log([row[part] for row in large]), 1)[0])

@@ -5,14 +5,13 @@ plain Newton in the equal steps that it needs, this library from one step on.  P
 times and their ratio.
 """
 
-from common import options, seconds, spread, write  # isort: skip  (sets the threads)
+from common import options, seconds, spread, strip_of, write  # isort: skip  (sets the threads)
 
 from statistics import median
 
 import numpy as np
 
 from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
-from skfem_textile.scenes import strip
 from skfem_textile.studies.rivals.newton import loaded
 from skfem_textile.studies.rivals.plain import QUAD4_CENTRE, Plain
 from skfem_textile.studies.rivals.task import Task
@@ -39,8 +38,7 @@ def stock(scene, steps):
 def main():
     """Measure, print and write."""
     chosen = options(__doc__, "whole_strip", solver="auto", steps=20, size=60_000)
-    across = (chosen.size / 1.5) ** 0.5
-    scene = strip(size=(round(across), round(1.5 * across)), jitter=0.3)
+    scene = strip_of(chosen.size, jitter=0.3)
     own(scene, chosen.solver)  # to be warm
     runs = [seconds(own, scene, chosen.solver) for _ in range(5)]
     result, times = runs[0][0], [took for _, took in runs]

@@ -15,7 +15,7 @@ extensions = [
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 myst_heading_anchors = 3
-exclude_patterns = ["_build", "error-time", "paper", "stability"]
+exclude_patterns = ["_build", "error-time", "speed", "paper", "stability"]
 
 html_theme = "furo"
 html_title = "skfem_textile"
