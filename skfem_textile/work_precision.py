@@ -8,6 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from .curves import COLOURS, save
@@ -16,6 +17,14 @@ _MARKERS = "osD^vP*Xdh"
 
 # What is this small beside the largest error is round-off, and not drawn.
 _DECADES = 1e-8
+
+
+def _best(seconds: ArrayLike, error: ArrayLike) -> tuple[ndarray, ndarray]:
+    """The points to which none is preferable: sooner there, and closer."""
+    order = np.argsort(seconds, kind="stable")
+    t, e = np.asarray(seconds)[order], np.asarray(error)[order]
+    before = np.minimum.accumulate(np.append(np.inf, e[:-1]))
+    return t[e < before], e[e < before]
 
 
 def work_precision(
@@ -28,7 +37,8 @@ def work_precision(
     ----------
     panels
         By what is off, the curves ``(seconds, error)`` by code and element.  A code
-        has one colour, an element one marker; the first code stands out.
+        has one colour, an element one marker; the first code stands out.  A line
+        joins the points to which no other of the same curve is preferable.
     filename
         Where to write a PNG.
 
@@ -60,12 +70,16 @@ def work_precision(
         grid = figure.subplots(lengthwise, 2, squeeze=False, sharex=True)
         for axes, (what, lines) in zip(grid.flat, panels.items(), strict=False):
             for (code, element), (seconds, error) in lines.items():
+                shape, best = marker[element], _best(seconds, error)
+                axes.loglog(*best, marker=shape, markersize=5, **look[code])
                 axes.loglog(
-                    seconds, error, marker=marker[element], markersize=5, **look[code]
+                    *(seconds, error, shape),
+                    **{"markersize": 3, "alpha": 0.3, "color": look[code]["color"]},
                 )
             axes.set(xlabel="Seconds", ylabel=what)
-            largest = max((np.max(error) for _, error in lines.values()), default=1.0)
-            axes.set_ylim(bottom=max(axes.get_ylim()[0], _DECADES * largest))
+            errors = np.concatenate([error for _, error in lines.values()])
+            seen = errors[errors > _DECADES * errors.max()]
+            axes.set_ylim(bottom=0.5 * seen.min())
             axes.grid(alpha=0.3)
         handles = [Line2D([], [], label=code, **s) for code, s in look.items()]
         handles += [
