@@ -11,11 +11,11 @@ import subprocess
 import sys
 from statistics import median
 
-from common import options, seconds, strip_of, write  # isort: skip  (sets the threads)
+from common import options, seconds, strip_of, write, write_table  # isort: skip  (sets the threads)
 
 import numpy as np
 
-from skfem_textile import Fabric, OnePoint, Ply
+from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.conditions import Constraints
 from skfem_textile.problem import Problem
 
@@ -52,31 +52,53 @@ def one_size(size, solver, rounds):
         "factorisation": factorisation,
         "solution": solution,
         "iteration": assembly + factorisation + solution,
-        "peak_GiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
+        "peak_GiB": _peak(),
     }
+
+
+def whole_step(size, solver):
+    """The whole load in one step: seconds, linear solves and the peak of the memory."""
+    scene = strip_of(size, jitter=0.3)
+    ply = Ply(scene.mesh, Fabric(1e4), OnePoint(10.0))
+    result = LoadStepper(ply, scene.conditions, steps=1, solver=solver).run()
+    return {
+        "elements": ply.mesh.nelements,
+        "seconds": result.wall_time_s,
+        "solves": result.newton_iterations,
+        "peak_GiB": _peak(),
+    }
+
+
+def _peak():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
 
 
 def main():
     """Measure every size, print and write."""
-    chosen = options(
-        __doc__, "scaling", solver="auto", rounds=3, size=0, largest=SIZES[-1]
-    )
+    defaults = {"solver": "auto", "rounds": 3, "largest": SIZES[-1]}
+    chosen = options(__doc__, "scaling", **defaults, size=0, whole=0)
     if chosen.size:  # in a process of its own
         print(json.dumps(one_size(chosen.size, chosen.solver, chosen.rounds)))
+        return
+    if chosen.whole:
+        print(json.dumps(whole_step(chosen.whole, chosen.solver)))
         return
     rows = []
     print("elements  once   assembly + factorisation + solution = iteration (s)  GiB")
     for size in (n for n in SIZES if n <= chosen.largest):
-        command = [sys.executable, __file__, "--size", str(size)]
-        command += ["--solver", chosen.solver, "--rounds", str(chosen.rounds)]
-        said = subprocess.run(command, check=True, capture_output=True, text=True)
-        rows.append(row := json.loads(said.stdout.splitlines()[-1]))
+        rows.append(row := apart(chosen, "--size", size))
         print(
             "{elements:8} {once:6.2f} {assembly:8.4f} + {factorisation:.4f} + "
             "{solution:.4f} = {iteration:.4f}  {peak_GiB:.2f}".format(**row),
             flush=True,
         )
+    step = apart(chosen, "--whole", chosen.largest)
+    print(
+        "one load step to 62.5° on {elements} elements: {seconds:.1f} s, {solves} "
+        "linear solves, {peak_GiB:.2f} GiB".format(**step)
+    )
     found = {"solver": chosen.solver, "sizes": rows, "exponents": exponents(rows)}
+    found["step"] = step
     for name, exponent in found["exponents"].items():
         print(f"exponent of {name}: {exponent:.2f}")
     names = ("once", "assembly", "factorisation", "solution", "iteration")
@@ -87,6 +109,18 @@ def main():
     ]
     fitted = [f"{found['exponents'][name]:.2f}" for name in names]
     write(found, chosen.out, head, [*table, ["exponent from 10⁴ on", *fitted, ""]])
+    head = ["elements", "seconds of a step to 62.5°", "linear solves", "peak, GiB"]
+    line = [step["elements"], f"{step['seconds']:.0f}", step["solves"]]
+    line.append(f"{step['peak_GiB']:.2f}")
+    write_table(chosen.out.with_name("step.md"), head, [line])
+
+
+def apart(chosen, what, size):
+    """What this script finds in a process of its own."""
+    command = [sys.executable, __file__, what, str(size)]
+    command += ["--solver", chosen.solver, "--rounds", str(chosen.rounds)]
+    said = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    return json.loads(said.stdout.splitlines()[-1])
 
 
 def exponents(rows):
