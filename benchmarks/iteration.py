@@ -4,16 +4,14 @@ Residual, tangent, factorisation and solution at one displacement, on one thread
 warm processes, by turns: in every round each code has its own.  Prints medians, ratios.
 """
 
-from importlib import import_module
 from statistics import median
 from time import perf_counter
-from unittest.mock import patch
 
 from common import options, spread, strip_of, write, write_table  # isort: skip  (sets the threads)
 
 import numpy as np
 
-from skfem_textile import Fabric, Full, OnePoint, Ply, arithmetic
+from skfem_textile import Fabric, Full, OnePoint, Ply
 from skfem_textile.conditions import Constraints
 from skfem_textile.linear import check_solver
 from skfem_textile.problem import Problem
@@ -30,15 +28,8 @@ E, G, LOAD_FACTOR = 1e4, 0.5, 0.02
 #: Elements, as the rivals call them, and as formulations with the same energy.
 ELEMENTS = {"Q4, one point": OnePoint(8 * G), "Q4, 2×2": Full()}
 
-#: This library with its solvers, and whether numba is used.
-OWN = {
-    "SciPy only": ("superlu", False),
-    "superlu, numba": ("superlu", True),
-    "pardiso": ("pardiso", False),
-    "pardiso, numba": ("pardiso", True),
-    "cholmod": ("cholmod", False),
-    "cholmod, numba": ("cholmod", True),
-}
+#: This library with each of its solvers.
+OWN = {"SciPy only": "superlu", "pardiso": "pardiso", "cholmod": "cholmod"}
 
 RIVALS = (
     *(Plain(QUAD4_CENTRE, C_s=1.0), Plain(QUAD4)),
@@ -47,35 +38,27 @@ RIVALS = (
 
 
 class Own:
-    """This library, with one of its solvers, and with numba if it is told so."""
+    """This library, with one of its solvers."""
 
-    def __init__(self, formulation, scene, solver, u, compiled):
-        self._compiled, self._u = compiled, u
-        with self._loops():
-            ply = Ply(scene.mesh, Fabric(E, G), formulation)
-            constraints = Constraints(ply.basis, scene.conditions)
-            self._problem = Problem(ply, constraints, solver)
+    def __init__(self, formulation, scene, solver, u):
+        ply = Ply(scene.mesh, Fabric(E, G), formulation)
+        constraints = Constraints(ply.basis, scene.conditions)
+        self._problem, self._u = Problem(ply, constraints, solver), u
 
     def round(self):
         """Seconds of assembly, factorisation and solution."""
         ply, system = self._problem.ply, self._problem.system
         u = self._u = (1 + 1e-9) * self._u  # or the ply would remember its strains
-        with self._loops():
-            times = [perf_counter()]
-            f = ply.residual(u)
-            K = system.reduced(ply.stiffness(u))
-            times.append(perf_counter())
-            factors = system.solver.factorise(K.upper.data)
-            times.append(perf_counter())
-            factors.solve(-f[system.free])
-            times.append(perf_counter())
+        times = [perf_counter()]
+        f = ply.residual(u)
+        K = system.reduced(ply.stiffness(u))
+        times.append(perf_counter())
+        factors = system.solver.factorise(K.upper.data)
         assert factors.definite
+        times.append(perf_counter())
+        factors.solve(-f[system.free])
+        times.append(perf_counter())
         return np.diff(times).tolist()
-
-    def _loops(self):
-        """Loops in NumPy, or compiled."""
-        many = arithmetic._MANY if self._compiled else float("inf")
-        return patch.object(arithmetic, "_MANY", many)
 
 
 class Other:
@@ -99,16 +82,14 @@ def contestants(scene, u):
     """Who takes part, by name; and who is not installed."""
     found, missing = {}, {}
     for element, formulation in ELEMENTS.items():
-        for name, (solver, compiled) in OWN.items():
+        for name, solver in OWN.items():
             name = f"{element}: skfem_textile, {name}"
             try:
                 check_solver(solver)
-                if compiled:
-                    import_module("numba")
-            except (ValueError, ImportError) as error:
+            except ValueError as error:
                 missing[name] = str(error)
             else:
-                found[name] = Own(formulation, scene, solver, u, compiled)
+                found[name] = Own(formulation, scene, solver, u)
     for rival in RIVALS:
         name = f"{rival.shape.name}: {rival.code}"
         if needed := rival.missing():
@@ -167,34 +148,16 @@ def main():
 
 def ratios(codes):
     """What the codes take beside one another, where all of them are there."""
-    own = "Q4, 2×2: skfem_textile, "
-    pairs = {
-        "DOLFINx over cholmod, numba": ("Q4, 2×2: DOLFINx", own + "cholmod, numba"),
-        "FElupe with Pardiso over cholmod, numba": (
-            "Q4, 2×2: FElupe with Pardiso",
-            own + "cholmod, numba",
-        ),
-    }
-    found = {
-        name: codes[a]["seconds"]["median"] / codes[b]["seconds"]["median"]
-        for name, (a, b) in pairs.items()
-        if a in codes and b in codes
-    }
+    own, found = "Q4, 2×2: skfem_textile, cholmod", {}
+    for rival in ("DOLFINx", "FElupe with Pardiso"):
+        pair = [codes.get(name) for name in (f"Q4, 2×2: {rival}", own)]
+        if all(pair):
+            one, other = (code["seconds"]["median"] for code in pair)
+            found[f"{rival} over skfem_textile with cholmod"] = one / other
     for element in ELEMENTS:
-        for solver in ("cholmod", "cholmod, numba"):
-            name = f"{element}: skfem_textile, {solver}"
-            if name in codes:
-                assembly, factorisation, _ = codes[name]["parts"]
-                found[f"assembly over factorisation, {element}, {solver}"] = (
-                    assembly / factorisation
-                )
-        both = [
-            codes[name]["parts"][0]
-            for solver in ("cholmod", "cholmod, numba")
-            if (name := f"{element}: skfem_textile, {solver}") in codes
-        ]
-        if len(both) == 2:
-            found[f"assembly by NumPy over by numba, {element}"] = both[0] / both[1]
+        if code := codes.get(f"{element}: skfem_textile, cholmod"):
+            assembly, factorisation, _ = code["parts"]
+            found[f"assembly over factorisation, {element}"] = assembly / factorisation
     return found
 
 

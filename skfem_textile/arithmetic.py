@@ -1,39 +1,14 @@
-"""Sums over points of bilinear quadrilaterals in three motions, with NumPy.
+"""Sums over points of bilinear quadrilaterals in three motions, all at once.
 
 The motions of an element are those of warp and weft at its centre, and that of the
 hourglass, which moves the fibres at a point by η.  The arrays are those of `QuadPoints`
 and `Motion`; element matrices hold the blocks of the pairs of motions (a, c), a ≤ c.
-`compiled` has the same functions.
 """
 
-import sys
-from collections.abc import Callable
-from contextlib import suppress
-from importlib import import_module
-from importlib.util import find_spec
 from itertools import combinations_with_replacement
-from types import ModuleType
-from typing import TypeAlias
 
 import numpy as np
 from numpy import ndarray
-
-#: What takes the matrices of some elements.
-Put: TypeAlias = Callable[[ndarray, slice], None]
-
-#: Elements at a time: what these need stays in the processor's cache.
-BLOCK = 8192
-
-# Elements from which loading numba is repaid.
-_MANY = 50_000
-
-
-def fastest(n_elements: int) -> ModuleType:
-    """The module itself, or for many elements `compiled` if numba is installed."""
-    if n_elements >= _MANY and find_spec("numba"):
-        with suppress(ImportError):  # installed, but not whole
-            return import_module(".compiled", __package__)
-    return sys.modules[__name__]
 
 
 def motion(A: ndarray, eta: ndarray, u: ndarray) -> tuple[ndarray, ndarray, ndarray]:
@@ -86,30 +61,6 @@ def to_nodes(K: ndarray, modes: ndarray) -> ndarray:
     return np.concatenate(
         [np.einsum("sijn,scn->cijn", row, modes[:, a:]) for row, a in rows]
     )
-
-
-class Total:
-    """Sum of the blocks of element matrices by their slots.
-
-    Parameters
-    ----------
-    slots
-        Where the entries go, shape (n_pairs, 2, 2, n).
-    size
-        Number of places.
-    """
-
-    def __init__(self, slots: ndarray, size: int) -> None:
-        self._slots, self._size = slots, size
-        self._K = np.empty(slots.shape)
-
-    def put(self, K: ndarray, some: slice) -> None:
-        """Add the blocks of some elements, each once."""
-        self._K[..., some] = K
-
-    def sum(self) -> ndarray:
-        """The sums, shape (size,)."""
-        return np.bincount(self._slots.ravel(), self._K.ravel(), self._size)
 
 
 def whole(K: ndarray) -> ndarray:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from .arithmetic import Put, fastest
+from .arithmetic import add_squares, to_nodes
 from .kernels import Kernel, Parameters, Square, Stress
 from .points import Motion, Points
 from .stencils import Stencil, transformed
@@ -53,30 +53,29 @@ def element_forces(parts: Sequence[Part]) -> ndarray:
     return f if at.modes is None else transformed(at, "ran,rin->ain", f)
 
 
-def element_matrices(parts: Sequence[Part], put: Put) -> None:
+def element_matrices(parts: Sequence[Part]) -> ndarray:
     """Matrices that kernels find of the same elements, in one pass over these.
 
-    Parameters
-    ----------
-    parts
-        What the kernels see.
-    put
-        Given the blocks of the pairs of nodes, shape (n_pairs, 2, 2, n_some), of one
-        lot of elements after the other, with which these are.
+    Blocks of the pairs of nodes, shape (n_pairs, 2, 2, n).
     """
     at = parts[0].at
     stresses = _stresses(parts)
     squares = [square for part in parts for square in part.squares()]
-    n, n_pairs = at.nodes.shape[1], at.n_motions * (at.n_motions + 1) // 2
-    own = fastest(n)
+    n_nodes, n = at.nodes.shape
+    K = np.empty((_n_pairs(n_nodes), 2, 2, n))
     for some in at.blocks():
-        k = np.zeros((n_pairs, 2, 2, some.stop - some.start))
+        k = np.zeros((_n_pairs(at.n_motions), 2, 2, some.stop - some.start))
         for points, (motion, stress) in stresses.items():
             T, M, E = stress.spread(motion, some)
             points.add_stiffness(k, motion.v[..., some], T, M, E, some)
         for square in squares:
-            own.add_squares(k, square.gradients(some), square.stiffness[:, some])
-        put(k if at.modes is None else own.to_nodes(k, at.modes[..., some]), some)
+            add_squares(k, square.gradients(some), square.stiffness[:, some])
+        K[..., some] = k if at.modes is None else to_nodes(k, at.modes[..., some])
+    return K
+
+
+def _n_pairs(n: int) -> int:
+    return n * (n + 1) // 2
 
 
 def _stresses(parts: Sequence[Part]) -> dict[Points, tuple[Motion, Stress]]:

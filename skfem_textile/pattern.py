@@ -4,14 +4,12 @@ The matrix of a ply couples the nodes of each element.  Of every pair of nodes t
 coupled one block is kept, that below the diagonal; entries that happen to be zero stay.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import coo_matrix, csr_matrix
-
-from .arithmetic import Put, fastest
 
 
 class Pattern:
@@ -46,22 +44,21 @@ class Pattern:
             for own, key, p in zip(np.split(number, ends), keys, pairs, strict=True)
         ]
 
-    def sum(self, assembled: Sequence[Callable[[Put], None]]) -> ndarray:
+    def sum(self, matrices: Iterable[ndarray]) -> ndarray:
         """Blocks of the sum of element matrices, shape (n_blocks, 2, 2).
 
         Parameters
         ----------
-        assembled
-            For the elements of each kind, what puts the blocks of their pairs of nodes
-            (a, c), a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2,
-            n_elements).
+        matrices
+            For the elements of each kind the blocks of their pairs of nodes (a, c), a ≤
+            c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2, n_elements).
         """
-        size, sums = 4 * len(self.rows), []
-        for slots, assemble in zip(self._slots, assembled, strict=True):
-            total = fastest(slots.shape[-1]).Total(slots, size)
-            assemble(total.put)
-            sums.append(total.sum())
-        return sum(sums[1:], sums[0]).reshape(-1, 2, 2)
+        size = 4 * len(self.rows)
+        first, *others = (
+            np.bincount(slots.ravel(), matrix.ravel(), size)
+            for slots, matrix in zip(self._slots, matrices, strict=True)
+        )
+        return sum(others, first).reshape(-1, 2, 2)
 
     def matrix(self, blocks: ndarray) -> csr_matrix:
         """The whole matrix."""

@@ -13,12 +13,12 @@ with a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2, n).
 
 from dataclasses import dataclass
 from functools import cached_property
-from types import ModuleType
 from typing import Protocol
 
 import numpy as np
 from numpy import ndarray
 
+from . import arithmetic
 from .arithmetic import add, between, curvature, pulls, turned
 
 
@@ -176,23 +176,20 @@ class QuadPoints:
         See `Points`; A is the same for all points.
     eta
         η of warp and weft, shape (2, P, n).
-    own
-        The arithmetic: `arithmetic`, or `compiled`.
     """
 
     A: ndarray
     dx: ndarray
     eta: ndarray
-    own: ModuleType
 
     def motion(self, u: ndarray, some: slice) -> tuple[ndarray, ndarray, ndarray]:
         """See `Points`."""
         A = np.broadcast_to(self.A, (2, 1, 2, self.eta.shape[-1]))
-        return self.own.motion(A[..., some], self.eta[..., some], u)
+        return arithmetic.motion(A[..., some], self.eta[..., some], u)
 
     def forces(self, v: ndarray, T: ndarray, M: ndarray, some: slice) -> ndarray:
         """See `Points`."""
-        return self.own.forces(self.eta[..., some], v, T, M)
+        return arithmetic.forces(self.eta[..., some], v, T, M)
 
     def add_stiffness(
         self,
@@ -204,7 +201,7 @@ class QuadPoints:
         some: slice,
     ) -> None:
         """See `Points`."""
-        self.own.add_stiffness(K, self.eta[..., some], v, T, M, E)
+        arithmetic.add_stiffness(K, self.eta[..., some], v, T, M, E)
 
     def stretching(self, v: ndarray, some: slice) -> ndarray:
         """See `Points`."""
@@ -215,7 +212,7 @@ class QuadPoints:
 
     def turning(self, v: ndarray, some: slice) -> ndarray:
         """See `Points`."""
-        return self.own.turning(self.eta[..., some], v)
+        return arithmetic.turning(self.eta[..., some], v)
 
 
 def alike(one: Points, other: Points) -> bool:

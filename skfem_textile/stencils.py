@@ -10,11 +10,14 @@ import numpy as np
 from numpy import ndarray
 from skfem import ElementQuad1
 
-from . import arithmetic
+from .arithmetic import between
 from .elements import CENTRE, HourglassBasis, centre_grad
 from .fabric import Fabric
 from .macro import MacroBasis
 from .points import Motion, NodePoints, Points, QuadPoints
+
+# Elements at a time: what these need stays in the processor's cache.
+_BLOCK = 8192
 
 _ALL = slice(None)
 
@@ -50,8 +53,7 @@ class Stencil:
     def blocks(self) -> Iterator[slice]:
         """Slices of the elements that keep what is computed in the cache."""
         n = self.nodes.shape[1]
-        size = (arithmetic if self.modes is None else arithmetic.fastest(n)).BLOCK
-        return (slice(i, min(i + size, n)) for i in range(0, n, size))
+        return (slice(i, min(i + _BLOCK, n)) for i in range(0, n, _BLOCK))
 
     @property
     def n_motions(self) -> int:
@@ -114,7 +116,7 @@ def _motion(at: Stencil, points: Points, u: ndarray) -> Motion:
     for some in at.blocks():
         found = points.motion(u[..., some], some)
         v[..., some], squared[..., some], angle[..., some] = found
-    return Motion(v, squared, arithmetic.between(points.A) - angle)
+    return Motion(v, squared, between(points.A) - angle)
 
 
 def _found(basis: Any, fabric: Fabric) -> Iterator[Stencil]:
@@ -169,12 +171,10 @@ def _of_quadrilaterals(
     slope = np.einsum("an,ajnq->jnq", gamma / (gamma**2).sum(axis=0), dN - middle)
     modes = np.concatenate([_products(A[..., :1], middle)[:, 0], gamma[None]])
 
-    own, still = arithmetic.fastest(dN.shape[2]), _directions(A[..., :1])
+    still = _directions(A[..., :1])
     eta, dx = (A * slope).sum(axis=1).swapaxes(1, 2), basis.dx.T
-    there = (
-        [] if centre is None else [QuadPoints(still, 0 * dx[:1], 0 * eta[:, :1], own)]
-    )
-    return modes, [*there, QuadPoints(still, dx, eta, own)]
+    there = [] if centre is None else [QuadPoints(still, 0 * dx[:1], 0 * eta[:, :1])]
+    return modes, [*there, QuadPoints(still, dx, eta)]
 
 
 def _macro(

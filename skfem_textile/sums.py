@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from skfem import asm
 
-from .arithmetic import Put
 from .assembly import Part, element_forces, element_matrices, pairs_of
 from .pattern import Pattern
 from .points import Motion, Points, alike
@@ -81,12 +81,12 @@ class Sum:
 
     def stiffness(self, u: ndarray, given: Given) -> ndarray:
         """Blocks of the tangent in the order of ``pattern``, in N/mm."""
-        fused = [
-            partial(element_matrices, self._parts(kind, u, self._terms, given))
+        fused = (
+            element_matrices(self._parts(kind, u, self._terms, given))
             for kind in self._kinds
-        ]
-        plain = [partial(_matrices, t, u, _parameters(t, given)) for t in self._plain]
-        return self.pattern.sum(fused + plain)
+        )
+        plain = (_matrices(t, u, _parameters(t, given)) for t in self._plain)
+        return self.pattern.sum(chain(fused, plain))
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -139,11 +139,11 @@ class Sum:
         return [kept[1][place] for place in places]
 
 
-def _matrices(term: Term, u: ndarray, parameters: dict[str, Any], put: Put) -> None:
+def _matrices(term: Term, u: ndarray, parameters: dict[str, Any]) -> ndarray:
     """Matrices of a term without a kernel."""
     form, size = term.forms.tangent, term.basis.Nbfun
     K = form.elemental(term.basis, u=u, **parameters).data.reshape(size, size, -1)
-    put(pairs_of(K, _nodes(term)), slice(None))
+    return pairs_of(K, _nodes(term))
 
 
 def _nodes(term: Term) -> ndarray:

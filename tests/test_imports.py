@@ -12,7 +12,7 @@ HEAVY = (
     "dask",
     "threadpoolctl",
 )
-OPTIONAL_SOLVERS = ("cvxopt", "pypardiso", "numba")
+OPTIONAL_SOLVERS = ("cvxopt", "pypardiso")
 
 
 def test_importing_the_package_loads_nothing_that_is_only_used_later():

@@ -72,17 +72,8 @@ def plies(fabric):
     yield Ply(split_cells(*TRIANGLE_AND_QUAD), fabric, Macro())
 
 
-@pytest.fixture(params=["arithmetic", "compiled"])
-def loops(request, monkeypatch):
-    """Sums in NumPy, or compiled by numba."""
-    if request.param == "compiled":
-        pytest.importorskip("numba")
-        monkeypatch.setattr(arithmetic, "_MANY", 1)
-    return request.param
-
-
 @every_fabric
-def test_assembling_a_form_by_its_kernel_or_by_itself_is_the_same(fabric, loops):
+def test_assembling_a_form_by_its_kernel_or_by_itself_is_the_same(fabric):
     for ply in plies(fabric):
         u = wobble(ply, 3)
         for term in ply.terms:
@@ -93,7 +84,7 @@ def test_assembling_a_form_by_its_kernel_or_by_itself_is_the_same(fabric, loops)
 
 
 @every_fabric
-def test_a_ply_is_the_sum_of_its_forms(fabric, loops):
+def test_a_ply_is_the_sum_of_its_forms(fabric):
     for ply in plies(fabric):
         u, T = wobble(ply, 4), wobble(ply, 5)
         tensions = np.resize(T, (2, *ply.basis.dx.shape))
@@ -261,7 +252,7 @@ def test_blocks_of_a_pair_of_nodes_are_kept_below_the_diagonal():
     pattern = Pattern(3, [np.array([[0], [2]])])
     blocks = np.arange(12.0).reshape(3, 2, 2, 1)
     blocks[0, 1, 0], blocks[2, 1, 0] = blocks[0, 0, 1], blocks[2, 0, 1]
-    K = pattern.matrix(pattern.sum([lambda put: put(blocks, slice(None))])).toarray()
+    K = pattern.matrix(pattern.sum([blocks])).toarray()
     np.testing.assert_array_equal(K, K.T)
     np.testing.assert_array_equal(K[:2, 4:], blocks[1, ..., 0])
     assert not K[2:4].any()

@@ -9,7 +9,7 @@ from typing import Any
 from .rivals import with_dolfinx
 
 _PACKAGES = (
-    *("skfem-textile", "scikit-fem", "numpy", "scipy", "numba", "cvxopt"),
+    *("skfem-textile", "scikit-fem", "numpy", "scipy", "cvxopt"),
     *("pypardiso", "mkl", "felupe", "scikit-fem-native"),
 )
 
