@@ -6,9 +6,13 @@ and `Motion`; element matrices hold the blocks of the pairs of motions (a, c), a
 """
 
 from itertools import combinations_with_replacement
+from typing import TypeAlias
 
 import numpy as np
 from numpy import ndarray
+
+#: Stresses at points, or none.
+Some: TypeAlias = ndarray | None
 
 
 def motion(A: ndarray, eta: ndarray, u: ndarray) -> tuple[ndarray, ndarray, ndarray]:
@@ -18,7 +22,7 @@ def motion(A: ndarray, eta: ndarray, u: ndarray) -> tuple[ndarray, ndarray, ndar
     return z / squared[:, :, None], squared, between(z)
 
 
-def forces(eta: ndarray, v: ndarray, T: ndarray, M: ndarray) -> ndarray:
+def forces(eta: ndarray, v: ndarray, T: Some, M: Some) -> ndarray:
     """Forces on the motions, shape (3, 2, n), of tensions and shear moments."""
     r = pulls(v, T, M)
     hourglass = np.einsum("fpn,fpin->in", eta, r)
@@ -26,7 +30,7 @@ def forces(eta: ndarray, v: ndarray, T: ndarray, M: ndarray) -> ndarray:
 
 
 def add_stiffness(
-    K: ndarray, eta: ndarray, v: ndarray, T: ndarray, M: ndarray, E: ndarray
+    K: ndarray, eta: ndarray, v: ndarray, T: Some, M: Some, E: Some
 ) -> None:
     """Add what tensions, their slopes and moments make of the products b_a b_c."""
     m = curvature(v, T, M, E)
@@ -73,25 +77,33 @@ def whole(K: ndarray) -> ndarray:
     return full.reshape(2 * n_nodes, 2 * n_nodes, -1)
 
 
-def pulls(v: ndarray, T: ndarray, M: ndarray) -> ndarray:
+def pulls(v: ndarray, T: Some, M: Some) -> ndarray:
     """T v + M Jv of the warp, T v − M Jv of the weft: shape (2, P, 2, n)."""
-    M, x, y = np.array([M, -M]), v[:, :, 0], v[:, :, 1]
-    r = np.empty(v.shape)
-    r[:, :, 0] = T * x - M * y
-    r[:, :, 1] = T * y + M * x
+    r = np.zeros(v.shape) if T is None else T[:, :, None] * v
+    if M is not None:
+        both = np.array([M, -M])
+        r[:, :, 0] -= both * v[:, :, 1]
+        r[:, :, 1] += both * v[:, :, 0]
     return r
 
 
-def curvature(v: ndarray, T: ndarray, M: ndarray, E: ndarray) -> ndarray:
+def curvature(v: ndarray, T: Some, M: Some, E: Some) -> ndarray:
     """E v vᵀ + T ∂²ε + M ∂²θ per b_a b_c as (xx, xy, yy), shape (2, P, 3, n)."""
-    M, x, y = np.array([M, -M]), v[:, :, 0], v[:, :, 1]
+    x, y = v[:, :, 0], v[:, :, 1]
     xx, xy, yy = x * x, x * y, y * y
     turned, along = 2 * xy, xx - yy  # −∂²θ and −∂²ε of what is displaced along x
+    first = second = np.zeros(1)
+    if T is not None:
+        first, second = T * along, T * turned
+    if M is not None:
+        both = np.array([M, -M])
+        first, second = first - both * turned, second + both * along
     m = np.empty((*v.shape[:2], 3, v.shape[-1]))
-    first, second = T * along - M * turned, T * turned + M * along
-    m[:, :, 0] = E * xx - first
-    m[:, :, 1] = E * xy - second
-    m[:, :, 2] = E * yy + first
+    m[:, :, 0], m[:, :, 1], m[:, :, 2] = -first, -second, first
+    if E is not None:
+        m[:, :, 0] += E * xx
+        m[:, :, 1] += E * xy
+        m[:, :, 2] += E * yy
     return m
 
 

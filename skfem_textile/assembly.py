@@ -5,7 +5,6 @@ a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2, n_elements)
 """
 
 from collections.abc import Sequence
-from operator import add
 from typing import NamedTuple
 
 import numpy as np
@@ -48,7 +47,7 @@ def element_forces(parts: Sequence[Part]) -> ndarray:
     f = np.zeros((at.n_motions, 2, at.nodes.shape[1]))
     for points, (motion, stress) in _stresses(parts).items():
         for some in at.blocks():
-            T, M, _ = stress.spread(motion, some)
+            T, M, _ = stress.on(some)
             f[..., some] += points.forces(motion.v[..., some], T, M, some)
     return f if at.modes is None else transformed(at, "ran,rin->ain", f)
 
@@ -66,7 +65,7 @@ def element_matrices(parts: Sequence[Part]) -> ndarray:
     for some in at.blocks():
         k = np.zeros((_n_pairs(at.n_motions), 2, 2, some.stop - some.start))
         for points, (motion, stress) in stresses.items():
-            T, M, E = stress.spread(motion, some)
+            T, M, E = stress.on(some)
             points.add_stiffness(k, motion.v[..., some], T, M, E, some)
         for square in squares:
             add_squares(k, square.gradients(some), square.stiffness[:, some])
@@ -85,7 +84,7 @@ def _stresses(parts: Sequence[Part]) -> dict[Points, tuple[Motion, Stress]]:
         here = zip(part.places, part.motions, part.stresses(), strict=True)
         for place, motion, stress in here:
             _, others = found.get(place, (motion, Stress()))
-            found[place] = motion, Stress(*map(add, others, stress))
+            found[place] = motion, others.plus(stress)
     return found
 
 

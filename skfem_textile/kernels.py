@@ -30,17 +30,25 @@ Parameters: TypeAlias = dict[str, Any]
 
 
 class Stress(NamedTuple):
-    """Tension and its slope, (2, P, n), and shear moment, (P, n), times area."""
+    """Tension and its slope, (2, P, n), and shear moment, (P, n), times area.
 
-    tension: ndarray | float = 0.0
-    moment: ndarray | float = 0.0
-    slope: ndarray | float = 0.0
+    None where there is none.
+    """
 
-    def spread(self, motion: Motion, some: slice) -> list[ndarray]:
-        """Tension, moment and slope in some elements, zero or not."""
-        shapes = motion.squared.shape, motion.angle.shape, motion.squared.shape
-        pairs = zip(self, shapes, strict=True)
-        return [np.broadcast_to(x, shape)[..., some] for x, shape in pairs]
+    tension: ndarray | None = None
+    moment: ndarray | None = None
+    slope: ndarray | None = None
+
+    def plus(self, other: "Stress") -> "Stress":
+        """The sum of both."""
+        pairs = zip(self, other, strict=True)
+        return Stress(
+            *(y if x is None else x if y is None else x + y for x, y in pairs)
+        )
+
+    def on(self, some: slice) -> "Stress":
+        """The stress of some elements."""
+        return Stress(*(None if x is None else x[..., some] for x in self))
 
 
 class Square(NamedTuple):

@@ -19,7 +19,7 @@ import numpy as np
 from numpy import ndarray
 
 from . import arithmetic
-from .arithmetic import add, between, curvature, pulls, turned
+from .arithmetic import Some, add, between, curvature, pulls, turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Points(Protocol):
     ``A`` are the directions of warp and weft, shape (2, P, 2, n), ``dx`` the areas of
     the points, shape (P, n).  ``some`` are elements; what is given and returned has
     values for these only: v, tensions T and their slopes E of warp and weft, shear
-    moments M.
+    moments M, or None where there are none.
     """
 
     @property
@@ -65,7 +65,7 @@ class Points(Protocol):
         """z/λ² and λ² of the fibres, and the angle between them, for motions u."""
         ...
 
-    def forces(self, v: ndarray, T: ndarray, M: ndarray, some: slice) -> ndarray:
+    def forces(self, v: ndarray, T: Some, M: Some, some: slice) -> ndarray:
         """Σ b_a (T v ± M Jv) over fibres and points, shape (n_motions, 2, n)."""
         ...
 
@@ -73,9 +73,9 @@ class Points(Protocol):
         self,
         K: ndarray,
         v: ndarray,
-        T: ndarray,
-        M: ndarray,
-        E: ndarray,
+        T: Some,
+        M: Some,
+        E: Some,
         some: slice,
     ) -> None:
         """Add Σ b_a b_c (E v vᵀ + T ∂²ε ± M ∂²θ) over fibres and points."""
@@ -119,7 +119,7 @@ class NodePoints:
         squared = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
         return z / squared[:, :, None], squared, between(z)
 
-    def forces(self, v: ndarray, T: ndarray, M: ndarray, some: slice) -> ndarray:
+    def forces(self, v: ndarray, T: Some, M: Some, some: slice) -> ndarray:
         """See `Points`."""
         r = pulls(v, T, M)
         f = np.zeros((self.n_nodes, *r.shape[2:]))
@@ -130,9 +130,9 @@ class NodePoints:
         self,
         K: ndarray,
         v: ndarray,
-        T: ndarray,
-        M: ndarray,
-        E: ndarray,
+        T: Some,
+        M: Some,
+        E: Some,
         some: slice,
     ) -> None:
         """See `Points`."""
@@ -187,7 +187,7 @@ class QuadPoints:
         A = np.broadcast_to(self.A, (2, 1, 2, self.eta.shape[-1]))
         return arithmetic.motion(A[..., some], self.eta[..., some], u)
 
-    def forces(self, v: ndarray, T: ndarray, M: ndarray, some: slice) -> ndarray:
+    def forces(self, v: ndarray, T: Some, M: Some, some: slice) -> ndarray:
         """See `Points`."""
         return arithmetic.forces(self.eta[..., some], v, T, M)
 
@@ -195,9 +195,9 @@ class QuadPoints:
         self,
         K: ndarray,
         v: ndarray,
-        T: ndarray,
-        M: ndarray,
-        E: ndarray,
+        T: Some,
+        M: Some,
+        E: Some,
         some: slice,
     ) -> None:
         """See `Points`."""
