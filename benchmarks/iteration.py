@@ -1,10 +1,13 @@
 """One Newton iteration on 60 000 quadrilaterals, beside other codes.
 
 Residual, tangent, factorisation and solution at one displacement, on one thread, in
-warm processes, by turns: in every round each code has two, the second on the clock.
-Prints medians and ratios.
+warm processes of their own, by turns, round after round.  Prints medians and ratios.
 """
 
+import json
+import subprocess
+import sys
+from functools import partial
 from statistics import median
 from time import perf_counter
 
@@ -41,7 +44,7 @@ RIVALS = (
 class Own:
     """This library, with one of its solvers."""
 
-    def __init__(self, formulation, scene, solver, u):
+    def __init__(self, formulation, solver, scene, u):
         ply = Ply(scene.mesh, Fabric(E, G), formulation)
         constraints = Constraints(ply.basis, scene.conditions)
         self._problem, self._u = Problem(ply, constraints, solver), u
@@ -79,8 +82,8 @@ class Other:
         return self._rival.iterations(self._task, self._u, 1)[0]  # has one before
 
 
-def contestants(scene, u):
-    """Who takes part, by name; and who is not installed."""
+def contestants():
+    """Who takes part, by name: what makes it; and why others do not."""
     found, missing = {}, {}
     for element, formulation in ELEMENTS.items():
         for name, solver in OWN.items():
@@ -90,37 +93,47 @@ def contestants(scene, u):
             except ValueError as error:
                 missing[name] = str(error)
             else:
-                found[name] = Own(formulation, scene, solver, u)
+                found[name] = partial(Own, formulation, solver)
     for rival in RIVALS:
         name = f"{rival.shape.name}: {rival.code}"
         if needed := rival.missing():
             missing[name] = f"needs {needed}"
         else:
-            found[name] = Other(rival, scene, u)
+            found[name] = partial(Other, rival)
     return found, missing
 
 
-def measured(size, rounds):
-    """Times of every contestant, by turns."""
+def timed(make, size):
+    """Two iterations of one contestant, after one to be warm."""
     scene = strip_of(size)
     u = scene.displacement(scene.mesh.p, LOAD_FACTOR).T.ravel()
-    there, missing = contestants(scene, u)
-    times = {name: [] for name in there}
-    for _ in range(rounds):
-        for name, contestant in there.items():
-            contestant.round()  # the others have had the caches
-            parts = contestant.round()
-            times[name].append([*parts, sum(parts)])
-    return scene.mesh.nelements, times, missing
+    contestant = make(scene, u)
+    rows = [contestant.round() for _ in range(3)][1:]
+    return [[*parts, sum(parts)] for parts in rows]
 
 
 def main():
     """Measure, print and write."""
-    chosen = options(__doc__, "iteration", size=60_000, rounds=7)
-    n, times, missing = measured(chosen.size, chosen.rounds)
+    chosen = options(__doc__, "iteration", size=60_000, rounds=4, code="")
+    there, missing = contestants()
+    if chosen.code:  # in a process of its own
+        print(json.dumps(timed(there[chosen.code], chosen.size)))
+        return
+    times = {name: [] for name in there}
+    for _ in range(chosen.rounds):
+        for name, rows in times.items():
+            command = [sys.executable, __file__, "--code", name]
+            command += ["--size", str(chosen.size)]
+            said = subprocess.run(
+                command, check=True, stdout=subprocess.PIPE, text=True
+            )
+            rows += json.loads(said.stdout.splitlines()[-1])
     stock = {e: median(t[-1] for t in times[f"{e}: scikit-fem"]) for e in ELEMENTS}
-    found = {"elements": n, "rounds": chosen.rounds, "missing": missing, "codes": {}}
-    print(f"{n} elements, medians of {chosen.rounds} rounds, ms and stock over code")
+    found = {"elements": chosen.size, "rounds": chosen.rounds, "missing": missing}
+    found["codes"] = {}
+    print(
+        f"{chosen.size} elements, {chosen.rounds} rounds: medians in ms, stock / code"
+    )
     for name, rows in sorted(times.items()):
         columns = list(zip(*rows, strict=True))
         total = median(columns[-1])
@@ -138,8 +151,7 @@ def main():
     for name, ratio in found["ratios"].items():
         print(f"{name}: {ratio:.2f}")
     head = ["code", "assembly", "factorisation", "solution", "all, ms", "stock / this"]
-    table = lines(found["codes"])
-    write(found, chosen.out, head, table)
+    write(found, chosen.out, head, lines(found["codes"]))
     write_table(
         chosen.out.with_name("ratios.md"),
         ["", "ratio"],
