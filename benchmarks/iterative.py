@@ -5,6 +5,8 @@ solution by each direct solver; set-up and solution to 10⁻⁸ by conjugate gra
 smoothed aggregation (pyamg) that is told the rigid motions.  On one thread.
 """
 
+from importlib.util import find_spec
+
 from common import options, seconds, strip_of, write  # isort: skip  (sets the threads)
 
 import numpy as np
@@ -69,6 +71,9 @@ def one_size(size, E_over_G):
 def main():
     """Measure every size, print and write."""
     chosen = options(__doc__, "iterative", largest=SIZES[-1])
+    if find_spec("pyamg") is None:
+        print("skipped, needs pyamg: pip install pyamg")
+        return
     rows = []
     for E_over_G in (2e4, 2.0):
         for size in (n for n in SIZES if n <= chosen.largest):
