@@ -1,7 +1,7 @@
 """Conjugate gradients beside direct solvers, on larger and larger plies.
 
 Of one tangent, definite, with a right-hand side: order and analysis, factorisation and
-solution by each direct solver; set-up and solution to 10⁻⁸ by conjugate gradients, with
+solution by the direct solver; set-up and solution to 10⁻⁸ by conjugate gradients, with
 smoothed aggregation (pyamg) that is told the rigid motions.  On one thread.
 """
 
