@@ -22,7 +22,12 @@ RESULTS = Path(__file__).parents[1] / "docs" / "speed"
 def options(doc, name, **more):
     """Command line of a benchmark: where its results go, and what else it takes."""
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=RESULTS / f"{name}.json")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=RESULTS / f"{name}.json",
+        help="where the results go as JSON; tables go beside",
+    )
     for option, default in more.items():
         parser.add_argument(f"--{option}", type=type(default), default=default)
     return parser.parse_args()
@@ -30,7 +35,7 @@ def options(doc, name, **more):
 
 def write(found, path, head, rows):
     """Write what was found, and on what machine, as JSON and as a table."""
-    path.parent.mkdir(exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     there = machine.described()
     path.write_text(json.dumps({"machine": there, **found}, indent=2) + "\n")
     write_table(path.with_suffix(".md"), head, rows)

@@ -5,6 +5,8 @@ Prints one line per mesh; ``python benchmarks/overhead.py 300x200`` runs one siz
 
 import sys
 
+import common  # noqa: F401  (sets the threads)
+
 from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import strip
 

@@ -32,7 +32,7 @@ STUDIES = {
     "stability": "stiff and extreme cases: which are right, refused or wrong",
     "formulations": "every formulation on every scene: how far from the exact answer",
 }
-ERROR_TIME = "error against run time, beside other codes; one process, undisturbed"
+ERROR_TIME = "error against run time, beside other codes: half an hour, undisturbed"
 
 STOPPED_EARLY, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
