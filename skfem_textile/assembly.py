@@ -65,8 +65,7 @@ def element_matrices(parts: Sequence[Part]) -> ndarray:
     for some in at.blocks():
         k = np.zeros((_n_pairs(at.n_motions), 2, 2, some.stop - some.start))
         for points, (motion, stress) in stresses.items():
-            T, M, E = stress.on(some)
-            points.add_stiffness(k, motion.v[..., some], T, M, E, some)
+            points.add_stiffness(k, motion.v[..., some], stress.on(some), some)
         for square in squares:
             add_squares(k, square.gradients(some), square.stiffness[:, some])
         K[..., some] = k if at.modes is None else to_nodes(k, at.modes[..., some])

@@ -13,13 +13,16 @@ with a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2, n).
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 
 from . import arithmetic
 from .arithmetic import Some, add, between, curvature, pulls, turned
+
+#: Tensions T, shear moments M and slopes E of the tensions.
+Stresses: TypeAlias = tuple[Some, Some, Some]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,13 +73,7 @@ class Points(Protocol):
         ...
 
     def add_stiffness(
-        self,
-        K: ndarray,
-        v: ndarray,
-        T: Some,
-        M: Some,
-        E: Some,
-        some: slice,
+        self, K: ndarray, v: ndarray, stress: Stresses, some: slice
     ) -> None:
         """Add Σ b_a b_c (E v vᵀ + T ∂²ε ± M ∂²θ) over fibres and points."""
         ...
@@ -127,16 +124,10 @@ class NodePoints:
         return f
 
     def add_stiffness(
-        self,
-        K: ndarray,
-        v: ndarray,
-        T: Some,
-        M: Some,
-        E: Some,
-        some: slice,
+        self, K: ndarray, v: ndarray, stress: Stresses, some: slice
     ) -> None:
         """See `Points`."""
-        b, m = self.b[..., some], curvature(v, T, M, E)
+        b, m = self.b[..., some], curvature(v, *stress)
         for pair, a, c in self._pairs:
             add(K[pair], np.einsum("fpn,fpcn->cn", b[:, :, a] * b[:, :, c], m))
 
@@ -192,16 +183,10 @@ class QuadPoints:
         return arithmetic.forces(self.eta[..., some], v, T, M)
 
     def add_stiffness(
-        self,
-        K: ndarray,
-        v: ndarray,
-        T: Some,
-        M: Some,
-        E: Some,
-        some: slice,
+        self, K: ndarray, v: ndarray, stress: Stresses, some: slice
     ) -> None:
         """See `Points`."""
-        arithmetic.add_stiffness(K, self.eta[..., some], v, T, M, E)
+        arithmetic.add_stiffness(K, self.eta[..., some], v, *stress)
 
     def stretching(self, v: ndarray, some: slice) -> ndarray:
         """See `Points`."""
