@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -20,6 +20,10 @@ class Law(Protocol):
     For fibres ``x`` is the fibre strain ε and ``value`` the tension T in N/mm;
     for shear ``x`` is the shear angle Γ in radians and ``value`` the shear
     moment M_s in N/mm.  All three take and return arrays.
+
+    A law may end at a pole, such as a locking angle: beyond it its energy must not be
+    finite, and the load stepper keeps out.  One that is finite everywhere may say so,
+    ``domain = (-inf, inf)``, which saves the load stepper from asking.
     """
 
     def energy(self, x: ndarray) -> ndarray:
@@ -37,9 +41,10 @@ class Law(Protocol):
 
 @dataclass(frozen=True)
 class _OneStiffness:
-    """A law with one parameter, its initial stiffness."""
+    """A law with one parameter, its initial stiffness; finite everywhere."""
 
     stiffness: float
+    domain: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.stiffness) and self.stiffness >= 0):
@@ -162,6 +167,13 @@ class Fabric:
     def shear_law(self) -> Law:
         """Shear moment M_s(Γ)."""
         return _law("shear", self.shear)
+
+    @property
+    def unbounded(self) -> bool:
+        """Whether every law says that it is finite everywhere."""
+        laws = (self.shear_law, *(family.tension for family in self.families))
+        everywhere = (-np.inf, np.inf)
+        return all(getattr(law, "domain", None) == everywhere for law in laws)
 
     def directions(
         self, x: ndarray, element: ndarray | None = None

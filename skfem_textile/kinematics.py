@@ -31,6 +31,14 @@ def area_ratio(F: ndarray) -> ndarray:
     return det(F)
 
 
+def cofactor(F: ndarray) -> ndarray:
+    """Derivative of the area ratio, ∂ det F/∂F = cof F, shape (2, 2, ...).
+
+    It is linear in F: the second derivative along H and H′ is cof H : H′.
+    """
+    return np.array([[F[1, 1], -F[1, 0]], [-F[0, 1], F[0, 0]]])
+
+
 def fibre(F: ndarray, A: ndarray) -> ndarray:
     """Current fibre vector a = F·A, shape (d, ...); its length is the stretch λ."""
     return mul(F, A)

@@ -38,6 +38,7 @@ class Pattern:
             np.concatenate([key.ravel() for key in keys]), return_inverse=True
         )
         self.rows, self.cols = np.divmod(found, n_nodes)
+        self._keys = found
         ends = np.cumsum([key.size for key in keys])[:-1]
         self._slots = [
             _slots(own.reshape(key.shape), p[0] < p[1])
@@ -59,6 +60,25 @@ class Pattern:
             for slots, matrix in zip(self._slots, matrices, strict=True)
         )
         return sum(others, first).reshape(-1, 2, 2)
+
+    def add(self, blocks: ndarray, nodes: ndarray, matrices: ndarray) -> None:
+        """Add the matrices of a few elements to the blocks of a sum.
+
+        Parameters
+        ----------
+        blocks
+            As `sum` returns them.
+        nodes
+            Nodes of the elements, which the pattern couples; shape (n_nodes_of_element,
+            n_elements).
+        matrices
+            As for `sum`.
+        """
+        first, second = nodes[np.array(np.triu_indices(len(nodes)))]
+        high, low = np.maximum(first, second), np.minimum(first, second)
+        block = np.searchsorted(self._keys, high.astype(np.int64) * self.n_nodes + low)
+        slots = _slots(block, first < second)
+        np.add.at(blocks.reshape(-1), slots.ravel(), matrices.ravel())
 
     def matrix(self, blocks: ndarray) -> csr_matrix:
         """The whole matrix."""

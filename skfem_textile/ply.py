@@ -11,13 +11,14 @@ from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot
 
 from . import kinematics as kin
+from .corners import Corners, CornerTerm, corner_resistance, corner_stiffness
 from .elements import node_dofs, node_positions
 from .fabric import Fabric, is_zero
 from .forms import directions, shear
 from .formulations import Formulation
 from .pattern import Pattern
 from .sums import Sum
-from .terms import Term
+from .terms import LocalTerm, Term
 
 
 class Ply:
@@ -46,8 +47,10 @@ class Ply:
         then, for `Quadratic`, the middles of its edges in the order of ``mesh.facets``.
     centre, fine_points
         Reference coordinates of the element's centre, shape (2, 1), and of the points
-        at which folding and strain are judged, (2, n_points): 2×2 of quadrilaterals,
+        at which strain and folding are judged, (2, n_points): 2×2 of quadrilaterals,
         six of quadratic triangles.
+    corners
+        Det F at the nodes of the elements, at which folding is judged too.
     terms
         The terms of the energy, each with its forms, its basis and what it remembers.
         With a memory (`OnePoint` of kind ``rate``) energy, residual and tangent are
@@ -79,6 +82,7 @@ class Ply:
         self.basis = formulation.basis(mesh)
         self.nodes = node_positions(self.basis)
         self.centre, self.fine_points = formulation.centre, formulation.fine_points
+        self.corners = Corners(self.basis)
         self._tension = None
         if not all(is_zero(family.tension) for family in fabric.families):
             self._tension = formulation.tension_term(self.basis, fabric)
@@ -92,7 +96,12 @@ class Ply:
             terms.append(Term("shear", shear(self.fabric), self.basis))
         if not terms:
             raise ValueError("the fabric has no stiffness: give it tension or shear")
-        return terms + self.formulation.stabilising_terms(self.basis, self.fabric)
+        terms += self.formulation.stabilising_terms(self.basis, self.fabric)
+        if (kappa := corner_stiffness(self.fabric)) > 0:
+            forms = corner_resistance(kappa)
+            corners = CornerTerm("corners", forms, self.basis, corners=self.corners)
+            terms.append(corners)
+        return terms
 
     @cached_property
     def _sum(self) -> Sum:
@@ -118,9 +127,17 @@ class Ply:
         """Internal nodal forces of each term in N, by the name of the term."""
         return {t.name: self._sum.residual(u, [t]) for t in self.terms}
 
-    def residual(self, u: ndarray) -> ndarray:
-        """Internal nodal forces in N: the derivative of the energy."""
-        return self._sum.residual(u, self.terms)
+    def residual(self, u: ndarray, corners: bool = True) -> ndarray:
+        """Internal nodal forces in N: the derivative of the energy.
+
+        Parameters
+        ----------
+        u
+            Displacement.
+        corners
+            Whether corners resist.
+        """
+        return self._sum.residual(u, self._acting(corners))
 
     def tangent(self, u: ndarray, tension: ndarray | None = None) -> csr_matrix:
         """Derivative of the residual in N/mm.
@@ -135,18 +152,26 @@ class Ply:
         """
         return self.pattern.matrix(self.stiffness(u, tension))
 
-    def stiffness(self, u: ndarray, tension: ndarray | None = None) -> ndarray:
+    def stiffness(
+        self, u: ndarray, tension: ndarray | None = None, corners: bool = True
+    ) -> ndarray:
         """Blocks of the tangent in the order of ``pattern``, shape (n_blocks, 2, 2).
 
         Parameters
         ----------
         u, tension
             As for `tangent`.
+        corners
+            Whether corners resist.
         """
         given: dict[Term, dict[str, ndarray]] = {}
         if self._tension and tension is not None:
             given[self._tension] = {"tension": self._tension.arrange(tension)}
-        return self._sum.stiffness(u, given)
+        return self._sum.stiffness(u, self._acting(corners), given)
+
+    def _acting(self, corners: bool) -> list[Term]:
+        """The terms, those of corners on demand."""
+        return [t for t in self.terms if corners or not isinstance(t, LocalTerm)]
 
     def commit(self, u: ndarray) -> bool:
         """Make ``u`` the last converged state, for terms that remember one.

@@ -1,6 +1,7 @@
 """A ply under conditions, as its equilibrium iterations see it."""
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from time import perf_counter
@@ -10,6 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from .conditions import Constraints
+from .corners import RESISTING
 from .elements import node_dofs
 from .linear import SingularMatrixError
 from .ply import Ply
@@ -20,6 +22,9 @@ _ROUND_OFF = 2.0**-53
 _MORE_STIFFNESS = (
     "holding the ply in more places, or more stabilisation or shear stiffness"
 )
+
+
+_NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
 
 
 class NoEquilibriumError(Exception):
@@ -37,6 +42,10 @@ class NoEquilibriumError(Exception):
         super().__init__(message)
         self.elements = np.asarray(elements, dtype=int)
         self.advice = advice
+
+
+class CornersCloseError(Exception):
+    """A state that was found while no corner resisted, although some close."""
 
 
 @dataclass(eq=False)
@@ -59,12 +68,19 @@ class Clock:
 
 
 class Problem:
-    """A ply under conditions: what an iteration needs to know of them."""
+    """A ply under conditions: what an iteration needs to know of them.
+
+    Attributes
+    ----------
+    corners_resist
+        Whether corners resist; not on the way to a state in which all are open.
+    """
 
     def __init__(
         self, ply: Ply, constraints: Constraints, solver: str = "auto"
     ) -> None:
         self.ply = ply
+        self.corners_resist = True
         self.constraints = constraints
         self._solver = solver
         self.clock = Clock()
@@ -83,7 +99,18 @@ class Problem:
 
     def residual(self, u: ndarray) -> ndarray:
         """Internal nodal forces, on the clock."""
-        return self.clock.time("assembly", self.ply.residual, u)
+        return self.clock.time("assembly", self.ply.residual, u, self.corners_resist)
+
+    def without_corners(self) -> "Problem":
+        """The same problem, on the same clock, in which no corner resists."""
+        _ = self.system  # that both share it
+        other = copy(self)
+        other.corners_resist = False
+        return other
+
+    def corners_open(self, u: ndarray) -> bool:
+        """Whether no corner resists at ``u``."""
+        return bool(self.ply.corners.area_ratio(u).min() >= RESISTING)
 
     def free(self, f: ndarray) -> ndarray:
         """Components of a DOF vector along the free unknowns."""
@@ -111,16 +138,27 @@ class Problem:
         Raises
         ------
         NoEquilibriumError
-            If it is not finite.
+            If a nodal force is not finite, be it along a fixed unknown.
         """
-        largest = float(np.abs(self.free(f)).max(initial=0.0))
-        if not np.isfinite(largest):
-            raise NoEquilibriumError("the forces are not finite")
-        return largest
+        if not np.isfinite(f).all():
+            raise NoEquilibriumError("the forces are not finite", advice=_NOT_FINITE)
+        return float(np.abs(self.free(f)).max(initial=0.0))
+
+    def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
+        """Whether the fixed unknowns have their values, to round-off."""
+        off = np.abs(self.turned(u)[self.constraints.fixed] - fixed_values)
+        size = np.abs(u).max(initial=0.0) + self.element_size
+        return bool((off <= 8 * _ROUND_OFF * size).all())
+
+    def in_domain(self, u: ndarray) -> bool:
+        """Whether every law has a finite energy at ``u``."""
+        return self.ply.fabric.unbounded or bool(np.isfinite(self.energy(u)))
 
     def area_ratio(self, u: ndarray) -> ndarray:
-        """Smallest det F of each element at the ply's fine points."""
-        return self.ply.area_ratio(u, self.ply.fine_points).min(axis=1)
+        """Smallest det F of each element at its nodes and the ply's fine points."""
+        ply = self.ply
+        fine = ply.area_ratio(u, ply.fine_points).min(axis=1)
+        return np.minimum(fine, ply.corners.area_ratio(u).min(axis=0))
 
     def around(self, u: ndarray) -> ndarray:
         """Elements at the node where a DOF vector is largest."""
@@ -151,7 +189,10 @@ class Tangent:
         self, problem: Problem, u: ndarray, tension: ndarray | None = None
     ) -> None:
         self._problem, clock, system = problem, problem.clock, problem.system
-        blocks = clock.time("assembly", problem.ply.stiffness, u, tension)
+        stiffness = problem.ply.stiffness
+        blocks = clock.time("assembly", stiffness, u, tension, problem.corners_resist)
+        if not np.isfinite(blocks.sum()):
+            raise NoEquilibriumError("the tangent is not finite", advice=_NOT_FINITE)
         self._matrix = clock.time("assembly", system.reduced, blocks)
         factorise = system.solver.factorise
         clock.factorisations += 1

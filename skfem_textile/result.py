@@ -12,7 +12,7 @@ from .verdict import Verdict
 # States that a printed result lists at most.
 _LINES = 11
 
-TERMS = ("tension", "shear", "stabilisation")
+TERMS = ("tension", "shear", "stabilisation", "corners")
 
 
 class Iteration(NamedTuple):
@@ -91,7 +91,9 @@ class Result:
     newton_iterations, factorisations
         Linear solves and factorisations in all, those of abandoned steps included.
     steps_cut
-        How often a step failed and was halved.
+        How often a step failed or was hard, and was halved.
+    unresolved
+        Load factors at which another number of steps may lead to another equilibrium.
     wall_time_s, assembly_time_s, solve_time_s
         Time of the run and its two largest parts.
     """
@@ -102,9 +104,15 @@ class Result:
     newton_iterations: int
     factorisations: int
     steps_cut: int
+    unresolved: tuple[float, ...]
     wall_time_s: float
     assembly_time_s: float
     solve_time_s: float
+
+    @property
+    def path_resolved(self) -> bool:
+        """Whether more steps would lead to the same equilibrium."""
+        return not self.unresolved
 
     @property
     def u(self) -> ndarray:
@@ -153,6 +161,7 @@ class Result:
             "load_factor": self.states[-1].load_factor,
             "load_steps": len(self.states) - 1,
             "steps_cut": self.steps_cut,
+            "path_resolved": self.path_resolved,
             "newton_iterations": self.newton_iterations,
             "factorisations": self.factorisations,
             "stable": verdict.stable,

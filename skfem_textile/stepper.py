@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from time import perf_counter
 from typing import Any
@@ -13,8 +13,15 @@ from numpy import ndarray
 from .checkpoint import Checkpoint, CheckpointError, Saved
 from .conditions import Condition, Constraints
 from .linear import check_solver
+from .path import Path
 from .ply import Ply
-from .problem import Clock, NoEquilibriumError, Problem, tangent_at
+from .problem import (
+    Clock,
+    CornersCloseError,
+    NoEquilibriumError,
+    Problem,
+    tangent_at,
+)
 from .result import Iteration, Result, State, StepError
 from .strategies import STRATEGIES, Equilibrium, Start, Strategy, balanced
 from .verdict import CHECKS, Trial
@@ -141,11 +148,13 @@ class LoadStepper:
         """
         if resume and not self._checkpoint:
             raise ValueError("no checkpoint to resume from: name its folder")
-        self._begin(resume)
         try:
+            self._begin(resume)
             self._march()
         except NoEquilibriumError as failure:
             raise self._stopped(failure) from None
+        finally:
+            self._warn_of_path()
         return self.result
 
     @property
@@ -166,16 +175,18 @@ class LoadStepper:
             newton_iterations=clock.solves,
             factorisations=clock.factorisations,
             steps_cut=self._steps_cut,
+            unresolved=tuple(self._path.unresolved),
             wall_time_s=perf_counter() - self._began,
             assembly_time_s=clock.seconds["assembly"],
             solve_time_s=clock.seconds["solve"],
         )
 
     def _begin(self, resume: bool) -> None:
-        """Start from the undeformed ply, or from where the checkpoint ends."""
+        """Start from the ply at rest, or from where the checkpoint ends."""
         problem, checkpoint = self.problem, self._checkpoint
         problem.clock, self._began = Clock(), perf_counter()
         self._length, self._steps_cut, self._states = self.load_factors[0], 0, []
+        self._path = Path(self._length, self.max_halvings)
         saved = checkpoint.load() if checkpoint and resume else None
         if saved:
             self._go_on(saved)
@@ -185,9 +196,24 @@ class LoadStepper:
         problem.ply.reset()
         if checkpoint:
             checkpoint.begin()
-        u = problem.ply.basis.zeros()
-        rest = Equilibrium(u, problem.residual(u), (), 0.0)
-        self._keep(0.0, Trial(problem, rest), problem.ply.energies(u))
+        self._rest()
+
+    def _rest(self) -> None:
+        """Keep the state at the load factor 0, in balance and held as the ply is."""
+        problem, u = self.problem, self.problem.ply.basis.zeros()
+        f, tangent = problem.residual(u), tangent_at(problem, u)
+        unbalanced = problem.unbalanced(f)
+        tolerance = tangent.tolerance(u, f) if tangent else 0.0
+        undeformed = Equilibrium(u, f, (unbalanced,), tolerance)
+        trial = Trial(problem, undeformed, energies=problem.ply.energies(u))
+        state = self._state(0.0, trial)
+        self._start = Start(u, f, tangent)
+        values = problem.constraints.fixed_values(0.0)
+        if unbalanced <= tolerance and problem.is_fixed(u, values):
+            self._keep(state, trial)
+        else:
+            self._states = [state]  # until the ply is in balance
+            self._advance(0.0)
 
     def _go_on(self, saved: Saved) -> None:
         """Take up a run where its checkpoint ends."""
@@ -195,6 +221,7 @@ class LoadStepper:
         self._start = Start(u, problem.residual(u), tangent_at(problem, u))
         self._states = saved.states
         self._length, self._steps_cut = progress["length"], progress["steps_cut"]
+        self._path = Path.of(progress["path"])
         self._began -= progress["elapsed"]
         problem.clock = Clock(**progress["clock"])  # had counted that tangent
         log.info("resumed at load factor %g", saved.states[-1].load_factor)
@@ -205,15 +232,15 @@ class LoadStepper:
         shortest = longest / 2.0**self.max_halvings
         for goal in self.load_factors:
             while (t := self._states[-1].load_factor) < goal:
-                ahead = t + self._length
-                if ahead > goal - 0.5 * shortest:
-                    ahead = goal
+                ahead, until = t + self._length, self._path.until(goal)
+                if ahead > until - 0.5 * shortest:
+                    ahead = until
                 try:
                     self._advance(ahead)
                 except NoEquilibriumError as failure:
                     if ahead - t < 1.5 * shortest:
                         raise
-                    log.info("step to %g failed, halved: %s", ahead, failure)
+                    log.info("step to %g halved: %s", ahead, failure)
                     self._length = 0.5 * (ahead - t)
                     self._steps_cut += 1
 
@@ -224,24 +251,40 @@ class LoadStepper:
         except ValueError as error:
             raise self._stopped(error) from None
         failures: dict[str, NoEquilibriumError] = {}
-        for strategy in self.strategies:
+        for problem, strategy, most in self._attempts(t):
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
-                    found = self._attempt(strategy, t, values)
+                    trial, hard = self._attempt(problem, strategy, t, values, most)
+            except CornersCloseError:
+                continue
             except NoEquilibriumError as failure:
                 failures.setdefault(str(failure), failure)
             else:
-                return self._keep(t, *found)
+                return self._take(t, trial, hard)
         raise NoEquilibriumError(
             f"no acceptable state at {t:.6g}: {'; '.join(failures)}",
             next((f.elements for f in failures.values() if f.elements.size), ()),
             next(iter(failures.values())).advice,
         )
 
+    def _attempts(self, t: float) -> Iterator[tuple[Problem, Strategy, int]]:
+        """What to try: the problem, the strategy, and its iterations at most.
+
+        Corners that are open do not resist on the way, so that it is the shortest.
+        """
+        easy = getattr(self.strategies[0], "easy", None)
+        haste = easy and self._path.in_haste(t - self._states[-1].load_factor)
+        strategies = self.strategies[:1] if haste else self.strategies
+        if self.problem.corners_open(self._start.u):
+            open_corners = self.problem.without_corners()
+            yield open_corners, strategies[0], easy if haste else strategies[0].most
+        for strategy in strategies:
+            yield self.problem, strategy, easy if haste else strategy.most
+
     def _attempt(
-        self, strategy: Strategy, t: float, values: ndarray
-    ) -> tuple[Trial, dict[str, float]]:
-        """A state that one strategy finds and that stands its trial; its energies."""
+        self, on: Problem, strategy: Strategy, t: float, values: ndarray, most: int
+    ) -> tuple[Trial, bool]:
+        """A state that one strategy finds and that stands its trial; if it was hard."""
         problem, before = self.problem, self._states[-1]
         name, step = type(strategy).__name__.lower(), t - before.load_factor
 
@@ -251,32 +294,48 @@ class LoadStepper:
             if self.on_iteration is not None:
                 self.on_iteration(told)
 
-        iterates = strategy.iterates(problem, self._start, values)
-        found = balanced(problem, iterates, strategy.most, report)
+        iterates = strategy.iterates(on, self._start, values)
+        found = balanced(on, iterates, values, most, report)
+        if on is not problem and not problem.corners_open(found.u):
+            raise CornersCloseError
         energies = problem.clock.time("assembly", problem.ply.energies, found.u)
         rise = sum(energies.values()) - sum(before.energies.values())
-        trial = Trial(problem, found, self._start, rise, energies)
+        trial = Trial(problem, found, self._start if step else None, rise, energies)
         for warning in trial.complaints(self.warn_only):
             log.warning("load factor %g: %s", t, warning)
-        return trial, energies
+        easy = getattr(strategy, "easy", None)
+        return trial, easy is None or len(found.residuals) > easy
 
-    def _keep(self, t: float, trial: Trial, energies: dict[str, float]) -> None:
-        """Add a state, and make it the start of the next step."""
+    def _take(self, t: float, trial: Trial, hard: bool) -> None:
+        """Keep a state, unless its step was hard and is to be taken again as two."""
+        step, state = t - self._states[-1].load_factor, self._state(t, trial)
+        if step == 0:
+            self._states = []
+        elif hard and self._path.doubts(step, state):
+            raise NoEquilibriumError("hard, taken again as two")
+        self._path.reached(state)
+        self._keep(state, trial)
+
+    def _state(self, t: float, trial: Trial) -> State:
         problem, found = self.problem, trial.found
         forces = problem.ply.nodal(found.f)
-        state = State(
+        return State(
             load_factor=t,
             u=found.u,
             reactions={
                 name: forces[:, nodes].sum(axis=1)
                 for name, nodes in problem.constraints.nodes.items()
             },
-            energies=energies,
+            energies=dict(trial.energies),
             verdict=trial.verdict(),
             iterations=problem.clock.solves - sum(s.iterations for s in self._states),
             residuals=found.residuals,
             tolerance=found.tolerance,
         )
+
+    def _keep(self, state: State, trial: Trial) -> None:
+        """Add a state, and make it the start of the next step."""
+        problem, found = self.problem, trial.found
         if problem.ply.commit(u := found.u):
             self._start = Start(u, problem.residual(u), tangent_at(problem, u))
         else:
@@ -285,9 +344,18 @@ class LoadStepper:
             self._length = min(2 * self._length, self.load_factors[0])
         self._save(state)
         self._states.append(state)
-        log.info("load factor %g: %d iterations", t, state.iterations)
-        if self.on_step is not None and t > 0:
+        log.info("load factor %g: %d iterations", state.load_factor, state.iterations)
+        if self.on_step is not None and state.load_factor > 0:
             self.on_step(state)
+
+    def _warn_of_path(self) -> None:
+        if places := self._path.unresolved:
+            shown = ", ".join(f"{t:.4g}" for t in places[:5])
+            log.warning(
+                "the path was not resolved at load factor %s: another number of steps "
+                "may lead to another equilibrium; compare with more steps",
+                shown + (", ..." if len(places) > 5 else ""),
+            )
 
     def _save(self, state: State) -> None:
         """Write a state to the checkpoint, if there is one."""
@@ -298,6 +366,7 @@ class LoadStepper:
             "elapsed": perf_counter() - self._began,
             "length": self._length,
             "steps_cut": self._steps_cut,
+            "path": asdict(self._path),
         }
         try:
             self._checkpoint.save(len(self._states), state, progress)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -40,12 +40,18 @@ class Iterate(NamedTuple):
 class Strategy(Protocol):
     """A way to equilibrium, in ``most`` iterations at most.
 
-    Its ``repr`` tells it from others where a checkpoint is resumed.
+    A step that takes it no more than ``easy`` iterations follows the path of the load;
+    None if their number does not tell.  Its ``repr`` tells it from others where a checkpoint is resumed.
     """
 
     @property
     def most(self) -> int:
         """Iterations at most."""
+        ...
+
+    @property
+    def easy(self) -> int | None:
+        """Iterations at most of a step that is easy."""
         ...
 
     def iterates(
@@ -69,6 +75,7 @@ class Mixed:
 
     most: int = 30
     longest: float = 1.0
+    easy: ClassVar[int] = 8
 
     def iterates(
         self, problem: Problem, start: Start, fixed_values: ndarray
@@ -77,6 +84,7 @@ class Mixed:
         u, tangent = start.u, start.tangent or Tangent(problem, start.u)
         du = tangent.increment(start.f, u, fixed_values)
         while True:
+            du = _in_domain(problem, u, du)
             tension = problem.ply.predicted_tension(u, du)
             u = u + du
             f = problem.residual(u)
@@ -99,14 +107,17 @@ class Descent:
 
     most: int = 100
     imperfection: float = 0.01
+    easy: ClassVar[None] = None
 
     def iterates(
         self, problem: Problem, start: Start, fixed_values: ndarray
     ) -> Iterator[Iterate]:
         """Endless iterates, until the energy falls no more."""
         tangent = start.tangent or Tangent(problem, start.u)
-        u = start.u + tangent.increment(start.f, start.u, fixed_values)
-        u = u + self.imperfection * problem.element_size * tangent.softest()
+        u = start.u
+        du = tangent.increment(start.f, u, fixed_values)
+        du = du + self.imperfection * problem.element_size * tangent.softest()
+        u = u + _in_domain(problem, u, du)
         while True:
             f = problem.residual(u)
             yield Iterate(tangent, u, f)
@@ -120,6 +131,7 @@ class Newton:
     """Newton's method as it stands: for small steps, and for comparison."""
 
     most: int = 20
+    easy: ClassVar[int] = 8
 
     def iterates(
         self, problem: Problem, start: Start, fixed_values: ndarray
@@ -127,7 +139,7 @@ class Newton:
         """Endless iterates."""
         u, f, tangent = start.u, start.f, start.tangent or Tangent(problem, start.u)
         while True:
-            u = u + tangent.increment(f, u, fixed_values)
+            u = u + _in_domain(problem, u, tangent.increment(f, u, fixed_values))
             f = problem.residual(u)
             yield Iterate(tangent, u, f)
             tangent = Tangent(problem, u)
@@ -152,15 +164,17 @@ class Equilibrium(NamedTuple):
 def balanced(
     problem: Problem,
     iterates: Iterator[Iterate],
+    fixed_values: ndarray,
     most: int,
     report: Callable[[int, float, float], None] = lambda *_: None,
 ) -> Equilibrium:
-    """Take iterates, ``most`` of them at most, until the forces balance.
+    """Take iterates until the forces balance and the fixed unknowns have their values.
 
     Parameters
     ----------
-    problem, iterates, most
-        What to solve, the iterates of a strategy, and how many to take.
+    problem, iterates, fixed_values, most
+        What to solve, the iterates of a strategy, the values of the fixed unknowns, and
+        how many iterates to take.
     report
         Told the number of each iteration, its residual and its tolerance.
 
@@ -174,7 +188,7 @@ def balanced(
         residuals.append(problem.unbalanced(f))
         tolerance = tangent.tolerance(u, f)
         report(len(residuals), residuals[-1], tolerance)
-        if residuals[-1] <= tolerance:
+        if residuals[-1] <= tolerance and problem.is_fixed(u, fixed_values):
             return Equilibrium(u, f, tuple(residuals), tolerance)
     raise NoEquilibriumError(
         f"{residuals[-1]:.2g} N unbalanced after {most} iterations, "
@@ -202,6 +216,24 @@ def definite(problem: Problem, u: ndarray, tension: ndarray) -> Tangent:
             if tangent.definite:
                 break
     return tangent
+
+
+def _in_domain(problem: Problem, u: ndarray, du: ndarray) -> ndarray:
+    """The increment, halved until every law has a value.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If none is short enough.
+    """
+    for _ in range(_HALVINGS):
+        if problem.in_domain(u + du):
+            return du
+        du = du / 2
+    raise NoEquilibriumError(
+        "no increment stays where every law has a finite energy",
+        advice="more steps, or a smaller load",
+    )
 
 
 def _largest_gradient(problem: Problem, du: ndarray) -> float:

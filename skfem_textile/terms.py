@@ -46,6 +46,17 @@ class Term:
         return self.forms.tangent.params.get("kernel")
 
 
+class LocalTerm(Term):
+    """A term at work in a few elements, which depend on the displacement.
+
+    It couples no nodes but those of an element of ``basis``.
+    """
+
+    def acting(self, u: ndarray) -> CellBasis | None:
+        """Basis of where the term is at work at ``u``; None where it is not."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TensionTerm(Term):
     """The term of the fibres.

@@ -1,0 +1,181 @@
+"""What keeps the corners of elements open: an energy of det F where it comes near zero.
+
+A bilinear quadrilateral is unfolded if and only if det F is positive at its corners, and
+no point at which its fibres or its stabilisation are evaluated lies there.  Corners
+therefore resist,
+
+    κ Σ_corners A/n b(det F),   b(J) = ln³(J₀/J) where J < J₀, and 0 elsewhere,
+
+which is C² and exactly zero while every corner is open.  Below J₁ = J₀/4 b goes on as its
+parabola, so that an iteration may pass through folded states; no state that is folded
+counts as an answer.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from skfem import BilinearForm, CellBasis, Functional, LinearForm
+from skfem.assembly.form.form import FormExtraParams
+from skfem.helpers import ddot, grad
+
+from . import kinematics as kin
+from .elements import node_positions
+from .fabric import Fabric
+from .forms import Forms, once
+from .terms import LocalTerm
+
+#: J₀, the area ratio det F below which a corner resists: fibres that do not stretch reach
+#: it at a shear angle of 85.4°.
+RESISTING = 0.08
+
+# J₁, below which b goes on as a parabola.
+_PARABOLA = RESISTING / 4
+
+# κ as a share of the fibre stiffness, where this is more than the shear stiffness.
+_OF_FIBRES = 1e-5
+
+# A corner is flat where det J is less than this share of the largest in its element.
+_FLAT = 1e-9
+
+
+def resistance(J: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """b(J) and its first and second derivative, for area ratios J of any sign."""
+    J_in = np.clip(J, _PARABOLA, RESISTING)
+    log, past = np.log(RESISTING / J_in), np.minimum(J - _PARABOLA, 0.0)
+    b, d, dd = log**3, -3 * log**2 / J_in, (6 * log + 3 * log**2) / J_in**2
+    return b + d * past + 0.5 * dd * past**2, d + dd * past, dd
+
+
+def corner_resistance(stiffness: float) -> Forms:
+    """Resistance of corners with the energy κ Σ A/n b(det F).
+
+    The forms go with `CornerBasis`.
+
+    Parameters
+    ----------
+    stiffness
+        κ in N/mm.
+    """
+
+    def derivatives(w):
+        return resistance(kin.area_ratio(_F(w)))
+
+    @Functional
+    def energy(w):
+        b, _, _ = derivatives(w)
+        return stiffness * b
+
+    @LinearForm
+    def residual(v, w):
+        _, d, _ = once(w, derivatives)
+        return stiffness * d * ddot(kin.cofactor(_F(w)), grad(v))
+
+    @BilinearForm
+    def tangent(u, v, w):
+        _, d, dd = once(w, derivatives)
+        C = kin.cofactor(_F(w))
+        square = ddot(C, grad(u)) * ddot(C, grad(v))
+        return stiffness * (dd * square + d * ddot(kin.cofactor(grad(u)), grad(v)))
+
+    return Forms(energy, residual, tangent)
+
+
+def corner_stiffness(fabric: Fabric) -> float:
+    """κ in N/mm: the shear stiffness at rest, and at least 10⁻⁵ of the fibres'."""
+    rest = np.zeros(1)
+    G, *E = (
+        float(law.tangent(rest)[0])
+        for law in (fabric.shear_law, *(f.tension for f in fabric.families))
+    )
+    return max(G, _OF_FIBRES * sum(E) / 2)
+
+
+class CornerBasis(CellBasis):
+    """Basis of the displacement at some nodes of elements, one to each of its rows.
+
+    Each of the n nodes of an element has the weight A/n, where A is its area.
+
+    Parameters
+    ----------
+    basis
+        Basis of the displacement.
+    elements, corners
+        Numbers of the elements, which may repeat, and which of their nodes.
+    """
+
+    def __init__(self, basis: CellBasis, elements: ndarray, corners: ndarray) -> None:
+        points = _local_nodes(basis)
+        super().__init__(
+            basis.mesh,
+            basis.elem,
+            mapping=basis.mapping,
+            dofs=basis.dofs,
+            elements=elements,
+            quadrature=(points[:, corners, None], np.ones(1)),
+            disable_doflocs=True,
+        )
+        area = basis.dx[elements].sum(axis=1, keepdims=True)
+        self.dx = area / points.shape[1]
+
+
+class Corners:
+    """The nodes of the elements of a basis, at which det F tells whether they fold.
+
+    Parameters
+    ----------
+    basis
+        Basis of the displacement.
+    """
+
+    def __init__(self, basis: CellBasis) -> None:
+        scalar: Any = basis.elem
+        scalar, points = scalar.elem, _local_nodes(basis)
+        dN = [scalar.lbasis(points, i)[1] for i in range(len(scalar.doflocs))]
+        tangents = np.array(dN).transpose(2, 1, 0).reshape(-1, len(dN))
+        self._edges, which = np.unique(tangents, axis=0, return_inverse=True)
+        self._pairs = which.reshape(-1, 2)
+        self._nodes = basis.element_dofs[::2] // 2
+        self._X = node_positions(basis).T.ravel()
+        reference = basis.mapping.detDF(points).T
+        own = reference * np.sign(reference.sum(axis=0))
+        self._reflex = own <= _FLAT * own.max(axis=0)
+        self._per_area = 1 / np.where(self._reflex, np.inf, reference)
+
+    def area_ratio(self, u: ndarray) -> ndarray:
+        """Current area per reference area, det F, shape (n_points, n_elements).
+
+        Infinite at a corner that is flat or reflex in the reference configuration,
+        where det F tells nothing.
+        """
+        edges = self._edges @ (self._X + u).view(complex)[self._nodes]
+        ratio = np.empty_like(self._per_area)
+        for i, (xi, eta) in enumerate(self._pairs):
+            ratio[i] = edges[xi].real * edges[eta].imag
+            ratio[i] -= edges[xi].imag * edges[eta].real
+        ratio *= self._per_area
+        ratio[self._reflex] = np.inf
+        return ratio
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CornerTerm(LocalTerm):
+    """The term of the corners, at work where they close and nowhere else."""
+
+    corners: Corners
+
+    def acting(self, u: ndarray) -> CornerBasis | None:
+        """Basis of the corners that resist at ``u``; None where all are open."""
+        closing, elements = np.nonzero(self.corners.area_ratio(u) < RESISTING)
+        return CornerBasis(self.basis, elements, closing) if elements.size else None
+
+
+def _local_nodes(basis: CellBasis) -> ndarray:
+    """Reference coordinates of the nodes of the element, shape (2, n)."""
+    element: Any = basis.elem
+    return element.elem.doflocs.T
+
+
+def _F(w: FormExtraParams) -> ndarray:
+    return kin.deformation_gradient(grad(w["u"]))

@@ -1,0 +1,119 @@
+"""Whether a run follows the path of its load, however many steps it takes.
+
+A ply may have several stable equilibria under one load.  A short step leads to the one
+that continues the path; a long one may lead to another.  The number of iterations tells
+them apart: a step that is easy stays on the path.  A hard one is halved, until its
+halves are easy or it is short; then its end is reached in one step and in two, and both
+must agree.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .result import State
+
+# Energies and reactions that differ by a smaller share are of one state.
+_SAME = 0.01
+
+# How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.
+_HALVINGS = 6
+
+
+class Claim(NamedTuple):
+    """Where a hard step led.
+
+    Attributes
+    ----------
+    load_factor
+        Load factor.
+    energy, reactions
+        Energy in N·mm and all components of the reactions in N.
+    energy_error, force_error
+        What round-off leaves of these.
+    """
+
+    load_factor: float
+    energy: float
+    reactions: list[float]
+    energy_error: float
+    force_error: float
+
+    @classmethod
+    def of(cls, state: State) -> "Claim":
+        """What is told of a state."""
+        return cls(
+            state.load_factor,
+            sum(state.energies.values()),
+            np.concatenate(list(state.reactions.values())).tolist(),
+            state.tolerance * float(np.abs(state.u).sum()),
+            state.tolerance * state.u.size,
+        )
+
+    def agrees(self, other: "Claim") -> bool:
+        """Whether both are of one state."""
+        ours, theirs = np.array(self.reactions), np.array(other.reactions)
+        force = np.abs([ours, theirs]).max()
+        energy = max(abs(self.energy), abs(other.energy))
+        return bool(
+            abs(self.energy - other.energy) <= _SAME * energy + other.energy_error
+            and np.abs(ours - theirs).max() <= _SAME * force + other.force_error
+        )
+
+
+@dataclass
+class Path:
+    """The hard steps of a run, and how they ended.
+
+    Attributes
+    ----------
+    longest
+        Length of a requested step.
+    halvings
+        How often it may be halved.
+    unresolved
+        Load factors at which another number of steps may lead to another equilibrium.
+    claims
+        Where hard steps led that are being taken again, as two.
+    """
+
+    longest: float
+    halvings: int
+    unresolved: list[float] = field(default_factory=list)
+    claims: list[Claim] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, saved: Mapping[str, Any]) -> "Path":
+        """The path that a checkpoint holds."""
+        claims = [Claim(*past) for past in saved["claims"]]
+        return cls(**{**saved, "claims": claims})
+
+    @property
+    def _short(self) -> float:
+        return self.longest / 2.0 ** min(_HALVINGS, max(self.halvings - 2, 0))
+
+    def in_haste(self, step: float) -> bool:
+        """Whether a step is long enough to be halved as soon as it turns out hard."""
+        return step > 1.5 * self._short
+
+    def doubts(self, step: float, state: State) -> bool:
+        """Whether a hard step is to be taken again as two; where it led is kept."""
+        if step > 0.75 * self._short and self.halvings:
+            self.claims.append(Claim.of(state))
+            return True
+        if not self.claims:
+            self.unresolved.append(state.load_factor)
+        return False
+
+    def reached(self, state: State) -> None:
+        """Compare a state with where hard steps to the same load factor led."""
+        for past in [c for c in self.claims if c.load_factor == state.load_factor]:
+            self.claims.remove(past)
+            if not past.agrees(Claim.of(state)):
+                self.unresolved.append(state.load_factor)
+
+    def until(self, goal: float) -> float:
+        """The load factor that the next step must not pass."""
+        return min([goal, *(past.load_factor for past in self.claims)])
