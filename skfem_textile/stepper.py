@@ -163,7 +163,7 @@ class LoadStepper:
             ply=self.problem.ply,
             states=list(self._states),
             converged=self._states[-1].load_factor == 1.0,
-            newton_iterations=clock.solves,
+            linear_solves=clock.solves,
             factorisations=clock.factorisations,
             steps_cut=self._steps_cut,
             wall_time_s=perf_counter() - self._began,
@@ -273,7 +273,8 @@ class LoadStepper:
             },
             energies=energies,
             verdict=trial.verdict(),
-            iterations=problem.clock.solves - sum(s.iterations for s in self._states),
+            linear_solves=problem.clock.solves
+            - sum(before.linear_solves for before in self._states),
             residuals=found.residuals,
             tolerance=found.tolerance,
         )
@@ -281,11 +282,11 @@ class LoadStepper:
             self._start = Start(u, problem.residual(u), tangent_at(problem, u))
         else:
             self._start = Start(u, found.f, trial.tangent)
-        if state.iterations <= _EASY:
+        if state.linear_solves <= _EASY:
             self._length = min(2 * self._length, self.load_factors[0])
         self._save(state)
         self._states.append(state)
-        log.info("load factor %g: %d iterations", t, state.iterations)
+        log.info("load factor %g: %d linear solves", t, state.linear_solves)
         if self.on_step is not None and t > 0:
             self.on_step(state)
 

@@ -34,7 +34,7 @@ class Verdict:
     min_det_F
         Smallest det F at the ply's fine points: of quadrilaterals the 2×2 points, of
         quadratic triangles six points.
-    max_fibre_strain_2x2
+    mesh_fibre_strain
         Largest magnitude of the fibre strain at these points.
     work
         Work of the reactions since the state before in N·mm (trapezoidal rule).
@@ -42,7 +42,7 @@ class Verdict:
 
     negative_pivots: int | None
     min_det_F: float
-    max_fibre_strain_2x2: float
+    mesh_fibre_strain: float
     work: float
 
     @property
@@ -146,7 +146,7 @@ class Trial:
         return Verdict(
             negative_pivots=self.tangent.negative_pivots if self.tangent else None,
             min_det_F=float(self.area_ratio.min()),
-            max_fibre_strain_2x2=float(self.strain.max()),
+            mesh_fibre_strain=float(self.strain.max()),
             work=0.5 * sum(self.works),
         )
 

@@ -17,7 +17,7 @@ from skfem_textile.studies.rivals.with_native import Native
 
 
 def row(code, element, across, seconds, angle=1.0, load=5.0, **more):
-    known = {"position": 0.01, "strain": 1e-3, "steps": 1, "iterations": 5}
+    known = {"position": 0.01, "strain": 1e-3, "steps": 1, "linear_solves": 5}
     times = {"seconds": seconds, "seconds_min": seconds, "seconds_max": seconds}
     return {
         **{"scene": "strip", "code": code, "element": element, "across": across},

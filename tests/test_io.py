@@ -268,7 +268,7 @@ def test_history_and_summary_are_written(tmp_path, result):
     write_history(result, tmp_path / "history.csv")
     header, *rows = (tmp_path / "history.csv").read_text().splitlines()
     assert header.startswith(
-        "load_factor,iterations,residual,tolerance,negative_pivots,min_det_F,"
+        "load_factor,linear_solves,residual,tolerance,negative_pivots,min_det_F,"
     )
     assert len(rows) == 3
     write_summary(result.summary(), tmp_path / "summary.json")
