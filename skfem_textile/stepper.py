@@ -263,12 +263,16 @@ class LoadStepper:
     def _keep(self, t: float, trial: Trial, energies: dict[str, float]) -> None:
         """Add a state, and make it the start of the next step."""
         problem, found = self.problem, trial.found
-        forces = problem.ply.nodal(found.f)
+        forces, moved = problem.ply.nodal(found.f), problem.ply.nodal(found.u)
         state = State(
             load_factor=t,
             u=found.u,
             reactions={
                 name: forces[:, nodes].sum(axis=1)
+                for name, nodes in problem.constraints.nodes.items()
+            },
+            displacements={
+                name: moved[:, np.unique(nodes)].mean(axis=1)
                 for name, nodes in problem.constraints.nodes.items()
             },
             energies=energies,

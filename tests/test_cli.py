@@ -170,6 +170,30 @@ def test_pictures_that_fail_lose_no_numbers(tmp_path, capsys, monkeypatch, error
     assert "no pictures: " in capsys.readouterr().out
 
 
+def test_the_load_is_drawn_over_the_displacement_of_the_driven_edge(
+    tmp_path, monkeypatch
+):
+    pytest.importorskip("pyvista")
+    curves = pytest.importorskip("skfem_textile.curves")
+    drawn = []
+    monkeypatch.setattr(curves, "curves", lambda *given: drawn.append(given))
+    for scene, axis in (("strip", "x"), ("bias_extension", "y")):
+        out = tmp_path / scene
+        options = ("--size", "2x4", "--steps", "2", "--rotate", "30")
+        assert cli.main(["run", scene, "--out", str(out), *options]) == 0
+        panels, xlabel, ylabel, _ = drawn.pop()
+        assert xlabel == f"Mean displacement of the driven edge along {axis} (mm)"
+        assert ylabel == "Force (N)"
+        summary = json.loads((out / "summary.json").read_text())
+        (lines,) = panels.values()
+        for name in "xy":
+            moved, force = lines[f"along {name}"]
+            assert force[-1] == pytest.approx(summary[f"reaction_{name}"])
+            assert moved[0] == 0
+            assert moved[-1] > 5
+    assert moved[-1] == pytest.approx(2 * moved[1], rel=0.2)
+
+
 def test_steps_and_iterations_are_told_on_request(tmp_path, capsys):
     lines = []
     for verbose in ((), ("-v",), ("-vv",)):

@@ -11,6 +11,7 @@ from skfem_textile import (
     Fabric,
     Full,
     LoadStepper,
+    Macro,
     Mixed,
     Newton,
     OnePoint,
@@ -19,7 +20,9 @@ from skfem_textile import (
 )
 from skfem_textile.linear import SOLVERS, superlu
 from skfem_textile.problem import NoEquilibriumError
-from skfem_textile.scenes import strip
+from skfem_textile.scenes import bias_extension, strip
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.splitting import split
 
 CLAMP = {"clamp": Condition("bottom")}
 
@@ -102,6 +105,33 @@ def test_a_printed_result_is_a_table_of_its_states():
     ]
     assert all(line.endswith("yes") for line in lines[1:-1])
     assert "converged at load factor 1, 40 steps" in lines[-1]
+
+
+def test_the_one_strain_of_the_table_is_the_one_that_the_law_sees():
+    scene = bias_extension(split(rectangle(50, 100, (2, 4), "irregular", 0.2)))
+    ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft), Macro())
+    result = LoadStepper(ply, scene.conditions, 2).run()
+    head, *_, last, _ = str(result).splitlines()
+    assert "fibre strain" in head
+    assert head.count("strain") == 1
+    seen = np.abs(ply.law_strain(result.u)).max()
+    assert float(last.split()[3]) == pytest.approx(seen, rel=1e-2)
+    row, summary = result.history()[-1], result.summary()
+    assert row["max_fibre_strain"] == summary["max_fibre_strain"] == seen
+    assert row["mesh_fibre_strain"] == summary["mesh_fibre_strain"] > 2 * seen
+    assert result.history()[1]["max_fibre_strain"] < seen
+
+
+def test_the_history_tells_how_far_the_nodes_of_a_condition_move():
+    ply, conditions = pulled(lambda X, t: 0.3 * t * X[0])
+    result = LoadStepper(ply, conditions, steps=2).run()
+    top = ply.nodes[1] == 1.0
+    for row, state in zip(result.history(), result.states, strict=True):
+        assert row["clamp_displacement_x"] == row["clamp_displacement_y"] == 0.0
+        assert row["pull_displacement_y"] == pytest.approx(0.15 * state.load_factor)
+        free = ply.nodal(state.u)[0, top].mean()
+        assert row["pull_displacement_x"] == pytest.approx(free)
+    assert free != 0
 
 
 def test_a_failed_step_is_halved_and_counted():

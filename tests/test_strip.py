@@ -147,6 +147,11 @@ def test_a_rotated_problem_has_the_same_answer(formulation, angle):
     assert b["energy"] == pytest.approx(a["energy"], rel=1e-10)
     for key in ("reaction_x", "reaction_y", "displacement_error_rms"):
         assert b[key] == pytest.approx(a[key], rel=1e-6), key
+    np.testing.assert_allclose(
+        turned.driven_displacement(rotated.states[-1]),
+        scene.driven_displacement(plain.states[-1]),
+        rtol=1e-6,
+    )
     c, s = np.cos(angle), np.sin(angle)
     np.testing.assert_allclose(
         rotated.states[-1].reactions["right"],

@@ -94,6 +94,7 @@ class Own:
         steps, basis = len(result.states) - 1, result.ply.basis
         load = _load(scene, problem, scene.reaction(result.states[-1]))
         found = errors(scene, basis, result.u, load) | _times(seconds)
+        found["strain"] = result.states[-1].verdict.max_fibre_strain
         return _row(basis, found, steps, result.linear_solves)
 
 

@@ -153,9 +153,7 @@ def triangulations(rows: list[Row]) -> str:
                 ", ".join(f"{row['negative_pivots']:.0f}" for row in own),
             ]
         )
-    return table(
-        ["triangles", "load / E", "own strain", "mm", "negative pivots"], lines
-    )
+    return table(["triangles", "load / E", "strain", "mm", "negative pivots"], lines)
 
 
 def equal(rows: list[Row]) -> str:
