@@ -19,8 +19,8 @@ def overhead(size):
     whole = result.wall_time_s
     rest = whole - result.assembly_time_s - result.solve_time_s
     print(
-        f"{size[0]}x{size[1]}: {result.newton_iterations} linear solves, "
-        f"{whole / result.newton_iterations:.3f} s each, "
+        f"{size[0]}x{size[1]}: {result.linear_solves} linear solves, "
+        f"{whole / result.linear_solves:.3f} s each, "
         f"assembly {result.assembly_time_s / whole:.1%}, "
         f"factorisation and solution {result.solve_time_s / whole:.1%}, "
         f"the rest {rest / whole:.1%}"

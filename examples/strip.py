@@ -27,12 +27,12 @@ def main(folder="strip-results"):
     for key in (
         "n_dofs",
         "max_fibre_strain",
-        "max_fibre_strain_2x2",
+        "mesh_fibre_strain",
         "reaction_x",
         "energy",
         "displacement_error_rms",
         "shear_angle_error_rms_deg",
-        "newton_iterations",
+        "linear_solves",
         "wall_time_s",
     ):
         print(f"{key:28}" + "".join(f"{s[key]:20.4g}" for s in summaries))

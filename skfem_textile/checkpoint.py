@@ -15,8 +15,11 @@ from .problem import Problem
 from .result import State
 from .verdict import Verdict
 
-_FORMAT = 2
+_FORMAT = 3
 _RUN, _STATES = "run.npz", "state_[0-9]*.npz"
+
+# What a state has of each condition.
+_VECTORS = ("reactions", "displacements")
 
 # How far the forces of the same ply may differ between machines.
 _SAME = 1e-9
@@ -89,7 +92,8 @@ class Checkpoint:
         text = asdict(state) | {"progress": dict(progress), "work": {}}
         text["run"] = self._run
         arrays = {"u": text.pop("u")}
-        text["reactions"] = {k: v.tolist() for k, v in state.reactions.items()}
+        for key in _VECTORS:
+            text[key] = {name: v.tolist() for name, v in text[key].items()}
         for term in self._problem.ply.terms:
             if term.memory is not None:
                 text["work"][term.name] = float(term.memory.work)
@@ -117,7 +121,8 @@ class Checkpoint:
             if text.pop("run") != self._run:
                 raise CheckpointError(f"checkpoint file {file} is of another run")
             progress, work = text.pop("progress"), text.pop("work")
-            text["reactions"] = {k: np.array(v) for k, v in text["reactions"].items()}
+            for key in _VECTORS:
+                text[key] = {name: np.array(v) for name, v in text[key].items()}
             text["residuals"] = tuple(text["residuals"])
             text["verdict"] = Verdict(**text["verdict"])
             states.append(State(u=arrays.pop("u"), **text))

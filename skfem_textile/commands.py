@@ -264,8 +264,13 @@ def _draw(scene: Scene, result: Result, folder: Path) -> None:
     plot.shear_angle(result, filename=folder / "shear_angle.png")
     plot.fibre_directions(result, filename=folder / "fibre_directions.png")
     plot.animation(result, folder / "animation.gif")
-    t = [state.load_factor for state in result.states]
+    moved = np.array([scene.driven_displacement(state) for state in result.states])
+    axis = np.abs(moved).max(axis=0).argmax()  # the one along which it moves further
     x, y = np.transpose([scene.reaction(state) for state in result.states])
-    lines = {"along x": (t, x), "along y": (t, y)}
-    title = "Force on the driven edge"
-    curves({title: lines}, "Load factor", "Force (N)", folder / "load.png")
+    lines = {"along x": (moved[:, axis], x), "along y": (moved[:, axis], y)}
+    curves(
+        {"Force on the driven edge": lines},
+        f"Mean displacement of the driven edge along {'xy'[axis]} (mm)",
+        "Force (N)",
+        folder / "load.png",
+    )

@@ -15,25 +15,25 @@ def point_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
 def cell_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
     """Fibre strains, tensions and directions, and the shear angle, per element.
 
-    Of several points in an element the value of largest magnitude is given, so
-    that the extremes of a field are those of the ply; directions are those at the
-    centre.
+    Strains are those that the law of tension sees (`Ply.law_strain`).  Of several
+    points in an element the value of largest magnitude is given, so that the extremes
+    of a field are those of the ply; directions are those at the centre, in the current
+    configuration.
 
     Returns
     -------
     dict
-        ``fibre_strain_1``, ``fibre_strain_2``, ``fibre_tension_1``,
-        ``fibre_tension_2`` (N/mm) and ``shear_angle`` (degrees), shape
-        (n_elements,); ``fibre_direction_1`` and ``fibre_direction_2``, shape
-        (n_elements, 3).  1 is the warp, 2 the weft.
+        ``warp_strain``, ``weft_strain``, ``warp_tension``, ``weft_tension`` (N/mm) and
+        ``shear_angle`` (degrees), shape (n_elements,); ``warp_direction`` and
+        ``weft_direction``, shape (n_elements, 3).
     """
-    strain, tension = ply.fibre_strain(u), ply.fibre_tension(u)
+    strain, tension = ply.law_strain(u), ply.fibre_tension(u)
     direction = ply.fibre_direction(u, ply.centre)[..., 0]
     fields = {"shear_angle": np.degrees(_extreme(ply.shear_angle(u)))}
-    for i in range(2):
-        fields[f"fibre_strain_{i + 1}"] = _extreme(strain[i])
-        fields[f"fibre_tension_{i + 1}"] = _extreme(tension[i])
-        fields[f"fibre_direction_{i + 1}"] = _in_space(direction[i])
+    for i, family in enumerate(("warp", "weft")):
+        fields[f"{family}_strain"] = _extreme(strain[i])
+        fields[f"{family}_tension"] = _extreme(tension[i])
+        fields[f"{family}_direction"] = _in_space(direction[i])
     return fields
 
 

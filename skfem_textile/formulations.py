@@ -29,7 +29,7 @@ from .hourglass import (
 )
 from .isotropic import isotropic_hourglass
 from .macro import MacroBasis
-from .mean_tension import mean_fibre_tension, mean_tension
+from .mean_tension import mean_fibre_tension, mean_strain, mean_tension
 from .meshes import MeshError, check_quads, check_triangles
 from .splitting import was_split
 from .terms import TensionTerm, Term
@@ -77,9 +77,13 @@ class _Pointwise:
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
         """The tension T(ε) at every point."""
-        law = partial(fibre_tension, fabric)
         return TensionTerm(
-            "tension", tension(fabric), basis, law=law, arrange=lambda x: x
+            "tension",
+            tension(fabric),
+            basis,
+            law=partial(fibre_tension, fabric),
+            seen=lambda x: x,
+            arrange=lambda x: x,
         )
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
@@ -311,6 +315,7 @@ def _mean_tension_term(
         mean_tension(fabric, deviation),
         basis,
         law=partial(mean_fibre_tension, fabric, deviation, basis),
+        seen=partial(mean_strain, basis),
         arrange=basis.of_parts,
     )
 

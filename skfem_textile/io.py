@@ -159,9 +159,10 @@ def _with_node_sets(mesh: Mesh, node_sets: Mapping[str, Any]) -> Mesh:
 def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
     """Write every state as ``step_0000.vtu``, ... and ``steps.pvd`` into a folder.
 
-    The points are those of the deformed ply: less ``displacement`` they are those of
-    the reference configuration.  Fields are those of `point_fields` and `cell_fields`.
-    The .pvd file lists the steps by load factor; ParaView opens it as one series.
+    The points are those of the undeformed ply: a viewer that warps them by
+    ``displacement`` shows the deformed one.  Fields are those of `point_fields` and
+    `cell_fields`.  The .pvd file lists the steps by load factor; ParaView opens it as
+    one series.
     Of a mesh that was split (`SplitMesh`) there is a second series, ``own_steps.pvd``,
     on the original elements.  Steps that the folder already holds are removed.
     """
@@ -211,14 +212,16 @@ def _write_state(
     ends = np.cumsum([cell.shape[1] for cell in cells])[:-1]
     by_block: dict[str, Any] = {k: np.split(v, ends) for k, v in fields.items()}
     meshio.Mesh(
-        np.pad(ply.mesh.p, ((0, 1), (0, 0))).T[:n] + points["displacement"],
+        np.pad(ply.mesh.p, ((0, 1), (0, 0))).T[:n],
         [({3: "triangle", 4: "quad"}[len(cell)], cell.T) for cell in cells],
         point_data=dict(points),
         cell_data=by_block,
     ).write(path)
-    # What a viewer shows first; meshio has no say in it.
-    active = b'<CellData Scalars="shear_angle" Vectors="fibre_direction_1">'
-    path.write_bytes(path.read_bytes().replace(b"<CellData>", active, 1))
+    # What a viewer shows, and warps by, first; meshio has no say in it.
+    text = path.read_bytes()
+    text = text.replace(b"<PointData>", b'<PointData Vectors="displacement">', 1)
+    text = text.replace(b"<CellData>", b'<CellData Scalars="shear_angle">', 1)
+    path.write_bytes(text)
 
 
 def write_history(result: Result, path: str | os.PathLike[str]) -> None:

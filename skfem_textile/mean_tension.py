@@ -133,6 +133,22 @@ def mean_fibre_tension(
     return basis.on_parts(fibre_tension(fabric, means, d_means) + E_d * off)
 
 
+def mean_strain(basis: MeanBasis, strain: ndarray) -> ndarray:
+    """Mean ε̄ of the fibre strains of each element, at every one of its points.
+
+    Parameters
+    ----------
+    basis
+        That of the forms.
+    strain
+        Fibre strains at the ply's own points, shape (2, n_elements, n_points), which
+        is that of the means too.
+    """
+    eps = basis.of_parts(strain)
+    means = mean(basis.default_parameters(), eps)
+    return basis.on_parts(np.broadcast_to(means, eps.shape))
+
+
 def mean(w: Any, x: ndarray) -> ndarray:
     """Mean over each element of values at its points, shape (..., n_elements, 1)."""
     return (w["share"] * x).sum(axis=-1, keepdims=True)

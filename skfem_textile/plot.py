@@ -40,7 +40,8 @@ def fibre_strain(
 ) -> pv.Plotter:
     """Fibre strain of warp (above) and weft (below), one column per result.
 
-    All panels share one diverging scale, symmetric about zero.
+    The strain is that which the law of tension sees.  All panels share one diverging
+    scale, symmetric about zero.
 
     Parameters
     ----------
@@ -128,8 +129,8 @@ def fibre_directions(
         plotter.add_mesh(ply, color="#F4F4F4", lighting=False)
         plotter.add_mesh(ply.extract_all_edges(), color="#B0B0B0", line_width=1)
         fields = cell_fields(result.ply, result.u)
-        for i, colour in ((1, _WARP), (2, _WEFT)):
-            lines = _segments(ply, fields[f"fibre_direction_{i}"])
+        for family, colour in (("warp", _WARP), ("weft", _WEFT)):
+            lines = _segments(ply, fields[f"{family}_direction"])
             plotter.add_mesh(lines, color=colour, line_width=3)
         decorate(plotter, f"Fibre directions, {titles[column]}", view)
     plotter.subplot(1, 0)
@@ -198,8 +199,8 @@ def animation(result: Result, filename: str | os.PathLike[str]) -> None:
 def _strain_picture(results: Sequence[Result]) -> Picture:
     fields = [cell_fields(r.ply, r.u) for r in results]
     rows = {
-        f"{family} strain": [100 * f[f"fibre_strain_{i}"] for f in fields]
-        for i, family in enumerate(("Warp", "Weft"), start=1)
+        f"{family} strain": [100 * f[f"{family.lower()}_strain"] for f in fields]
+        for family in ("Warp", "Weft")
     }
     largest = max((np.abs(x).max() for row in rows.values() for x in row), default=0.0)
     scale = max(largest, _ROUND_OFF)

@@ -229,6 +229,16 @@ class Ply:
         F = self.deformation_gradient(u, points)
         return np.array([kin.fibre_strain(F, A) for A in self.directions(points)])
 
+    def law_strain(self, u: ndarray) -> ndarray:
+        """Fibre strain of warp and weft that the law of tension sees.
+
+        At the ply's own points, shape (2, n_elements, n_points): the fibre strain
+        there, or where fibres have the tension of the mean strain (`Macro`,
+        `Quadratic` with a deviation) this mean.
+        """
+        strain = self.fibre_strain(u)
+        return strain if self._tension is None else self._tension.seen(strain)
+
     def fibre_tension(self, u: ndarray) -> ndarray:
         """Tension of warp and weft in N/mm at the ply's own points.
 

@@ -50,9 +50,11 @@ class State:
     reactions
         Force of the support on the ply in N, shape (2,), by condition: the sum
         of the internal forces over the nodes of the condition.
+    displacements
+        Mean displacement of the nodes of the condition in mm, shape (2,), by condition.
     energies
         Energy in N·mm by term.
-    iterations
+    linear_solves
         Linear solves since the state before, those of abandoned attempts included.
     residuals
         Largest free nodal force in N after each iteration of the last attempt.
@@ -65,8 +67,9 @@ class State:
     load_factor: float
     u: ndarray
     reactions: dict[str, ndarray]
+    displacements: dict[str, ndarray]
     energies: dict[str, float]
-    iterations: int
+    linear_solves: int
     residuals: tuple[float, ...]
     tolerance: float
     verdict: Verdict
@@ -88,7 +91,7 @@ class Result:
         Converged states in order of load factor.
     converged
         Whether the whole load was applied.
-    newton_iterations, factorisations
+    linear_solves, factorisations
         Linear solves and factorisations in all, those of abandoned steps included.
     steps_cut
         How often a step failed or was hard, and was halved.
@@ -101,7 +104,7 @@ class Result:
     ply: Ply
     states: list[State]
     converged: bool
-    newton_iterations: int
+    linear_solves: int
     factorisations: int
     steps_cut: int
     unresolved: tuple[float, ...]
@@ -122,9 +125,11 @@ class Result:
     def history(self) -> list[dict[str, float | None]]:
         """One row per converged state, ready for a table.
 
-        Columns: load_factor, iterations, residual (N), tolerance (N), negative_pivots,
-        min_det_F, max_fibre_strain_2x2, reaction_x and reaction_y of each condition
-        (N), energy in all and by term and work of the reactions so far (N·mm).
+        Columns: load_factor, linear_solves, residual (N), tolerance (N),
+        negative_pivots, min_det_F, max_fibre_strain, mesh_fibre_strain; of each
+        condition displacement_x and displacement_y, the mean over its nodes (mm), and
+        reaction_x and reaction_y (N); energy in all and by term and work of the
+        reactions so far (N·mm).
         """
         rows, work = [], 0.0
         for state in self.states:
@@ -132,25 +137,29 @@ class Result:
             work += verdict.work
             row = {
                 "load_factor": state.load_factor,
-                "iterations": state.iterations,
+                "linear_solves": state.linear_solves,
                 "residual": state.residuals[-1] if state.residuals else 0.0,
                 "tolerance": state.tolerance,
                 "negative_pivots": verdict.negative_pivots,
                 "min_det_F": verdict.min_det_F,
-                "max_fibre_strain_2x2": verdict.max_fibre_strain_2x2,
+                "max_fibre_strain": verdict.max_fibre_strain,
+                "mesh_fibre_strain": verdict.mesh_fibre_strain,
             }
             for name, reaction in state.reactions.items():
-                row[f"{name}_reaction_x"], row[f"{name}_reaction_y"] = reaction.tolist()
+                row |= _components(f"{name}_displacement", state.displacements[name])
+                row |= _components(f"{name}_reaction", reaction)
             rows.append(row | _energies(state) | {"work": work})
         return rows
 
     def summary(self) -> dict[str, str | int | float | bool | None]:
         """Figures of the last converged state and of the run, in N, mm and degrees.
 
-        ``max_fibre_strain``, ``max_fibre_tension`` and ``max_shear_angle_deg`` are
-        the largest magnitudes at the ply's own points, ``max_fibre_strain_2x2`` and
-        ``min_det_F`` those at the ply's fine points: the 2×2 points for every
-        formulation of quadrilaterals, six points of quadratic triangles.
+        ``max_fibre_strain`` is the largest magnitude that the law of tension sees,
+        ``max_fibre_tension`` and ``max_shear_angle_deg`` are those at the ply's own
+        points.  ``min_det_F`` and ``mesh_fibre_strain`` are taken at the ply's fine
+        points: the 2×2 points for every formulation of quadrilaterals, six points of
+        quadratic triangles.  ``mesh_fibre_strain`` is a measure of the mesh, not of
+        what fibres carry.
         """
         ply, u, verdict = self.ply, self.u, self.states[-1].verdict
         return {
@@ -162,14 +171,14 @@ class Result:
             "load_steps": len(self.states) - 1,
             "steps_cut": self.steps_cut,
             "path_resolved": self.path_resolved,
-            "newton_iterations": self.newton_iterations,
+            "linear_solves": self.linear_solves,
             "factorisations": self.factorisations,
             "stable": verdict.stable,
             "negative_pivots": verdict.negative_pivots,
             "min_det_F": verdict.min_det_F,
             **_energies(self.states[-1]),
-            "max_fibre_strain": _largest(ply.fibre_strain(u)),
-            "max_fibre_strain_2x2": verdict.max_fibre_strain_2x2,
+            "max_fibre_strain": verdict.max_fibre_strain,
+            "mesh_fibre_strain": verdict.mesh_fibre_strain,
             "max_fibre_tension": _largest(ply.fibre_tension(u)),
             "max_shear_angle_deg": float(np.degrees(_largest(ply.shear_angle(u)))),
             "wall_time_s": self.wall_time_s,
@@ -181,19 +190,19 @@ class Result:
         end = "converged" if self.converged else "stopped early"
         return (
             f"<Result: {end} at load factor {self.states[-1].load_factor:g}, "
-            f"{len(self.states) - 1} steps, {self.newton_iterations} linear solves>"
+            f"{len(self.states) - 1} steps, {self.linear_solves} linear solves>"
         )
 
     def __str__(self) -> str:
         """A compact table of the states, evenly chosen where they are many."""
-        lines = ["load factor      solves     energy   max strain  min det F  stable"]
+        lines = ["load factor      solves     energy fibre strain  min det F  stable"]
         chosen = np.linspace(0, len(self.states) - 1, _LINES).round().astype(int)
         for i in np.unique(chosen):
             state, verdict = self.states[i], self.states[i].verdict
             lines.append(
-                f"{state.load_factor:11.4f}{state.iterations:12}"
+                f"{state.load_factor:11.4f}{state.linear_solves:12}"
                 f"{sum(state.energies.values()):11.4g}"
-                f"{verdict.max_fibre_strain_2x2:13.2e}{verdict.min_det_F:11.3f}"
+                f"{verdict.max_fibre_strain:13.2e}{verdict.min_det_F:11.3f}"
                 f"{'yes' if verdict.stable else 'no':>8}"
             )
         return "\n".join([*lines, repr(self)[1:-1]])
@@ -220,6 +229,11 @@ class StepError(RuntimeError):
 def _energies(state: State) -> dict[str, float]:
     by_term = {f"{term}_energy": state.energies.get(term, 0.0) for term in TERMS}
     return {"energy": sum(state.energies.values())} | by_term
+
+
+def _components(name: str, vector: ndarray) -> dict[str, float]:
+    x, y = vector.tolist()
+    return {f"{name}_x": x, f"{name}_y": y}
 
 
 def _largest(x: ndarray) -> float:

@@ -172,7 +172,7 @@ class LoadStepper:
             ply=self.problem.ply,
             states=list(self._states),
             converged=self._states[-1].load_factor == 1.0,
-            newton_iterations=clock.solves,
+            linear_solves=clock.solves,
             factorisations=clock.factorisations,
             steps_cut=self._steps_cut,
             unresolved=tuple(self._path.unresolved),
@@ -318,34 +318,34 @@ class LoadStepper:
 
     def _state(self, t: float, trial: Trial) -> State:
         problem, found = self.problem, trial.found
-        forces = problem.ply.nodal(found.f)
+        nodes = {k: np.unique(n) for k, n in problem.constraints.nodes.items()}
+        forces, moved = problem.ply.nodal(found.f), problem.ply.nodal(found.u)
         return State(
             load_factor=t,
             u=found.u,
-            reactions={
-                name: forces[:, nodes].sum(axis=1)
-                for name, nodes in problem.constraints.nodes.items()
-            },
+            reactions={k: forces[:, n].sum(axis=1) for k, n in nodes.items()},
+            displacements={k: moved[:, n].mean(axis=1) for k, n in nodes.items()},
             energies=dict(trial.energies),
             verdict=trial.verdict(),
-            iterations=problem.clock.solves - sum(s.iterations for s in self._states),
+            linear_solves=problem.clock.solves
+            - sum(before.linear_solves for before in self._states),
             residuals=found.residuals,
             tolerance=found.tolerance,
         )
 
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step."""
-        problem, found = self.problem, trial.found
+        problem, found, t = self.problem, trial.found, state.load_factor
         if problem.ply.commit(u := found.u):
             self._start = Start(u, problem.residual(u), tangent_at(problem, u))
         else:
             self._start = Start(u, found.f, trial.tangent)
-        if state.iterations <= _EASY:
+        if state.linear_solves <= _EASY:
             self._length = min(2 * self._length, self.load_factors[0])
         self._save(state)
         self._states.append(state)
-        log.info("load factor %g: %d iterations", state.load_factor, state.iterations)
-        if self.on_step is not None and state.load_factor > 0:
+        log.info("load factor %g: %d linear solves", t, state.linear_solves)
+        if self.on_step is not None and t > 0:
             self.on_step(state)
 
     def _warn_of_path(self) -> None:

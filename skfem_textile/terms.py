@@ -62,9 +62,11 @@ class TensionTerm(Term):
     """The term of the fibres.
 
     ``law`` gives their tensions at the ply's own points after a change of the fibre
-    strains, ``(strain, change) -> tension``, to first order in it; all have the shape
-    (2, n_elements, n_points).  ``arrange`` puts them at the points of ``basis``.
+    strains, ``(strain, change) -> tension``, to first order in it; ``seen`` gives, of
+    the strains at these points, those that the fabric's law sees there; all have the
+    shape (2, n_elements, n_points).  ``arrange`` puts them at the points of ``basis``.
     """
 
     law: Callable[..., ndarray]
+    seen: Callable[[ndarray], ndarray]
     arrange: Callable[[ndarray], ndarray]

@@ -34,15 +34,19 @@ class Verdict:
     min_det_F
         Smallest det F at the ply's fine points: of quadrilaterals the 2×2 points, of
         quadratic triangles six points.
-    max_fibre_strain_2x2
-        Largest magnitude of the fibre strain at these points.
+    max_fibre_strain
+        Largest magnitude of the fibre strain that the law of tension sees.
+    mesh_fibre_strain
+        Largest magnitude of the fibre strain at the fine points, most of which no law
+        sees: a measure of the mesh, not of what fibres carry.
     work
         Work of the reactions since the state before in N·mm (trapezoidal rule).
     """
 
     negative_pivots: int | None
     min_det_F: float
-    max_fibre_strain_2x2: float
+    max_fibre_strain: float
+    mesh_fibre_strain: float
     work: float
 
     @property
@@ -143,10 +147,12 @@ class Trial:
 
     def verdict(self) -> Verdict:
         """What was found."""
+        ply = self.problem.ply
         return Verdict(
             negative_pivots=self.tangent.negative_pivots if self.tangent else None,
             min_det_F=float(self.area_ratio.min()),
-            max_fibre_strain_2x2=float(self.strain.max()),
+            max_fibre_strain=float(np.abs(ply.law_strain(self.found.u)).max()),
+            mesh_fibre_strain=float(self.strain.max()),
             work=0.5 * sum(self.works),
         )
 

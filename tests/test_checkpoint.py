@@ -59,7 +59,7 @@ def assert_same(result, other):
         s.load_factor for s in other.states
     ]
     np.testing.assert_array_equal(result.u, other.u)
-    assert result.newton_iterations == other.newton_iterations
+    assert result.linear_solves == other.linear_solves
     assert result.factorisations == other.factorisations
     assert result.steps_cut == other.steps_cut
     assert result.history() == other.history()

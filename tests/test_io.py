@@ -7,7 +7,15 @@ import pytest
 from helpers import distorted, wobble
 from skfem import MeshTri
 
-from skfem_textile import Fabric, Full, LoadStepper, MeshError, OnePoint, Ply
+from skfem_textile import (
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    MeshError,
+    OnePoint,
+    Ply,
+)
 from skfem_textile.fields import cell_fields
 from skfem_textile.io import (
     ResultFolder,
@@ -17,6 +25,8 @@ from skfem_textile.io import (
     write_summary,
 )
 from skfem_textile.scenes import strip
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.splitting import split
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0.0]])
 QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
@@ -229,18 +239,17 @@ def test_fields_are_written_for_every_state(tmp_path, result):
     saved = meshio.read(files[-1])
     assert set(saved.point_data) == {"displacement"}
     assert set(saved.cell_data) == {
-        "fibre_strain_1",
-        "fibre_strain_2",
-        "fibre_tension_1",
-        "fibre_tension_2",
+        "warp_strain",
+        "weft_strain",
+        "warp_tension",
+        "weft_tension",
         "shear_angle",
-        "fibre_direction_1",
-        "fibre_direction_2",
+        "warp_direction",
+        "weft_direction",
     }
     u = result.ply.nodal(result.u)
     np.testing.assert_allclose(saved.point_data["displacement"][:, :2], u.T)
-    np.testing.assert_allclose(saved.points[:, :2], (result.ply.mesh.p + u).T)
-    assert b'<CellData Scalars="shear_angle"' in files[-1].read_bytes()
+    np.testing.assert_array_equal(saved.points[:, :2], result.ply.mesh.p.T)
     steps = ElementTree.parse(tmp_path / "steps.pvd").findall("Collection/DataSet")
     assert [step.get("file") for step in steps] == [f.name for f in files]
     assert [float(step.get("timestep")) for step in steps] == [
@@ -251,15 +260,33 @@ def test_fields_are_written_for_every_state(tmp_path, result):
         np.degrees(result.ply.shear_angle(result.u))[:, 0],
     )
     np.testing.assert_allclose(
-        np.linalg.norm(saved.cell_data["fibre_direction_2"][0], axis=1), 1.0
+        np.linalg.norm(saved.cell_data["weft_direction"][0], axis=1), 1.0
     )
+
+
+@pytest.mark.parametrize("series", ["steps.pvd", "own_steps.pvd"])
+def test_a_series_of_steps_is_warped_once(tmp_path, series):
+    pv = pytest.importorskip("pyvista")
+    scene = strip(split(rectangle(40, 60, (2, 3), "irregular", 0.3)))
+    ply = Ply(scene.mesh, Fabric(1e4), Macro())
+    result = LoadStepper(ply, scene.conditions, steps=2).run()
+    write_fields(result, tmp_path)
+    reader = pv.get_reader(tmp_path / series)
+    assert reader.time_values == [state.load_factor for state in result.states]
+    reader.set_active_time_value(1.0)
+    (fields,) = reader.read()
+    n = fields.n_points
+    assert fields.active_scalars_name == "shear_angle"
+    np.testing.assert_array_equal(fields.points[:, :2], ply.nodes.T[:n])
+    current = (ply.nodes + ply.nodal(result.u)).T[:n]
+    np.testing.assert_allclose(fields.warp_by_vector().points[:, :2], current)
 
 
 def test_of_several_points_the_extreme_is_shown():
     ply = Ply(distorted(1), Fabric(10.0), Full())
     u = wobble(ply, 1)
     strain = ply.fibre_strain(u)[0]
-    shown = cell_fields(ply, u)["fibre_strain_1"]
+    shown = cell_fields(ply, u)["warp_strain"]
     np.testing.assert_array_equal(np.abs(shown), np.abs(strain).max(axis=1))
     assert (shown < 0).any()
 
@@ -268,7 +295,8 @@ def test_history_and_summary_are_written(tmp_path, result):
     write_history(result, tmp_path / "history.csv")
     header, *rows = (tmp_path / "history.csv").read_text().splitlines()
     assert header.startswith(
-        "load_factor,iterations,residual,tolerance,negative_pivots,min_det_F,"
+        "load_factor,linear_solves,residual,tolerance,negative_pivots,min_det_F,"
+        "max_fibre_strain,mesh_fibre_strain,bottom_displacement_x,"
     )
     assert len(rows) == 3
     write_summary(result.summary(), tmp_path / "summary.json")

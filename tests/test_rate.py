@@ -25,7 +25,7 @@ def both_kinds():
     [
         "reaction_x",
         "max_fibre_strain",
-        "max_fibre_strain_2x2",
+        "mesh_fibre_strain",
         "displacement_error_rms",
         "displacement_error_max",
         "shear_angle_error_rms_deg",

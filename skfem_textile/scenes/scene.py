@@ -86,6 +86,13 @@ class Scene:
         """Force on the driven edge in N, shape (2,), along the unrotated axes."""
         return _rotation(self.rotation).T @ state.reactions[self.driven]
 
+    def driven_displacement(self, state: State) -> ndarray:
+        """Mean displacement of the nodes of the driven edge in mm, shape (2,).
+
+        Along the unrotated axes.
+        """
+        return _rotation(self.rotation).T @ state.displacements[self.driven]
+
     def errors(self, result: Result) -> dict[str, float]:
         """Distance of the last converged state from the exact answer.
 

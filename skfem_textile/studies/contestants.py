@@ -94,7 +94,8 @@ class Own:
         steps, basis = len(result.states) - 1, result.ply.basis
         load = _load(scene, problem, scene.reaction(result.states[-1]))
         found = errors(scene, basis, result.u, load) | _times(seconds)
-        return _row(basis, found, steps, result.newton_iterations)
+        found["strain"] = result.states[-1].verdict.max_fibre_strain
+        return _row(basis, found, steps, result.linear_solves)
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ class Other:
             run = self.rival.run(task, steps, repeats)
         load = _load(scene, problem, task.reaction(run.f))
         found = errors(scene, task.basis, run.u, load) | _times(run.seconds)
-        return _row(task.basis, found, steps, run.iterations)
+        return _row(task.basis, found, steps, run.linear_solves)
 
     def _fewest_steps(self, task: Task) -> tuple[int, Run | None]:
         """Number of steps and the run; None if none gets there, or not in time."""
@@ -192,7 +193,7 @@ def _row(
     basis: CellBasis,
     found: Row | None = None,
     steps: int = 0,
-    iterations: int = 0,
+    linear_solves: int = 0,
     note: str = "",
 ) -> Row:
     """A row of the table; what was not found is nan."""
@@ -201,6 +202,6 @@ def _row(
         "unknowns": basis.N,
         **(_NOTHING | {"repeats": 0} | (found or {})),
         "steps": steps,
-        "iterations": iterations,
+        "linear_solves": linear_solves,
         "note": note,
     }

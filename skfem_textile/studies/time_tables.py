@@ -126,7 +126,7 @@ def to_the_bar(rows: Sequence[Row]) -> str:
         lines.append(
             [
                 *(_bold(method), str(shown["across"]), str(shown["unknowns"])),
-                *(f"{shown['steps']} / {shown['iterations']}", _seconds(shown)),
+                *(f"{shown['steps']} / {shown['linear_solves']}", _seconds(shown)),
                 *(_ratio(row, best), _ratio(row, own)),
                 *(f"{shown[key]:.2g}" for key in ("angle", "load_error")),
                 *(f"{shown['position']:.2g}", f"{shown['strain']:.1e}"),
@@ -156,8 +156,8 @@ def same_mesh(rows: Sequence[Row]) -> str:
                 lines.append(
                     [
                         *(element, rival, str(row["across"])),
-                        *(f"{own['steps']} / {own['iterations']}", _seconds(own)),
-                        *(f"{row['steps']} / {row['iterations']}", _seconds(row)),
+                        *(f"{own['steps']} / {own['linear_solves']}", _seconds(own)),
+                        *(f"{row['steps']} / {row['linear_solves']}", _seconds(row)),
                         _ratio(row, own),
                     ]
                 )

@@ -140,7 +140,7 @@ def main(source, target):
             found["failure"] = str(error)
         else:
             found |= {"u": run.u[dofs], "f": run.f[dofs], "seconds": run.seconds}
-            found["iterations"] = run.iterations
+            found["linear_solves"] = run.linear_solves
     np.savez(target, **found)
 
 

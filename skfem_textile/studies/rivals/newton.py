@@ -63,12 +63,12 @@ class Run:
 
     u: ndarray
     f: ndarray
-    iterations: int
+    linear_solves: int
     seconds: list[float]
 
 
 def loaded(system: System, values: ndarray) -> tuple[ndarray, ndarray, int]:
-    """Displacement, nodal forces and number of iterations at the end of the load.
+    """Displacement, nodal forces and number of linear solves at the end of the load.
 
     Parameters
     ----------

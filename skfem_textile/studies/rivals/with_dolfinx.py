@@ -60,8 +60,8 @@ class Dolfinx:
         said = _child(task, values=task.values(steps), repeats=repeats)
         if "failure" in said:
             raise NotConvergedError(str(said["failure"]))
-        iterations, seconds = int(said["iterations"]), said["seconds"].tolist()
-        return Run(said["u"], said["f"], iterations, seconds)
+        linear_solves, seconds = int(said["linear_solves"]), said["seconds"].tolist()
+        return Run(said["u"], said["f"], linear_solves, seconds)
 
     def iterations(
         self, task: Task, u: ndarray, repeats: int
