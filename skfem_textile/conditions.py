@@ -34,7 +34,8 @@ class Condition:
         there.
     value
         Displacement in mm: with a direction, a scalar per node; without, a vector
-        per node, shape (2, n).  Either a function ``value(X, t)`` of reference
+        per node, shape (2, n).  Values per node are in the order of the node numbers
+        as given, else of ascending numbers.  Either a function ``value(X, t)`` of reference
         position and load factor, or a constant that is reached in proportion to
         the load factor.
     direction
@@ -55,7 +56,7 @@ class Condition:
     direction: Direction | None = None
 
     def nodes(self, name: str, basis: CellBasis) -> ndarray:
-        """Numbers of the nodes on which the condition acts.
+        """Numbers of the nodes on which the condition acts, in the order of its values.
 
         Raises
         ------
@@ -82,7 +83,7 @@ class Condition:
             if chosen.dtype == bool and chosen.shape == (n_nodes,):
                 nodes = np.flatnonzero(chosen)
             elif chosen.dtype.kind in "iu" and not callable(self.where):
-                nodes = np.unique(chosen)
+                nodes = chosen.ravel()
             else:
                 raise ValueError(
                     f"condition {name!r}: where must be a boundary's name, node "
@@ -168,7 +169,7 @@ class Constraints:
     fixed, free
         Numbers of the fixed and of the other (turned) unknowns.
     nodes
-        Node numbers of each condition, by name.
+        Node numbers of each condition, by name: ascending, each of them once.
 
     Raises
     ------
@@ -181,12 +182,13 @@ class Constraints:
             raise ValueError("no conditions: a ply must be held somewhere")
         self._conditions = dict(conditions)
         self._X = node_positions(basis)
-        self.nodes = {k: c.nodes(k, basis) for k, c in self._conditions.items()}
+        self._acting = {k: c.nodes(k, basis) for k, c in self._conditions.items()}
+        self.nodes = {k: np.unique(nodes) for k, nodes in self._acting.items()}
 
         node, direction = [], []
         for name, condition in self._conditions.items():
-            n = condition.directions(name, self._X[:, self.nodes[name]])
-            node.append(np.tile(self.nodes[name], len(n)))
+            n = condition.directions(name, self._X[:, self._acting[name]])
+            node.append(np.tile(self._acting[name], len(n)))
             direction.append(n.transpose(1, 0, 2).reshape(2, -1))
         self._node = np.concatenate(node)
         self._direction = np.concatenate(direction, axis=1)
@@ -242,7 +244,7 @@ class Constraints:
         """
         g = np.concatenate(
             [
-                c.values(name, self._X[:, self.nodes[name]], t).ravel()
+                c.values(name, self._X[:, self._acting[name]], t).ravel()
                 for name, c in self._conditions.items()
             ]
         )

@@ -86,6 +86,8 @@ class HeldStabilisation:
         Parameter ``C_s`` of the forms.
     work
         Work of the stabilisation so far in N·mm beyond its energy at this C_s.
+    drift
+        By how much its energy changed with C_s when that last did, in N·mm.
     """
 
     def __init__(self, fabric: Fabric, basis: CellBasis) -> None:
@@ -96,16 +98,20 @@ class HeldStabilisation:
     def reset(self) -> None:
         """Return to the undeformed state."""
         self.parameters = {"C_s": self._stabilisation(self._basis.zeros())}
-        self.work = 0.0
+        self.work = self.drift = 0.0
 
     def commit(self, u: ndarray) -> bool:
         """Make ``u`` the last converged displacement; tell whether C_s changed."""
         basis, before = self._basis, self.parameters["C_s"]
         C_s = self._stabilisation(u)
+        if np.array_equal(C_s, before):
+            self.drift = 0.0
+            return False
         # What is stored stays stored, however stiff the element is from now on.
         self.work += asm(self._energy, basis, u=u, C_s=before - C_s)
+        self.drift = asm(self._energy, basis, u=u, C_s=np.abs(before - C_s))
         self.parameters = {"C_s": C_s}
-        return not np.array_equal(C_s, before)
+        return True
 
     def _stabilisation(self, u: ndarray) -> ndarray:
         law, least = self._fabric.shear_law, _at_rest(self._fabric)
@@ -189,7 +195,11 @@ class AccumulatedMoment:
         Parameters ``last`` and ``moment`` of the forms.
     work
         Work of the stabilisation so far in N·mm.
+    drift
+        Infinite: the rates of a long step are those of its end.
     """
+
+    drift = np.inf
 
     def __init__(self, fabric: Fabric, C_s: float, basis: CellBasis) -> None:
         self._fabric, self._C_s, self._basis = fabric, C_s, basis

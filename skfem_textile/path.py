@@ -18,6 +18,10 @@ from .result import State
 # Energies and reactions that differ by a smaller share are of one state.
 _SAME = 0.01
 
+# Share of the energy by which what a ply remembers may change it after a step: the load
+# of shear laws with a pole and of w = ½ G sin²Γ is then off by up to twice as much.
+_DRIFT = 0.005
+
 # How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.
 _HALVINGS = 6
 
@@ -113,6 +117,11 @@ class Path:
             self.claims.remove(past)
             if not past.agrees(Claim.of(state)):
                 self.unresolved.append(state.load_factor)
+
+    def drifted(self, state: State, drift: float) -> None:
+        """Doubt a state if what the ply remembers changed much of its energy."""
+        if drift > _DRIFT * sum(state.energies.values()):
+            self.unresolved.append(state.load_factor)
 
     def until(self, goal: float) -> float:
         """The load factor that the next step must not pass."""

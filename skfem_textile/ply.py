@@ -188,6 +188,11 @@ class Ply:
         changed = [t.memory.commit(u) for t in self.terms if t.memory is not None]
         return any(changed)
 
+    @property
+    def drift(self) -> float:
+        """Energy in N·mm that depends on how long the last committed step was."""
+        return sum(term.memory.drift for term in self.terms if term.memory)
+
     def reset(self) -> None:
         """Forget every committed state."""
         for term in self.terms:

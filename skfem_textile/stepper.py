@@ -301,8 +301,7 @@ class LoadStepper:
         energies = problem.clock.time("assembly", problem.ply.energies, found.u)
         rise = sum(energies.values()) - sum(before.energies.values())
         trial = Trial(problem, found, self._start if step else None, rise, energies)
-        for warning in trial.complaints(self.warn_only):
-            log.warning("load factor %g: %s", t, warning)
+        trial.judge(self.warn_only)
         easy = getattr(strategy, "easy", None)
         return trial, easy is None or len(found.residuals) > easy
 
@@ -318,7 +317,7 @@ class LoadStepper:
 
     def _state(self, t: float, trial: Trial) -> State:
         problem, found = self.problem, trial.found
-        nodes = {k: np.unique(n) for k, n in problem.constraints.nodes.items()}
+        nodes = problem.constraints.nodes
         forces, moved = problem.ply.nodal(found.f), problem.ply.nodal(found.u)
         return State(
             load_factor=t,
@@ -336,10 +335,14 @@ class LoadStepper:
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step."""
         problem, found, t = self.problem, trial.found, state.load_factor
+        for warning in trial.warnings:
+            log.warning("load factor %g: %s", t, warning)
         if problem.ply.commit(u := found.u):
             self._start = Start(u, problem.residual(u), tangent_at(problem, u))
         else:
             self._start = Start(u, found.f, trial.tangent)
+        if t > 0:
+            self._path.drifted(state, problem.ply.drift)
         if state.linear_solves <= _EASY:
             self._length = min(2 * self._length, self.load_factors[0])
         self._save(state)

@@ -82,6 +82,7 @@ class Trial:
     ) -> None:
         self.problem, self.found, self.start, self.rise = problem, found, start, rise
         self.energies = energies or {}
+        self.warnings: list[str] = []
 
     @cached_property
     def tangent(self) -> Tangent | None:
@@ -127,23 +128,27 @@ class Trial:
             return 0.0, 0.0
         return float(self.start.f @ self.move), float(self.found.f @ self.move)
 
-    def complaints(self, warn_only: Collection[str]) -> list[str]:
-        """Apply every check, and return what those in ``warn_only`` say.
+    def judge(self, warn_only: Collection[str]) -> None:
+        """Apply every check; ``warnings`` are what those in ``warn_only`` say.
 
         Raises
         ------
         NoEquilibriumError
-            If another check has a complaint.
+            If an energy is not finite, or another check has a complaint.
         """
-        warnings = []
+        for name, energy in self.energies.items():
+            if not np.isfinite(energy):
+                raise NoEquilibriumError(
+                    f"the energy of {name} is not finite",
+                    advice="a smaller load, or a law that is finite there",
+                )
         for name, check in CHECKS.items():
             try:
                 check(self)
             except NoEquilibriumError as complaint:
                 if name not in warn_only:
                     raise
-                warnings.append(str(complaint))
-        return warnings
+                self.warnings.append(str(complaint))
 
     def verdict(self) -> Verdict:
         """What was found."""
