@@ -15,7 +15,7 @@ from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot, grad, inv
 
 from . import kinematics as kin
-from .elements import centre_grad
+from .elements import CENTRE, centre_grad
 from .fabric import Fabric, is_zero
 from .forms import Forms, contract, directions, fused, once
 from .kernels import HourglassKernel
@@ -113,9 +113,10 @@ class HeldStabilisation:
             return np.full((self._basis.nelems, 1), least)
         # The centre's gradient is the same at the four points of an element.
         field: Any = self._basis.interpolate(u)
-        F = kin.deformation_gradient(centre_grad(field))
-        A = self._fabric.directions(np.asarray(self._basis.global_coordinates()))
-        angle = kin.shear_angle(F, *A)[:, :1]
+        F = kin.deformation_gradient(centre_grad(field)[..., :1])
+        centre, _ = CENTRE
+        x = self._basis.mapping.F(centre, self._basis.tind)
+        angle = kin.shear_angle(F, *self._fabric.directions(x))
         at_rest = law.tangent(np.zeros(1))
         sheared = np.abs(angle) > _SMALL_ANGLE
         divisor = np.where(sheared, angle, 1.0)
