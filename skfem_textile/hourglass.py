@@ -34,6 +34,8 @@ def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
     """Stabilisation with the energy ½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))².
 
     M̃_k = C_s (Γ(ξ_k) − Γ(0)) on the reference area A: independent of the path.
+    Both angles are those of the fibres at ξ_k: Γ(0) is what the gradient at the centre
+    makes of them, so that a homogeneous motion costs nothing where fibres are curved.
 
     Parameters
     ----------
