@@ -15,7 +15,7 @@ from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot, grad, inv
 
 from . import kinematics as kin
-from .elements import centre_grad
+from .elements import CENTRE, centre_grad
 from .fabric import Fabric, is_zero
 from .forms import Forms, contract, directions, fused, once
 from .kernels import HourglassKernel
@@ -34,6 +34,8 @@ def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
     """Stabilisation with the energy ½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))².
 
     M̃_k = C_s (Γ(ξ_k) − Γ(0)) on the reference area A: independent of the path.
+    Both angles are those of the fibres at ξ_k: Γ(0) is what the gradient at the centre
+    makes of them, so that a homogeneous motion costs nothing where fibres are curved.
 
     Parameters
     ----------
@@ -119,9 +121,10 @@ class HeldStabilisation:
             return np.full((self._basis.nelems, 1), least)
         # The centre's gradient is the same at the four points of an element.
         field: Any = self._basis.interpolate(u)
-        F = kin.deformation_gradient(centre_grad(field))
-        A = self._fabric.directions(np.asarray(self._basis.global_coordinates()))
-        angle = kin.shear_angle(F, *A)[:, :1]
+        F = kin.deformation_gradient(centre_grad(field)[..., :1])
+        centre, _ = CENTRE
+        x = self._basis.mapping.F(centre, self._basis.tind)
+        angle = kin.shear_angle(F, *self._fabric.directions(x))
         at_rest = law.tangent(np.zeros(1))
         sheared = np.abs(angle) > _SMALL_ANGLE
         divisor = np.where(sheared, angle, 1.0)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from helpers import derivative, distorted, wobble
+from skfem import MeshQuad
 
 from skfem_textile import Fabric, Linear, LoadStepper, OnePoint, Ply, Sin2
 from skfem_textile.scenes import bias_extension, strip
@@ -46,6 +47,22 @@ def test_it_never_vanishes():
     sheared[ply.basis.nodal_dofs] = [8 * mesh.p[1], 0 * mesh.p[1]]
     ply.commit(sheared)
     np.testing.assert_allclose(stabilisation(ply), 0.4)
+
+
+def test_it_does_not_depend_on_the_node_that_a_cell_lists_first():
+    """The shear angle is that of the fibres at the centre, where they curve too."""
+
+    def warp(x):
+        return np.stack([np.cos(0.3 * x[1]), np.sin(0.3 * x[1])])
+
+    mesh, found = distorted(1), []
+    for turns in range(4):
+        listed = MeshQuad(mesh.p, np.roll(mesh.t, turns, axis=0))
+        ply = Ply(listed, Fabric(1e4, Sin2(0.5), warp), OnePoint("auto"))
+        ply.commit(wobble(ply, 1))
+        found.append(stabilisation(ply))
+    for C_s in found:
+        np.testing.assert_allclose(C_s, found[0], rtol=1e-12)
 
 
 class FromRest(Linear):

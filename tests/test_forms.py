@@ -194,6 +194,22 @@ def test_uniform_shear_costs_no_energy_on_any_mesh(formulation, seed):
     np.testing.assert_allclose(ply.shear_angle(u), a + b, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    "formulation",
+    [OnePoint(), Macro()]
+    + [OnePoint(3.0, k) for k in ("energy", "rate", "isotropic", "continuity")],
+    ids=repr,
+)
+def test_a_homogeneous_motion_meets_no_stabilisation_where_fibres_are_curved(
+    formulation,
+):
+    ply = Ply(distorted_for(formulation, 1), FABRICS[2], formulation)
+    u = (np.array([[0.2, 0.5], [-0.3, 0.1]]) @ ply.nodes).T.ravel()
+    assert np.ptp(ply.shear_angle(u)) > 0.1
+    assert abs(ply.energies(u)["stabilisation"]) < 1e-20
+    np.testing.assert_allclose(ply.residuals(u)["stabilisation"], 0, atol=1e-12)
+
+
 def test_the_listing_order_of_a_cell_does_not_matter():
     mesh = distorted(2)
     clockwise = MeshQuad(mesh.p, mesh.t[::-1])

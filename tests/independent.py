@@ -1,0 +1,373 @@
+"""All energies once more, straight from their definitions: loops in plain numpy.
+
+Nothing here comes from the library; `test_independent` holds the library against it.
+
+A motion is given by the current positions ``x`` of the nodes, shape (2, n_nodes, m): m
+motions at once, of which every energy gives m values.  All formulas are analytic, so
+that ``x`` may be complex: forces are differences along the imaginary axis.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+
+class Law(NamedTuple):
+    """A scalar law: its energy, the derivative of that, and the second one at rest."""
+
+    energy: Callable
+    value: Callable
+    at_rest: float
+
+
+class Cloth(NamedTuple):
+    """Nodes (2, n_nodes), nodes of each element, fibres and laws.
+
+    Elements are bilinear quadrilaterals, four nodes in either sense of rotation, or
+    straight triangles of six: vertices, then middles of the edges 01, 12, 20.
+    ``fibres(element, position)`` gives unit vectors A₁, A₂.  What has no stiffness has
+    the law None.
+    """
+
+    X: ndarray
+    elements: Sequence[ndarray]
+    fibres: Callable
+    tension: tuple[Law | None, Law | None]
+    shear: Law | None
+
+
+class Point(NamedTuple):
+    """A point of an element: its nodes, ∂N_a/∂X, (n, 2), fibres and area."""
+
+    nodes: ndarray
+    dN_dX: ndarray
+    A: tuple[ndarray, ndarray]
+    area: float
+
+
+# Elements
+
+CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+GAUSS = tuple((a / np.sqrt(3), b / np.sqrt(3)) for a, b in CORNERS)
+EDGE_MIDDLES = ((0, -1), (1, 0), (0, 1), (-1, 0))  # of the edges 01, 12, 23, 30
+THREE = ((1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3))
+SIX_NODES = ((0, 0), (1, 0), (0, 1), (1 / 2, 0), (1 / 2, 1 / 2), (0, 1 / 2))
+
+
+def bilinear(xi, eta):
+    """N_a and ∂N_a/∂(ξ, η) on the square [−1, 1]²."""
+    N = [(1 + a * xi) * (1 + b * eta) / 4 for a, b in CORNERS]
+    dN = [(a * (1 + b * eta) / 4, (1 + a * xi) * b / 4) for a, b in CORNERS]
+    return np.array(N), np.array(dN)
+
+
+def quadratic(s, t):
+    """N_a and ∂N_a/∂(s, t) on the triangle (0, 0), (1, 0), (0, 1)."""
+    r = 1 - s - t
+    N = [r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1)]
+    N += [4 * r * s, 4 * s * t, 4 * t * r]
+    dN = [(1 - 4 * r, 1 - 4 * r), (4 * s - 1, 0), (0, 4 * t - 1)]
+    dN += [(4 * (r - s), -4 * s), (4 * t, 4 * s), (-4 * t, 4 * (r - t))]
+    return np.array(N), np.array(dN)
+
+
+def shape(nodes, at):
+    return (bilinear if len(nodes) == 4 else quadratic)(*at)
+
+
+def gradients(x, dN):
+    """∂N_a/∂x, shape (n, 2), on an element with nodes at x, shape (2, n)."""
+    return dN @ np.linalg.inv(x @ dN)
+
+
+def polygon(x):
+    """Area of a polygon with the corners x, shape (2, n)."""
+    following = np.roll(x, -1, axis=1)
+    return abs(np.sum(x[0] * following[1] - x[1] * following[0])) / 2
+
+
+def area(cloth, e):
+    nodes = cloth.elements[e]
+    return polygon(cloth.X[:, nodes[: 4 if len(nodes) == 4 else 3]])
+
+
+def point(cloth, e, at, area=0.0):
+    nodes = cloth.elements[e]
+    N, dN = shape(nodes, at)
+    X = cloth.X[:, nodes]
+    return Point(nodes, gradients(X, dN), cloth.fibres(e, X @ N), area)
+
+
+def points_of(cloth, e, rule):
+    """Points of an element.
+
+    ``gauss``: 2×2 with their Jacobians; ``centre``: one with the whole area;
+    ``three``: of a triangle, with a third of the area each.
+    """
+    if rule == "centre":
+        return [point(cloth, e, (0, 0), area(cloth, e))]
+    if rule == "three":
+        return [point(cloth, e, at, area(cloth, e) / 3) for at in THREE]
+    X = cloth.X[:, cloth.elements[e]]
+    jacobians = [abs(np.linalg.det(X @ bilinear(*at)[1])) for at in GAUSS]
+    return [point(cloth, e, *p) for p in zip(GAUSS, jacobians, strict=True)]
+
+
+def points(cloth, rule):
+    return [p for e in range(len(cloth.elements)) for p in points_of(cloth, e, rule)]
+
+
+# Kinematics
+
+
+def deformation_gradient(x, p):
+    """F = Σ_a x_a ⊗ ∂N_a/∂X, shape (2, 2, m)."""
+    return np.einsum("iam,aJ->iJm", x[:, p.nodes], p.dN_dX)
+
+
+def fibre(F, A):
+    return np.einsum("iJm,J->im", F, A)
+
+
+def strain(F, A):
+    """ε = ln|F A|."""
+    a = fibre(F, A)
+    return np.log(a[0] ** 2 + a[1] ** 2) / 2
+
+
+def angle(b, c):
+    """Angle from b to c in (−π, π): twice the angle whose tangent is sin/(1 + cos)."""
+    cos, sin = b[0] * c[0] + b[1] * c[1], b[0] * c[1] - b[1] * c[0]
+    return 2 * np.arctan(sin / (np.sqrt(cos**2 + sin**2) + cos))
+
+
+def shear_angle(F, A):
+    """Γ = ∠(A₁, A₂) − ∠(a₁, a₂)."""
+    return angle(*A) - angle(fibre(F, A[0]), fibre(F, A[1]))
+
+
+def smallest_det_F(cloth, x):
+    """The smallest det F at the nodes of all elements, for positions (2, n_nodes)."""
+    found = []
+    for nodes in cloth.elements:
+        for at in CORNERS if len(nodes) == 4 else SIX_NODES:
+            _, dN = shape(nodes, at)
+            F = x[:, nodes] @ gradients(cloth.X[:, nodes], dN)
+            found.append(np.linalg.det(F))
+    return min(found)
+
+
+# Tension and shear
+
+
+def tension(cloth, x, rule):
+    """∫ Σ_α ψ(ε_α) dΩ."""
+    return sum(
+        p.area * law.energy(strain(deformation_gradient(x, p), A))
+        for p in points(cloth, rule)
+        for law, A in zip(cloth.tension, p.A, strict=True)
+        if law is not None
+    )
+
+
+def shear(cloth, x, rule):
+    """∫ w(Γ) dΩ."""
+    return sum(
+        p.area * cloth.shear.energy(shear_angle(deformation_gradient(x, p), p.A))
+        for p in points(cloth, rule)
+    )
+
+
+def at_rest(law):
+    return 0.0 if law is None else law.at_rest
+
+
+def mean_tension(cloth, x, groups, multiples):
+    """∫ Σ_α ψ(ε̄_α) + ½ E_d (ε_α − ε̄_α)² dΩ, ε̄ the mean over a group of points.
+
+    E_d = min(E, c G √(A/A_e)), E and G at rest; no E is no bound; E/2 if G is zero.
+    ``multiples`` has the c of each group.
+    """
+    whole = sum(p.area for group in groups for p in group)
+    energy = 0.0
+    for group, c in zip(groups, multiples, strict=True):
+        A_e = sum(p.area for p in group)
+        for i, law in enumerate(cloth.tension):
+            if law is None:
+                continue
+            E, G = law.at_rest, at_rest(cloth.shear)
+            E_d = c * G * np.sqrt(whole / A_e) if G > 0 else E / 2
+            E_d = min(E_d, E) if E > 0 else E_d
+            strains = [strain(deformation_gradient(x, p), p.A[i]) for p in group]
+            pairs = list(zip(group, strains, strict=True))
+            mean = sum(p.area * eps for p, eps in pairs) / A_e
+            energy = energy + A_e * law.energy(mean)
+            energy = energy + sum(
+                p.area * E_d / 2 * (eps - mean) ** 2 for p, eps in pairs
+            )
+    return energy
+
+
+def macro_tension(cloth, x, macros, multiples):
+    """`mean_tension` at the centres of the quadrilaterals of each macro-element.
+
+    ``multiples`` is the pair c of what was a triangle and what was a quadrilateral.
+    """
+    groups = [[points_of(cloth, e, "centre")[0] for e in parts] for parts in macros]
+    of_parts = dict(zip((3, 4), multiples, strict=True))
+    return mean_tension(cloth, x, groups, [of_parts[len(parts)] for parts in macros])
+
+
+def quadratic_mean_tension(cloth, x, c):
+    """`mean_tension` at the three points of each triangle."""
+    groups = [points_of(cloth, e, "three") for e in range(len(cloth.elements))]
+    return mean_tension(cloth, x, groups, [c] * len(groups))
+
+
+# Stabilisation
+
+
+def hourglass(cloth, x, C_s):
+    """½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))²; C_s is a number or one of each element.
+
+    Both angles are of the fibres at ξ_k, under F(ξ_k) and F(0).
+    """
+    C_s, energy = np.broadcast_to(C_s, len(cloth.elements)), 0.0
+    for e in range(len(cloth.elements)):
+        F_0 = deformation_gradient(x, point(cloth, e, (0, 0)))
+        for at in GAUSS:
+            p = point(cloth, e, at)
+            F_k = deformation_gradient(x, p)
+            difference = shear_angle(F_k, p.A) - shear_angle(F_0, p.A)
+            energy = energy + C_s[e] / 2 * area(cloth, e) / 4 * difference**2
+    return energy
+
+
+def automatic_stiffness(cloth, x):
+    """C_s of each element at a converged state: 8 M_s(Γ)/Γ at the centre.
+
+    At least 0.8 G, or if G is zero 10⁻⁴ E; G and E, the mean of both families, at rest.
+    """
+    G, E = at_rest(cloth.shear), sum(at_rest(law) for law in cloth.tension) / 2
+    least = 0.1 * 8 * G if G > 0 else 1e-4 * E
+    C_s = []
+    for e in range(len(cloth.elements)):
+        centre = point(cloth, e, (0, 0))
+        gamma = shear_angle(deformation_gradient(x, centre), centre.A)[0]
+        secant = G  # the limit for small Γ
+        if cloth.shear is not None and abs(gamma) > 1e-6:
+            secant = cloth.shear.value(gamma) / gamma
+        C_s.append(max(8 * secant, least))
+    return C_s
+
+
+def automatic_hourglass(cloth, x, committed):
+    """`hourglass` with C_s of the last committed state, and what is stored by then.
+
+    A change of C_s at a state changes no energy there.
+    """
+    C_s, stored = automatic_stiffness(cloth, cloth.X[..., None]), 0.0
+    for state in committed:
+        new = automatic_stiffness(cloth, state)
+        stored += hourglass(cloth, state, C_s) - hourglass(cloth, state, new)
+        C_s = new
+    return stored + hourglass(cloth, x, C_s)
+
+
+def isotropic(cloth, x, kappa):
+    """½ κ Σ_k A/4 ‖∇u(ξ_k) − ∇u(0)‖²."""
+    energy = 0.0
+    for e in range(len(cloth.elements)):
+        F_0 = deformation_gradient(x, point(cloth, e, (0, 0)))
+        for at in GAUSS:
+            off = deformation_gradient(x, point(cloth, e, at)) - F_0
+            energy = energy + kappa / 2 * area(cloth, e) / 4 * (off**2).sum(axis=(0, 1))
+    return energy
+
+
+def continuity(cloth, x, C_j):
+    """½ C_j Σ_edges (A⁺ + A⁻)/4 [[Γ]]² at the middles of the interior edges."""
+    sides = {}
+    for e, nodes in enumerate(cloth.elements):
+        for i, at in enumerate(EDGE_MIDDLES):
+            edge = frozenset((nodes[i], nodes[(i + 1) % 4]))
+            sides.setdefault(edge, []).append((e, at))
+    energy = 0.0
+    for side in sides.values():
+        if len(side) == 1:
+            continue  # an edge of the ply
+        seen = [point(cloth, e, at) for e, at in side]
+        one, other = (shear_angle(deformation_gradient(x, p), p.A) for p in seen)
+        weight = sum(area(cloth, e) for e, _ in side) / 4
+        energy = energy + C_j / 2 * weight * (one - other) ** 2
+    return energy
+
+
+# The paper's rates, which have work and forces, but no energy
+
+
+def rate_vectors(cloth, x, e):
+    """A/4 and, for each of the 2×2 points, (f·B_HGL)_ai: f·(B_HGL v) is its sum with v.
+
+    Everything is of the current configuration x, shape (2, n_nodes).  With unit vectors
+    f₁, f₂ along the fibres, f² normal to f₁ and f¹ to f₂, Γ̇ = f²·L f₁ + f¹·L f₂; where
+    the weft lies anticlockwise of the warp f² is f₁ turned by 90° and f¹ is f₂ turned
+    by −90°, so that both point between the fibres.
+    """
+    nodes = cloth.elements[e]
+    now = x[:, nodes]
+    vectors = []
+    for at in GAUSS:
+        p = point(cloth, e, at)
+        a_1, a_2 = (fibre(deformation_gradient(x[..., None], p), A)[:, 0] for A in p.A)
+        f_1, f_2 = a_1 / np.linalg.norm(a_1), a_2 / np.linalg.norm(a_2)
+        normal_1, normal_2 = np.array([-f_1[1], f_1[0]]), np.array([f_2[1], -f_2[0]])
+        f = np.outer(normal_1, f_1) + np.outer(normal_2, f_2)  # Γ̇ = Σ_ij f_ij L_ij
+        B = gradients(now, bilinear(*at)[1]) - gradients(now, bilinear(0, 0)[1])
+        vectors.append(B @ f.T)  # L_ij = Σ_a v_ai B_aj
+    return polygon(now) / 4, vectors
+
+
+def rate_step(cloth, x, last, moments, C_s):
+    """Moments M̃_k after a step from ``last`` to ``x``, its work, and the forces at x.
+
+    M̃_k grows by C_s f_k·(B_HGL,k Δu); the forces are Σ_k A/4 B_HGL,kᵀ f_k M̃_k, and the
+    work is that of the mean of the old and the new M̃_k on the increment.
+    """
+    new, work, force = np.zeros_like(moments), 0.0, np.zeros_like(x)
+    for e, nodes in enumerate(cloth.elements):
+        quarter, vectors = rate_vectors(cloth, x, e)
+        for k, vector in enumerate(vectors):
+            increment = np.sum(vector.T * (x - last)[:, nodes])
+            new[e, k] = moments[e, k] + C_s * increment
+            work += quarter * (moments[e, k] + new[e, k]) / 2 * increment
+            force[:, nodes] += quarter * vector.T * new[e, k]
+    return new, work, force
+
+
+def rate(cloth, x, C_s, committed):
+    """Work of all steps over the committed states to x, and the forces at x."""
+    last, moments, work = cloth.X, np.zeros((len(cloth.elements), 4)), 0.0
+    for state in [*committed, x]:
+        now = state[..., 0]
+        moments, done, force = rate_step(cloth, now, last, moments, C_s)
+        last, work = now, work + done
+    return work, force
+
+
+# Derivatives
+
+STEP = 1e-30
+
+
+def imaginary_moves(x):
+    """x, shape (2, n_nodes, 1), with one coordinate after the other moved by ih."""
+    n = x.size
+    return x + 1j * STEP * np.eye(n).reshape(2, -1, n)
+
+
+def derivative(energies):
+    """Forces, (2, n_nodes), from energies at `imaginary_moves`: Im E(x + ih)/h."""
+    return energies.imag.reshape(2, -1) / STEP

@@ -1,0 +1,207 @@
+"""Energies and forces of every formulation are those that a plain program finds.
+
+`independent` is that program, written apart from the library; `random_plies` makes the
+problems.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import independent as plain
+import numpy as np
+import pytest
+from random_plies import (
+    SHEARS,
+    TENSIONS,
+    fibres,
+    macro_elements,
+    motion,
+    quads,
+    split_both,
+    split_quads,
+    split_triangles,
+    triangles,
+    with_middles,
+)
+from skfem import MeshTri
+
+from skfem_textile import Fabric, Full, Macro, OnePoint, Ply, Quadratic
+
+SEEDS = range(20)  # every pair of laws of fibres and shear
+
+
+# Formulations: what the library is given, and its terms in the plain program
+
+
+class Problem(NamedTuple):
+    """A ply, the same cloth, its macro-elements, states to commit, and one more."""
+
+    ply: Ply
+    cloth: plain.Cloth
+    macros: list | None
+    committed: list
+    x: np.ndarray
+
+
+class Case(NamedTuple):
+    """A formulation, its mesh, its terms, and how many states are committed before.
+
+    ``rule`` is that of shear.  ``tension`` and ``stabilisation`` are energies of
+    (problem, x); ``rate`` is a stabilisation without one: its work and its forces.
+    """
+
+    formulation: Any
+    mesh: Callable
+    rule: str
+    tension: Callable
+    stabilisation: Callable | None = None
+    rate: Callable | None = None
+    commits: int = 0
+
+
+def pointwise(rule):
+    return lambda p, x: plain.tension(p.cloth, x, rule)
+
+
+def of_triangles(c):
+    return lambda p, x: plain.quadratic_mean_tension(p.cloth, x, c)
+
+
+def of_macros(*c):
+    return lambda p, x: plain.macro_tension(p.cloth, x, p.macros, c)
+
+
+def hourglass(C_s):
+    return lambda p, x: plain.hourglass(p.cloth, x, C_s)
+
+
+def automatic(p, x):
+    return plain.automatic_hourglass(p.cloth, x, p.committed)
+
+
+def isotropic(kappa):
+    return lambda p, x: plain.isotropic(p.cloth, x, kappa)
+
+
+def continuity(C_j):
+    return lambda p, x: plain.continuity(p.cloth, x, C_j)
+
+
+def rate(C_s):
+    return lambda p, x: plain.rate(p.cloth, x, C_s, p.committed)
+
+
+def one_point(formulation, stabilisation=None, **others):
+    tension = pointwise("centre")
+    return Case(formulation, quads, "centre", tension, stabilisation, **others)
+
+
+def macro(mesh, **others):
+    return Case(Macro(), mesh, "centre", of_macros(400, 1600), automatic, **others)
+
+
+def macro_of(C_s, c):
+    chosen = of_macros(*c), hourglass(C_s)
+    return Case(Macro(C_s, c), split_both, "centre", *chosen)
+
+
+def quadratic(formulation, tension):
+    return Case(formulation, triangles, "three", tension)
+
+
+CASES = {
+    "full": Case(Full(), quads, "gauss", pointwise("gauss")),
+    "plain": one_point(OnePoint(0.0)),
+    "energy": one_point(OnePoint(3.0), hourglass(3.0)),
+    "isotropic": one_point(OnePoint(0.7, "isotropic"), isotropic(0.7)),
+    "continuity": one_point(OnePoint(0.6, "continuity"), continuity(0.6)),
+    "rate": one_point(OnePoint(0.9, "rate"), rate=rate(0.9)),
+    "rate, steps": one_point(OnePoint(0.9, "rate"), rate=rate(0.9), commits=2),
+    "auto": one_point(OnePoint("auto"), automatic),
+    "auto, steps": one_point(OnePoint("auto"), automatic, commits=2),
+    "macro triangles": macro(split_triangles),
+    "macro quads": macro(split_quads),
+    "macro both": macro(split_both),
+    "macro, steps": macro(split_both, commits=1),
+    "macro, chosen": macro_of(2.0, (3.0, 90.0)),
+    "quadratic": quadratic(Quadratic(), pointwise("three")),
+    "quadratic, mean": quadratic(Quadratic(20.0), of_triangles(20.0)),
+    "quadratic, stiff": quadratic(Quadratic(900.0), of_triangles(900.0)),
+}
+
+
+def random_problem(case, seed):
+    rng = np.random.default_rng(seed)
+    mesh, originals = case.mesh(rng)
+    X, elements = mesh.p, list(mesh.t.T)
+    if isinstance(mesh, MeshTri):
+        X, elements = with_middles(mesh)
+    (warp, A_1), (weft, A_2) = fibres(rng, seed, len(elements))
+    tension, tension_laws = zip(*TENSIONS[seed % len(TENSIONS)], strict=True)
+    shear, shear_law = SHEARS[seed % len(SHEARS)]
+
+    def both(e, X):
+        return A_1(e, X), A_2(e, X)
+
+    cloth = plain.Cloth(X, elements, both, tension_laws, shear_law)
+    turns = [(seed // 3 + i) % 2 for i in range(case.commits + 1)]
+    *committed, x = [motion(rng, cloth, turn) for turn in turns]
+    ply = Ply(mesh, Fabric(tension, shear, warp, weft), case.formulation)
+    macros = None if originals is None else macro_elements(mesh, originals)
+    return Problem(ply, cloth, macros, committed, x)
+
+
+def by_the_library(problem):
+    """Energies and nodal forces (2, n_nodes) of each term, and all forces."""
+    ply = problem.ply
+    dofs = ply.nodal(np.arange(ply.basis.N))
+
+    def displacement(x):
+        u = ply.basis.zeros()
+        u[dofs] = x[..., 0] - problem.cloth.X
+        return u
+
+    for state in problem.committed:
+        ply.commit(displacement(state))
+    u = displacement(problem.x)
+    forces = {name: ply.nodal(f) for name, f in ply.residuals(u).items()}
+    return ply.energies(u), forces, ply.nodal(ply.residual(u))
+
+
+def by_definition(case, problem):
+    """The same from the plain program."""
+
+    def energies(x):
+        """By the names of the terms; a further term of every ply is a line here."""
+        found = {"tension": case.tension(problem, x)}
+        if problem.cloth.shear is not None:
+            found["shear"] = plain.shear(problem.cloth, x, case.rule)
+        if case.stabilisation is not None:
+            found["stabilisation"] = case.stabilisation(problem, x)
+        return found
+
+    derivatives = energies(plain.imaginary_moves(problem.x))
+    forces = {name: plain.derivative(E) for name, E in derivatives.items()}
+    work = {name: float(E[0]) for name, E in energies(problem.x).items()}
+    if case.rate is not None:
+        work["stabilisation"], forces["stabilisation"] = case.rate(problem, problem.x)
+    return work, forces, sum(forces.values())
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+def test_energies_and_forces_are_those_of_the_definitions(case, seed):
+    problem = random_problem(case, seed)
+    energies, forces, whole = by_the_library(problem)
+    expected_energies, expected_forces, expected_whole = by_definition(case, problem)
+    assert energies == pytest.approx(expected_energies, rel=1e-9, abs=0)
+    assert forces.keys() == expected_forces.keys()
+    for name, expected in expected_forces.items():
+        assert_close(forces[name], expected)
+    assert_close(whole, expected_whole)
+
+
+def assert_close(forces, expected):
+    np.testing.assert_allclose(
+        forces, expected, rtol=0, atol=1e-9 * np.abs(expected).max()
+    )
