@@ -34,10 +34,10 @@ class Condition:
         there.
     value
         Displacement in mm: with a direction, a scalar per node; without, a vector
-        per node, shape (2, n).  Values per node are in the order of the node numbers
-        as given, else of ascending numbers.  Either a function ``value(X, t)`` of reference
+        per node, shape (2, n).  Either a function ``value(X, t)`` of reference
         position and load factor, or a constant that is reached in proportion to
-        the load factor.
+        the load factor.  Values per node are in the order in which the node numbers
+        are given, and of ascending numbers where none are.
     direction
         The direction in which the displacement is fixed: a vector or a function
         of position.  Without it the whole displacement is fixed.

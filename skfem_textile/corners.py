@@ -1,13 +1,12 @@
-"""What keeps the corners of elements open: an energy of det F where it comes near zero.
+"""What keeps the corners of elements open: an energy of det F where it is near zero.
 
 A bilinear quadrilateral is unfolded if and only if det F is positive at its corners, and
-no point at which its fibres or its stabilisation are evaluated lies there.  Corners
-therefore resist,
+no point at which fibres or stabilisation are evaluated lies there.  So corners resist:
 
     κ Σ_corners A/n b(det F),   b(J) = ln³(J₀/J) where J < J₀, and 0 elsewhere,
 
-which is C² and exactly zero while every corner is open.  Below J₁ = J₀/4 b goes on as its
-parabola, so that an iteration may pass through folded states; no state that is folded
+an energy that is C², and exactly zero while every corner is open.  Below J₁ = J₀/4 its
+parabola goes on, so that an iteration may pass through folded states; none of these
 counts as an answer.
 """
 
@@ -26,8 +25,8 @@ from .fabric import Fabric
 from .forms import Forms, once
 from .terms import LocalTerm
 
-#: J₀, the area ratio det F below which a corner resists: fibres that do not stretch reach
-#: it at a shear angle of 85.4°.
+#: J₀, the area ratio det F below which a corner resists: that of fibres at right angles
+#: which do not stretch and are sheared by 85.4°.
 RESISTING = 0.08
 
 # J₁, below which b goes on as a parabola.
@@ -163,6 +162,7 @@ class Corners:
 class CornerTerm(LocalTerm):
     """The term of the corners, at work where they close and nowhere else."""
 
+    basis: CellBasis
     corners: Corners
 
     def acting(self, u: ndarray) -> CornerBasis | None:

@@ -99,7 +99,9 @@ class Ply:
         terms += self.formulation.stabilising_terms(self.basis, self.fabric)
         if (kappa := corner_stiffness(self.fabric)) > 0:
             forms = corner_resistance(kappa)
-            corners = CornerTerm("corners", forms, self.basis, corners=self.corners)
+            corners = CornerTerm(
+                name="corners", forms=forms, basis=self.basis, corners=self.corners
+            )
             terms.append(corners)
         return terms
 

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict
 from time import perf_counter
 from typing import Any
@@ -250,13 +250,13 @@ class LoadStepper:
             values = self.problem.constraints.fixed_values(t)
         except ValueError as error:
             raise self._stopped(error) from None
+        haste = self._path.in_haste(t - self._states[-1].load_factor)
+        strategies = [s for s in self.strategies if _easy(s)] if haste else []
         failures: dict[str, NoEquilibriumError] = {}
-        for problem, strategy, most in self._attempts(t):
+        for strategy in strategies or self.strategies:
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
-                    trial, hard = self._attempt(problem, strategy, t, values, most)
-            except CornersCloseError:
-                continue
+                    trial, hard = self._found(strategy, t, values, haste)
             except NoEquilibriumError as failure:
                 failures.setdefault(str(failure), failure)
             else:
@@ -267,19 +267,25 @@ class LoadStepper:
             next(iter(failures.values())).advice,
         )
 
-    def _attempts(self, t: float) -> Iterator[tuple[Problem, Strategy, int]]:
-        """What to try: the problem, the strategy, and its iterations at most.
+    def _found(
+        self, strategy: Strategy, t: float, values: ndarray, haste: bool
+    ) -> tuple[Trial, bool]:
+        """A state that a strategy finds, and whether it was hard to find.
 
-        Corners that are open do not resist on the way, so that it is the shortest.
+        On the way to a state in which all corners are open none resists: it is shorter.
         """
-        easy = getattr(self.strategies[0], "easy", None)
-        haste = easy and self._path.in_haste(t - self._states[-1].load_factor)
-        strategies = self.strategies[:1] if haste else self.strategies
-        if self.problem.corners_open(self._start.u):
-            open_corners = self.problem.without_corners()
-            yield open_corners, strategies[0], easy if haste else strategies[0].most
-        for strategy in strategies:
-            yield self.problem, strategy, easy if haste else strategy.most
+        problem, easy = self.problem, _easy(strategy)
+        most = min(easy, strategy.most) if haste and easy else strategy.most
+        if easy and problem.corners_open(self._start.u):
+            open_corners = problem.without_corners()
+            try:
+                return self._attempt(open_corners, strategy, t, values, most)
+            except CornersCloseError:
+                pass
+            except NoEquilibriumError:
+                if haste:
+                    raise
+        return self._attempt(problem, strategy, t, values, most)
 
     def _attempt(
         self, on: Problem, strategy: Strategy, t: float, values: ndarray, most: int
@@ -302,8 +308,7 @@ class LoadStepper:
         rise = sum(energies.values()) - sum(before.energies.values())
         trial = Trial(problem, found, self._start if step else None, rise, energies)
         trial.judge(self.warn_only)
-        easy = getattr(strategy, "easy", None)
-        return trial, easy is None or len(found.residuals) > easy
+        return trial, len(found.residuals) > (_easy(strategy) or 0)
 
     def _take(self, t: float, trial: Trial, hard: bool) -> None:
         """Keep a state, unless its step was hard and is to be taken again as two."""
@@ -408,6 +413,11 @@ def _strategy(strategy: str | Strategy) -> Strategy:
     if strategy.most < 1:
         raise ValueError(f"{strategy} must be allowed at least one iteration")
     return strategy
+
+
+def _easy(strategy: Strategy) -> int | None:
+    """Iterations at most of a step that is easy; None if their number does not tell."""
+    return getattr(strategy, "easy", None)
 
 
 def _among(elements: ndarray) -> str:

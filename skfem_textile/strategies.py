@@ -40,18 +40,13 @@ class Iterate(NamedTuple):
 class Strategy(Protocol):
     """A way to equilibrium, in ``most`` iterations at most.
 
-    A step that takes it no more than ``easy`` iterations follows the path of the load;
-    None if their number does not tell.  Its ``repr`` tells it from others where a checkpoint is resumed.
+    Its ``repr`` tells it from others where a checkpoint is resumed.  It may have a
+    number ``easy``: a step of no more iterations follows the path of the load.
     """
 
     @property
     def most(self) -> int:
         """Iterations at most."""
-        ...
-
-    @property
-    def easy(self) -> int | None:
-        """Iterations at most of a step that is easy."""
         ...
 
     def iterates(
@@ -107,7 +102,6 @@ class Descent:
 
     most: int = 100
     imperfection: float = 0.01
-    easy: ClassVar[None] = None
 
     def iterates(
         self, problem: Problem, start: Start, fixed_values: ndarray

@@ -42,8 +42,8 @@ class _Kind:
 class Sum:
     """The terms of a ply as functions of the displacement.
 
-    What the fibres do at a displacement, and where local terms are at work, is kept until
-    it is asked for another: the forces and the tangent of one state share it.
+    What the fibres do at a displacement, and where local terms are at work, is kept
+    until they are asked for another: forces and tangent of one state share it.
 
     Parameters
     ----------
@@ -95,9 +95,7 @@ class Sum:
             element_matrices(self._parts(kind, u, self._terms, given))
             for kind in self._kinds
         )
-        plain = (
-            _matrices(t, t.basis, u, _parameters(t, given)) for t in self._plain
-        )
+        plain = (_matrices(t, t.basis, u, _parameters(t, given)) for t in self._plain)
         blocks = self.pattern.sum(chain(fused, plain))
         for term in terms:
             if not isinstance(term, LocalTerm):

@@ -16,8 +16,8 @@ class Memory(Protocol):
     """What a term remembers of the last converged state.
 
     ``parameters`` are passed to its forms, ``work`` is what it has stored so far in
-    N·mm: the term's energy form gives the rest.  ``drift`` is the energy in N·mm that was
-    in doubt when it last changed: it depends on the length of the step.
+    N·mm: the term's energy form gives the rest.  ``drift`` is how much energy in N·mm
+    depends on the length of the last step.
     """
 
     parameters: dict[str, ndarray]
