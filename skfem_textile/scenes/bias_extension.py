@@ -225,7 +225,7 @@ def _sides(mesh: Mesh, theta: float, share: float) -> tuple[float, float]:
     if np.abs(mesh.p.min(axis=1)).max() > 1e-6 * H:
         raise MeshError("bias_extension: the lower left corner must be at the origin")
     low = 2 * W * float(np.tan(theta))
-    if H / low < 1 - 1e-9:
+    if H / low < 1 - 1e-6:  # as files round
         raise MeshError(
             f"bias_extension: a ply {W:g} mm wide with fibres at "
             f"{np.degrees(theta):g} degrees to its clamps must be at least {low:g} mm "
