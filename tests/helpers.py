@@ -1,7 +1,9 @@
 """What several tests need: distorted meshes and arbitrary states."""
 
+from itertools import pairwise
+
 import numpy as np
-from skfem import MeshQuad
+from skfem import MeshQuad, MeshTri
 
 from skfem_textile import Macro, Quadratic
 from skfem_textile.scenes.rectangle import rectangle
@@ -47,3 +49,37 @@ def derivative(function, x, direction, step=1e-5):
     """Central difference of ``function`` at ``x`` along ``direction``."""
     ahead, behind = function(x + step * direction), function(x - step * direction)
     return (ahead - behind) / (2 * step)
+
+
+def graded_along_fibres(width, theta, n, smallest) -> MeshTri:
+    """A bias extension of height 2W tan θ in triangles with edges along the fibres.
+
+    Of the lines along each family there are 6n + 1, densest at the kinks of the exact
+    motion, where their distance is this share of half of a fibre across the ply.
+    """
+    c, s = np.cos(theta), np.sin(theta)
+    steps = _growing(n, smallest)
+    third = np.cumsum([0.0, *steps, *steps[::-1]])
+    lines = np.unique(np.concatenate([third, third + 1, third + 2]).round(12))
+    X1, X2 = np.meshgrid(lines, lines - 1, indexing="ij")
+    inside = (X1 + X2 > -1e-9) & (X1 + X2 < 4 + 1e-9)
+    inside &= (X1 - X2 > -1e-9) & (X1 - X2 < 2 + 1e-9)
+    node = np.cumsum(inside).reshape(inside.shape) - 1
+    triangles = []
+    for i, j in np.ndindex(len(lines) - 1, len(lines) - 1):
+        cell = (i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)
+        kept = [node[corner] for corner in cell if inside[corner]]
+        triangles += [[kept[0], *pair] for pair in pairwise(kept[1:])]
+    p = width / (2 * c) * np.stack([c * (X1 - X2)[inside], s * (X1 + X2)[inside]])
+    return MeshTri(p, np.array(triangles).T)
+
+
+def _growing(n, smallest):
+    """n lengths that grow by the same ratio from the smallest, of the sum 1/2."""
+    low, high = 1.0, 100.0
+    for _ in range(100):
+        ratio = (low + high) / 2
+        too_long = smallest * np.sum(ratio ** np.arange(n)) > 0.5
+        low, high = (low, ratio) if too_long else (ratio, high)
+    steps = low ** np.arange(n)
+    return 0.5 * steps / steps.sum()

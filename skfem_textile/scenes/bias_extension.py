@@ -18,9 +18,9 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ..conditions import Condition
-from ..fabric import Law
+from ..fabric import Fabric, Law
 from ..meshes import MeshError, check_mesh, with_edges
-from .rectangle import rectangle
+from .rectangle import misfit, rectangle
 from .scene import Scene
 from .trellis import Motion
 
@@ -49,6 +49,8 @@ def bias_extension(
     mesh
         A mesh of the ply or of its left half, its lower left corner at the origin, or
         the kind of `rectangle` to make: W = `WIDTH`, H = 2W tan θ, or half of it.
+        The exact answer holds where it fills a rectangle whose boundaries ``bottom``
+        and ``top``, of the half also ``right``, are whole sides.
     size, jitter, seed
         Of the mesh to make.
     warp, weft
@@ -98,6 +100,8 @@ def bias_extension(
         displacement=motion.displacement,
         shear_angle=motion.shear_angle,
         load=lambda law, t: share * force(law, t * shear_angle, W, H, theta),
+        load_lost=lambda f, t: lost_to_stretch(f, t * shear_angle, W, H, theta),
+        misfit=misfit(mesh, _held(share)),
     )
 
 
@@ -131,6 +135,50 @@ def force(
     return float(work / (L * np.cos(inclination + gamma / 2)))
 
 
+def lost_to_stretch(
+    fabric: Fabric,
+    gamma: float,
+    width: float,
+    height: float,
+    inclination: float = np.pi / 4,
+) -> float:
+    """Estimate of the share of `force` that is lost because fibres do stretch.
+
+    The four fibres from the corners of the clamps to the sides carry most of the load
+    where no fibre stretches.  Stretch spreads each over a layer, which lowers the
+    energy by Φ = ln 4/(2π) N²/(sin 2θ √(E K)), N the force of the fibre at the corner
+    and K the resistance of the crossing fibres to turning, and the load by
+    x F = dΦ/dδ of the four.  The share is x/(1 + x): x to first order, and below one.
+
+    Parameters
+    ----------
+    fabric
+        Fibre stiffnesses E at rest, and shear law.
+    gamma, width, height, inclination
+        As for `force`.
+    """
+    sides = width, height, inclination
+    law, h = fabric.shear_law, 1e-4 * min(gamma, np.pi - 2 * inclination - gamma)
+    E = np.array([f.tension.tangent(np.zeros(1))[0] for f in fabric.families])
+    L = (height / np.sin(inclination) - width / np.cos(inclination)) / 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        after, before = (_layer(law, gamma + d, *sides) for d in (h, -h))
+        rate = np.sum(2 / np.sqrt(E)) * (after - before) / (2 * h)
+        x = rate / (L * np.cos(inclination + gamma / 2) * force(law, gamma, *sides))
+        share = x / (1 + np.abs(x))
+    return float(np.nan_to_num(share, nan=1.0))  # of what resists no stretch: all
+
+
+def _layer(law: Law, gamma: float, width: float, height: float, theta: float) -> float:
+    """Φ √E of one fibre that starts at a corner of a clamp."""
+    C, tangent = (f(np.array([gamma / 2]))[0] for f in (law.value, law.tangent))
+    F = force(law, gamma, width, height, theta)
+    N = F / (2 * np.sin(theta)) - width * C / (2 * np.cos(theta))
+    crossing = np.pi - 2 * theta - gamma / 2
+    K = (tangent + C / np.tan(crossing / 2)) / np.sin(crossing) ** 2
+    return np.log(4) / (2 * np.pi) * N**2 / (np.sin(2 * theta) * np.sqrt(K))
+
+
 def _inclination(warp: float, weft: float) -> float:
     """θ, of fibres that are mirror images in the direction of the pull."""
     theta = float(warp) % np.pi
@@ -162,9 +210,14 @@ def _motion(theta: float, gamma: float, width: float, height: float) -> Motion:
     )
 
 
+def _held(share: float) -> tuple[str, ...]:
+    """Sides that are held: both clamps, and of the half its axis."""
+    return ("bottom", "top") if share == 1 else ("bottom", "top", "right")
+
+
 def _sides(mesh: Mesh, theta: float, share: float) -> tuple[float, float]:
     """Width and height of the ply of which a mesh is this share, if it fits."""
-    for name in ("bottom", "top") if share == 1 else ("bottom", "top", "right"):
+    for name in _held(share):
         if name not in mesh.boundaries:
             raise MeshError(f"bias_extension: the mesh has no straight {name} edge")
     width, H = np.ptp(mesh.p, axis=1).tolist()
@@ -172,7 +225,7 @@ def _sides(mesh: Mesh, theta: float, share: float) -> tuple[float, float]:
     if np.abs(mesh.p.min(axis=1)).max() > 1e-6 * H:
         raise MeshError("bias_extension: the lower left corner must be at the origin")
     low = 2 * W * float(np.tan(theta))
-    if H / low < 1 - 1e-9:
+    if H / low < 1 - 1e-6:  # as files round
         raise MeshError(
             f"bias_extension: a ply {W:g} mm wide with fibres at "
             f"{np.degrees(theta):g} degrees to its clamps must be at least {low:g} mm "

@@ -1,5 +1,6 @@
 """Meshes of a rectangle, of quadrilaterals or triangles, regular or jittered."""
 
+from collections.abc import Iterable
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -11,6 +12,9 @@ from ..meshes import with_edges
 Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "delaunay"]
 
 KINDS: tuple[str, ...] = get_args(Kind)
+
+# As shares of the rectangle: how far an edge may be off a side, and the area off.
+_OFF = 1e-6
 
 
 def rectangle(
@@ -77,6 +81,47 @@ def rectangle(
     node = np.arange(x.size).reshape(x.shape)
     corners = node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]
     return with_edges(MeshQuad(points, np.stack([c.ravel() for c in corners])))
+
+
+def misfit(mesh: Mesh, sides: Iterable[str]) -> str:
+    """Why a mesh does not fill its bounding rectangle; empty where it does.
+
+    It does where every boundary edge lies on one of the four sides and the areas are
+    equal, both to a millionth: what a file with seven digits keeps.
+
+    Parameters
+    ----------
+    mesh
+        A mesh with named boundaries, its sides along the axes.
+    sides
+        Those of ``left``, ``bottom``, ``right`` and ``top`` of which the boundary of
+        this name must be the whole.
+    """
+    low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
+    boundary = mesh.boundary_facets()
+    ends, off = mesh.p[:, mesh.facets[:, boundary]], _OFF * (high - low)
+    on = {
+        side: (np.abs(ends[axis] - at[axis]) <= off[axis]).all(axis=0)
+        for side, axis, at in (
+            *(("left", 0, low), ("bottom", 1, low)),
+            *(("right", 0, high), ("top", 1, high)),
+        )
+    }
+    inside = ~np.any(list(on.values()), axis=0)
+    if inside.any():
+        return (
+            f"{inside.sum()} boundary edge(s) of the mesh lie on no side of its "
+            "bounding rectangle"
+        )
+    x, y = (mesh.p - low[:, None])[:, mesh.t]
+    cross = x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)
+    share = 0.5 * np.abs(cross.sum(axis=0)).sum() / np.prod(high - low)
+    if abs(share - 1) > _OFF:
+        return f"the area of the mesh is {share:g} of that of its bounding rectangle"
+    for side in sides:
+        if np.setxor1d(mesh.boundaries[side], boundary[on[side]]).size:
+            return f"the boundary {side!r} of the mesh is not the whole {side} side"
+    return ""
 
 
 def _delaunay(points: ndarray) -> MeshTri:

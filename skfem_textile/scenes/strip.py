@@ -12,7 +12,7 @@ from skfem import Mesh
 
 from ..conditions import Condition
 from ..meshes import MeshError, check_mesh, with_edges
-from .rectangle import rectangle
+from .rectangle import misfit, rectangle
 from .scene import Scene
 
 WIDTH, HEIGHT, RADIUS = 40.0, 60.0, 55.0
@@ -31,7 +31,8 @@ def strip(
     mesh
         A mesh with its bottom on y = 0 and less than 86 mm high, or the kind of
         `rectangle` to make.  Boundaries named ``bottom`` and ``right`` are used
-        where the mesh has them; else the lowest and the rightmost edges.
+        where the mesh has them; else the lowest and the rightmost edges.  The exact
+        answer holds where the mesh fills a rectangle of which these are whole sides.
     size, jitter, seed
         Of the mesh to make.
 
@@ -58,6 +59,7 @@ def strip(
         driven="right",
         displacement=displacement,
         shear_angle=lambda X, t: t * X[1] / RADIUS,
+        misfit=misfit(mesh, ("bottom", "right")),
     )
 
 

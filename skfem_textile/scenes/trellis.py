@@ -90,7 +90,8 @@ def trellis(
     Parameters
     ----------
     mesh
-        A mesh, or the kind of `rectangle` to make, a square of side `SIDE`.
+        A mesh, or the kind of `rectangle` to make, a square of side `SIDE`.  It may
+        have any outline and holes: their edges are held and follow the motion too.
     size, jitter, seed
         Of the mesh to make.
     warp, weft

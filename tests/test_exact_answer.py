@@ -1,0 +1,249 @@
+"""Where the exact answer of a scene holds, and what a summary says elsewhere."""
+
+import json
+
+import numpy as np
+import pytest
+from helpers import graded_along_fibres
+from skfem import MeshQuad, MeshTri
+
+from skfem_textile import (
+    Fabric,
+    Full,
+    Linear,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    Sin2,
+    cli,
+)
+from skfem_textile.io import read_mesh
+from skfem_textile.scenes import bias_extension, picture_frame, strip, trellis
+from skfem_textile.scenes.bias_extension import WIDTH, lost_to_stretch
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.scenes.trellis import sheared
+from skfem_textile.splitting import split
+
+EXACT = {
+    "displacement_error_rms",
+    "displacement_error_max",
+    "shear_angle_error_rms_deg",
+}
+LOAD = {"load_over_exact", "load_lost_to_fibre_stretch"}
+ON_NO_SIDE = "boundary edge(s) of the mesh lie on no side of its bounding rectangle"
+
+
+def solve(scene, formulation=None, E=1e6, law=0.5, steps=2):
+    fabric = Fabric(E, law, scene.warp, scene.weft)
+    ply = Ply(scene.mesh, fabric, formulation or OnePoint(5.0))
+    return scene.summary(LoadStepper(ply, scene.conditions, steps).run())
+
+
+def without(mesh, bad):
+    """A mesh without its elements whose centres are bad, and without names."""
+    centres = mesh.p[:, mesh.t].mean(axis=1)
+    rest = mesh.remove_elements(np.flatnonzero(bad(*centres)))
+    return MeshQuad(rest.p, rest.t)
+
+
+def with_hole(W, H, n=8):
+    x, y = W / 2, H / 2
+    return without(
+        rectangle(W, H, (n, 2 * n), "aligned"),
+        lambda X, Y: (abs(X - x) < W / 6) & (abs(Y - y) < H / 12),
+    )
+
+
+def with_missing_corner(W, H):
+    mesh = rectangle(W, H, (8, 16), "aligned")
+    return without(mesh, lambda X, Y: (X < W / 8) & (Y > 15 / 16 * H))
+
+
+def with_waist(W, H):
+    """Its left side bends in by a hundredth of the width."""
+    mesh = rectangle(W, H, (8, 16), "aligned")
+    x, y = mesh.p
+    bent = x + 0.01 * (W - x) * np.sin(np.pi * y / H)
+    return MeshQuad(np.stack([bent, y]), mesh.t)
+
+
+def with_crack(W, H):
+    """Two nodes in the place of one: the area is that of the rectangle."""
+    mesh = rectangle(W, H, (8, 16), "aligned")
+    node = int(np.linalg.norm(mesh.p - [[W / 2], [H / 2]], axis=0).argmin())
+    right = mesh.p[0, mesh.t].mean(axis=0) > mesh.p[0, node]
+    cells = np.where((mesh.t == node) & right, mesh.p.shape[1], mesh.t)
+    return MeshQuad(np.column_stack([mesh.p, mesh.p[:, node]]), cells)
+
+
+def twice(W, H):
+    """Two sheets on top of one another: the outline is that of the rectangle."""
+    mesh = rectangle(W, H, (8, 16), "aligned")
+    cells = np.column_stack([mesh.t, mesh.t + mesh.p.shape[1]])
+    return MeshQuad(np.column_stack([mesh.p, mesh.p]), cells)
+
+
+def with_half_a_clamp(W, H):
+    mesh = rectangle(W, H, (8, 16), "aligned")
+    return mesh.with_boundaries({"bottom": mesh.boundaries["bottom"][::2]})
+
+
+MISFITS = [
+    (with_hole, ON_NO_SIDE),
+    (with_missing_corner, ON_NO_SIDE),
+    (with_waist, ON_NO_SIDE),
+    (with_crack, ON_NO_SIDE),
+    (twice, "the area of the mesh is 2 of that of its bounding rectangle"),
+    (with_half_a_clamp, "boundary 'bottom' of the mesh is not the whole bottom side"),
+]
+
+
+@pytest.mark.parametrize(
+    ("scene", "sides"), [(bias_extension, (50, 100)), (strip, (40, 60))]
+)
+@pytest.mark.parametrize(("outline", "why"), MISFITS)
+def test_a_mesh_that_fills_no_rectangle_has_no_exact_answer(scene, sides, outline, why):
+    found = scene(outline(*sides))
+    for one in (found, found.rotated(np.radians(30.0))):
+        summary = solve(one)
+        assert not (EXACT | LOAD) & set(summary)
+        assert summary["exact_answer"].startswith("none: ")
+        assert summary["exact_answer"].endswith(why)
+        assert summary["converged"]
+        assert summary["reaction_y"] != 0
+
+
+def test_the_half_and_a_mesh_that_was_split_are_looked_at_too():
+    half = with_hole(25, 100)
+    for scene, formulation in (
+        (bias_extension(half, part="half"), OnePoint(5.0)),
+        (bias_extension(split(with_hole(50, 100))), Macro()),
+        (bias_extension(split(half), part="half"), Macro()),
+    ):
+        summary = solve(scene, formulation)
+        assert not (EXACT | LOAD) & set(summary)
+        assert summary["exact_answer"].endswith(ON_NO_SIDE)
+
+
+def triangles_with_nodes_inside(W, H):
+    """A Delaunay mesh whose nodes lie anywhere inside; its free sides are rounded."""
+    from scipy.spatial import Delaunay
+
+    sides, rng = rectangle(W, H, (6, 12), "aligned"), np.random.default_rng(1)
+    inside = rng.uniform([2, 2], [W - 2, H - 2], (60, 2)).T
+    p = np.column_stack([sides.p[:, sides.boundary_nodes()], inside])
+    cells = np.ascontiguousarray(Delaunay(p.T).simplices.T)
+    p[0] += rng.uniform(0, 2e-7 * W, p.shape[1]) * (p[1] > 0) * (p[1] < H)
+    return MeshTri(p, cells)
+
+
+@pytest.mark.parametrize("law", [Linear(0.5), Sin2(0.5)])
+@pytest.mark.parametrize("degrees", [0.0, 30.0])
+def test_a_rectangle_from_a_file_has_its_exact_answer(tmp_path, law, degrees):
+    triangles_with_nodes_inside(50, 100).save(tmp_path / "mesh.msh")
+    scene = bias_extension(read_mesh(tmp_path / "mesh.msh"))
+    summary = solve(scene.rotated(np.radians(degrees)), Macro(), law=law)
+    assert set(summary) >= EXACT | LOAD
+    assert "exact_answer" not in summary
+    assert summary["load_over_exact"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_every_mesh_that_a_scene_makes_fits():
+    for kind in ("aligned", "irregular", "horizontal", "vertical", "delaunay"):
+        assert strip(kind).misfit == ""
+        assert bias_extension(kind, part="half").misfit == ""
+        assert bias_extension(split(bias_extension(kind).mesh)).misfit == ""
+        steep = np.radians([54.0, 126.0])
+        assert bias_extension(kind, warp=steep[0], weft=steep[1]).misfit == ""
+
+
+@pytest.mark.parametrize("outline", [with_hole, with_missing_corner, with_waist])
+def test_a_frame_that_holds_every_edge_is_exact_on_any_outline(outline):
+    """A uniform shear is in equilibrium where the whole boundary follows it."""
+    for scene in (
+        picture_frame(outline(100, 100)),
+        trellis(outline(100, 100), turns=sheared(0.5)),
+    ):
+        summary = solve(scene.rotated(0.3), OnePoint(1.0), E=1e4)
+        assert summary["displacement_error_max"] < 1e-9
+        assert summary["shear_angle_error_rms_deg"] < 1e-7
+        assert "exact_answer" not in summary
+
+
+def test_a_bent_trellis_with_a_hole_converges_to_its_motion():
+    errors = []
+    for n in (6, 12, 24):
+        scene = trellis(with_hole(100, 100, n))
+        summary = solve(scene, Full(), E=1e4, law=0.0)
+        errors.append(summary["displacement_error_rms"])
+    assert errors[0] > 3.5 * errors[1] > 12 * errors[2]
+
+
+def test_the_command_line_says_once_why_there_is_no_exact_answer(tmp_path, capsys):
+    with_hole(50, 100).save(tmp_path / "mesh.vtk")
+    command = ["run", "bias_extension", "--mesh", str(tmp_path / "mesh.vtk")]
+    command += ["--shear-stiffness", "0.5", "--split", "quads", "--steps", "2"]
+    assert cli.main([*command, "--no-render", "--out", str(tmp_path / "out")]) == 0
+    out, err = capsys.readouterr()
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert (out + err).count(ON_NO_SIDE) == 1
+    assert summary["exact_answer"] in out
+    assert not (EXACT | LOAD) & set(summary)
+
+
+# θ and γ in degrees, E over the shear stiffness of 0.5 N/mm.
+STRETCHED = [
+    (45.0, 40.0, Linear(0.5), (2e4, 2e4)),
+    (45.0, 40.0, Linear(0.5), (2e4, 2e5)),
+    (45.0, 20.0, Linear(0.5), (2e5, 2e5)),
+    (45.0, 40.0, Sin2(0.5), (2e3, 2e3)),
+    (45.0, 40.0, Sin2(0.5), (2e5, 2e5)),
+    (30.0, 40.0, Linear(0.5), (2e5, 2e5)),
+    (35.0, 60.0, Linear(0.5), (2e5, 2e5)),
+    (52.5, 40.0, Linear(0.5), (2e4, 2e4)),
+    (60.0, 20.0, Linear(0.5), (2e4, 2e4)),
+]
+
+
+@pytest.mark.parametrize(("degrees", "shear", "law", "ratios"), STRETCHED)
+def test_the_load_lost_to_fibre_stretch_is_estimated_within_a_third(
+    degrees, shear, law, ratios
+):
+    """Beside meshes along the fibres, which do not lock, finest at their kinks."""
+    theta, E = np.radians(degrees), tuple(0.5 * ratio for ratio in ratios)
+    mesh = graded_along_fibres(WIDTH, theta, 5, 0.4 / np.sqrt(min(E)))
+    angles = {"warp": theta, "weft": np.pi - theta, "shear_angle": np.radians(shear)}
+    summary = solve(bias_extension(mesh, **angles), Quadratic(), E, law, steps=8)
+    lost = 1 - summary["load_over_exact"]
+    estimate = summary["load_lost_to_fibre_stretch"]
+    assert estimate == pytest.approx(lost, rel=1 / 3)
+    assert ("exact_answer" in summary) == (estimate > 0.01)
+
+
+def test_half_a_ply_loses_the_same_share_and_a_turned_one_too():
+    shares = [
+        solve(scene)["load_lost_to_fibre_stretch"]
+        for scene in (
+            bias_extension(size=(4, 8)),
+            bias_extension(size=(2, 8), part="half"),
+            bias_extension(size=(4, 8)).rotated(0.7),
+        )
+    ]
+    assert shares[0] == shares[1] == shares[2] > 0
+
+
+def test_the_summary_says_what_the_ratio_converges_to():
+    said = solve(bias_extension(size=(4, 8)), E=1e4)["exact_answer"]
+    assert said == (
+        "of fibres that do not stretch; stretch costs about 4 % of the load: "
+        "load_over_exact converges to about 0.96, not to 1"
+    )
+
+
+def test_fibres_without_stiffness_lose_all_of_the_load():
+    angle = np.radians(40.0)
+    assert lost_to_stretch(Fabric(0.0, 0.5), angle, 50.0, 100.0) == 1.0
+    assert lost_to_stretch(Fabric((0.0, 1e4), 0.5), angle, 50.0, 100.0) == 1.0
+    assert lost_to_stretch(Fabric(1e12, 0.5), angle, 50.0, 100.0) < 1e-5
