@@ -1,7 +1,7 @@
 """What keeps the corners of elements open: an energy of det F where it is near zero.
 
-A bilinear quadrilateral is unfolded if and only if det F is positive at its corners, and
-no point at which fibres or stabilisation are evaluated lies there.  So corners resist:
+A bilinear quadrilateral is unfolded if and only if det F is positive at its corners. No
+point at which fibres or stabilisation are evaluated lies there, so corners resist:
 
     κ Σ_corners A/n b(det F),   b(J) = ln³(J₀/J) where J < J₀, and 0 elsewhere,
 

@@ -172,12 +172,14 @@ def by_definition(case, problem):
     """The same from the plain program."""
 
     def energies(x):
-        """By the names of the terms; a further term of every ply is a line here."""
+        """By the names of the terms."""
         found = {"tension": case.tension(problem, x)}
         if problem.cloth.shear is not None:
             found["shear"] = plain.shear(problem.cloth, x, case.rule)
         if case.stabilisation is not None:
             found["stabilisation"] = case.stabilisation(problem, x)
+        if plain.corner_stiffness(problem.cloth) > 0:
+            found["corners"] = plain.corners(problem.cloth, x)
         return found
 
     derivatives = energies(plain.imaginary_moves(problem.x))
@@ -199,6 +201,27 @@ def test_energies_and_forces_are_those_of_the_definitions(case, seed):
     for name, expected in expected_forces.items():
         assert_close(forces[name], expected)
     assert_close(whole, expected_whole)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("name", ["energy", "macro both", "quadratic"])
+def test_corners_that_close_resist_as_defined(name, seed):
+    problem = random_problem(CASES[name], seed)
+    x = problem.x + closing_moves(problem, seed)
+    found = by_the_library(problem._replace(x=x))
+    expected = plain.corners(problem.cloth, x)
+    assert expected > 0
+    assert found[0]["corners"] == pytest.approx(expected.item(), rel=1e-9)
+    moved = plain.corners(problem.cloth, plain.imaginary_moves(x))
+    assert_close(found[1]["corners"], plain.derivative(moved))
+
+
+def closing_moves(problem, seed):
+    """Moves of the nodes by which some corners fold."""
+    moves = 0.05 * np.random.default_rng(seed).standard_normal(problem.x.shape)
+    while plain.smallest_det_F(problem.cloth, (problem.x + moves)[..., 0]) > -0.05:
+        moves *= 1.1
+    return moves
 
 
 def assert_close(forces, expected):
