@@ -10,7 +10,7 @@ parabola goes on, so that an iteration may pass through folded states; none of t
 counts as an answer.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -81,14 +81,15 @@ def corner_resistance(stiffness: float) -> Forms:
     return Forms(energy, residual, tangent)
 
 
-def corner_stiffness(fabric: Fabric) -> float:
-    """κ in N/mm: the shear stiffness at rest, and at least 10⁻⁵ of the fibres'."""
-    rest = np.zeros(1)
-    G, *E = (
-        float(law.tangent(rest)[0])
-        for law in (fabric.shear_law, *(f.tension for f in fabric.families))
-    )
-    return max(G, _OF_FIBRES * sum(E) / 2)
+def corner_stiffness(fabric: Fabric, basis: CellBasis) -> float:
+    """κ in N/mm: the shear stiffness at rest, and at least 10⁻⁵ of the fibres'.
+
+    Means over the points of a basis, as laws may differ there.
+    """
+    rest, warp, weft = np.zeros(basis.dx.shape), *fabric.families
+    laws = fabric.shear_law, warp.tension, weft.tension
+    G, E_1, E_2 = (float(np.mean(law.tangent(rest))) for law in laws)
+    return max(G, _OF_FIBRES * (E_1 + E_2) / 2)
 
 
 class CornerBasis(CellBasis):
@@ -158,12 +159,12 @@ class Corners:
         return ratio
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class CornerTerm(LocalTerm):
     """The term of the corners, at work where they close and nowhere else."""
 
-    basis: CellBasis
-    corners: Corners
+    basis: CellBasis = field(kw_only=True)
+    corners: Corners = field(kw_only=True)
 
     def acting(self, u: ndarray) -> CornerBasis | None:
         """Basis of the corners that resist at ``u``; None where all are open."""

@@ -1,10 +1,10 @@
 """Whether a run follows the path of its load, however many steps it takes.
 
 A ply may have several stable equilibria under one load.  A short step leads to the one
-that continues the path; a long one may lead to another.  The number of iterations tells
-them apart: a step that is easy stays on the path.  A hard one is halved, until its
-halves are easy or it is short; then its end is reached in one step and in two, and both
-must agree.
+that continues the path; a long one may lead to another.  Iterations that pass where the
+ply is not stable tell them apart.  A step of which they are few is easy, and stays on the
+path.  A hard one is halved, until its halves are easy or it is short; then its end is
+reached in one step and in two, and both must agree.
 """
 
 from collections.abc import Mapping
@@ -21,6 +21,9 @@ _SAME = 0.01
 # Share of the energy by which what a ply remembers may change it after a step: the load
 # of shear laws with a pole and of w = ½ G sin²Γ is then off by up to twice as much.
 _DRIFT = 0.005
+
+# Altered tangents at most on the way of an easy step.
+_EASY = 2
 
 # How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.
 _HALVINGS = 6
@@ -81,12 +84,15 @@ class Path:
         Load factors at which another number of steps may lead to another equilibrium.
     claims
         Where hard steps led that are being taken again, as two.
+    lost_until
+        Up to this load factor the path is not followed.
     """
 
     longest: float
     halvings: int
     unresolved: list[float] = field(default_factory=list)
     claims: list[Claim] = field(default_factory=list)
+    lost_until: float = 0.0
 
     @classmethod
     def of(cls, saved: Mapping[str, Any]) -> "Path":
@@ -98,18 +104,36 @@ class Path:
     def _short(self) -> float:
         return self.longest / 2.0 ** min(_HALVINGS, max(self.halvings - 2, 0))
 
-    def in_haste(self, step: float) -> bool:
-        """Whether a step is long enough to be halved as soon as it turns out hard."""
-        return step > 1.5 * self._short
+    def most_altered(self, step: float, t: float) -> float:
+        """How many altered tangents a step to ``t`` may take before it is halved."""
+        return _EASY if step > 1.5 * self._short and t > self.lost_until else np.inf
 
-    def doubts(self, step: float, state: State) -> bool:
-        """Whether a hard step is to be taken again as two; where it led is kept."""
-        if step > 0.75 * self._short and self.halvings:
+    def doubts(self, step: float, state: State, altered: int) -> bool:
+        """Whether a step is to be taken again as two; where it led is then kept."""
+        if altered <= _EASY:
+            return False
+        t = state.load_factor
+        if step > 0.75 * self._short and self.halvings and t > self.lost_until:
             self.claims.append(Claim.of(state))
             return True
         if not self.claims:
-            self.unresolved.append(state.load_factor)
+            self.unresolved.append(t)
         return False
+
+    def lost(self, goal: float) -> bool:
+        """Follow the path no more, up to a load factor, as short steps fail there.
+
+        Returns
+        -------
+        bool
+            Whether it was being followed.
+        """
+        if self.lost_until >= goal:
+            return False
+        self.lost_until = goal
+        self.claims.clear()
+        self.unresolved.append(goal)
+        return True
 
     def reached(self, state: State) -> None:
         """Compare a state with where hard steps to the same load factor led."""

@@ -96,14 +96,12 @@ class Ply:
             terms.append(Term("shear", shear(self.fabric), self.basis))
         if not terms:
             raise ValueError("the fabric has no stiffness: give it tension or shear")
-        terms += self.formulation.stabilising_terms(self.basis, self.fabric)
-        if (kappa := corner_stiffness(self.fabric)) > 0:
-            forms = corner_resistance(kappa)
-            corners = CornerTerm(
-                name="corners", forms=forms, basis=self.basis, corners=self.corners
+        if (kappa := corner_stiffness(self.fabric, self.basis)) > 0:
+            forms, corners = corner_resistance(kappa), self.corners
+            terms.append(
+                CornerTerm("corners", forms, basis=self.basis, corners=corners)
             )
-            terms.append(corners)
-        return terms
+        return terms + self.formulation.stabilising_terms(self.basis, self.fabric)
 
     @cached_property
     def _sum(self) -> Sum:
@@ -116,14 +114,15 @@ class Ply:
 
     def energies(self, u: ndarray) -> dict[str, float]:
         """Energy of each term in N·mm, by the name of the term."""
-        return {
-            t.name: self._sum.energy(u, t) + (t.memory.work if t.memory else 0.0)
-            for t in self.terms
-        }
+        return {term.name: self._energy(term, u) for term in self.terms}
 
-    def energy(self, u: ndarray) -> float:
-        """Internal energy in N·mm."""
-        return sum(self.energies(u).values())
+    def _energy(self, term: Term, u: ndarray) -> float:
+        stored = term.memory.work if term.memory else 0.0
+        return self._sum.energy(u, term) + stored
+
+    def energy(self, u: ndarray, corners: bool = True) -> float:
+        """Internal energy in N·mm; ``corners`` as for `residual`."""
+        return sum(self._energy(t, u) for t in self._acting(corners))
 
     def residuals(self, u: ndarray) -> dict[str, ndarray]:
         """Internal nodal forces of each term in N, by the name of the term."""

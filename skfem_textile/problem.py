@@ -95,7 +95,7 @@ class Problem:
 
     def energy(self, u: ndarray) -> float:
         """Internal energy, on the clock."""
-        return self.clock.time("assembly", self.ply.energy, u)
+        return self.clock.time("assembly", self.ply.energy, u, self.corners_resist)
 
     def residual(self, u: ndarray) -> ndarray:
         """Internal nodal forces, on the clock."""
@@ -170,6 +170,8 @@ class Problem:
 class Tangent:
     """Tangent of a problem, factorised on the free unknowns.
 
+    ``altered`` tells that it is not what the iteration wanted: that was indefinite.
+
     Parameters
     ----------
     problem
@@ -189,6 +191,7 @@ class Tangent:
         self, problem: Problem, u: ndarray, tension: ndarray | None = None
     ) -> None:
         self._problem, clock, system = problem, problem.clock, problem.system
+        self.altered = False
         stiffness = problem.ply.stiffness
         blocks = clock.time("assembly", stiffness, u, tension, problem.corners_resist)
         if not np.isfinite(blocks.sum()):

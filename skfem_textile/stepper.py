@@ -196,16 +196,18 @@ class LoadStepper:
         problem.ply.reset()
         if checkpoint:
             checkpoint.begin()
-        self._rest()
+        with np.errstate(all="ignore"):  # what is not finite is caught
+            self._rest()
 
     def _rest(self) -> None:
         """Keep the state at the load factor 0, in balance and held as the ply is."""
         problem, u = self.problem, self.problem.ply.basis.zeros()
-        f, tangent = problem.residual(u), tangent_at(problem, u)
-        unbalanced = problem.unbalanced(f)
+        f = problem.residual(u)
+        tangent, unbalanced = tangent_at(problem, u), problem.unbalanced(f)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
         undeformed = Equilibrium(u, f, (unbalanced,), tolerance)
         trial = Trial(problem, undeformed, energies=problem.ply.energies(u))
+        trial.tangent = tangent
         state = self._state(0.0, trial)
         self._start = Start(u, f, tangent)
         values = problem.constraints.fixed_values(0.0)
@@ -238,10 +240,12 @@ class LoadStepper:
                 try:
                     self._advance(ahead)
                 except NoEquilibriumError as failure:
-                    if ahead - t < 1.5 * shortest:
-                        raise
-                    log.info("step to %g halved: %s", ahead, failure)
                     self._length = 0.5 * (ahead - t)
+                    if self._length < 0.75 * shortest:
+                        if not self._path.lost(goal):
+                            raise
+                        self._length = longest
+                    log.info("step to %g failed, halved: %s", ahead, failure)
                     self._steps_cut += 1
 
     def _advance(self, t: float) -> None:
@@ -250,47 +254,38 @@ class LoadStepper:
             values = self.problem.constraints.fixed_values(t)
         except ValueError as error:
             raise self._stopped(error) from None
-        haste = self._path.in_haste(t - self._states[-1].load_factor)
-        strategies = [s for s in self.strategies if _easy(s)] if haste else []
         failures: dict[str, NoEquilibriumError] = {}
-        for strategy in strategies or self.strategies:
+        for strategy in self.strategies:
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
-                    trial, hard = self._found(strategy, t, values, haste)
+                    trial = self._found(strategy, t, values)
             except NoEquilibriumError as failure:
                 failures.setdefault(str(failure), failure)
             else:
-                return self._take(t, trial, hard)
+                return self._take(t, trial)
         raise NoEquilibriumError(
             f"no acceptable state at {t:.6g}: {'; '.join(failures)}",
             next((f.elements for f in failures.values() if f.elements.size), ()),
             next(iter(failures.values())).advice,
         )
 
-    def _found(
-        self, strategy: Strategy, t: float, values: ndarray, haste: bool
-    ) -> tuple[Trial, bool]:
-        """A state that a strategy finds, and whether it was hard to find.
+    def _found(self, strategy: Strategy, t: float, values: ndarray) -> Trial:
+        """A state that a strategy finds.
 
         On the way to a state in which all corners are open none resists: it is shorter.
         """
-        problem, easy = self.problem, _easy(strategy)
-        most = min(easy, strategy.most) if haste and easy else strategy.most
-        if easy and problem.corners_open(self._start.u):
-            open_corners = problem.without_corners()
+        problem, start = self.problem, self._start
+        if strategy is self.strategies[0] and problem.corners_open(start.u):
             try:
-                return self._attempt(open_corners, strategy, t, values, most)
+                return self._attempt(problem.without_corners(), strategy, t, values)
             except CornersCloseError:
                 pass
-            except NoEquilibriumError:
-                if haste:
-                    raise
-        return self._attempt(problem, strategy, t, values, most)
+        return self._attempt(problem, strategy, t, values)
 
     def _attempt(
-        self, on: Problem, strategy: Strategy, t: float, values: ndarray, most: int
-    ) -> tuple[Trial, bool]:
-        """A state that one strategy finds and that stands its trial; if it was hard."""
+        self, on: Problem, strategy: Strategy, t: float, values: ndarray
+    ) -> Trial:
+        """A state that one strategy finds and that stands its trial."""
         problem, before = self.problem, self._states[-1]
         name, step = type(strategy).__name__.lower(), t - before.load_factor
 
@@ -300,23 +295,29 @@ class LoadStepper:
             if self.on_iteration is not None:
                 self.on_iteration(told)
 
-        iterates = strategy.iterates(on, self._start, values)
-        found = balanced(on, iterates, values, most, report)
+        found = balanced(
+            on,
+            strategy.iterates(on, self._start, values),
+            values,
+            strategy.most,
+            self._path.most_altered(step, t),
+            report,
+        )
         if on is not problem and not problem.corners_open(found.u):
             raise CornersCloseError
         energies = problem.clock.time("assembly", problem.ply.energies, found.u)
         rise = sum(energies.values()) - sum(before.energies.values())
         trial = Trial(problem, found, self._start if step else None, rise, energies)
         trial.judge(self.warn_only)
-        return trial, len(found.residuals) > (_easy(strategy) or 0)
+        return trial
 
-    def _take(self, t: float, trial: Trial, hard: bool) -> None:
+    def _take(self, t: float, trial: Trial) -> None:
         """Keep a state, unless its step was hard and is to be taken again as two."""
         step, state = t - self._states[-1].load_factor, self._state(t, trial)
         if step == 0:
             self._states = []
-        elif hard and self._path.doubts(step, state):
-            raise NoEquilibriumError("hard, taken again as two")
+        elif self._path.doubts(step, state, trial.found.altered):
+            raise NoEquilibriumError("taken again as two, to compare")
         self._path.reached(state)
         self._keep(state, trial)
 
@@ -413,11 +414,6 @@ def _strategy(strategy: str | Strategy) -> Strategy:
     if strategy.most < 1:
         raise ValueError(f"{strategy} must be allowed at least one iteration")
     return strategy
-
-
-def _easy(strategy: Strategy) -> int | None:
-    """Iterations at most of a step that is easy; None if their number does not tell."""
-    return getattr(strategy, "easy", None)
 
 
 def _among(elements: ndarray) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
-from typing import ClassVar, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -40,8 +40,7 @@ class Iterate(NamedTuple):
 class Strategy(Protocol):
     """A way to equilibrium, in ``most`` iterations at most.
 
-    Its ``repr`` tells it from others where a checkpoint is resumed.  It may have a
-    number ``easy``: a step of no more iterations follows the path of the load.
+    Its ``repr`` tells it from others where a checkpoint is resumed.
     """
 
     @property
@@ -70,7 +69,6 @@ class Mixed:
 
     most: int = 30
     longest: float = 1.0
-    easy: ClassVar[int] = 8
 
     def iterates(
         self, problem: Problem, start: Start, fixed_values: ndarray
@@ -125,7 +123,6 @@ class Newton:
     """Newton's method as it stands: for small steps, and for comparison."""
 
     most: int = 20
-    easy: ClassVar[int] = 8
 
     def iterates(
         self, problem: Problem, start: Start, fixed_values: ndarray
@@ -147,12 +144,16 @@ STRATEGIES: dict[str, Strategy] = {
 
 
 class Equilibrium(NamedTuple):
-    """Where an iteration ended, and how it converged."""
+    """Where an iteration ended, and how it converged.
+
+    ``altered`` is the number of its tangents that had to be altered.
+    """
 
     u: ndarray
     f: ndarray
     residuals: tuple[float, ...]
     tolerance: float
+    altered: int = 0
 
 
 def balanced(
@@ -160,15 +161,17 @@ def balanced(
     iterates: Iterator[Iterate],
     fixed_values: ndarray,
     most: int,
+    most_altered: float = np.inf,
     report: Callable[[int, float, float], None] = lambda *_: None,
 ) -> Equilibrium:
     """Take iterates until the forces balance and the fixed unknowns have their values.
 
     Parameters
     ----------
-    problem, iterates, fixed_values, most
-        What to solve, the iterates of a strategy, the values of the fixed unknowns, and
-        how many iterates to take.
+    problem, iterates, fixed_values
+        What to solve, the iterates of a strategy, and the values of the fixed unknowns.
+    most, most_altered
+        How many iterates to take, and how many altered tangents.
     report
         Told the number of each iteration, its residual and its tolerance.
 
@@ -178,12 +181,16 @@ def balanced(
         If the iteration gives up, or the forces never balance.
     """
     residuals: list[float] = []
+    altered = 0
     for tangent, u, f in islice(iterates, most):
         residuals.append(problem.unbalanced(f))
         tolerance = tangent.tolerance(u, f)
         report(len(residuals), residuals[-1], tolerance)
+        altered += tangent.altered
+        if altered > most_altered:
+            raise NoEquilibriumError("the ply is not stable on the way")
         if residuals[-1] <= tolerance and problem.is_fixed(u, fixed_values):
-            return Equilibrium(u, f, tuple(residuals), tolerance)
+            return Equilibrium(u, f, tuple(residuals), tolerance, altered)
     raise NoEquilibriumError(
         f"{residuals[-1]:.2g} N unbalanced after {most} iterations, "
         f"tolerance {tolerance:.2g} N",
@@ -209,6 +216,7 @@ def definite(problem: Problem, u: ndarray, tension: ndarray) -> Tangent:
         else:
             if tangent.definite:
                 break
+    tangent.altered = share < 1 or not tangent.definite
     return tangent
 
 
