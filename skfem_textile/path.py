@@ -108,7 +108,9 @@ class Path:
         """How many altered tangents a step to ``t`` may take before it is halved."""
         return _EASY if step > 1.5 * self._short and t > self.lost_until else np.inf
 
-    def doubts(self, step: float, state: State, altered: int) -> bool:
+    def doubts(
+        self, step: float, state: State, altered: int, follows_path: bool
+    ) -> bool:
         """Whether a step is to be taken again as two; where it led is then kept."""
         if altered <= _EASY:
             return False
@@ -116,7 +118,7 @@ class Path:
         if step > 0.75 * self._short and self.halvings and t > self.lost_until:
             self.claims.append(Claim.of(state))
             return True
-        if not self.claims:
+        if not (follows_path and self.claims):
             self.unresolved.append(t)
         return False
 

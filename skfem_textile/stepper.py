@@ -254,22 +254,28 @@ class LoadStepper:
             values = self.problem.constraints.fixed_values(t)
         except ValueError as error:
             raise self._stopped(error) from None
+        step = t - self._states[-1].load_factor
+        most_altered = self._path.most_altered(step, t)
+        following = [s for s in self.strategies if _follows_path(s)]
+        strategies = following if np.isfinite(most_altered) else self.strategies
         failures: dict[str, NoEquilibriumError] = {}
-        for strategy in self.strategies:
+        for strategy in strategies or self.strategies:
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
-                    trial = self._found(strategy, t, values)
+                    trial = self._found(strategy, t, values, most_altered)
             except NoEquilibriumError as failure:
                 failures.setdefault(str(failure), failure)
             else:
-                return self._take(t, trial)
+                return self._take(t, trial, _follows_path(strategy))
         raise NoEquilibriumError(
             f"no acceptable state at {t:.6g}: {'; '.join(failures)}",
             next((f.elements for f in failures.values() if f.elements.size), ()),
             next(iter(failures.values())).advice,
         )
 
-    def _found(self, strategy: Strategy, t: float, values: ndarray) -> Trial:
+    def _found(
+        self, strategy: Strategy, t: float, values: ndarray, most_altered: float
+    ) -> Trial:
         """A state that a strategy finds.
 
         On the way to a state in which all corners are open none resists: it is shorter.
@@ -277,13 +283,19 @@ class LoadStepper:
         problem, start = self.problem, self._start
         if strategy is self.strategies[0] and problem.corners_open(start.u):
             try:
-                return self._attempt(problem.without_corners(), strategy, t, values)
+                none_resists = problem.without_corners()
+                return self._attempt(none_resists, strategy, t, values, most_altered)
             except CornersCloseError:
                 pass
-        return self._attempt(problem, strategy, t, values)
+        return self._attempt(problem, strategy, t, values, most_altered)
 
     def _attempt(
-        self, on: Problem, strategy: Strategy, t: float, values: ndarray
+        self,
+        on: Problem,
+        strategy: Strategy,
+        t: float,
+        values: ndarray,
+        most_altered: float,
     ) -> Trial:
         """A state that one strategy finds and that stands its trial."""
         problem, before = self.problem, self._states[-1]
@@ -300,7 +312,7 @@ class LoadStepper:
             strategy.iterates(on, self._start, values),
             values,
             strategy.most,
-            self._path.most_altered(step, t),
+            most_altered,
             report,
         )
         if on is not problem and not problem.corners_open(found.u):
@@ -311,12 +323,12 @@ class LoadStepper:
         trial.judge(self.warn_only)
         return trial
 
-    def _take(self, t: float, trial: Trial) -> None:
+    def _take(self, t: float, trial: Trial, follows_path: bool) -> None:
         """Keep a state, unless its step was hard and is to be taken again as two."""
         step, state = t - self._states[-1].load_factor, self._state(t, trial)
         if step == 0:
             self._states = []
-        elif self._path.doubts(step, state, trial.found.altered):
+        elif self._path.doubts(step, state, trial.found.altered, follows_path):
             raise NoEquilibriumError("taken again as two, to compare")
         self._path.reached(state)
         self._keep(state, trial)
@@ -414,6 +426,10 @@ def _strategy(strategy: str | Strategy) -> Strategy:
     if strategy.most < 1:
         raise ValueError(f"{strategy} must be allowed at least one iteration")
     return strategy
+
+
+def _follows_path(strategy: Strategy) -> bool:
+    return getattr(strategy, "follows_path", True)
 
 
 def _among(elements: ndarray) -> str:

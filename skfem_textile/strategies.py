@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -40,7 +40,9 @@ class Iterate(NamedTuple):
 class Strategy(Protocol):
     """A way to equilibrium, in ``most`` iterations at most.
 
-    Its ``repr`` tells it from others where a checkpoint is resumed.
+    Its ``repr`` tells it from others where a checkpoint is resumed.  Where it goes
+    downhill from states that are not stable, to wherever that leads, it may say so by
+    ``follows_path = False``.
     """
 
     @property
@@ -100,6 +102,7 @@ class Descent:
 
     most: int = 100
     imperfection: float = 0.01
+    follows_path: ClassVar[bool] = False
 
     def iterates(
         self, problem: Problem, start: Start, fixed_values: ndarray
