@@ -240,13 +240,15 @@ class LoadStepper:
                 try:
                     self._advance(ahead)
                 except NoEquilibriumError as failure:
-                    self._length = 0.5 * (ahead - t)
-                    if self._length < 0.75 * shortest:
-                        if not self._path.lost(goal):
-                            raise
+                    if ahead - t > 1.5 * shortest:
+                        log.info("step to %g failed, halved: %s", ahead, failure)
+                        self._length = 0.5 * (ahead - t)
+                        self._steps_cut += 1
+                    elif self._path.lost(goal):
+                        log.info("step to %g failed, however short: %s", ahead, failure)
                         self._length = longest
-                    log.info("step to %g failed, halved: %s", ahead, failure)
-                    self._steps_cut += 1
+                    else:
+                        raise
 
     def _advance(self, t: float) -> None:
         """Find a state at the load factor ``t`` and keep it."""
@@ -387,7 +389,7 @@ class LoadStepper:
             "elapsed": perf_counter() - self._began,
             "length": self._length,
             "steps_cut": self._steps_cut,
-            "path": asdict(self._path),
+            "path": self._path.saved(),
         }
         try:
             self._checkpoint.save(len(self._states), state, progress)
