@@ -112,14 +112,24 @@ class Path:
         """How many altered tangents a step to ``t`` may take before it is halved."""
         return _EASY if step > 1.5 * self._short and t > self.lost_until else np.inf
 
-    def doubts(
-        self, step: float, state: State, altered: int, follows_path: bool
-    ) -> bool:
-        """Whether a step is to be taken again as two; where it led is then kept."""
-        if altered <= _EASY:
+    def doubts(self, step: float, state: State, altered: int, stays: bool) -> bool:
+        """Whether a step is to be taken again as two; where it led is then kept.
+
+        Parameters
+        ----------
+        step
+            Length of the step.
+        state
+            Where it led.
+        altered
+            Tangents that were altered on the way.
+        stays
+            Whether what found the state stays on the path.
+        """
+        if stays and altered <= _EASY:
             return False
         t = state.load_factor
-        if not follows_path:
+        if not stays:
             self._doubt(t)
         if step > 0.75 * self._short and self.halvings and t > self.lost_until:
             self.claims.append(Claim.of(state))

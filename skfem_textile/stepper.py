@@ -144,7 +144,7 @@ class LoadStepper:
         CheckpointError
             If the checkpoint is damaged, or of another run.
         ValueError
-            If there is no checkpoint to resume from.
+            If there is no checkpoint to resume from, or a law is not finite at rest.
         """
         if resume and not self._checkpoint:
             raise ValueError("no checkpoint to resume from: name its folder")
@@ -202,11 +202,13 @@ class LoadStepper:
     def _rest(self) -> None:
         """Keep the state at the load factor 0, in balance and held as the ply is."""
         problem, u = self.problem, self.problem.ply.basis.zeros()
-        f = problem.residual(u)
+        f, energies = problem.residual(u), problem.ply.energies(u)
+        if not (np.isfinite(f).all() and np.isfinite(list(energies.values())).all()):
+            raise ValueError("a law has no finite energy or force at rest: mend it")
         tangent, unbalanced = tangent_at(problem, u), problem.unbalanced(f)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
         undeformed = Equilibrium(u, f, (unbalanced,), tolerance)
-        trial = Trial(problem, undeformed, energies=problem.ply.energies(u))
+        trial = Trial(problem, undeformed, energies=energies)
         trial.tangent = tangent
         state = self._state(0.0, trial)
         self._start = Start(u, f, tangent)
@@ -268,7 +270,8 @@ class LoadStepper:
             except NoEquilibriumError as failure:
                 failures.setdefault(str(failure), failure)
             else:
-                return self._take(t, trial, _follows_path(strategy))
+                stays = not failures or _follows_path(strategy)
+                return self._take(t, trial, stays)
         raise NoEquilibriumError(
             f"no acceptable state at {t:.6g}: {'; '.join(failures)}",
             next((f.elements for f in failures.values() if f.elements.size), ()),
@@ -325,12 +328,12 @@ class LoadStepper:
         trial.judge(self.warn_only)
         return trial
 
-    def _take(self, t: float, trial: Trial, follows_path: bool) -> None:
+    def _take(self, t: float, trial: Trial, stays: bool) -> None:
         """Keep a state, unless its step was hard and is to be taken again as two."""
         step, state = t - self._states[-1].load_factor, self._state(t, trial)
         if step == 0:
             self._states = []
-        elif self._path.doubts(step, state, trial.found.altered, follows_path):
+        elif self._path.doubts(step, state, trial.found.altered, stays):
             raise NoEquilibriumError("taken again as two, to compare")
         self._path.reached(state)
         self._keep(state, trial)

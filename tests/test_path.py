@@ -76,10 +76,10 @@ def state(t, energy, force):
 def test_a_hard_step_and_its_halves_must_agree_to_1_per_cent(energy, force, resolved):
     path = Path(longest=1.0, halvings=8)
     step = 2.0**-6
-    assert path.doubts(step, state(step, 1.0, 2.0), altered=3, follows_path=True)
+    assert path.doubts(step, state(step, 1.0, 2.0), altered=3, stays=True)
     assert path.until(1.0) == step
     half = state(step / 2, 0.5, 1.0)
-    assert not path.doubts(step / 2, half, altered=3, follows_path=True)
+    assert not path.doubts(step / 2, half, altered=3, stays=True)
     path.reached(half)
     path.reached(state(step, energy, force))
     assert (not path.unresolved) == resolved
@@ -88,7 +88,7 @@ def test_a_hard_step_and_its_halves_must_agree_to_1_per_cent(energy, force, reso
 
 def test_a_path_is_saved_and_taken_up_again():
     path = Path(longest=1.0, halvings=8, unresolved=[0.5])
-    path.doubts(2.0**-6, state(2.0**-6, 1.0, 2.0), altered=3, follows_path=True)
+    path.doubts(2.0**-6, state(2.0**-6, 1.0, 2.0), altered=3, stays=True)
     kept = json.loads(json.dumps(path.saved()))
     assert Path.of(kept) == path
 
