@@ -18,8 +18,8 @@ from .result import State
 # Energies and reactions that differ by a smaller share are of one state.
 _SAME = 0.01
 
-# Share of the energy by which what a ply remembers may change it after a step: the load
-# of shear laws with a pole and of w = ½ G sin²Γ is then off by up to twice as much.
+# Share of the energy that may depend on the length of the last step: the load is off by
+# up to twice as much (tests/test_path.py).
 _DRIFT = 0.005
 
 # Altered tangents at most on the way of an easy step.

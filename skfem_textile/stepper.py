@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 #: What a step tries and which checks only warn, unless told otherwise.
 DEFAULT_STRATEGIES = "mixed", "descent"
-DEFAULT_WARN_ONLY = "work", "stabilisation"
+DEFAULT_WARN_ONLY = "work", "stabilisation", "corners"
 
 # After a step of no more linear solves than this the next may be twice as long.
 _EASY = 6

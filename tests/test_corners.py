@@ -5,7 +5,16 @@ import pytest
 from helpers import derivative, distorted, distorted_for, one_quad, wobble
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply, Quadratic
+from skfem_textile import (
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    corners,
+)
 from skfem_textile.corners import RESISTING, resistance
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.splitting import split
@@ -95,6 +104,15 @@ def ends_unfolded(ply, conditions, steps):
 @pytest.mark.parametrize("seed", [0, 3, 7, 21])
 def test_strips_with_little_stabilisation_end_unfolded(seed):
     """Without resistance these end with a corner at det F < 0, or not at all."""
+    scene = strip(size=(6, 9), seed=seed)
+    ply = Ply(scene.mesh, Fabric(1e4), OnePoint(1.0))
+    ends_unfolded(ply, scene.conditions, 5)
+
+
+@pytest.mark.parametrize("scale", [0.1, 10.0])
+@pytest.mark.parametrize("seed", [0, 3])
+def test_how_stiff_corners_are_decides_little(scale, seed, monkeypatch):
+    monkeypatch.setattr(corners, "_OF_FIBRES", scale * corners._OF_FIBRES)
     scene = strip(size=(6, 9), seed=seed)
     ply = Ply(scene.mesh, Fabric(1e4), OnePoint(1.0))
     ends_unfolded(ply, scene.conditions, 5)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import Locking
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -17,23 +18,6 @@ from skfem_textile import (
 )
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.splitting import cut, split
-
-
-class Locking:
-    """A shear law with a pole: w = −½ G a² ln(1 − (Γ/a)²)."""
-
-    def __init__(self, stiffness, angle):
-        self.G, self.a = stiffness, angle
-
-    def energy(self, x):
-        return -0.5 * self.G * self.a**2 * np.log(1 - (x / self.a) ** 2)
-
-    def value(self, x):
-        return self.G * x / (1 - (x / self.a) ** 2)
-
-    def tangent(self, x):
-        share = (x / self.a) ** 2
-        return self.G * (1 + share) / (1 - share) ** 2
 
 
 class Pretensioned:
