@@ -163,7 +163,7 @@ class Path:
 
     def drifted(self, state: State, drift: float) -> None:
         """Doubt a state if what the ply remembers changed much of its energy."""
-        if drift > _DRIFT * sum(state.energies.values()):
+        if drift > _DRIFT * abs(sum(state.energies.values())):
             self._doubt(state.load_factor)
 
     def _doubt(self, t: float) -> None:
