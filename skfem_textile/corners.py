@@ -123,6 +123,10 @@ class CornerBasis(CellBasis):
 class Corners:
     """The nodes of the elements of a basis, at which det F tells whether they fold.
 
+    det F = det(∂x/∂ξ) / det(∂X/∂ξ): at a corner the columns of ∂x/∂ξ are edges of the
+    element.  That takes half the time of F itself, and the last answer is kept, because
+    every iteration and every state asks.
+
     Parameters
     ----------
     basis
@@ -142,6 +146,7 @@ class Corners:
         own = reference * np.sign(reference.sum(axis=0))
         self._reflex = own <= _FLAT * own.max(axis=0)
         self._per_area = 1 / np.where(self._reflex, np.inf, reference)
+        self._kept = np.empty(0), np.empty(0)
 
     def area_ratio(self, u: ndarray) -> ndarray:
         """Current area per reference area, det F, shape (n_points, n_elements).
@@ -149,6 +154,9 @@ class Corners:
         Infinite at a corner that is flat or reflex in the reference configuration,
         where det F tells nothing.
         """
+        last, ratio = self._kept
+        if np.array_equal(last, u):
+            return ratio
         edges = self._edges @ (self._X + u).view(complex)[self._nodes]
         ratio = np.empty_like(self._per_area)
         for i, (xi, eta) in enumerate(self._pairs):
@@ -156,12 +164,13 @@ class Corners:
             ratio[i] -= edges[xi].imag * edges[eta].real
         ratio *= self._per_area
         ratio[self._reflex] = np.inf
+        self._kept = u.copy(), ratio
         return ratio
 
 
 @dataclass(frozen=True, eq=False)
 class CornerTerm(LocalTerm):
-    """The term of the corners, at work where they close and nowhere else."""
+    """The term of the corners, which acts where they close and nowhere else."""
 
     basis: CellBasis = field(kw_only=True)
     corners: Corners = field(kw_only=True)

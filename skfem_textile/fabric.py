@@ -21,9 +21,10 @@ class Law(Protocol):
     for shear ``x`` is the shear angle Γ in radians and ``value`` the shear
     moment M_s in N/mm.  All three take and return arrays.
 
-    A law may end at a pole, such as a locking angle: beyond it its energy must not be
-    finite, and the load stepper keeps out.  One that is finite everywhere may say so,
-    ``domain = (-inf, inf)``, which saves the load stepper from asking.
+    A law may have a ``domain``, the least and the largest x for which it holds: no
+    state beyond it is an answer.  One that says nothing ends where its energy is not
+    finite, such as past a pole; one that holds everywhere, ``(-inf, inf)``, saves the
+    load stepper from asking.
     """
 
     def energy(self, x: ndarray) -> ndarray:
@@ -170,10 +171,30 @@ class Fabric:
 
     @property
     def unbounded(self) -> bool:
-        """Whether every law says that it is finite everywhere."""
+        """Whether every law says that it holds everywhere."""
         laws = (self.shear_law, *(family.tension for family in self.families))
         everywhere = (-np.inf, np.inf)
-        return all(getattr(law, "domain", None) == everywhere for law in laws)
+        return all(tuple(getattr(law, "domain", ())) == everywhere for law in laws)
+
+    def in_domain(self, strain: ndarray, angle: ndarray) -> bool:
+        """Whether no law is asked beyond the domain that it states.
+
+        Parameters
+        ----------
+        strain
+            Fibre strains of warp and weft, shape (2, ...).
+        angle
+            Shear angles in radians.
+        """
+        warp, weft = self.families
+        pairs = zip(
+            (warp.tension, weft.tension, self.shear_law), (*strain, angle), strict=True
+        )
+        return all(
+            low <= x.min() and x.max() <= high
+            for law, x in pairs
+            for low, high in [getattr(law, "domain", (-np.inf, np.inf))]
+        )
 
     def directions(
         self, x: ndarray, element: ndarray | None = None

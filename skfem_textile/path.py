@@ -23,14 +23,14 @@ _SAME = 0.01
 _DRIFT = 0.005
 
 # Altered tangents at most on the way of an easy step.
-_EASY = 2
+_MOST_ALTERED = 2
 
 # How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.
-_HALVINGS = 6
+_PATH_HALVINGS = 6
 
 
-class Claim(NamedTuple):
-    """Where a hard step led.
+class StepEnd(NamedTuple):
+    """The state to which a hard step led, as far as it is compared.
 
     Attributes
     ----------
@@ -49,8 +49,8 @@ class Claim(NamedTuple):
     force_error: float
 
     @classmethod
-    def of(cls, state: State) -> "Claim":
-        """What is told of a state."""
+    def of(cls, state: State) -> "StepEnd":
+        """The end of a step to a state."""
         return cls(
             state.load_factor,
             sum(state.energies.values()),
@@ -59,7 +59,7 @@ class Claim(NamedTuple):
             state.tolerance * state.u.size,
         )
 
-    def agrees(self, other: "Claim") -> bool:
+    def agrees(self, other: "StepEnd") -> bool:
         """Whether both are of one state."""
         ours, theirs = np.array(self.reactions), np.array(other.reactions)
         force = np.abs([ours, theirs]).max()
@@ -82,17 +82,17 @@ class Path:
         How often it may be halved.
     unresolved
         Load factors at which another number of steps may lead to another equilibrium.
-    claims
-        Where hard steps led that are being taken again, as two.
-    lost_until
+    to_compare
+        Ends of hard steps that are being taken again, as two.
+    not_followed_until
         Up to this load factor the path is not followed.
     """
 
     longest: float
     halvings: int
     unresolved: list[float] = field(default_factory=list)
-    claims: list[Claim] = field(default_factory=list)
-    lost_until: float = -1.0
+    to_compare: list[StepEnd] = field(default_factory=list)
+    not_followed_until: float = -1.0
 
     def saved(self) -> dict[str, Any]:
         """What a checkpoint keeps."""
@@ -101,18 +101,24 @@ class Path:
     @classmethod
     def of(cls, saved: Mapping[str, Any]) -> "Path":
         """The path that a checkpoint holds."""
-        claims = [Claim(*past) for past in saved["claims"]]
-        return cls(**{**saved, "claims": claims})
+        to_compare = [StepEnd(*past) for past in saved["to_compare"]]
+        return cls(**{**saved, "to_compare": to_compare})
 
     @property
     def _short(self) -> float:
-        return self.longest / 2.0 ** min(_HALVINGS, max(self.halvings - 2, 0))
+        return self.longest / 2.0 ** min(_PATH_HALVINGS, max(self.halvings - 2, 0))
 
     def most_altered(self, step: float, t: float) -> float:
         """How many altered tangents a step to ``t`` may take before it is halved."""
-        return _EASY if step > 1.5 * self._short and t > self.lost_until else np.inf
+        return (
+            _MOST_ALTERED
+            if step > 1.5 * self._short and t > self.not_followed_until
+            else np.inf
+        )
 
-    def doubts(self, step: float, state: State, altered: int, stays: bool) -> bool:
+    def must_repeat(
+        self, step: float, state: State, altered: int, followed_path: bool
+    ) -> bool:
         """Whether a step is to be taken again as two; where it led is then kept.
 
         Parameters
@@ -123,53 +129,53 @@ class Path:
             Where it led.
         altered
             Tangents that were altered on the way.
-        stays
-            Whether what found the state stays on the path.
+        followed_path
+            Whether ``altered`` tells if the state is on the path.
         """
-        if stays and altered <= _EASY:
+        if followed_path and altered <= _MOST_ALTERED:
             return False
         t = state.load_factor
-        if not stays:
-            self._doubt(t)
-        if step > 0.75 * self._short and self.halvings and t > self.lost_until:
-            self.claims.append(Claim.of(state))
+        if not followed_path:
+            self._mark(t)
+        if step > 0.75 * self._short and self.halvings and t > self.not_followed_until:
+            self.to_compare.append(StepEnd.of(state))
             return True
-        if not self.claims:
-            self._doubt(t)
+        if not self.to_compare:
+            self._mark(t)
         return False
 
-    def lost(self, goal: float) -> bool:
-        """Follow the path no more, up to a load factor, as short steps fail there.
+    def stop_following(self, goal: float) -> bool:
+        """Take steps as they come up to a load factor, because short ones fail.
 
         Returns
         -------
         bool
             Whether it was being followed.
         """
-        if self.lost_until >= goal or self._short == self.longest:
+        if self.not_followed_until >= goal or self._short == self.longest:
             return False
-        self.lost_until = goal
-        self.claims.clear()
+        self.not_followed_until = goal
+        self.to_compare.clear()
         return True
 
     def reached(self, state: State) -> None:
-        """Compare a state with where hard steps to the same load factor led."""
-        if state.load_factor <= self.lost_until:
-            self._doubt(state.load_factor)
-        for past in [c for c in self.claims if c.load_factor == state.load_factor]:
-            self.claims.remove(past)
-            if not past.agrees(Claim.of(state)):
-                self._doubt(state.load_factor)
+        """Compare a state with the ends of hard steps to the same load factor."""
+        if state.load_factor <= self.not_followed_until:
+            self._mark(state.load_factor)
+        for past in [c for c in self.to_compare if c.load_factor == state.load_factor]:
+            self.to_compare.remove(past)
+            if not past.agrees(StepEnd.of(state)):
+                self._mark(state.load_factor)
 
     def drifted(self, state: State, drift: float) -> None:
-        """Doubt a state if what the ply remembers changed much of its energy."""
+        """Mark a state if what the ply remembers changed much of its energy."""
         if drift > _DRIFT * abs(sum(state.energies.values())):
-            self._doubt(state.load_factor)
+            self._mark(state.load_factor)
 
-    def _doubt(self, t: float) -> None:
+    def _mark(self, t: float) -> None:
         if t not in self.unresolved:
             self.unresolved.append(t)
 
     def until(self, goal: float) -> float:
         """The load factor that the next step must not pass."""
-        return min([goal, *(past.load_factor for past in self.claims)])
+        return min([goal, *(past.load_factor for past in self.to_compare)])

@@ -151,8 +151,12 @@ class Problem:
         return bool((off <= 8 * _ROUND_OFF * size).all())
 
     def in_domain(self, u: ndarray) -> bool:
-        """Whether every law has a finite energy at ``u``."""
-        return self.ply.fabric.unbounded or bool(np.isfinite(self.energy(u)))
+        """Whether every law holds at ``u``, and has a finite energy."""
+        ply = self.ply
+        if ply.fabric.unbounded:
+            return True
+        inside = ply.fabric.in_domain(ply.law_strain(u), ply.shear_angle(u))
+        return inside and bool(np.isfinite(self.energy(u)))
 
     def area_ratio(self, u: ndarray) -> ndarray:
         """Smallest det F of each element at its nodes and the ply's fine points."""

@@ -114,7 +114,7 @@ class Result:
 
     @property
     def path_resolved(self) -> bool:
-        """Whether more steps would lead to the same equilibrium."""
+        """Whether no step gave reason to doubt that more steps lead to the same end."""
         return not self.unresolved
 
     @property
@@ -156,10 +156,10 @@ class Result:
 
         ``max_fibre_strain`` is the largest magnitude that the law of tension sees,
         ``max_fibre_tension`` and ``max_shear_angle_deg`` are those at the ply's own
-        points.  ``min_det_F`` and ``mesh_fibre_strain`` are taken at the ply's fine
-        points: the 2×2 points for every formulation of quadrilaterals, six points of
-        quadratic triangles.  ``mesh_fibre_strain`` is a measure of the mesh, not of
-        what fibres carry.
+        points.  ``mesh_fibre_strain`` is taken at the ply's fine points, the 2×2 points
+        of quadrilaterals or six points of quadratic triangles, and ``min_det_F`` at
+        the nodes of the elements too.  ``mesh_fibre_strain`` is a measure of the mesh,
+        not of what fibres carry.
         """
         ply, u, verdict = self.ply, self.u, self.states[-1].verdict
         return {

@@ -12,6 +12,8 @@ from .result import Iteration
 from .strategies import STRATEGIES, Start, Strategy, balanced
 from .verdict import Trial
 
+_AT_REST = "less tension or compression at rest, or more shear stiffness"
+
 
 class Goal(NamedTuple):
     """What to reach, and from where.
@@ -66,7 +68,7 @@ class Search:
         """
         strategies = self.strategies
         if np.isfinite(goal.most_altered):
-            strategies = [s for s in strategies if follows_path(s)] or strategies
+            strategies = [s for s in strategies if follows_path(s)]
         failures: dict[str, NoEquilibriumError] = {}
         for strategy in strategies:
             try:
@@ -75,11 +77,12 @@ class Search:
             except NoEquilibriumError as failure:
                 failures.setdefault(str(failure), failure)
             else:
-                return trial, not failures or follows_path(strategy)
+                return trial, follows_path(strategy)
+        advice = next(iter(failures.values())).advice
         raise NoEquilibriumError(
             f"no acceptable state at {goal.load_factor:.6g}: {'; '.join(failures)}",
             next((f.elements for f in failures.values() if f.elements.size), ()),
-            next(iter(failures.values())).advice,
+            advice if goal.load_factor else _AT_REST,
         )
 
     def _found(self, strategy: Strategy, goal: Goal) -> Trial:
@@ -116,7 +119,7 @@ class Search:
         rise = sum(energies.values()) - goal.energy
         start = goal.start if goal.step else None
         trial = Trial(problem, found, start, rise, energies)
-        trial.judge(self.warn_only)
+        trial.apply_checks(self.warn_only)
         return trial
 
 
@@ -142,5 +145,5 @@ def strategy_of(strategy: str | Strategy) -> Strategy:
 
 
 def follows_path(strategy: Strategy) -> bool:
-    """Whether a strategy does not go downhill from states that are not stable."""
-    return getattr(strategy, "follows_path", True)
+    """Whether the tangents that a strategy alters tell if it stays on the path."""
+    return getattr(strategy, "follows_path", False)

@@ -17,7 +17,7 @@ from .path import Path
 from .ply import Ply
 from .problem import Clock, NoEquilibriumError, Problem, tangent_at
 from .result import Iteration, Result, State, StepError
-from .search import Goal, Search, strategy_of
+from .search import Goal, Search, follows_path, strategy_of
 from .strategies import STRATEGIES, Equilibrium, Start, Strategy
 from .verdict import CHECKS, Trial
 
@@ -28,7 +28,7 @@ DEFAULT_STRATEGIES = "mixed", "descent"
 DEFAULT_WARN_ONLY = "work", "stabilisation", "corners"
 
 # After a step of no more linear solves than this the next may be twice as long.
-_EASY = 6
+_EASY_SOLVES = 6
 
 
 class LoadStepper:
@@ -187,7 +187,8 @@ class LoadStepper:
         problem, checkpoint = self.problem, self._checkpoint
         problem.clock, self._began = Clock(), perf_counter()
         self._length, self._steps_cut, self._states = self.load_factors[0], 0, []
-        self._path = Path(self._length, self.max_halvings)
+        follows = any(map(follows_path, self._search.strategies))
+        self._path = Path(self._length, self.max_halvings if follows else 0)
         saved = checkpoint.load() if checkpoint and resume else None
         if saved:
             self._go_on(saved)
@@ -201,7 +202,10 @@ class LoadStepper:
             self._rest()
 
     def _rest(self) -> None:
-        """Keep the state at the load factor 0, in balance and held as the ply is."""
+        """Keep the state at the load factor 0: balanced, and held as conditions ask.
+
+        A ply at rest may have motions without stiffness, but none that gains energy.
+        """
         problem, u = self.problem, self.problem.ply.basis.zeros()
         f, energies = problem.residual(u), problem.ply.energies(u)
         if not (np.isfinite(f).all() and np.isfinite(list(energies.values())).all()):
@@ -214,7 +218,8 @@ class LoadStepper:
         state = self._state(0.0, trial)
         self._start = Start(u, f, tangent)
         values = problem.constraints.fixed_values(0.0)
-        if unbalanced <= tolerance and problem.is_fixed(u, values):
+        balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
+        if balanced and not state.verdict.negative_pivots:
             self._keep(state, trial)
         else:
             self._states = [state]  # until the ply is in balance
@@ -241,20 +246,22 @@ class LoadStepper:
                 if ahead > until - 0.5 * shortest:
                     ahead = until
                 try:
-                    self._advance(ahead)
+                    kept = self._advance(ahead)
                 except NoEquilibriumError as failure:
                     if ahead - t > 1.5 * shortest:
                         log.info("step to %g failed, halved: %s", ahead, failure)
-                        self._length = 0.5 * (ahead - t)
-                        self._steps_cut += 1
-                    elif self._path.lost(goal):
+                        kept = False
+                    elif self._path.stop_following(goal):
                         log.info("step to %g failed, however short: %s", ahead, failure)
-                        self._length = longest
+                        self._length, kept = longest, True
                     else:
                         raise
+                if not kept:
+                    self._length = 0.5 * (ahead - t)
+                    self._steps_cut += 1
 
-    def _advance(self, t: float) -> None:
-        """Find a state at the load factor ``t`` and keep it."""
+    def _advance(self, t: float) -> bool:
+        """Find a state at the load factor ``t``; whether it was kept."""
         try:
             values = self.problem.constraints.fixed_values(t)
         except ValueError as error:
@@ -263,22 +270,21 @@ class LoadStepper:
         step, energy = t - before.load_factor, sum(before.energies.values())
         most_altered = self._path.most_altered(step, t)
         goal = Goal(t, step, values, self._start, energy, most_altered)
-        self._take(t, *self._search(goal))
+        trial, followed_path = self._search(goal)
+        state, altered = self._state(t, trial), trial.found.altered
+        if self._path.must_repeat(step, state, altered, followed_path):
+            log.info("step to %g was hard, taken again as two", t)
+            return False
+        if step == 0:
+            self._states = []
+        self._path.reached(state)
+        self._keep(state, trial)
+        return True
 
     def _tell(self, iteration: Iteration) -> None:
         log.debug("%s", iteration)
         if self.on_iteration is not None:
             self.on_iteration(iteration)
-
-    def _take(self, t: float, trial: Trial, stays: bool) -> None:
-        """Keep a state, unless its step was hard and is to be taken again as two."""
-        step, state = t - self._states[-1].load_factor, self._state(t, trial)
-        if step == 0:
-            self._states = []
-        elif self._path.doubts(step, state, trial.found.altered, stays):
-            raise NoEquilibriumError("taken again as two, to compare")
-        self._path.reached(state)
-        self._keep(state, trial)
 
     def _state(self, t: float, trial: Trial) -> State:
         problem, found = self.problem, trial.found
@@ -308,7 +314,7 @@ class LoadStepper:
             self._start = Start(u, found.f, trial.tangent)
         if t > 0:
             self._path.drifted(state, problem.ply.drift)
-        if state.linear_solves <= _EASY:
+        if state.linear_solves <= _EASY_SOLVES:
             self._length = min(2 * self._length, self.load_factors[0])
         self._save(state)
         self._states.append(state)

@@ -14,7 +14,7 @@ from .problem import NoEquilibriumError, Problem, Tangent
 _SHARES = (1.0, 0.5, 0.0)
 
 # Halvings of an increment in a line search.
-_HALVINGS = 20
+_LINE_SEARCH_HALVINGS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +40,9 @@ class Iterate(NamedTuple):
 class Strategy(Protocol):
     """A way to equilibrium, in ``most`` iterations at most.
 
-    Its ``repr`` tells it from others where a checkpoint is resumed.  Where it goes
-    downhill from states that are not stable, to wherever that leads, it may say so by
-    ``follows_path = False``.
+    Its ``repr`` tells it from others where a checkpoint is resumed.  If the tangents
+    that it marks as altered tell whether it stays on the path of the load, it says so
+    by ``follows_path = True``; else no path is resolved.
     """
 
     @property
@@ -71,6 +71,7 @@ class Mixed:
 
     most: int = 30
     longest: float = 1.0
+    follows_path: ClassVar[bool] = True
 
     def iterates(
         self, problem: Problem, start: Start, fixed_values: ndarray
@@ -102,7 +103,6 @@ class Descent:
 
     most: int = 100
     imperfection: float = 0.01
-    follows_path: ClassVar[bool] = False
 
     def iterates(
         self, problem: Problem, start: Start, fixed_values: ndarray
@@ -191,7 +191,9 @@ def balanced(
         report(len(residuals), residuals[-1], tolerance)
         altered += tangent.altered
         if altered > most_altered:
-            raise NoEquilibriumError("the ply is not stable on the way")
+            raise NoEquilibriumError(
+                f"more than {most_altered:g} tangents were indefinite on the way"
+            )
         if residuals[-1] <= tolerance and problem.is_fixed(u, fixed_values):
             return Equilibrium(u, f, tuple(residuals), tolerance, altered)
     raise NoEquilibriumError(
@@ -231,7 +233,7 @@ def _in_domain(problem: Problem, u: ndarray, du: ndarray) -> ndarray:
     NoEquilibriumError
         If none is short enough.
     """
-    for _ in range(_HALVINGS):
+    for _ in range(_LINE_SEARCH_HALVINGS):
         if problem.in_domain(u + du):
             return du
         du = du / 2
@@ -256,7 +258,7 @@ def _shortened(problem: Problem, u: ndarray, du: ndarray, f: ndarray) -> ndarray
     if slope > 0:  # the tangent was indefinite
         du, slope = -du, -slope
     unfolded = min(problem.area_ratio(u).min(), 0.0)
-    for _ in range(_HALVINGS):
+    for _ in range(_LINE_SEARCH_HALVINGS):
         allowed = energy + 1e-4 * slope + 1e-12 * abs(energy)
         if (
             problem.energy(u + du) <= allowed

@@ -36,8 +36,8 @@ class Verdict:
     negative_pivots
         Negative eigenvalues of the consistent tangent; None where it is singular.
     min_det_F
-        Smallest det F at the ply's fine points: of quadrilaterals the 2×2 points, of
-        quadratic triangles six points.
+        Smallest det F of the elements, at their nodes and at the ply's fine points: of
+        quadrilaterals the 2×2 points, of quadratic triangles six points.
     max_fibre_strain
         Largest magnitude of the fibre strain that the law of tension sees.
     mesh_fibre_strain
@@ -95,7 +95,7 @@ class Trial:
 
     @cached_property
     def area_ratio(self) -> ndarray:
-        """Smallest det F of each element at the ply's fine points."""
+        """Smallest det F of each element at its nodes and the ply's fine points."""
         return self.problem.area_ratio(self.found.u)
 
     @cached_property
@@ -132,7 +132,7 @@ class Trial:
             return 0.0, 0.0
         return float(self.start.f @ self.move), float(self.found.f @ self.move)
 
-    def judge(self, warn_only: Collection[str]) -> None:
+    def apply_checks(self, warn_only: Collection[str]) -> None:
         """Apply every check; ``warnings`` are what those in ``warn_only`` say.
 
         Raises
@@ -146,6 +146,11 @@ class Trial:
                     f"the energy of {name} is not finite",
                     advice="a smaller load, or a law that is finite there",
                 )
+        if not self.problem.in_domain(self.found.u):
+            raise NoEquilibriumError(
+                "a law is asked beyond its domain",
+                advice="a smaller load, or a law that holds there",
+            )
         for name, check in CHECKS.items():
             try:
                 check(self)

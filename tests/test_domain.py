@@ -151,3 +151,26 @@ def test_a_negative_energy_is_not_taken_for_artificial(caplog):
     assert result.summary()["energy"] < 0
     assert result.path_resolved
     assert not caplog.records
+
+
+def test_no_law_is_asked_beyond_the_domain_that_it_states():
+    class Measured(Pretensioned):
+        domain = (-0.02, 0.01)
+
+    mesh = MeshQuad().refined(1).with_defaults()
+    ply = Ply(mesh, Fabric(Measured(1e3, 0.0), 1.0), Full())
+    held = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 0.05))}
+    with pytest.raises(StepError, match="every law"):
+        LoadStepper(ply, held, 5).run()
+    gentle = held | {"pull": Condition("top", (0, 0.009))}
+    assert LoadStepper(ply, gentle, 2).run().converged
+
+
+def test_a_ply_that_buckles_at_rest_has_no_resolved_path():
+    """Fibres that push turn sideways before there is any load."""
+    mesh = rectangle(10, 20, (3, 6), "irregular")
+    ply = Ply(mesh, Fabric((1e3, Pretensioned(1e3, -3.0)), 1.0), OnePoint())
+    held = {"bottom": Condition("bottom"), "top": Condition("top")}
+    result = LoadStepper(ply, held, 1).run()
+    assert np.abs(result.states[0].u).max() > 0.1
+    assert not result.path_resolved
