@@ -1,6 +1,6 @@
 """Stiff and extreme problems: what the stability study asks of the load stepper."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -38,6 +38,8 @@ class Extreme:
         Formulation, fibre stiffness and shear stiffness.
     exact
         Whether the mesh can represent the scene's exact motion.
+    seed
+        Seed of the mesh, where problems differ in it alone.
     """
 
     family: str
@@ -47,12 +49,18 @@ class Extreme:
     E: float = 1e4
     G: float = 0.0
     exact: bool = False
+    seed: int | None = None
 
     @property
-    def name(self) -> str:
+    def kind(self) -> str:
         """Value and formulation."""
         elements = {"full": "2×2", "one-point": "one point", "macro": "macro"}
         return f"{self.label}, {elements[self.formulation.name]}"
+
+    @property
+    def name(self) -> str:
+        """Value, formulation and seed."""
+        return self.kind + ("" if self.seed is None else f", seed {self.seed}")
 
     def ply(self, scene: Scene) -> Ply:
         """The ply of the scene."""
@@ -68,6 +76,7 @@ def extremes() -> list[Extreme]:
     families = (
         *(_stiffness_ratios, _stabilisations, _jitters, _slender, _flat_angles),
         *(_crossings, _inclinations, _large_shear, _coordinates, _macro_elements),
+        _folding,
     )
     return [problem for family in families for problem in family()]
 
@@ -88,9 +97,8 @@ def _stabilisations() -> Iterator[Extreme]:
     for C_s in (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1000.0):
         yield Extreme("stabilisation", f"C_s = {C_s:g}", strip, OnePoint(C_s))
     for seed in (1, 2, 9):
-        meshed = partial(strip, seed=seed)
-        label = f"C_s = 1, G = 0.5, seed {seed}"
-        yield Extreme("stabilisation", label, meshed, OnePoint(1.0), G=0.5)
+        meshed, label = partial(strip, seed=seed), "C_s = 1, G = 0.5"
+        yield Extreme("stabilisation", label, meshed, OnePoint(1.0), G=0.5, seed=seed)
 
 
 def _jitters() -> Iterator[Extreme]:
@@ -201,6 +209,39 @@ def _macro_elements() -> Iterator[Extreme]:
     ):
         scene = partial(_placed, scale=scale, shift=shift, size=size)
         yield Extreme("macro-elements", label, scene, Macro(), E)
+
+
+def _folding() -> Iterator[Extreme]:
+    """Plies whose elements fold unless their corners resist, on mesh after mesh."""
+
+    def on_meshes(
+        label: str,
+        seeds: Iterable[int],
+        make: Callable[..., Scene],
+        formulation: Formulation,
+        G: float = 0.0,
+        **options: Any,
+    ) -> Iterator[Extreme]:
+        for seed in seeds:
+            scene = partial(make, seed=seed, **options)
+            yield Extreme("folding", label, scene, formulation, G=G, seed=seed)
+
+    for C_s, seeds in ((1.0, range(24)), (0.1, range(6)), (0.01, range(6))):
+        label = f"strip 6×9, C_s = {C_s:g}"
+        yield from on_meshes(label, seeds, strip, OnePoint(C_s), size=(6, 9))
+    for C_s in (1.0, 0.1):
+        label = f"strip 10×15, C_s = {C_s:g}"
+        yield from on_meshes(label, range(2, 9), strip, OnePoint(C_s))
+    for G, seeds in ((0.1, range(24)), (0.0, range(8))):
+        label = f"bias 60°, Delaunay, G = {G:g}"
+        pulled = partial(_split, bias_extension, mesh="delaunay", size=(6, 12))
+        angle = np.radians(60)
+        yield from on_meshes(label, seeds, pulled, Macro(), G, shear_angle=angle)
+    for label, make, size in (
+        ("bias 40°, G = 0", bias_extension, (6, 12)),
+        ("trellis, G = 0", trellis, _SIZE),
+    ):
+        yield from on_meshes(label, range(4), make, OnePoint(), size=size)
 
 
 def _split(make: Callable[..., Scene], **options: Any) -> Scene:
