@@ -52,7 +52,7 @@ def cells(
     >>> [text.get_text() for text in figure.axes[0].texts]
     ['fibres', '1', '2', 'stiff', '5', '-']
     >>> [round(part.get_width() / _CELL, 2) for part in figure.axes[0].patches]
-    [1.0, 0.67, 0.33]
+    [1.0, 1.0, 0.67, 0.33, 1.0]
     """
     shared = _shared_out(groups, panels)
     height = max(sum(len(lines) + 2 for lines in panel.values()) for panel in shared)
@@ -103,14 +103,14 @@ def _draw(
 ) -> None:
     """Draw a cell from x on, in the middle of the line at y."""
     counts, text = cell
-    left = x
+    left, bottom = x, y - 0.5 * _ROW
     for kind, count in counts.items():
         width = _CELL * count / sum(counts.values())
-        corner = left, y - 0.5 * _ROW
         axes.add_patch(
-            Rectangle(corner, width, _ROW, facecolor=colours[kind], edgecolor="white")
+            Rectangle((left, bottom), width, _ROW, color=colours[kind], lw=0)
         )
         left += width
+    axes.add_patch(Rectangle((x, bottom), _CELL, _ROW, fill=False, edgecolor="white"))
     axes.text(x + 0.5 * _CELL, y, text, color="white", ha="center", va="center")
 
 

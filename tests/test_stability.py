@@ -364,4 +364,4 @@ def test_meshes_that_differ_in_their_seed_share_a_line_of_the_picture():
     assert stability._cell([right]) == ({ends.RIGHT: 1}, "3")
     assert stability._cell([refused]) == ({ends.REFUSED: 1}, "")
     shared = {ends.RIGHT: 2, ends.REFUSED: 1}
-    assert stability._cell([refused, right, right]) == (shared, "2")
+    assert stability._cell([refused, right, right]) == (shared, "2/3")

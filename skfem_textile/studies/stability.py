@@ -54,6 +54,9 @@ _OTHER_STRATEGIES = ("descent",), ("newton",)
 FILES = ("stability.csv", "summary.json", "stability.md")
 PICTURES = ("stability.png",)
 
+# Titles of the columns of the outcomes.
+_TITLES = "right", "another", "refused", "though solvable", "wrong"
+
 _COLOURS = dict(
     zip(OUTCOMES, ("#0072B2", "#56B4E9", "#E69F00", "#CC79A7", "#D55E00"), strict=True)
 )
@@ -179,16 +182,17 @@ def markdown(rows: list[Row]) -> str:
 
 
 def _counts(rows: list[Row]) -> str:
-    columns = ["cases", *OUTCOMES, "as 400 steps", "of these not resolved"]
-    columns += ["solves, 1 step", "20 steps"]
-    text = [f"| family | {' | '.join(columns)} |\n", "|---" * 11, "|\n"]
-    for family in dict.fromkeys(map(_family, rows)):
-        some = [row for row in rows if _family(row) == family]
-        n = Counter(row["outcome"] for row in some)
-        agreeing = [row for row in some if row["agrees"]]
-        counts = [len(some), *(n[kind] for kind in OUTCOMES), len(agreeing)]
+    columns = "cases", *_TITLES, "as 400 steps", "of these not resolved"
+    text = [f"| family | {' | '.join(columns)} | solves, 1 step | 20 steps |\n"]
+    text += ["|---" * 11, "|\n"]
+    families = dict.fromkeys(map(_family, rows))
+    some = {family: [r for r in rows if _family(r) == family] for family in families}
+    for family, group in (some | {"all": rows}).items():
+        n = Counter(row["outcome"] for row in group)
+        agreeing = [row for row in group if row["agrees"]]
+        counts = [len(group), *(n[kind] for kind in OUTCOMES), len(agreeing)]
         counts.append(sum(not row["path_resolved"] for row in agreeing))
-        solves = [_median_solves(some, steps) for steps in (1, 20)]
+        solves = [_median_solves(group, steps) for steps in (1, 20)]
         text.append(f"| {' | '.join(map(str, [family, *counts, *solves]))} |\n")
     return "".join(text)
 
@@ -251,7 +255,7 @@ def draw(rows: list[Row], folder: Path) -> None:
         groups,
         [str(steps) for steps in STEPS],
         _COLOURS,
-        "Linear solves, or how many meshes are right, by number of load steps",
+        "Linear solves, or how many of several meshes are right, by number of load steps",
         folder / "stability.png",
     )
 
@@ -260,7 +264,7 @@ def _cell(rows: list[Row]) -> tuple[dict[str, int], str]:
     """Counts of the outcomes in their order, and what to say of them."""
     n = Counter(row["outcome"] for row in rows)
     if len(rows) > 1:
-        said = str(n[RIGHT] + n[OTHER])
+        said = f"{n[RIGHT] + n[OTHER]}/{len(rows)}"
     else:
         said = "".join(str(row["linear_solves"]) for row in rows if not row["message"])
     return {kind: n[kind] for kind in OUTCOMES if n[kind]}, said
