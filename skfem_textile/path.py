@@ -2,13 +2,13 @@
 
 A ply may have several stable equilibria under one load.  A short step leads to the one
 that continues the path; a long one may lead to another.  Iterations that pass where the
-ply is not stable tell them apart.  A step of which they are few is easy, and stays on the
-path.  A hard one is halved, until its halves are easy or it is short; then its end is
-reached in one step and in two, and both must agree.
+ply is not stable tell them apart.  A step of which they are few is easy, and stays on
+the path.  A hard one is halved, until its halves are easy or it is short; then its end
+is reached in one step and in two, and both must agree.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,8 +18,8 @@ from .result import State
 # Energies and reactions that differ by a smaller share are of one state.
 _SAME = 0.01
 
-# Share of the energy by which what a ply remembers may change it after a step: the load
-# of shear laws with a pole and of w = ½ G sin²Γ is then off by up to twice as much.
+# Share of the energy that may depend on the length of the last step: the load is off by
+# up to twice as much (tests/test_path.py).
 _DRIFT = 0.005
 
 # Altered tangents at most on the way of an easy step.
@@ -94,6 +94,10 @@ class Path:
     claims: list[Claim] = field(default_factory=list)
     lost_until: float = 0.0
 
+    def saved(self) -> dict[str, Any]:
+        """What a checkpoint keeps."""
+        return asdict(self)
+
     @classmethod
     def of(cls, saved: Mapping[str, Any]) -> "Path":
         """The path that a checkpoint holds."""
@@ -108,18 +112,30 @@ class Path:
         """How many altered tangents a step to ``t`` may take before it is halved."""
         return _EASY if step > 1.5 * self._short and t > self.lost_until else np.inf
 
-    def doubts(
-        self, step: float, state: State, altered: int, follows_path: bool
-    ) -> bool:
-        """Whether a step is to be taken again as two; where it led is then kept."""
-        if altered <= _EASY:
+    def doubts(self, step: float, state: State, altered: int, stays: bool) -> bool:
+        """Whether a step is to be taken again as two; where it led is then kept.
+
+        Parameters
+        ----------
+        step
+            Length of the step.
+        state
+            Where it led.
+        altered
+            Tangents that were altered on the way.
+        stays
+            Whether what found the state stays on the path.
+        """
+        if stays and altered <= _EASY:
             return False
         t = state.load_factor
+        if not stays:
+            self._doubt(t)
         if step > 0.75 * self._short and self.halvings and t > self.lost_until:
             self.claims.append(Claim.of(state))
             return True
-        if not (follows_path and self.claims):
-            self.unresolved.append(t)
+        if not self.claims:
+            self._doubt(t)
         return False
 
     def lost(self, goal: float) -> bool:
@@ -130,11 +146,11 @@ class Path:
         bool
             Whether it was being followed.
         """
-        if self.lost_until >= goal:
+        if self.lost_until >= goal or self._short == self.longest:
             return False
         self.lost_until = goal
         self.claims.clear()
-        self.unresolved.append(goal)
+        self._doubt(goal)
         return True
 
     def reached(self, state: State) -> None:
@@ -142,12 +158,16 @@ class Path:
         for past in [c for c in self.claims if c.load_factor == state.load_factor]:
             self.claims.remove(past)
             if not past.agrees(Claim.of(state)):
-                self.unresolved.append(state.load_factor)
+                self._doubt(state.load_factor)
 
     def drifted(self, state: State, drift: float) -> None:
         """Doubt a state if what the ply remembers changed much of its energy."""
         if drift > _DRIFT * sum(state.energies.values()):
-            self.unresolved.append(state.load_factor)
+            self._doubt(state.load_factor)
+
+    def _doubt(self, t: float) -> None:
+        if t not in self.unresolved:
+            self.unresolved.append(t)
 
     def until(self, goal: float) -> float:
         """The load factor that the next step must not pass."""

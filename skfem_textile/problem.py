@@ -145,9 +145,9 @@ class Problem:
         return float(np.abs(self.free(f)).max(initial=0.0))
 
     def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
-        """Whether the fixed unknowns have their values, to round-off."""
+        """Whether the fixed unknowns have their values, to round-off of positions."""
         off = np.abs(self.turned(u)[self.constraints.fixed] - fixed_values)
-        size = np.abs(u).max(initial=0.0) + self.element_size
+        size = np.abs(u).max(initial=0.0) + np.abs(self.ply.nodes).max()
         return bool((off <= 8 * _ROUND_OFF * size).all())
 
     def in_domain(self, u: ndarray) -> bool:

@@ -15,22 +15,17 @@ from .conditions import Condition, Constraints
 from .linear import check_solver
 from .path import Path
 from .ply import Ply
-from .problem import (
-    Clock,
-    CornersCloseError,
-    NoEquilibriumError,
-    Problem,
-    tangent_at,
-)
+from .problem import Clock, NoEquilibriumError, Problem, tangent_at
 from .result import Iteration, Result, State, StepError
-from .strategies import STRATEGIES, Equilibrium, Start, Strategy, balanced
+from .search import Goal, Search, strategy_of
+from .strategies import STRATEGIES, Equilibrium, Start, Strategy
 from .verdict import CHECKS, Trial
 
 log = logging.getLogger(__name__)
 
 #: What a step tries and which checks only warn, unless told otherwise.
 DEFAULT_STRATEGIES = "mixed", "descent"
-DEFAULT_WARN_ONLY = "work", "stabilisation"
+DEFAULT_WARN_ONLY = "work", "stabilisation", "corners"
 
 # After a step of no more linear solves than this the next may be twice as long.
 _EASY = 6
@@ -113,15 +108,21 @@ class LoadStepper:
         if max_halvings < 0:
             raise ValueError(f"max_halvings must be at least 0, got {max_halvings}")
         for name in warn_only:
-            _known("check", name, CHECKS)
+            if name not in CHECKS:
+                known = ", ".join(CHECKS)
+                raise ValueError(f"unknown check {name!r}: choose of {known}")
         check_solver(solver)
         self.problem = Problem(ply, Constraints(ply.basis, conditions), solver)
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
-        for t in self.load_factors:
+        for t in (0.0, *self.load_factors):
             self.problem.constraints.fixed_values(t)  # refuses what is not valid
-        self.strategies = [_strategy(strategy) for strategy in strategies]
+        self._search = Search(
+            self.problem,
+            [strategy_of(strategy) for strategy in strategies],
+            frozenset(warn_only),
+            self._tell,
+        )
         self.max_halvings = max_halvings
-        self.warn_only = frozenset(warn_only)
         self.on_iteration, self.on_step = on_iteration, on_step
         self._checkpoint = checkpoint and Checkpoint(
             checkpoint, self.problem, self._settings()
@@ -144,7 +145,7 @@ class LoadStepper:
         CheckpointError
             If the checkpoint is damaged, or of another run.
         ValueError
-            If there is no checkpoint to resume from.
+            If there is no checkpoint to resume from, or a law is not finite at rest.
         """
         if resume and not self._checkpoint:
             raise ValueError("no checkpoint to resume from: name its folder")
@@ -202,11 +203,13 @@ class LoadStepper:
     def _rest(self) -> None:
         """Keep the state at the load factor 0, in balance and held as the ply is."""
         problem, u = self.problem, self.problem.ply.basis.zeros()
-        f = problem.residual(u)
+        f, energies = problem.residual(u), problem.ply.energies(u)
+        if not (np.isfinite(f).all() and np.isfinite(list(energies.values())).all()):
+            raise ValueError("a law has no finite energy or force at rest: mend it")
         tangent, unbalanced = tangent_at(problem, u), problem.unbalanced(f)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
         undeformed = Equilibrium(u, f, (unbalanced,), tolerance)
-        trial = Trial(problem, undeformed, energies=problem.ply.energies(u))
+        trial = Trial(problem, undeformed, energies=energies)
         trial.tangent = tangent
         state = self._state(0.0, trial)
         self._start = Start(u, f, tangent)
@@ -240,13 +243,15 @@ class LoadStepper:
                 try:
                     self._advance(ahead)
                 except NoEquilibriumError as failure:
-                    self._length = 0.5 * (ahead - t)
-                    if self._length < 0.75 * shortest:
-                        if not self._path.lost(goal):
-                            raise
+                    if ahead - t > 1.5 * shortest:
+                        log.info("step to %g failed, halved: %s", ahead, failure)
+                        self._length = 0.5 * (ahead - t)
+                        self._steps_cut += 1
+                    elif self._path.lost(goal):
+                        log.info("step to %g failed, however short: %s", ahead, failure)
                         self._length = longest
-                    log.info("step to %g failed, halved: %s", ahead, failure)
-                    self._steps_cut += 1
+                    else:
+                        raise
 
     def _advance(self, t: float) -> None:
         """Find a state at the load factor ``t`` and keep it."""
@@ -254,81 +259,23 @@ class LoadStepper:
             values = self.problem.constraints.fixed_values(t)
         except ValueError as error:
             raise self._stopped(error) from None
-        step = t - self._states[-1].load_factor
+        before = self._states[-1]
+        step, energy = t - before.load_factor, sum(before.energies.values())
         most_altered = self._path.most_altered(step, t)
-        following = [s for s in self.strategies if _follows_path(s)]
-        strategies = following if np.isfinite(most_altered) else self.strategies
-        failures: dict[str, NoEquilibriumError] = {}
-        for strategy in strategies or self.strategies:
-            try:
-                with np.errstate(all="ignore"):  # what is not finite is caught
-                    trial = self._found(strategy, t, values, most_altered)
-            except NoEquilibriumError as failure:
-                failures.setdefault(str(failure), failure)
-            else:
-                return self._take(t, trial, _follows_path(strategy))
-        raise NoEquilibriumError(
-            f"no acceptable state at {t:.6g}: {'; '.join(failures)}",
-            next((f.elements for f in failures.values() if f.elements.size), ()),
-            next(iter(failures.values())).advice,
-        )
+        goal = Goal(t, step, values, self._start, energy, most_altered)
+        self._take(t, *self._search(goal))
 
-    def _found(
-        self, strategy: Strategy, t: float, values: ndarray, most_altered: float
-    ) -> Trial:
-        """A state that a strategy finds.
+    def _tell(self, iteration: Iteration) -> None:
+        log.debug("%s", iteration)
+        if self.on_iteration is not None:
+            self.on_iteration(iteration)
 
-        On the way to a state in which all corners are open none resists: it is shorter.
-        """
-        problem, start = self.problem, self._start
-        if strategy is self.strategies[0] and problem.corners_open(start.u):
-            try:
-                none_resists = problem.without_corners()
-                return self._attempt(none_resists, strategy, t, values, most_altered)
-            except CornersCloseError:
-                pass
-        return self._attempt(problem, strategy, t, values, most_altered)
-
-    def _attempt(
-        self,
-        on: Problem,
-        strategy: Strategy,
-        t: float,
-        values: ndarray,
-        most_altered: float,
-    ) -> Trial:
-        """A state that one strategy finds and that stands its trial."""
-        problem, before = self.problem, self._states[-1]
-        name, step = type(strategy).__name__.lower(), t - before.load_factor
-
-        def report(number: int, residual: float, tolerance: float) -> None:
-            told = Iteration(t, step, name, number, residual, tolerance)
-            log.debug("%s", told)
-            if self.on_iteration is not None:
-                self.on_iteration(told)
-
-        found = balanced(
-            on,
-            strategy.iterates(on, self._start, values),
-            values,
-            strategy.most,
-            most_altered,
-            report,
-        )
-        if on is not problem and not problem.corners_open(found.u):
-            raise CornersCloseError
-        energies = problem.clock.time("assembly", problem.ply.energies, found.u)
-        rise = sum(energies.values()) - sum(before.energies.values())
-        trial = Trial(problem, found, self._start if step else None, rise, energies)
-        trial.judge(self.warn_only)
-        return trial
-
-    def _take(self, t: float, trial: Trial, follows_path: bool) -> None:
+    def _take(self, t: float, trial: Trial, stays: bool) -> None:
         """Keep a state, unless its step was hard and is to be taken again as two."""
         step, state = t - self._states[-1].load_factor, self._state(t, trial)
         if step == 0:
             self._states = []
-        elif self._path.doubts(step, state, trial.found.altered, follows_path):
+        elif self._path.doubts(step, state, trial.found.altered, stays):
             raise NoEquilibriumError("taken again as two, to compare")
         self._path.reached(state)
         self._keep(state, trial)
@@ -387,7 +334,7 @@ class LoadStepper:
             "elapsed": perf_counter() - self._began,
             "length": self._length,
             "steps_cut": self._steps_cut,
-            "path": asdict(self._path),
+            "path": self._path.saved(),
         }
         try:
             self._checkpoint.save(len(self._states), state, progress)
@@ -412,24 +359,10 @@ class LoadStepper:
         """What the states depend on beyond the problem."""
         return {
             "steps": len(self.load_factors),
-            "strategies": [repr(strategy) for strategy in self.strategies],
+            "strategies": [repr(strategy) for strategy in self._search.strategies],
             "max_halvings": self.max_halvings,
-            "warn_only": sorted(self.warn_only),
+            "warn_only": sorted(self._search.warn_only),
         }
-
-
-def _strategy(strategy: str | Strategy) -> Strategy:
-    if isinstance(strategy, str):
-        return _known("strategy", strategy, STRATEGIES)
-    if isinstance(strategy, type) or not hasattr(strategy, "iterates"):
-        raise ValueError(f"{strategy} is neither a strategy nor the name of one")
-    if strategy.most < 1:
-        raise ValueError(f"{strategy} must be allowed at least one iteration")
-    return strategy
-
-
-def _follows_path(strategy: Strategy) -> bool:
-    return getattr(strategy, "follows_path", True)
 
 
 def _among(elements: ndarray) -> str:
@@ -438,9 +371,3 @@ def _among(elements: ndarray) -> str:
         return ""
     first = ", ".join(map(str, elements[:5]))
     return f" (element {first}{', ...' if elements.size > 5 else ''})"
-
-
-def _known(what: str, name: str, known: Mapping[str, Any]) -> Any:
-    if name not in known:
-        raise ValueError(f"unknown {what} {name!r}: choose of {', '.join(known)}")
-    return known[name]

@@ -23,6 +23,10 @@ _NEGLIGIBLE = 0.01
 _ARTIFICIAL = 0.1
 
 
+# Share of the energy that corners which resist may hold unremarked.
+_RESISTED = 0.01
+
+
 @dataclass(frozen=True)
 class Verdict:
     """What was found of a state.
@@ -225,6 +229,15 @@ def _stabilisation(trial: Trial) -> None:
         )
 
 
+def _corners(trial: Trial) -> None:
+    held, whole = trial.energies.get("corners", 0.0), sum(trial.energies.values())
+    if held > _RESISTED * whole:
+        raise NoEquilibriumError(
+            f"corners that resist before they close hold {held / whole:.0%} of the "
+            "energy: the mesh is coarse there, or the stabilisation small"
+        )
+
+
 #: Checks of a state by name, the cheap ones first.
 CHECKS: dict[str, Callable[[Trial], None]] = {
     "folding": _folding,
@@ -232,4 +245,5 @@ CHECKS: dict[str, Callable[[Trial], None]] = {
     "stability": _stability,
     "work": _work,
     "stabilisation": _stabilisation,
+    "corners": _corners,
 }

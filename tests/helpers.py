@@ -12,6 +12,23 @@ from skfem_textile.splitting import cut, split
 ONE_QUAD = np.array([[0.0, 2.0, 2.3, -0.2], [0.0, 0.3, 1.7, 1.4]])
 
 
+class Locking:
+    """A shear law with a pole: w = −½ G a² ln(1 − (Γ/a)²)."""
+
+    def __init__(self, stiffness, angle):
+        self.G, self.a = stiffness, angle
+
+    def energy(self, x):
+        return -0.5 * self.G * self.a**2 * np.log(1 - (x / self.a) ** 2)
+
+    def value(self, x):
+        return self.G * x / (1 - (x / self.a) ** 2)
+
+    def tangent(self, x):
+        share = (x / self.a) ** 2
+        return self.G * (1 + share) / (1 - share) ** 2
+
+
 def one_quad(points=ONE_QUAD) -> MeshQuad:
     """A mesh of one quadrilateral."""
     return MeshQuad(np.asarray(points), np.arange(4)[:, None])

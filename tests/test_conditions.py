@@ -40,6 +40,30 @@ def test_a_value_may_depend_on_position_and_load_factor():
     assert len(constraints.fixed) == 5
 
 
+def test_values_belong_to_the_node_numbers_as_given():
+    nodes, values = [19, 18, 17, 16], np.array([1.0, 2.0, 3.0, 4.0])
+    _, u = resolved(lift=Condition(nodes, values, direction=(0, 1)))
+    np.testing.assert_array_equal(u[1, nodes], values)
+    _, u = resolved(move=Condition(nodes, np.array([values, -values])))
+    np.testing.assert_array_equal(u[:, nodes], [values, -values])
+
+    def height(X, t):
+        return X[1]
+
+    _, u = resolved(lift=Condition(nodes, height, direction=(0, 1)))
+    np.testing.assert_array_equal(u[1, nodes], MESH.p[1, nodes])
+
+
+def test_a_node_may_be_named_twice_but_moves_once():
+    twice = Condition([7, 3, 7], np.array([1.0, 2.0, 1.0]), direction=(0, 1))
+    constraints, u = resolved(lift=twice)
+    np.testing.assert_array_equal(u[1, [7, 3]], [1.0, 2.0])
+    assert constraints.nodes["lift"].tolist() == [3, 7]
+    torn = Condition([7, 3, 7], np.array([1.0, 2.0, 5.0]), direction=(0, 1))
+    with pytest.raises(ValueError, match="disagree at node 7"):
+        resolved(lift=torn)
+
+
 def test_an_inclined_direction_turns_the_unknowns():
     n = np.array([3.0, 4.0]) / 5
     constraints, u = resolved(slope=Condition("right", 2.0, direction=n))

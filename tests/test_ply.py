@@ -12,12 +12,13 @@ def term_names(fabric, formulation):
 
 def test_only_needed_terms_are_built():
     sheared, plain = Fabric(1.0, 0.5), Fabric(1.0)
-    assert term_names(plain, Full()) == ["tension"]
-    assert term_names(sheared, Full()) == ["tension", "shear"]
-    assert term_names(plain, OnePoint(0.0)) == ["tension"]
-    assert term_names(plain, OnePoint(1.0)) == ["tension", "stabilisation"]
-    assert term_names(Fabric(0.0, 0.5), Full()) == ["shear"]
-    assert term_names(Fabric((1.0, 0.0)), Full()) == ["tension"]
+    assert term_names(plain, Full()) == ["tension", "corners"]
+    assert term_names(sheared, Full()) == ["tension", "shear", "corners"]
+    assert term_names(plain, OnePoint(0.0)) == ["tension", "corners"]
+    stabilised = ["tension", "corners", "stabilisation"]
+    assert term_names(plain, OnePoint(1.0)) == stabilised
+    assert term_names(Fabric(0.0, 0.5), Full()) == ["shear", "corners"]
+    assert term_names(Fabric((1.0, 0.0)), Full()) == ["tension", "corners"]
 
 
 @pytest.mark.parametrize("formulation", [Full(), OnePoint(0.0)])
@@ -44,6 +45,7 @@ def test_energy_is_the_sum_of_its_terms():
     ply = Ply(distorted(1), Fabric(10.0, 0.5), OnePoint(2.0))
     u = wobble(ply, 1)
     energies = ply.energies(u)
+    assert energies.pop("corners") == 0
     assert set(energies) == {"tension", "shear", "stabilisation"}
     assert min(energies.values()) > 0
     assert ply.energy(u) == sum(energies.values())

@@ -313,7 +313,7 @@ def test_before_a_run_there_is_no_result():
 
 @pytest.mark.parametrize("halvings", [0, 2])
 def test_a_run_that_fails_counts_the_steps_that_it_cut(halvings):
-    ply, conditions = pulled(lambda X, t: -1.5 + 0 * X[0])
+    ply, conditions = pulled(lambda X, t: -1.5 * (t > 0) + 0 * X[0])
     with pytest.raises(StepError) as error:
         LoadStepper(ply, conditions, 1, max_halvings=halvings).run()
     assert error.value.result.steps_cut == halvings

@@ -1,0 +1,127 @@
+"""Corners of elements stay open, and those that are open feel nothing."""
+
+import numpy as np
+import pytest
+from helpers import derivative, distorted, distorted_for, one_quad, wobble
+from skfem import MeshQuad
+
+from skfem_textile import (
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    corners,
+)
+from skfem_textile.corners import RESISTING, resistance
+from skfem_textile.scenes import bias_extension, strip
+from skfem_textile.splitting import split
+
+FORMULATIONS = [Full(), OnePoint(1.0), Macro(), Quadratic(20.0)]
+
+
+def closing(ply, seed=0):
+    """A displacement under which some corners resist, and one is folded."""
+    u, amplitude = wobble(ply, seed, 0.05), 1.0
+    while ply.corners.area_ratio(amplitude * u).min() > -0.02:
+        amplitude *= 1.1
+    return amplitude * u
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+def test_open_corners_feel_nothing(formulation):
+    ply = Ply(distorted_for(formulation, 1), Fabric(10.0, 0.5), formulation)
+    u = wobble(ply, 1)
+    assert ply.corners.area_ratio(u).min() > RESISTING
+    assert ply.energies(u)["corners"] == 0
+    assert not ply.residuals(u)["corners"].any()
+    both = ply.stiffness(u), ply.stiffness(u, corners=False)
+    np.testing.assert_array_equal(*both)
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+def test_forces_and_tangent_are_derivatives_where_corners_close(formulation):
+    ply = Ply(distorted_for(formulation, 2), Fabric(10.0, 0.5), formulation)
+    u, du = closing(ply), wobble(ply, 3, 1.0)
+    assert ply.energies(u)["corners"] > 0
+    slope = derivative(ply.energy, u, du, 1e-6)
+    assert ply.residual(u) @ du == pytest.approx(slope, rel=1e-5)
+    rate, tangent = derivative(ply.residual, u, du, 1e-7), ply.tangent(u)
+    np.testing.assert_allclose(tangent @ du, rate, atol=1e-5 * np.abs(rate).max())
+    assert abs(tangent - tangent.T).max() == 0
+
+
+def test_the_resistance_is_twice_differentiable_and_zero_where_corners_are_open():
+    J = np.array([RESISTING, RESISTING / 4])
+    for below, above in zip(resistance(J - 1e-12), resistance(J + 1e-12), strict=True):
+        np.testing.assert_allclose(below, above, rtol=1e-8, atol=1e-6)
+    assert all((part == 0).all() for part in resistance(np.array([RESISTING, 0.5, 3])))
+    grid = np.linspace(-0.5, RESISTING, 200)
+    b, slope, curvature = resistance(grid)
+    assert (np.diff(b) < 0).all()
+    assert (slope[:-1] < 0).all()
+    assert (curvature[:-1] > 0).all()
+
+
+def test_the_area_ratio_at_corners_is_that_of_the_deformation_gradient():
+    for formulation in FORMULATIONS:
+        ply = Ply(distorted_for(formulation, 4), Fabric(1.0), formulation)
+        u = wobble(ply, 4, 0.1)
+        nodes = ply.basis.elem.elem.doflocs.T
+        np.testing.assert_allclose(
+            ply.corners.area_ratio(u).T, ply.area_ratio(u, nodes), rtol=1e-12
+        )
+
+
+def test_a_corner_that_is_reflex_at_rest_is_not_judged():
+    """Its det F tells nothing: it is negative where the element becomes convex."""
+    ply = Ply(one_quad([[0, 2, 0.9, 0], [0, 0, 0.9, 2]]), Fabric(1.0), Full())
+    assert np.isinf(ply.corners.area_ratio(ply.basis.zeros())).sum() == 1
+    assert ply.energies(wobble(ply, 1, 0.3))["corners"] >= 0
+
+
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_either_sense_of_rotation_is_judged_alike(clockwise):
+    mesh = distorted(3)
+    turned = MeshQuad(mesh.p, mesh.t[::-1].copy()) if clockwise else mesh
+    ply = Ply(turned, Fabric(1.0), Full())
+    assert ply.corners.area_ratio(ply.basis.zeros()) == pytest.approx(1.0)
+
+
+def ends_unfolded(ply, conditions, steps):
+    result = LoadStepper(ply, conditions, steps).run()
+    summary = result.summary()
+    assert summary["converged"]
+    assert summary["stable"]
+    nodes = ply.basis.elem.elem.doflocs.T
+    smallest = ply.area_ratio(result.u, nodes).min()
+    assert smallest > 0
+    assert summary["min_det_F"] == pytest.approx(smallest)
+
+
+@pytest.mark.parametrize("seed", [0, 3, 7, 21])
+def test_strips_with_little_stabilisation_end_unfolded(seed):
+    """Without resistance these end with a corner at det F < 0, or not at all."""
+    scene = strip(size=(6, 9), seed=seed)
+    ply = Ply(scene.mesh, Fabric(1e4), OnePoint(1.0))
+    ends_unfolded(ply, scene.conditions, 5)
+
+
+@pytest.mark.parametrize("scale", [0.1, 10.0])
+@pytest.mark.parametrize("seed", [0, 3])
+def test_how_stiff_corners_are_decides_little(scale, seed, monkeypatch):
+    monkeypatch.setattr(corners, "_OF_FIBRES", scale * corners._OF_FIBRES)
+    scene = strip(size=(6, 9), seed=seed)
+    ply = Ply(scene.mesh, Fabric(1e4), OnePoint(1.0))
+    ends_unfolded(ply, scene.conditions, 5)
+
+
+@pytest.mark.parametrize("seed", [0, 12, 16])
+def test_macro_elements_sheared_by_60_degrees_end_unfolded(seed):
+    angle = np.radians(60)
+    mesh = split(bias_extension("delaunay", (6, 12), seed=seed, shear_angle=angle).mesh)
+    scene = bias_extension(mesh, shear_angle=angle)
+    ply = Ply(mesh, Fabric(1e4, 0.1, scene.warp, scene.weft), Macro())
+    ends_unfolded(ply, scene.conditions, 4)

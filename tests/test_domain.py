@@ -1,0 +1,138 @@
+"""Laws that end at a pole, fibres in tension at rest: nothing is silently wrong."""
+
+import numpy as np
+import pytest
+from helpers import Locking
+from skfem import MeshQuad
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    StepError,
+)
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.splitting import cut, split
+
+
+class Pretensioned:
+    """T = T₀ + E ε."""
+
+    domain = (-np.inf, np.inf)
+
+    def __init__(self, stiffness, tension):
+        self.E, self.T = stiffness, tension
+
+    def energy(self, x):
+        return self.T * x + 0.5 * self.E * x**2
+
+    def value(self, x):
+        return self.T + self.E * x
+
+    def tangent(self, x):
+        return np.full(np.shape(x), self.E)
+
+
+def pulled(formulation, prepare, pull, law, steps, **options):
+    mesh = prepare(rectangle(50, 100, (4, 8), "irregular"))
+    ply = Ply(mesh, Fabric(1e4, law, (1, 1), (-1, 1)), formulation)
+    held = {"clamp": Condition("bottom"), "pull": Condition("top", (0, pull))}
+    return LoadStepper(ply, held, steps, **options)
+
+
+FORMULATIONS = {
+    "full": (Full(), lambda mesh: mesh),
+    "one point": (OnePoint(), lambda mesh: mesh),
+    "macro": (Macro(), split),
+    "quadratic": (Quadratic(20.0), cut),
+}
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS)
+@pytest.mark.parametrize("pull", [6.0, 9.0])
+def test_a_locking_angle_is_never_passed(formulation, pull):
+    """9 mm are more than the cloth can shear: its fibres must stretch."""
+    stepper = pulled(*FORMULATIONS[formulation], pull, Locking(0.5, 0.3), 3)
+    result = stepper.run()
+    for state in result.states:
+        assert np.isfinite(list(state.energies.values())).all()
+        assert np.abs(result.ply.shear_angle(state.u)).max() < 0.3
+        assert state.verdict.stable
+
+
+@pytest.mark.parametrize("steps", [1, 3, 10])
+def test_a_locking_law_is_loaded_in_any_number_of_steps(steps):
+    law, macro = Locking(0.5, 0.3), FORMULATIONS["macro"]
+    loads = [
+        pulled(*macro, 5.0, law, n).run().states[-1].reactions["pull"][1]
+        for n in (steps, 20)
+    ]
+    assert loads[0] == pytest.approx(loads[1], rel=0.03)  # C_s follows in steps
+
+
+@pytest.mark.parametrize("strategy", ["mixed", "descent", "newton"])
+def test_no_strategy_takes_an_energy_that_is_not_finite(strategy):
+    """The first increment alone passes the pole, and so would a whole step."""
+    stepper = pulled(
+        *FORMULATIONS["macro"], 12.0, Locking(0.5, 0.1), 1, strategies=[strategy]
+    )
+    try:
+        result = stepper.run()
+    except StepError as error:
+        result = error.result
+    for state in result.states:
+        assert np.isfinite(list(state.energies.values())).all()
+        assert np.abs(result.ply.shear_angle(state.u)).max() < 0.1
+
+
+def test_a_law_that_is_not_finite_at_rest_is_refused():
+    class Broken(Pretensioned):
+        domain = None
+
+        def energy(self, x):
+            return np.log(-1.0 - 0 * x)
+
+    mesh = MeshQuad().refined(1).with_defaults()
+    ply = Ply(mesh, Fabric(Broken(10.0, 0.0), 1.0), Full())
+    held = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 0.1))}
+    with pytest.raises(ValueError, match="no finite energy or force at rest"):
+        LoadStepper(ply, held, 1).run()
+
+
+def test_fibres_in_tension_at_rest_are_brought_into_balance_before_the_load():
+    """The first state reports what is left of the 66.6 N that were not."""
+    mesh = MeshQuad.init_tensor(np.linspace(0, 20, 5), np.linspace(0, 40, 9))
+    fabric = Fabric((1e3, Pretensioned(1e3, 3.33)), 1.0)
+    ply = Ply(mesh.with_defaults(), fabric, Full())
+    slide = {
+        "left": Condition("left", direction=(1, 0)),
+        "bottom": Condition("bottom", direction=(0, 1)),
+    }
+    assert np.abs(ply.residual(ply.basis.zeros())).max() > 1
+    result = LoadStepper(ply, slide, 1).run()
+    first = result.states[0]
+    assert first.load_factor == 0
+    assert first.linear_solves > 0
+    assert first.residuals[-1] <= first.tolerance
+    # Nothing holds the weft, so that it shortens until T = 0.
+    stretch = np.exp(-3.33 / 1e3)
+    top = ply.nodal(first.u)[1, ply.nodes[1] == 40]
+    np.testing.assert_allclose(top, 40 * (stretch - 1), rtol=1e-6)
+    assert result.states[-1].residuals[-1] <= result.states[-1].tolerance
+
+
+def test_conditions_that_ask_for_a_displacement_at_rest_get_it():
+    mesh = MeshQuad().refined(1).with_defaults()
+    ply = Ply(mesh, Fabric(10.0, 1.0), Full())
+    held = {
+        "clamp": Condition("bottom"),
+        "pull": Condition("top", lambda X, t: 0.1 + t * 0.1 + 0 * X[0], (0, 1)),
+    }
+    states = LoadStepper(ply, held, 1).run().states
+    lifts = [ply.nodal(state.u)[1, ply.nodes[1] == 1] for state in states]
+    np.testing.assert_allclose(lifts, [[0.1] * 3, [0.2] * 3])

@@ -1,0 +1,118 @@
+"""The result says whether another number of steps leads to the same equilibrium."""
+
+import json
+import logging
+from functools import partial
+
+import numpy as np
+import pytest
+from helpers import Locking
+
+from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply, Sin2, cli
+from skfem_textile.path import Path
+from skfem_textile.result import State
+from skfem_textile.scenes import bias_extension, strip
+from skfem_textile.splitting import split
+from skfem_textile.verdict import Verdict
+
+
+def loaded(scene, formulation, steps, shear=0.0, **options):
+    fabric = Fabric(1e4, shear, scene.warp, scene.weft)
+    ply = Ply(scene.mesh, fabric, formulation)
+    return LoadStepper(ply, scene.conditions, steps, **options).run()
+
+
+def test_the_strip_ends_alike_however_many_steps_it_takes():
+    """Without a path, 2 steps ended at 1.790 N·mm and 20 at 1.265."""
+    results = [loaded(strip(), OnePoint(1.0), steps) for steps in (1, 2, 5, 20)]
+    for result in results:
+        assert result.path_resolved
+        assert result.summary()["energy"] == pytest.approx(1.2650745, rel=1e-6)
+        reaction = result.states[-1].reactions["right"][0]
+        assert reaction == pytest.approx(3.06595, rel=1e-4)
+
+
+@pytest.mark.parametrize("steps", [1, 5, 20])
+@pytest.mark.parametrize("scene", [strip, partial(bias_extension, size=(6, 12))])
+def test_an_easy_path_costs_nothing_more(scene, steps, monkeypatch):
+    result = loaded(scene(), Full(), steps, 0.5)
+    assert result.path_resolved
+    monkeypatch.setattr(Path, "most_altered", lambda *_: np.inf)
+    monkeypatch.setattr(Path, "doubts", lambda *_: False)
+    assert loaded(scene(), Full(), steps, 0.5).linear_solves == result.linear_solves
+
+
+@pytest.mark.parametrize(
+    ("formulation", "law", "degrees"),
+    [
+        (OnePoint(), Sin2(0.5), 60.0),
+        (Macro(), Sin2(0.5), 60.0),
+        (OnePoint(), Locking(0.5, 0.3), 15.5),
+        (Macro(), Locking(0.5, 0.6), 30.0),
+    ],
+)
+def test_stabilisation_that_changes_in_a_long_step_is_told(formulation, law, degrees):
+    """C_s is held during a step: a load that is off by 1 % is not resolved."""
+    scene = bias_extension(size=(6, 12), shear_angle=np.radians(degrees))
+    if isinstance(formulation, Macro):
+        scene = bias_extension(split(scene.mesh), shear_angle=np.radians(degrees))
+    results = {n: loaded(scene, formulation, n, law) for n in (1, 4, 10, 100)}
+    *few, many = (r.states[-1].reactions["top"][1] for r in results.values())
+    assert results[100].path_resolved
+    assert not results[1].path_resolved
+    for result, load in zip(results.values(), few, strict=False):
+        assert not result.path_resolved or load == pytest.approx(many, rel=0.01)
+
+
+def test_the_papers_rates_depend_on_the_number_of_steps():
+    assert not loaded(strip(size=(3, 4)), OnePoint(10.0, "rate"), 4).path_resolved
+
+
+def state(t, energy, force):
+    verdict = Verdict(0, 1.0, 0.0, 0.0, 0.0)
+    return State(
+        load_factor=t,
+        u=np.zeros(4),
+        reactions={"top": np.array([0.0, force])},
+        displacements={},
+        energies={"tension": energy},
+        linear_solves=1,
+        residuals=(),
+        tolerance=0.0,
+        verdict=verdict,
+    )
+
+
+@pytest.mark.parametrize(
+    ("energy", "force", "resolved"),
+    [(1.009, 2.0, True), (1.02, 2.0, False), (1.0, 2.03, False)],
+)
+def test_a_hard_step_and_its_halves_must_agree_to_1_per_cent(energy, force, resolved):
+    path = Path(longest=1.0, halvings=8)
+    step = 2.0**-6
+    assert path.doubts(step, state(step, 1.0, 2.0), altered=3, stays=True)
+    assert path.until(1.0) == step
+    half = state(step / 2, 0.5, 1.0)
+    assert not path.doubts(step / 2, half, altered=3, stays=True)
+    path.reached(half)
+    path.reached(state(step, energy, force))
+    assert (not path.unresolved) == resolved
+    assert path.until(1.0) == 1.0
+
+
+def test_a_path_is_saved_and_taken_up_again():
+    path = Path(longest=1.0, halvings=8, unresolved=[0.5])
+    path.doubts(2.0**-6, state(2.0**-6, 1.0, 2.0), altered=3, stays=True)
+    kept = json.loads(json.dumps(path.saved()))
+    assert Path.of(kept) == path
+
+
+def test_the_summary_and_one_line_tell_of_a_path_that_forks(tmp_path, caplog):
+    options = "run strip --size 6x9 --cs 0.1 --seed 0 --steps 1 --no-render --out"
+    with caplog.at_level(logging.WARNING, logger="skfem_textile"):
+        assert cli.main([*options.split(), str(tmp_path)]) == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["path_resolved"] is False
+    told = [r.getMessage() for r in caplog.records if "path" in r.getMessage()]
+    assert len(told) == 1
+    assert "another number of steps" in told[0]
