@@ -255,7 +255,7 @@ def draw(rows: list[Row], folder: Path) -> None:
         groups,
         [str(steps) for steps in STEPS],
         _COLOURS,
-        "Linear solves, or how many of several meshes are right, by number of load steps",
+        "Linear solves, or on how many meshes it is right, by number of load steps",
         folder / "stability.png",
     )
 
