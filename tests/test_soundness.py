@@ -1,10 +1,11 @@
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, Quadratic
+from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, Quadratic
 from skfem_textile.scenes import strip
 from skfem_textile.studies.soundness import is_sound, is_unfolded
 from skfem_textile.terms import LocalTerm
@@ -34,6 +35,21 @@ def test_the_equilibrium_is_that_of_the_whole_energy():
     free = Ply(scene.mesh, Fabric(1e4), OnePoint(1.0))
     free.terms = [term for term in free.terms if not isinstance(term, LocalTerm)]
     assert not is_sound(free, scene, result.u)
+
+
+@pytest.mark.parametrize(("by", "sound"), [(-0.49, True), (-0.51, False)])
+def test_what_is_folded_at_a_corner_is_not_sound(by, sound):
+    """Every node is held, so that there is nothing else to complain of."""
+
+    def pushed(X, t):
+        return by * t * (X.sum(axis=0) == 2) * np.ones((2, 1))
+
+    held = {"all": Condition(lambda X: X[0] >= 0, pushed)}
+    scene = replace(SMALL(), mesh=MeshQuad(), conditions=held)
+    ply = Ply(scene.mesh, Fabric(1e4), Full())
+    u = ply.basis.zeros()
+    u[ply.basis.nodal_dofs] = pushed(ply.mesh.p, 1.0)
+    assert is_sound(ply, scene, u) is sound
 
 
 def moved(ply, node, by):
@@ -69,9 +85,10 @@ def test_a_quadratic_triangle_is_folded_where_a_corner_is():
 def test_a_corner_that_is_flat_or_reflex_from_the_start_tells_nothing(at):
     X = np.array([[0, 1, at, 0], [0, 0, at, 1.0]])
     ply = Ply(MeshQuad(X, np.arange(4)[:, None]), Fabric(1e4), Full())
-    assert is_unfolded(ply, ply.basis.zeros())
-    assert is_unfolded(ply, moved(ply, 2, -0.01))
+    for by in (0.0, -0.01, 0.02):
+        assert is_unfolded(ply, moved(ply, 2, by))
     assert not is_unfolded(ply, moved(ply, 1, [-1.1, 0]))
+    assert not is_unfolded(ply, moved(ply, 2, -0.4))  # a 2×2 point says so
 
 
 @pytest.mark.parametrize("formulation", [Full(), Quadratic()])
