@@ -1,11 +1,12 @@
-"""What the load stepper costs beside assembly and factorisation.
+"""What the load stepper costs beside assembly and factorisation, and corners beside it.
 
 Prints one line per mesh; ``python benchmarks/overhead.py 300x200`` runs one size.
 """
 
 import sys
+from statistics import median
 
-import common  # noqa: F401  (sets the threads)
+import common
 
 from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import strip
@@ -18,12 +19,14 @@ def overhead(size):
     result = LoadStepper(ply, scene.conditions, steps=4).run()
     whole = result.wall_time_s
     rest = whole - result.assembly_time_s - result.solve_time_s
+    look = median(common.seconds(ply.corners.area_ratio, result.u)[1] for _ in range(9))
     print(
         f"{size[0]}x{size[1]}: {result.linear_solves} linear solves, "
         f"{whole / result.linear_solves:.3f} s each, "
         f"assembly {result.assembly_time_s / whole:.1%}, "
         f"factorisation and solution {result.solve_time_s / whole:.1%}, "
-        f"the rest {rest / whole:.1%}"
+        f"the rest {rest / whole:.1%}; to look at every corner once takes "
+        f"{look * result.linear_solves / whole:.2%} of a linear solve with its assembly"
     )
 
 

@@ -92,7 +92,7 @@ class Path:
     halvings: int
     unresolved: list[float] = field(default_factory=list)
     claims: list[Claim] = field(default_factory=list)
-    lost_until: float = 0.0
+    lost_until: float = -1.0
 
     def saved(self) -> dict[str, Any]:
         """What a checkpoint keeps."""
@@ -150,11 +150,12 @@ class Path:
             return False
         self.lost_until = goal
         self.claims.clear()
-        self._doubt(goal)
         return True
 
     def reached(self, state: State) -> None:
         """Compare a state with where hard steps to the same load factor led."""
+        if state.load_factor <= self.lost_until:
+            self._doubt(state.load_factor)
         for past in [c for c in self.claims if c.load_factor == state.load_factor]:
             self.claims.remove(past)
             if not past.agrees(Claim.of(state)):
@@ -162,7 +163,7 @@ class Path:
 
     def drifted(self, state: State, drift: float) -> None:
         """Doubt a state if what the ply remembers changed much of its energy."""
-        if drift > _DRIFT * sum(state.energies.values()):
+        if drift > _DRIFT * abs(sum(state.energies.values())):
             self._doubt(state.load_factor)
 
     def _doubt(self, t: float) -> None:

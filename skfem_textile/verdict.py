@@ -69,7 +69,7 @@ class Trial:
     found
         The equilibrium.
     start
-        The last good state; None for the undeformed ply.
+        The last good state; None for a state before the load.
     rise
         Rise of the energy from the one to the other in N·mm.
     energies
@@ -205,6 +205,8 @@ def _stability(trial: Trial) -> None:
 
 
 def _work(trial: Trial) -> None:
+    if trial.start is None:
+        return
     low, high = sorted(trial.works)
     margin = _NEGLIGIBLE * max(abs(low), abs(high), abs(trial.rise))
     margin += trial.found.tolerance * float(np.abs(trial.move).sum())
@@ -221,7 +223,7 @@ def _stabilisation(trial: Trial) -> None:
     if "shear" not in trial.energies:
         return
     held = trial.energies.get("stabilisation", 0.0)
-    whole = sum(trial.energies.values())
+    whole = abs(sum(trial.energies.values()))
     if held > _ARTIFICIAL * whole:
         raise NoEquilibriumError(
             f"the stabilisation holds {held / whole:.0%} of the energy: the mesh is "
@@ -230,7 +232,8 @@ def _stabilisation(trial: Trial) -> None:
 
 
 def _corners(trial: Trial) -> None:
-    held, whole = trial.energies.get("corners", 0.0), sum(trial.energies.values())
+    held = trial.energies.get("corners", 0.0)
+    whole = abs(sum(trial.energies.values()))
     if held > _RESISTED * whole:
         raise NoEquilibriumError(
             f"corners that resist before they close hold {held / whole:.0%} of the "

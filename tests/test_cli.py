@@ -60,7 +60,8 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
     assert set(summary) == {
         *("scene", "formulation", "n_elements", "n_dofs", "converged", "load_factor"),
         *("load_steps", "linear_solves", "energy", "tension_energy"),
-        *("shear_energy", "stabilisation_energy", "max_fibre_strain"),
+        *("shear_energy", "corners_energy", "stabilisation_energy", "path_resolved"),
+        *("max_fibre_strain",),
         *("mesh_fibre_strain", "max_fibre_tension", "max_shear_angle_deg"),
         *("min_det_F", "wall_time_s", "assembly_time_s", "solve_time_s", "reaction_x"),
         *("reaction_y", "displacement_error_rms", "displacement_error_max"),

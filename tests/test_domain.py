@@ -136,3 +136,18 @@ def test_conditions_that_ask_for_a_displacement_at_rest_get_it():
     states = LoadStepper(ply, held, 1).run().states
     lifts = [ply.nodal(state.u)[1, ply.nodes[1] == 1] for state in states]
     np.testing.assert_allclose(lifts, [[0.1] * 3, [0.2] * 3])
+
+
+def test_a_negative_energy_is_not_taken_for_artificial(caplog):
+    """Fibres that relax give energy away: T₀ ε is less than nothing."""
+    mesh = MeshQuad().refined(2).with_defaults()
+    ply = Ply(mesh, Fabric(Pretensioned(1e3, 10.0), 1.0), OnePoint())
+    slide = {
+        "left": Condition("left", direction=(1, 0)),
+        "bottom": Condition("bottom", direction=(0, 1)),
+        "top": Condition("top", -0.005, direction=(0, 1)),
+    }
+    result = LoadStepper(ply, slide, 1).run()
+    assert result.summary()["energy"] < 0
+    assert result.path_resolved
+    assert not caplog.records
