@@ -208,7 +208,7 @@ def _macro_elements() -> Iterator[Extreme]:
 
 
 def _folding() -> Iterator[Extreme]:
-    """Plies whose elements fold unless their corners resist, on mesh after mesh."""
+    """Plies of which elements tend to fold, on mesh after mesh."""
 
     def on_meshes(
         label: str,
