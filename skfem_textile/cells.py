@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
@@ -9,8 +10,11 @@ from matplotlib.patches import Patch, Rectangle
 
 from .curves import save
 
-#: Lines by their label, each a kind and a text for every column.
-Lines = Mapping[str, Sequence[tuple[str, str]]]
+#: How many of each kind a cell stands for, and its text.
+Cell: TypeAlias = tuple[Mapping[str, int], str]
+
+#: Lines by their label, each with a cell for every column.
+Lines: TypeAlias = Mapping[str, Sequence[Cell]]
 
 _ROW, _CELL, _LABEL = 0.19, 0.42, 2.3  # inches
 
@@ -23,7 +27,7 @@ def cells(
     filename: str | os.PathLike[str] | None = None,
     panels: int = 3,
 ) -> Figure:
-    """Lines of cells in groups, each cell in the colour of its kind.
+    """Lines of cells in groups, each cell in the colours of its kinds.
 
     Parameters
     ----------
@@ -42,10 +46,13 @@ def cells(
 
     Examples
     --------
-    >>> groups = {"fibres": {"stiff": [("good", "5"), ("bad", "-")]}}
+    >>> stiff = [({"good": 1}, "5"), ({"good": 2, "bad": 1}, "-")]
+    >>> groups = {"fibres": {"stiff": stiff}}
     >>> figure = cells(groups, ["1", "2"], {"good": "green", "bad": "red"}, "steps")
     >>> [text.get_text() for text in figure.axes[0].texts]
     ['fibres', '1', '2', 'stiff', '5', '-']
+    >>> [round(part.get_width() / _CELL, 2) for part in figure.axes[0].patches]
+    [1.0, 1.0, 0.67, 0.33, 1.0]
     """
     shared = _shared_out(groups, panels)
     height = max(sum(len(lines) + 2 for lines in panel.values()) for panel in shared)
@@ -86,15 +93,25 @@ def _panel(
         for label, line in lines.items():
             y += _ROW
             axes.text(-_LABEL + 0.1, y, label, va="center")
-            for x, (kind, text) in enumerate(line):
-                corner = (x * _CELL, y - 0.5 * _ROW)
-                cell = Rectangle(
-                    corner, _CELL, _ROW, facecolor=colours[kind], edgecolor="white"
-                )
-                axes.add_patch(cell)
-                at = (x + 0.5) * _CELL, y
-                axes.text(*at, text, color="white", ha="center", va="center")
+            for x, cell in enumerate(line):
+                _draw(axes, cell, x * _CELL, y, colours)
         y += _ROW
+
+
+def _draw(
+    axes: mpl.axes.Axes, cell: Cell, x: float, y: float, colours: Mapping[str, str]
+) -> None:
+    """Draw a cell from x on, in the middle of the line at y."""
+    counts, text = cell
+    left, bottom = x, y - 0.5 * _ROW
+    for kind, count in counts.items():
+        width = _CELL * count / sum(counts.values())
+        axes.add_patch(
+            Rectangle((left, bottom), width, _ROW, color=colours[kind], lw=0)
+        )
+        left += width
+    axes.add_patch(Rectangle((x, bottom), _CELL, _ROW, fill=False, edgecolor="white"))
+    axes.text(x + 0.5 * _CELL, y, text, color="white", ha="center", va="center")
 
 
 def _shared_out(groups: Mapping[str, Lines], panels: int) -> list[dict[str, Lines]]:

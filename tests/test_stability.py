@@ -1,27 +1,36 @@
 import csv
 import json
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, cli
+from skfem_textile import (
+    Condition,
+    Full,
+    LoadStepper,
+    Mixed,
+    OnePoint,
+    cli,
+)
 from skfem_textile.scenes import Scene, picture_frame, strip
+from skfem_textile.stepper import DEFAULT_STRATEGIES
+from skfem_textile.studies import outcomes as ends
 from skfem_textile.studies import stability
 from skfem_textile.studies.extremes import Extreme, extremes
+from skfem_textile.studies.outcomes import End, outcome
 from skfem_textile.verdict import CHECKS
 
 SMALL = partial(strip, size=(4, 6))
-FOLDING = partial(strip, jitter=0.45, seed=9)
 
 
 @pytest.fixture
 def few_steps(monkeypatch):
     monkeypatch.setattr(stability, "STEPS", (1, 5))
     monkeypatch.setattr(stability, "_REFERENCE", 10)
-    monkeypatch.setattr(stability, "_AGREEING", (5, 10))
     # Processes would not know.
     monkeypatch.setattr("skfem_textile.sweep.Processes", ThreadPoolExecutor)
 
@@ -49,49 +58,181 @@ def rod() -> Scene:
 ROD = Extreme("rods", "pushed", rod, Full(), E=100.0, G=0.01)
 
 
+def turned_over() -> Scene:
+    """Elements whose nodes are all prescribed, and past two thirds turned over."""
+    mesh = MeshQuad.init_tensor(np.linspace(0, 1, 3), np.linspace(0, 1, 2))
+
+    def pushed(X, t):
+        return np.stack([-1.5 * t * X[0], 0 * X[0]])
+
+    return Scene(
+        name="turned over",
+        mesh=mesh.with_defaults(),
+        warp=(1.0, 0.0),
+        weft=(0.0, 1.0),
+        conditions={"all": Condition(lambda X: X[0] >= 0, pushed)},
+        driven="all",
+        displacement=pushed,
+        shear_angle=lambda X, t: 0 * X[0],
+    )
+
+
+FOLDING = Extreme("folding", "turned over", turned_over, Full(), E=0.0, G=0.5)
+
+
 def outcomes(problem):
     return [row["outcome"] for row in stability.examined(problem)]
 
 
-def test_a_plain_problem_is_right_and_has_one_answer(few_steps):
+def end(energy=2.0, reactions=(5.0, -1.0), **others):
+    """The end of a run that is right, unless something else is said of it."""
+    given = {"converged": True, "sound": True, "path_resolved": True} | others
+    return End(**given, energy=energy, reactions=np.array(reactions), **NOTHING)
+
+
+NOTHING = {"no_energy": 1e-12, "no_force": 1e-9}
+REFUSED = {"converged": False, "sound": False}
+
+
+def test_a_state_is_right_as_400_steps_or_told_to_be_another():
+    told = {"path_resolved": False}
+    for near in (end(), end(2.0198), end(2.0, (4.96, -1.04)), end(**told)):
+        assert outcome(near, end(), True) == ends.RIGHT
+    for far in ({"energy": 2.04}, {"energy": 1.96}, {"reactions": (5.0, -1.06)}):
+        assert outcome(end(**far), end(), True) == ends.WRONG
+        assert outcome(end(**far, **told), end(), True) == ends.OTHER
+    for reference in (end(sound=False), end(**REFUSED)):  # nothing to agree with
+        assert outcome(end(), reference, True) == ends.WRONG
+        assert outcome(end(**told), reference, True) == ends.OTHER
+
+
+def test_what_is_not_sound_is_wrong_whatever_it_says_of_its_path():
+    for resolved in (True, False):
+        unsound = end(sound=False, path_resolved=resolved)
+        assert outcome(unsound, end(), True) == ends.WRONG
+
+
+def test_a_refusal_of_what_can_be_solved_is_told_from_others():
+    assert outcome(end(**REFUSED), end(), True) == ends.MISSED
+    assert outcome(end(**REFUSED), end(**REFUSED), False) == ends.REFUSED
+
+
+def test_round_off_is_no_disagreement():
+    none = end(1e-13, (1e-10, 0.0))
+    assert outcome(none, end(-5e-13, (0.0, -8e-10)), True) == ends.RIGHT
+    assert outcome(none, end(5e-12, (0.0, 0.0)), True) == ends.WRONG
+    assert outcome(none, end(0.0, (5e-9, 0.0)), True) == ends.WRONG
+
+
+def test_the_summary_counts():
+    def row(outcome, solvable=True, agrees=True, path_resolved=True, **head):
+        head = {"family": "f", "problem": "p"} | head
+        said = {"agrees": agrees, "path_resolved": path_resolved}
+        return head | {"outcome": outcome, "solvable": solvable} | said
+
+    rows = [row(ends.RIGHT)] * 3 + [row(ends.RIGHT, path_resolved=False, problem="q")]
+    rows += [row(ends.OTHER, agrees=False, path_resolved=False)] * 2
+    rows += [row(ends.MISSED, agrees=False), row(ends.WRONG, agrees=False)]
+    rows += [row(ends.REFUSED, solvable=False, agrees=False)] * 4
+    assert ends.summary(rows) == {
+        "problems": 2,
+        "cases": 12,
+        "right": 6,
+        "right_on_another_equilibrium": 2,
+        "refused": 5,
+        "refused_though_solvable": 1,
+        "wrong": 1,
+        "solvable": 8,
+        "share_right_of_solvable": 6 / 8,
+        "share_right_as_400_steps_of_solvable": 4 / 8,
+        "agree_with_400_steps": 4,
+        "agree_but_path_not_resolved": 1,
+        "share_of_these_not_resolved": 1 / 4,
+    }
+
+
+def test_a_plain_problem_is_right_and_agrees(few_steps):
     rows = stability.examined(Extreme("f", "plain", SMALL, OnePoint(10.0)))
-    assert [row["outcome"] for row in rows] == [stability.RIGHT, stability.RIGHT]
-    assert all(row["one answer"] for row in rows)
+    assert [row["outcome"] for row in rows] == [ends.RIGHT, ends.RIGHT]
+    assert all(row["agrees"] and row["path_resolved"] for row in rows)
+    assert all(0 <= row["energy_off"] < 1e-6 for row in rows)
+    assert all(0 <= row["reactions_off"] < 1e-6 for row in rows)
+
+
+def test_every_run_is_compared_with_the_one_of_the_most_steps(few_steps, monkeypatch):
+    """One whose energy, or one of whose reactions, is off by 2 %."""
+    run = stability._run
+
+    def off_by(energy, reaction):
+        def off(problem, steps, *strategies):
+            end, figures = run(problem, steps, *strategies)
+            if steps == 5:
+                reactions = end.reactions.copy()
+                reactions[0] += reaction * np.abs(reactions).max()
+                end = replace(end, energy=energy * end.energy, reactions=reactions)
+            return end, figures
+
+        return off
+
+    plain = Extreme("f", "plain", SMALL, OnePoint(10.0))
+    for energy, reaction in ((1.02, 0.0), (1.0, 0.02)):
+        monkeypatch.setattr(stability, "_run", off_by(energy, reaction))
+        one, five = stability.examined(plain)
+        assert (one["outcome"], one["agrees"]) == (ends.RIGHT, True)
+        assert (five["outcome"], five["agrees"]) == (ends.WRONG, False)
+        assert five["energy_off"] == pytest.approx(1 - 1 / energy, abs=1e-6)
+        assert five["reactions_off"] == pytest.approx(reaction, rel=0.03, abs=1e-6)
 
 
 def test_an_exact_motion_must_be_met(few_steps):
     frame = partial(picture_frame, size=(3, 3))
     exact = Extreme("f", "frame", frame, Full(), G=0.5, exact=True)
-    assert outcomes(exact) == [stability.RIGHT, stability.RIGHT]
+    assert outcomes(exact) == [ends.RIGHT, ends.RIGHT]
     off = Extreme("f", "strip", SMALL, Full(), exact=True)  # not exact on this mesh
-    assert outcomes(off) == [stability.WRONG, stability.WRONG]
+    assert outcomes(off) == [ends.WRONG, ends.WRONG]
 
 
-def test_a_folding_problem_is_refused_and_has_no_answer(few_steps):
-    rows = stability.examined(Extreme("f", "folds", FOLDING, OnePoint(1.0)))
-    assert [row["outcome"] for row in rows] == [stability.REFUSED, stability.REFUSED]
-    assert not any(row["one answer"] for row in rows)
+def test_what_must_fold_is_refused_and_not_solvable(few_steps):
+    rows = stability.examined(FOLDING)
+    assert [row["outcome"] for row in rows] == [ends.REFUSED, ends.REFUSED]
+    assert not any(row["solvable"] or row["agrees"] for row in rows)
     assert all("det F" in row["message"] for row in rows)
+    assert all(row["energy_off"] is None for row in rows)
+
+
+@pytest.mark.parametrize("way", ["descent", "newton", "more steps"])
+def test_what_another_run_solves_is_refused_though_solvable(
+    few_steps, monkeypatch, way
+):
+    def balks(ply, conditions, steps, strategies):
+        if (way == "more steps" and steps == 10) or strategies == (way,):
+            strategies = DEFAULT_STRATEGIES
+        else:
+            strategies = [Mixed(most=1)]
+        return LoadStepper(
+            ply, conditions, steps, strategies=strategies, max_halvings=0
+        )
+
+    monkeypatch.setattr(stability, "LoadStepper", balks)
+    rows = stability.examined(Extreme("f", "plain", SMALL, OnePoint(10.0)))
+    assert [row["outcome"] for row in rows] == [ends.MISSED, ends.MISSED]
+    solved_by = "mixed, descent in 10" if way == "more steps" else f"{way} in 1"
+    assert all(row["solvable"] and row["solved_by"] == solved_by for row in rows)
+    assert not any(row["reference_sound"] and way != "more steps" for row in rows)
 
 
 def test_a_saddle_point_taken_for_an_answer_is_wrong(few_steps, monkeypatch):
     """The study must not believe the load stepper."""
-    assert stability.WRONG not in outcomes(ROD)
-    credulous = partial(LoadStepper, strategies=["newton"], warn_only=list(CHECKS))
+    assert ends.WRONG not in outcomes(ROD)
+
+    def credulous(ply, conditions, steps, strategies):
+        warn_only = list(CHECKS)
+        return LoadStepper(
+            ply, conditions, steps, strategies=["newton"], warn_only=warn_only
+        )
+
     monkeypatch.setattr(stability, "LoadStepper", credulous)
-    assert outcomes(ROD) == [stability.WRONG, stability.WRONG]
-
-
-def test_soundness_needs_equilibrium_stability_and_no_folds():
-    scene = SMALL()
-    ply = Ply(scene.mesh, Fabric(1e4), OnePoint(10.0))
-    u = LoadStepper(ply, scene.conditions, 4).run().u
-    assert stability.is_sound(ply, scene, u)
-    for off in (1e-2, 10.0):
-        moved = u.copy()
-        moved[ply.basis.nodal_dofs[:, 17]] += off
-        assert not stability.is_sound(ply, scene, moved)
-    assert not stability.is_sound(ply, scene, 0.9 * u)
+    assert outcomes(ROD) == [ends.WRONG, ends.WRONG]
 
 
 def test_the_study_covers_what_it_should():
@@ -103,6 +244,31 @@ def test_the_study_covers_what_it_should():
     assert any(p.G == 0 for p in problems)
     stabilisations = {getattr(p.formulation, "stabilisation", 1) for p in problems}
     assert {1e-3, 1e3} <= stabilisations
+
+
+def test_folding_plies_are_on_meshes_in_a_row():
+    """No mesh is chosen by how it ends."""
+    seeds, first = {}, {}
+    for problem in extremes():
+        if problem.family == "folding":
+            seeds.setdefault(problem.kind, []).append(problem.seed)
+            mesh = problem.scene().mesh.p
+            assert not np.array_equal(mesh, first.setdefault(problem.kind, 0 * mesh))
+            first[problem.kind] = mesh
+    assert {kind: (found[0], len(found)) for kind, found in seeds.items()} == {
+        "strip 6×9, C_s = 1, one point": (0, 24),
+        "strip 6×9, C_s = 0.1, one point": (0, 6),
+        "strip 6×9, C_s = 0.01, one point": (0, 6),
+        "strip 10×15, C_s = 1, one point": (2, 7),
+        "strip 10×15, C_s = 0.1, one point": (2, 7),
+        "bias 60°, Delaunay, G = 0.1, macro": (0, 24),
+        "bias 60°, Delaunay, G = 0, macro": (0, 8),
+        "bias 40°, G = 0, one point": (0, 4),
+        "trellis, G = 0, one point": (0, 4),
+    }
+    assert all(
+        found == list(range(found[0], found[-1] + 1)) for found in seeds.values()
+    )
 
 
 def test_flat_angles_are_flat():
@@ -164,21 +330,38 @@ def test_a_case_that_fails_is_named_and_the_others_are_reported(
 def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
     problems = [
         Extreme("plain", "one", SMALL, OnePoint(10.0)),
-        Extreme("folding", "two", FOLDING, OnePoint(1.0)),
+        replace(FOLDING, seed=0),
+        replace(FOLDING, seed=1, scene=SMALL, E=1e4),
     ]
     monkeypatch.setattr(stability, "extremes", lambda: problems)
     out = tmp_path / "out"
     assert cli.main(["study", "stability", "--out", str(out)]) == 0
     assert {p.name for p in out.iterdir()} == {*stability.FILES, *stability.PICTURES}
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["cases"] == 4
-    assert summary["right"] == summary["refused"] == 2
-    assert summary["wrong"] == 0
-    assert summary["share_right_with_one_answer"] == 1.0
+    assert summary["cases"] == 6
+    assert summary["right"] == summary["solvable"] == 4
+    assert summary["refused"] == 2
+    assert summary["wrong"] == summary["refused_though_solvable"] == 0
+    assert summary["share_right_of_solvable"] == 1.0
     with open(out / "stability.csv") as file:
         rows = list(csv.DictReader(file))
-    assert [row["steps"] for row in rows] == ["1", "5", "1", "5"]
+    assert [row["steps"] for row in rows] == ["1", "5"] * 3
+    assert {row["path_resolved"] for row in rows[:2]} == {"True"}
     table = (out / "stability.md").read_text()
-    assert "| folding | 2 | 0 | 0 | 2 | 0 |" in table
-    assert "| 1 element(s) folded, det F" in table
+    assert "| plain | 2 | 2 | 0 | 0 | 0 | 0 | 2 | 0 |" in table
+    assert "| folding: turned over, 2×2 | 4 | 2 | 0 | 2 | 0 | 0 | 2 | 0 |" in table
+    assert "| folding, turned over, 2×2, seeds 0 | refused | 1, 5 | 0.66" in table
+    assert "2 element(s) folded, det F" in table
     assert "plain, one, one point " in capsys.readouterr().out
+
+
+def test_meshes_that_differ_in_their_seed_share_a_line_of_the_picture():
+    def row(outcome, solves=3):
+        message = "" if outcome == ends.RIGHT else "stopped"
+        return {"outcome": outcome, "linear_solves": solves, "message": message}
+
+    right, refused = row(ends.RIGHT), row(ends.REFUSED)
+    assert stability._cell([right]) == ({ends.RIGHT: 1}, "3")
+    assert stability._cell([refused]) == ({ends.REFUSED: 1}, "")
+    shared = {ends.RIGHT: 2, ends.REFUSED: 1}
+    assert stability._cell([refused, right, right]) == (shared, "2/3")

@@ -1,27 +1,25 @@
 """Stiff and extreme problems: what the stability study asks of the load stepper."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy import ndarray
-from skfem import Mesh, MeshQuad
 
-from ..conditions import Condition
 from ..fabric import Fabric
 from ..formulations import Formulation, Full, Macro, OnePoint
-from ..meshes import with_edges
 from ..ply import Ply
 from ..scenes import Scene, bias_extension, picture_frame, strip, trellis
-from ..scenes.rectangle import rectangle
-from ..scenes.strip import HEIGHT, WIDTH
-from ..scenes.trellis import sheared
-from ..splitting import split
-
-_SIZE = (8, 8)
+from .extreme_scenes import (
+    SIZE,
+    frame_with_flat_angles,
+    net_of,
+    on_split_mesh,
+    placed_strip,
+    strip_with_flat_angles,
+)
 
 
 @dataclass(frozen=True)
@@ -38,6 +36,8 @@ class Extreme:
         Formulation, fibre stiffness and shear stiffness.
     exact
         Whether the mesh can represent the scene's exact motion.
+    seed
+        Seed of the mesh, where problems differ in it alone.
     """
 
     family: str
@@ -47,12 +47,18 @@ class Extreme:
     E: float = 1e4
     G: float = 0.0
     exact: bool = False
+    seed: int | None = None
 
     @property
-    def name(self) -> str:
+    def kind(self) -> str:
         """Value and formulation."""
         elements = {"full": "2×2", "one-point": "one point", "macro": "macro"}
         return f"{self.label}, {elements[self.formulation.name]}"
+
+    @property
+    def name(self) -> str:
+        """Value, formulation and seed."""
+        return self.kind + ("" if self.seed is None else f", seed {self.seed}")
 
     def ply(self, scene: Scene) -> Ply:
         """The ply of the scene."""
@@ -68,6 +74,7 @@ def extremes() -> list[Extreme]:
     families = (
         *(_stiffness_ratios, _stabilisations, _jitters, _slender, _flat_angles),
         *(_crossings, _inclinations, _large_shear, _coordinates, _macro_elements),
+        _folding,
     )
     return [problem for family in families for problem in family()]
 
@@ -88,9 +95,8 @@ def _stabilisations() -> Iterator[Extreme]:
     for C_s in (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1000.0):
         yield Extreme("stabilisation", f"C_s = {C_s:g}", strip, OnePoint(C_s))
     for seed in (1, 2, 9):
-        meshed = partial(strip, seed=seed)
-        label = f"C_s = 1, G = 0.5, seed {seed}"
-        yield Extreme("stabilisation", label, meshed, OnePoint(1.0), G=0.5)
+        meshed, label = partial(strip, seed=seed), "C_s = 1, G = 0.5"
+        yield Extreme("stabilisation", label, meshed, OnePoint(1.0), G=0.5, seed=seed)
 
 
 def _jitters() -> Iterator[Extreme]:
@@ -112,13 +118,11 @@ def _slender() -> Iterator[Extreme]:
 
 def _flat_angles() -> Iterator[Extreme]:
     for element in _both(10.0):
-        yield Extreme("angle 179°", "strip", _strip_with_flat_angles, element)
-    yield Extreme(
-        "angle 179°", "strip, C_s = 1", _strip_with_flat_angles, OnePoint(1.0)
-    )
+        yield Extreme("angle 179°", "strip", strip_with_flat_angles, element)
+    yield Extreme("angle 179°", "strip, C_s = 1", strip_with_flat_angles, OnePoint(1.0))
     for element in _both(10.0):
         yield Extreme(
-            *("angle 179°", "picture frame", _frame_with_flat_angles, element),
+            *("angle 179°", "picture frame", frame_with_flat_angles, element),
             G=0.5,
             exact=True,
         )
@@ -127,7 +131,7 @@ def _flat_angles() -> Iterator[Extreme]:
 def _crossings() -> Iterator[Extreme]:
     for crossing, element in product((30, 60, 90, 120, 150), _both(5.0)):
         straight, bent = (
-            partial(_trellis, crossing=crossing, shear=15, bend=b) for b in (0, 8)
+            partial(net_of, crossing=crossing, shear=15, bend=b) for b in (0, 8)
         )
         label = f"crossing {crossing}°"
         yield Extreme("crossing", label, straight, element, G=0.5, exact=True)
@@ -136,14 +140,14 @@ def _crossings() -> Iterator[Extreme]:
 
 def _inclinations() -> Iterator[Extreme]:
     for angle, element in product((0, 15, 30, 45, 60, 75, 90), _both(5.0)):
-        scene = partial(_trellis, warp=angle, shear=45, bend=30)
+        scene = partial(net_of, warp=angle, shear=45, bend=30)
         yield Extreme("inclination", f"warp at {angle}°", scene, element, G=0.5)
 
 
 def _large_shear() -> Iterator[Extreme]:
     for shear, element in product((20, 45, 70, 85), _both(5.0)):
-        frame = partial(picture_frame, size=_SIZE, shear_angle=np.radians(shear))
-        net = partial(_trellis, warp=30, shear=shear, bend=0)
+        frame = partial(picture_frame, size=SIZE, shear_angle=np.radians(shear))
+        net = partial(net_of, warp=30, shear=shear, bend=0)
         label = f"shear {shear}°"
         yield Extreme("shear", label, frame, element, G=0.5, exact=True)
         yield Extreme("shear", f"{label}, turned", net, element, G=0.5, exact=True)
@@ -152,8 +156,8 @@ def _large_shear() -> Iterator[Extreme]:
 def _coordinates() -> Iterator[Extreme]:
     """The same strip in other units and elsewhere; E and C_s are forces per length."""
     for element, stiffer in zip(_both(10.0), _both(1e4), strict=True):
-        metres = partial(_placed, scale=1e-3, shift=0.0)
-        far = partial(_placed, scale=1.0, shift=1e6)
+        metres = partial(placed_strip, scale=1e-3, shift=0.0)
+        far = partial(placed_strip, scale=1.0, shift=1e6)
         yield Extreme("coordinates", "metres", metres, stiffer, E=1e7)
         yield Extreme("coordinates", "10⁶ mm away", far, element)
 
@@ -169,7 +173,7 @@ def _macro_elements() -> Iterator[Extreme]:
         exact: bool = False,
         **options: Any,
     ) -> Extreme:
-        scene = partial(_split, make, **options)
+        scene = partial(on_split_mesh, make, **options)
         return Extreme("macro-elements", label, scene, Macro(), E, G, exact)
 
     size = (5, 8)
@@ -183,7 +187,7 @@ def _macro_elements() -> Iterator[Extreme]:
         yield problem(label, bias_extension, 0.5 * ratio, 0.5, **kinks)
     yield problem("1:100", strip, size=(2, 150))
     yield problem("jitter 0.45", strip, jitter=0.45, size=size)
-    yield problem("angle 179°", _strip_with_flat_angles)
+    yield problem("angle 179°", strip_with_flat_angles)
     for crossing, bend in product((30, 150), (0, 8)):
         net: dict[str, Any] = {
             "crossing": crossing,
@@ -192,87 +196,45 @@ def _macro_elements() -> Iterator[Extreme]:
             "size": (4, 4),
         }
         label = f"crossing {crossing}°" + (", bent" if bend else "")
-        yield problem(label, _trellis, G=0.5, exact=not bend, **net)
+        yield problem(label, net_of, G=0.5, exact=not bend, **net)
     net = {"warp": 30, "shear": 85, "size": (4, 4)}
-    yield problem("shear 85°", _trellis, G=0.5, exact=True, **net)
+    yield problem("shear 85°", net_of, G=0.5, exact=True, **net)
     for label, E, scale, shift in (
         ("metres", 1e7, 1e-3, 0.0),
         ("10⁶ mm away", 1e4, 1.0, 1e6),
     ):
-        scene = partial(_placed, scale=scale, shift=shift, size=size)
+        scene = partial(placed_strip, scale=scale, shift=shift, size=size)
         yield Extreme("macro-elements", label, scene, Macro(), E)
 
 
-def _split(make: Callable[..., Scene], **options: Any) -> Scene:
-    """A scene on the mesh of the same scene, split."""
-    return make(**options | {"mesh": split(make(**options).mesh)})
+def _folding() -> Iterator[Extreme]:
+    """Plies of which elements tend to fold, on mesh after mesh."""
 
+    def on_meshes(
+        label: str,
+        seeds: Iterable[int],
+        make: Callable[..., Scene],
+        formulation: Formulation,
+        G: float = 0.0,
+        **options: Any,
+    ) -> Iterator[Extreme]:
+        for seed in seeds:
+            scene = partial(make, seed=seed, **options)
+            yield Extreme("folding", label, scene, formulation, G=G, seed=seed)
 
-def _trellis(
-    warp: float = 0,
-    crossing: float = 90,
-    shear: float = 0,
-    bend: float = 0,
-    size: tuple[int, int] = _SIZE,
-    mesh: str | Mesh = "irregular",
-) -> Scene:
-    warp, weft = np.radians([warp, warp + crossing])
-    turns = sheared(*np.radians([shear, bend]))
-    return trellis(mesh, size, warp=warp, weft=weft, turns=turns)
-
-
-def _placed(scale: float, shift: float, **options: Any) -> Scene:
-    """The strip, larger and moved along x and y."""
-    scene = _split(strip, **options) if options else strip()
-
-    def at(X: ndarray) -> ndarray:
-        return (X - shift) / scale
-
-    def moved(condition: Condition) -> Condition:
-        def value(X: ndarray, t: float) -> ndarray:
-            values = scale * condition.values("", at(X), t)
-            return values if condition.direction is None else values[0]
-
-        return Condition(condition.where, value, condition.direction)
-
-    return replace(
-        scene,
-        mesh=scene.mesh.scaled(scale).translated((shift, shift)),
-        conditions={name: moved(c) for name, c in scene.conditions.items()},
-        displacement=lambda X, t: scale * scene.displacement(at(X), t),
-        shear_angle=lambda X, t: scene.shear_angle(at(X), t),
-    )
-
-
-def _strip_with_flat_angles(mesh: Mesh | None = None) -> Scene:
-    return strip(mesh or _with_flat_angles(WIDTH, HEIGHT, (10, 16)))
-
-
-def _frame_with_flat_angles() -> Scene:
-    return picture_frame(_with_flat_angles(100.0, 100.0, _SIZE))
-
-
-def _with_flat_angles(width: float, height: float, size: tuple[int, int]) -> MeshQuad:
-    """Every other node moved so far that it opens an element to an angle of 179°.
-
-    In an element with sides a, b the corner at (a, b) comes to c·(a, b), where the
-    edges to (a, 0) and (0, b) make that angle.
-    """
-    mesh = rectangle(width, height, size, "aligned")
-    a, b = width / size[0], height / size[1]
-    node = np.arange(mesh.p.shape[1]).reshape(size[1] + 1, size[0] + 1)
-    moved = node[1:-1:2, 1:-1:2].ravel()
-    points = mesh.p.copy()
-    points[:, moved] -= (1 - _opened(a, b)) * np.array([[a], [b]])
-    return with_edges(MeshQuad(points, mesh.t))
-
-
-def _opened(a: float, b: float) -> float:
-    """Share c of the diagonal at which the angle is 179°, by bisection."""
-    low, high = 0.5, 1.0
-    for _ in range(60):
-        c = 0.5 * (low + high)
-        p, q = np.array([a - c * a, -c * b]), np.array([-c * a, b - c * b])
-        cosine = p @ q / (np.linalg.norm(p) * np.linalg.norm(q))
-        low, high = (low, c) if np.degrees(np.arccos(cosine)) < 179 else (c, high)
-    return c
+    for C_s, seeds in ((1.0, range(24)), (0.1, range(6)), (0.01, range(6))):
+        label = f"strip 6×9, C_s = {C_s:g}"
+        yield from on_meshes(label, seeds, strip, OnePoint(C_s), size=(6, 9))
+    for C_s in (1.0, 0.1):
+        label = f"strip 10×15, C_s = {C_s:g}"
+        yield from on_meshes(label, range(2, 9), strip, OnePoint(C_s))
+    for G, seeds in ((0.1, range(24)), (0.0, range(8))):
+        label = f"bias 60°, Delaunay, G = {G:g}"
+        pulled = partial(on_split_mesh, bias_extension, mesh="delaunay", size=(6, 12))
+        angle = np.radians(60)
+        yield from on_meshes(label, seeds, pulled, Macro(), G, shear_angle=angle)
+    for label, make, size in (
+        ("bias 40°, G = 0", bias_extension, (6, 12)),
+        ("trellis, G = 0", trellis, SIZE),
+    ):
+        yield from on_meshes(label, range(4), make, OnePoint(), size=size)

@@ -3,51 +3,76 @@
 Every problem of `extremes` is loaded in 1, 2, 5, 20 and 100 steps, and for comparison
 in 400.  A run ends as
 
-- *right*: on a stable, unfolded equilibrium with the energy that 400 steps reach, or
-  on another one; where the mesh can represent the exact motion, on that motion;
+- *right*: on a stable, unfolded equilibrium, with the energy and the reactions that 400
+  steps reach, to 1 %; where the mesh can represent the exact motion, on that motion;
+- *right, another equilibrium*: on a stable, unfolded one with other energies or
+  reactions, of a path that the run itself says was not resolved;
 - *refused*: with an error;
+- *refused though solvable*: with an error, where another run of the same formulation,
+  in other steps or by another strategy, finds a stable, unfolded equilibrium;
 - *wrong*: on anything else.
 
-Whether a state is a stable, unfolded equilibrium is found out again here, by dense
-algebra and apart from the load stepper.
+Whether a state is a stable, unfolded equilibrium is found out again in `soundness`, by
+dense algebra and apart from the load stepper.
 """
 
 import csv
 import json
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy import ndarray
 
-from ..conditions import Constraints
-from ..ply import Ply
 from ..result import StepError
-from ..scenes import Scene
-from ..stepper import LoadStepper
+from ..stepper import DEFAULT_STRATEGIES, LoadStepper
 from .extremes import Extreme, extremes
+from .outcomes import (
+    MISSED,
+    OTHER,
+    OUTCOMES,
+    REFUSED,
+    RIGHT,
+    WRONG,
+    End,
+    outcome,
+    summary,
+)
 from .quiet import quiet
+from .soundness import is_sound
 
 STEPS = (1, 2, 5, 20, 100)
-_REFERENCE, _AGREEING = 400, (20, 100, 400)
+_REFERENCE = 400
+
+# What else may solve a problem that is refused in any number of steps.
+_OTHER_STRATEGIES = ("descent",), ("newton",)
 
 #: Written by `write` and by `draw`.
 FILES = ("stability.csv", "summary.json", "stability.md")
 PICTURES = ("stability.png",)
 
-RIGHT, OTHER = "right", "right, another equilibrium"
-REFUSED, WRONG = "refused", "wrong"
+# Titles of the columns of the outcomes.
+_TITLES = "right", "another", "refused", "though solvable", "wrong"
 
-_COLOURS = {RIGHT: "#0072B2", OTHER: "#56B4E9", REFUSED: "#E69F00", WRONG: "#D55E00"}
+_COLOURS = dict(
+    zip(OUTCOMES, ("#0072B2", "#56B4E9", "#E69F00", "#CC79A7", "#D55E00"), strict=True)
+)
 
-# Energies this close are one, and so are those of fibre strains this small.
-_SAME_ENERGY, _NO_STRAIN = 1e-6, 1e-10
+# Fibre strains of which energies are nothing, and such that round-off makes.
+_NO_STRAIN, _ROUND_OFF = 1e-10, 1e-13
 
 # An exact motion is met when no node is off by more, as a share of the ply's size.
 _EXACT = 1e-8
+
+# What is reported of a run's summary.
+_FIGURES = (
+    *("energy", "corners_energy", "min_det_F", "mesh_fibre_strain"),
+    *("displacement_error_rms", "load_factor", "steps_cut"),
+    *("linear_solves", "factorisations"),
+)
 
 Row = dict[str, Any]
 
@@ -72,94 +97,73 @@ def line(rows: list[Row]) -> str:
 def examined(problem: Extreme) -> list[Row]:
     """The cases of one problem, each with its outcome."""
     runs = {steps: _run(problem, steps) for steps in (*STEPS, _REFERENCE)}
-    reference = runs[_REFERENCE]
-    scale = _SAME_ENERGY * abs(reference["energy"]) + reference["negligible"]
-
-    def as_many_steps(row: Row) -> bool:
-        return bool(abs(row["energy"] - reference["energy"]) <= scale)
-
-    several = [runs[steps] for steps in _AGREEING]
-    one_answer = all(r["sound"] and as_many_steps(r) for r in several)
+    reference, _ = runs[_REFERENCE]
+    solved_by = _solved_by(problem, runs)
     rows = []
     for steps in STEPS:
-        row = runs[steps]
-        met = row["sound"] and (not problem.exact or row["exact"])
-        if not row["converged"]:
-            outcome = REFUSED
-        elif not met:
-            outcome = WRONG
-        else:
-            same = reference["sound"] and as_many_steps(row)
-            outcome = RIGHT if same else OTHER
+        end, figures = runs[steps]
+        both = end.converged and reference.converged
         head = {
             "family": problem.family,
             "problem": problem.name,
+            "kind": problem.kind,
+            "seed": problem.seed,
             "steps": steps,
-            "outcome": outcome,
-            "one answer": one_answer,
+            "outcome": outcome(end, reference, bool(solved_by)),
+            "solvable": bool(solved_by),
+            "solved_by": solved_by,
+            "reference_sound": reference.sound,
+            "agrees": end.agrees(reference),
+            "path_resolved": end.path_resolved,
+            "energy_off": end.energy_off(reference) if both else None,
+            "reactions_off": end.reactions_off(reference) if both else None,
         }
-        rows.append(head | {k: v for k, v in row.items() if k not in _INTERNAL})
+        rows.append(head | figures)
     return rows
 
 
-_INTERNAL = ("converged", "sound", "exact", "negligible")
+def _solved_by(problem: Extreme, runs: Mapping[int, tuple[End, Row]]) -> str:
+    """The first run that ends soundly; if none does, the first by another strategy."""
+    for steps, (end, _) in runs.items():
+        if end.sound:
+            return f"{', '.join(DEFAULT_STRATEGIES)} in {steps}"
+    for steps, strategies in product(runs, _OTHER_STRATEGIES):
+        end, _ = _run(problem, steps, strategies)
+        if end.sound:
+            return f"{', '.join(strategies)} in {steps}"
+    return ""
 
 
-def _run(problem: Extreme, steps: int) -> Row:
-    """One case: its figures, and whether its end is sound."""
+def _run(
+    problem: Extreme, steps: int, strategies: Sequence[str] = DEFAULT_STRATEGIES
+) -> tuple[End, Row]:
+    """One run: how it ended, and its figures."""
     scene = problem.scene()
     ply = problem.ply(scene)
-    stepper, said = LoadStepper(ply, scene.conditions, steps), ""
-    start = perf_counter()
+    stepper = LoadStepper(ply, scene.conditions, steps, strategies=strategies)
+    said, start = "", perf_counter()
     try:
         result = stepper.run()
     except StepError as error:
         result, said = error.result, str(error)
     seconds = perf_counter() - start
-    summary = scene.summary(result)
+    told = scene.summary(result)
     size = float(np.ptp(scene.mesh.p, axis=1).max())
     area = float(ply.basis.dx.sum())
-    return {
-        "energy": summary["energy"],
-        "min_det_F": summary["min_det_F"],
-        "mesh_fibre_strain": summary["mesh_fibre_strain"],
-        "displacement_error_rms": summary["displacement_error_rms"],
-        "load_factor": summary["load_factor"],
-        "steps_cut": summary["steps_cut"],
-        "linear_solves": summary["linear_solves"],
-        "factorisations": summary["factorisations"],
-        "seconds": seconds,
-        "message": said,
-        "converged": result.converged,
-        "sound": result.converged and is_sound(ply, scene, result.u),
-        "exact": scene.errors(result)["displacement_error_max"] <= _EXACT * size,
-        "negligible": problem.E * area * _NO_STRAIN**2,
-    }
-
-
-def is_sound(ply: Ply, scene: Scene, u: ndarray) -> bool:
-    """Whether a state is a stable, unfolded equilibrium under the whole load.
-
-    By the smallest det F, by Cholesky's factors of the dense tangent, scaled to a unit
-    diagonal, and by the Newton step that is left to take.
-    """
-    constraints = Constraints(ply.basis, scene.conditions)
-    if constraints.turn is not None:
-        raise ValueError("the dense check knows conditions along the axes only")
-    off = np.abs(u[constraints.fixed] - constraints.fixed_values(1.0)).max()
-    if not ply.area_ratio(u, ply.fine_points).min() > 0 or off > 1e-9 * np.abs(u).max():
-        return False
-    free = constraints.free
-    K = ply.tangent(u).toarray()[np.ix_(free, free)]
-    if not np.all(K.diagonal() > 0):
-        return False
-    D = 1 / np.sqrt(K.diagonal())
-    try:
-        L = np.linalg.cholesky(D[:, None] * K * D)
-    except np.linalg.LinAlgError:
-        return False
-    left = D * np.linalg.solve(L.T, np.linalg.solve(L, D * ply.residual(u)[free]))
-    return bool(np.abs(left).max(initial=0.0) <= 1e-6 * np.ptp(ply.mesh.p))
+    met = not problem.exact or (
+        scene.errors(result)["displacement_error_max"] <= _EXACT * size
+    )
+    end = End(
+        converged=result.converged,
+        sound=result.converged and met and is_sound(ply, scene, result.u),
+        path_resolved=result.path_resolved,
+        energy=float(told["energy"]),
+        reactions=np.concatenate(list(result.states[-1].reactions.values())),
+        no_energy=problem.E * area * _NO_STRAIN**2,
+        no_force=problem.E * size * _ROUND_OFF,
+    )
+    figures = {key: told[key] for key in _FIGURES}
+    return end, figures | {"seconds": seconds, "message": said}
 
 
 def write(rows: list[Row], folder: Path) -> None:
@@ -172,70 +176,95 @@ def write(rows: list[Row], folder: Path) -> None:
     (folder / "stability.md").write_text(markdown(rows))
 
 
-def summary(rows: list[Row]) -> dict[str, Any]:
-    """How many cases ended how."""
-    outcomes = Counter(row["outcome"] for row in rows)
-    one = [row for row in rows if row["one answer"]]
-    right = sum(row["outcome"] == RIGHT for row in one)
-    return {
-        "cases": len(rows),
-        "right": outcomes[RIGHT] + outcomes[OTHER],
-        "right_on_another_stable_equilibrium": outcomes[OTHER],
-        "refused": outcomes[REFUSED],
-        "wrong": outcomes[WRONG],
-        "cases_with_one_answer": len(one),
-        "right_with_one_answer": right,
-        "share_right_with_one_answer": right / max(len(one), 1),
-    }
-
-
 def markdown(rows: list[Row]) -> str:
     """A line per family, and a line per problem that was refused or wrong."""
-    text = ["| family | cases | right | another | refused | wrong | solves, 1 step "]
-    text += ["| 20 steps |\n", "|---" * 8, "|\n"]
-    for family in dict.fromkeys(row["family"] for row in rows):
-        some = [row for row in rows if row["family"] == family]
-        n = Counter(row["outcome"] for row in some)
-        counts = [len(some), n[RIGHT], n[OTHER], n[REFUSED], n[WRONG]]
-        solves = [_median_solves(some, steps) for steps in (1, 20)]
+    return f"{_counts(rows)}\n{_failures(rows)}"
+
+
+def _counts(rows: list[Row]) -> str:
+    columns = "cases", *_TITLES, "as 400 steps", "of these not resolved"
+    text = [f"| family | {' | '.join(columns)} | solves, 1 step | 20 steps |\n"]
+    text += ["|---" * 11, "|\n"]
+    families = dict.fromkeys(map(_family, rows))
+    some = {family: [r for r in rows if _family(r) == family] for family in families}
+    for family, group in (some | {"all": rows}).items():
+        n = Counter(row["outcome"] for row in group)
+        agreeing = [row for row in group if row["agrees"]]
+        counts = [len(group), *(n[kind] for kind in OUTCOMES), len(agreeing)]
+        counts.append(sum(not row["path_resolved"] for row in agreeing))
+        solves = [_median_solves(group, steps) for steps in (1, 20)]
         text.append(f"| {' | '.join(map(str, [family, *counts, *solves]))} |\n")
-    text += ["\n| refused or wrong | in steps | up to load factor | because |\n"]
-    text += ["|---" * 4, "|\n"]
-    bad = [row for row in rows if row["outcome"] in (REFUSED, WRONG)]
-    for name in dict.fromkeys((row["family"], row["problem"]) for row in bad):
-        some = [row for row in bad if (row["family"], row["problem"]) == name]
-        steps = ", ".join(str(row["steps"]) for row in some)
+    return "".join(text)
+
+
+def _failures(rows: list[Row]) -> str:
+    text = ["| problem | outcome | in steps | up to load factor | because |\n"]
+    text += ["|---" * 5, "|\n"]
+    bad = [row for row in rows if row["outcome"] in (REFUSED, MISSED, WRONG)]
+    for kind in dict.fromkeys(map(_ended, bad)):
+        some = [row for row in bad if _ended(row) == kind]
+        steps = ", ".join(str(n) for n in STEPS if n in {row["steps"] for row in some})
         reached = [row["load_factor"] for row in some]
         *_, message = some[-1]["message"].partition("; try")[0].split(": ", 2)
         text.append(
-            f"| {', '.join(name)} | {steps} | {min(reached):.3f} to "
-            f"{max(reached):.3f} | {message or WRONG} |\n"
+            f"| {kind[0]}, {kind[1]}{_seeds(some)} | {kind[2]} | {steps} | "
+            f"{min(reached):.3f} to {max(reached):.3f} | {message or '-'} |\n"
         )
     return "".join(text)
+
+
+def _family(row: Row) -> str:
+    """The family; where problems differ in the seed alone, with their kind."""
+    family = row["family"]
+    return family if row["seed"] is None else f"{family}: {row['kind']}"
+
+
+def _ended(row: Row) -> tuple[str, str, str]:
+    return row["family"], row["kind"], row["outcome"]
+
+
+def _seeds(rows: list[Row]) -> str:
+    seeds = dict.fromkeys(row["seed"] for row in rows if row["seed"] is not None)
+    return f", seeds {', '.join(map(str, seeds))}" if seeds else ""
 
 
 def _median_solves(rows: Iterable[Row], steps: int) -> str:
     solves = [
         row["linear_solves"]
         for row in rows
-        if row["steps"] == steps and row["outcome"] != REFUSED
+        if row["steps"] == steps and row["outcome"] in (RIGHT, OTHER)
     ]
     return f"{np.median(solves):g}" if solves else "-"
 
 
 def draw(rows: list[Row], folder: Path) -> None:
-    """Draw `PICTURES`: every case in the colour of its outcome, with its solves."""
-    from ..cells import cells
+    """Draw `PICTURES`: every case in the colour of its outcome, with its solves.
 
-    groups: dict[str, dict[str, list[tuple[str, str]]]] = {}
-    for row in rows:
-        lines = groups.setdefault(row["family"], {})
-        solves = "" if row["outcome"] == REFUSED else str(row["linear_solves"])
-        lines.setdefault(row["problem"], []).append((row["outcome"], solves))
+    Problems that differ in their seed alone share a line: the shares of the outcomes,
+    and how many of them are right.
+    """
+    from ..cells import Cell, cells
+
+    groups: dict[str, dict[str, list[Cell]]] = {}
+    for family, kind in dict.fromkeys((row["family"], row["kind"]) for row in rows):
+        some = [r for r in rows if (r["family"], r["kind"]) == (family, kind)]
+        groups.setdefault(family, {})[kind] = [
+            _cell([row for row in some if row["steps"] == steps]) for steps in STEPS
+        ]
     cells(
         groups,
         [str(steps) for steps in STEPS],
         _COLOURS,
-        "Linear solves, by number of load steps",
+        "Linear solves, or on how many meshes it is right, by number of load steps",
         folder / "stability.png",
     )
+
+
+def _cell(rows: list[Row]) -> tuple[dict[str, int], str]:
+    """Counts of the outcomes in their order, and what to say of them."""
+    n = Counter(row["outcome"] for row in rows)
+    if len(rows) > 1:
+        said = f"{n[RIGHT] + n[OTHER]}/{len(rows)}"
+    else:
+        said = "".join(str(row["linear_solves"]) for row in rows if not row["message"])
+    return {kind: n[kind] for kind in OUTCOMES if n[kind]}, said
