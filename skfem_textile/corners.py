@@ -142,7 +142,7 @@ class Corners:
         self._pairs = which.reshape(-1, 2)
         self._nodes = basis.element_dofs[::2] // 2
         self._X = node_positions(basis).T.ravel()
-        reference = basis.mapping.detDF(points).T
+        reference = self._jacobian(basis.zeros())
         own = reference * np.sign(reference.sum(axis=0))
         self._reflex = own <= _FLAT * own.max(axis=0)
         self._per_area = 1 / np.where(self._reflex, np.inf, reference)
@@ -157,15 +157,19 @@ class Corners:
         last, ratio = self._kept
         if np.array_equal(last, u):
             return ratio
-        edges = self._edges @ (self._X + u).view(complex)[self._nodes]
-        ratio = np.empty_like(self._per_area)
-        for i, (xi, eta) in enumerate(self._pairs):
-            ratio[i] = edges[xi].real * edges[eta].imag
-            ratio[i] -= edges[xi].imag * edges[eta].real
-        ratio *= self._per_area
+        ratio = self._jacobian(u) * self._per_area
         ratio[self._reflex] = np.inf
         self._kept = u.copy(), ratio
         return ratio
+
+    def _jacobian(self, u: ndarray) -> ndarray:
+        """det(∂x/∂ξ), shape (n_points, n_elements)."""
+        edges = self._edges @ (self._X + u).view(complex)[self._nodes]
+        det = np.empty((len(self._pairs), edges.shape[1]))
+        for i, (xi, eta) in enumerate(self._pairs):
+            det[i] = edges[xi].real * edges[eta].imag
+            det[i] -= edges[xi].imag * edges[eta].real
+        return det
 
 
 @dataclass(frozen=True, eq=False)
