@@ -46,7 +46,8 @@ def check_state(problem: Problem, state: State, before: Start | None) -> None:
     trial = Trial(problem, Equilibrium(u, f, (), state.tolerance), before)
     trial.tangent = None  # a factorisation that tells nothing new
     force = SAME * float(np.abs(f).max()) + state.tolerance * u.size
-    energy = SAME * sum(energies.values()) + state.tolerance * float(np.abs(u).sum())
+    energy = SAME * sum(map(abs, energies.values()))
+    energy += state.tolerance * float(np.abs(u).sum())
     moved = SAME * float(np.abs(u).max())
     _compare("reactions", state.reactions, problem.reactions(f), force)
     _compare("displacements", state.displacements, problem.displacements(u), moved)
