@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from weakref import finalize
 from xml.etree import ElementTree
 
 import meshio
@@ -19,6 +20,7 @@ from skfem import Mesh, MeshQuad, MeshTri
 from skfem.io.meshio import from_meshio
 
 from .fields import cell_fields, on_parents, point_fields
+from .lock import Lock
 from .meshes import MeshError, check_mesh, check_quads
 from .ply import Ply
 from .result import Result
@@ -239,7 +241,10 @@ def write_summary(summary: Mapping[str, Any], path: str | os.PathLike[str]) -> N
 
 
 class ResultFolder:
-    """A folder that receives the whole result of a run at once.
+    """A folder that receives the whole result of a run at once, and of no other run.
+
+    It is locked until the result is in it, or this object is no more; it is then
+    removed if it was made for this and is empty.
 
     Parameters
     ----------
@@ -251,7 +256,8 @@ class ResultFolder:
     Raises
     ------
     OSError
-        If the folder cannot be written, or something else stands in its way.
+        If the folder cannot be written, or something else stands in its way, or another
+        run writes to it.
     """
 
     def __init__(self, path: str | os.PathLike[str], names: Sequence[str]) -> None:
@@ -264,14 +270,15 @@ class ResultFolder:
                     raise IsADirectoryError(f"{target} is a folder")
                 if target.parent.exists() and not target.parent.is_dir():
                     raise NotADirectoryError(f"{target.parent} is no folder")
+            made = [p for p in (self.path, *self.path.parents) if not p.exists()]
+            self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             reason = error.strerror or error
             raise OSError(f"cannot write results to {self.path}: {reason}") from None
+        self._leave = finalize(self, _leave, Lock(self.path), made)
 
     def __enter__(self) -> Path:
         """Give a scratch folder to write into."""
-        self._made = not self.path.exists()
-        self.path.mkdir(parents=True, exist_ok=True)
         self._scratch = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=self.path))
         return self._scratch
 
@@ -290,8 +297,15 @@ class ResultFolder:
                         file.replace(target)
         finally:
             shutil.rmtree(self._scratch, ignore_errors=True)
-            if self._made and error is not None:
-                shutil.rmtree(self.path, ignore_errors=True)
+            self._leave()
+
+
+def _leave(lock: Lock, made: Sequence[Path]) -> None:
+    """Let others have a folder; those that were made for it go if they are empty."""
+    with contextlib.suppress(OSError):
+        for folder in made:
+            folder.rmdir()
+    lock.release()
 
 
 def _refuse_unwritable(folder: Path) -> None:

@@ -144,6 +144,16 @@ class Problem:
             raise NoEquilibriumError("the forces are not finite", advice=_NOT_FINITE)
         return float(np.abs(self.free(f)).max(initial=0.0))
 
+    def reactions(self, f: ndarray) -> dict[str, ndarray]:
+        """Sum of the nodal forces over the nodes of each condition, shape (2,)."""
+        forces, nodes = self.ply.nodal(f), self.constraints.nodes
+        return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
+
+    def displacements(self, u: ndarray) -> dict[str, ndarray]:
+        """Mean displacement of the nodes of each condition, shape (2,)."""
+        moved, nodes = self.ply.nodal(u), self.constraints.nodes
+        return {name: moved[:, n].mean(axis=1) for name, n in nodes.items()}
+
     def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
         """Whether the fixed unknowns have their values, to round-off of positions."""
         off = np.abs(self.turned(u)[self.constraints.fixed] - fixed_values)

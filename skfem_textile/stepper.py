@@ -3,14 +3,13 @@
 import logging
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
-from .checkpoint import Checkpoint, CheckpointError, Saved
+from .checkpoint import Checkpoint, CheckpointError, Progress, Saved
 from .conditions import Condition, Constraints
 from .linear import check_solver
 from .path import Path
@@ -156,6 +155,8 @@ class LoadStepper:
             raise self._stopped(failure) from None
         finally:
             self._warn_of_path()
+            if self._checkpoint:
+                self._checkpoint.release()
         return self.result
 
     @property
@@ -230,10 +231,9 @@ class LoadStepper:
         problem, progress, u = self.problem, saved.progress, saved.states[-1].u
         self._start = Start(u, problem.residual(u), tangent_at(problem, u))
         self._states = saved.states
-        self._length, self._steps_cut = progress["length"], progress["steps_cut"]
-        self._path = Path.of(progress["path"])
-        self._began -= progress["elapsed"]
-        problem.clock = Clock(**progress["clock"])  # had counted that tangent
+        self._length, self._steps_cut = progress.length, progress.steps_cut
+        self._path, problem.clock = progress.path, progress.clock  # with that tangent
+        self._began -= progress.elapsed
         log.info("resumed at load factor %g", saved.states[-1].load_factor)
 
     def _march(self) -> None:
@@ -288,13 +288,11 @@ class LoadStepper:
 
     def _state(self, t: float, trial: Trial) -> State:
         problem, found = self.problem, trial.found
-        nodes = problem.constraints.nodes
-        forces, moved = problem.ply.nodal(found.f), problem.ply.nodal(found.u)
         return State(
             load_factor=t,
             u=found.u,
-            reactions={k: forces[:, n].sum(axis=1) for k, n in nodes.items()},
-            displacements={k: moved[:, n].mean(axis=1) for k, n in nodes.items()},
+            reactions=problem.reactions(found.f),
+            displacements=problem.displacements(found.u),
             energies=dict(trial.energies),
             verdict=trial.verdict(),
             linear_solves=problem.clock.solves
@@ -335,13 +333,8 @@ class LoadStepper:
         """Write a state to the checkpoint, if there is one."""
         if not self._checkpoint:
             return
-        progress = {
-            "clock": asdict(self.problem.clock),
-            "elapsed": perf_counter() - self._began,
-            "length": self._length,
-            "steps_cut": self._steps_cut,
-            "path": self._path.saved(),
-        }
+        elapsed, clock = perf_counter() - self._began, self.problem.clock
+        progress = Progress(self._length, self._steps_cut, self._path, clock, elapsed)
         try:
             self._checkpoint.save(len(self._states), state, progress)
         except CheckpointError as error:

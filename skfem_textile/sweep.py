@@ -4,17 +4,17 @@ Results are told as they come, and kept on file if one is named.  A case whose w
 dies, or that fails, is run again; the others are none the worse.
 """
 
-import json
 import logging
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import closing
+from contextlib import closing, nullcontext
 from multiprocessing import parent_process
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Generic, TypeVar
 
+from .kept import Kept
 from .processes import Processes, portable
 
 __all__ = ["Processes", "SweepError", "sweep"]
@@ -73,10 +73,11 @@ def sweep(
     executor
         `Processes`, the executor of a dask client, or any other one.
     out
-        File to which every result is appended as it comes, as a line of JSON.  Cases
-        that it holds are not run again, so that a sweep goes on where it was
-        interrupted.  What is told is then what JSON makes of a result: numbers, text,
-        lists and dicts.
+        File to which every result is appended as it comes, as a line of JSON with a
+        digest.  Cases that it holds are not run again, so that a sweep goes on where it
+        was interrupted; lines that were changed are told and not taken for results.
+        What is told is then what JSON makes of a result: numbers, text, lists and
+        dicts.
     key
         Name of a case in ``out`` and in messages, the same in every run.
     retries
@@ -88,17 +89,20 @@ def sweep(
         At the end, if cases have failed; earlier, if the executor breaks as a whole.
     ValueError
         If ``out`` is no file of a sweep, or two of its cases have one name.
+    BlockingIOError
+        If another sweep writes to ``out``.
     TypeError
         If JSON cannot say what is to be kept.
     """
     from threadpoolctl import threadpool_limits
 
-    kept = None if out is None else _Kept(Path(out))
+    kept = None if out is None else Kept(Path(out))
     run = _Run(function, executor, key, retries, kept)
     # Workers load the libraries before they are told what to do, and variables such as
     # OMP_NUM_THREADS would come too late: hence threadpoolctl.  Where the workers are
     # threads of this process, the limit is the caller's to set and to lift.
-    with threadpool_limits(1), closing(run):
+    on_file = nullcontext() if kept is None else closing(kept)
+    with threadpool_limits(1), closing(run), on_file:
         try:
             for case in cases:
                 if kept is not None and kept.begin(name := key(case)):
@@ -128,7 +132,7 @@ class _Run(Generic[Case, Found]):
         executor: Executor,
         key: Callable[[Case], str],
         retries: int,
-        kept: "_Kept | None",
+        kept: Kept | None,
     ) -> None:
         self._function, self._executor, self._key = function, executor, key
         self._retries, self._kept = retries, kept
@@ -197,62 +201,3 @@ def _alone(function: Callable[[Case], Found], case: Case, attempt: int) -> Found
         if (told := portable(error)) is not error:
             raise told from error
         raise
-
-
-class _Kept:
-    """A file with a line of JSON for every case that has a result.
-
-    Attributes
-    ----------
-    found
-        What an earlier sweep left there, by the names of its cases.
-    """
-
-    _HEAD = b'{"case": '
-
-    def __init__(self, out: Path) -> None:
-        self.found: dict[str, Any] = {}
-        self._out, self._names = out, set[str]()
-        with open(out, "ab+") as file:
-            file.seek(0)
-            whole, newline, torn = file.read().rpartition(b"\n")
-            try:
-                if not self._HEAD.startswith(torn[: len(self._HEAD)]):
-                    raise ValueError
-                for line in whole.split(b"\n") if newline else ():
-                    entry = json.loads(line)
-                    self.found[entry["case"]] = entry["found"]
-            except (ValueError, KeyError, TypeError):
-                raise ValueError(
-                    f"{out} is not what a sweep wrote: remove it or name another file"
-                ) from None
-            file.truncate(len(whole + newline))  # a sweep was killed as it wrote
-
-    def begin(self, name: str) -> bool:
-        """Whether the case has a result; its name must be its own."""
-        if name in self._names:
-            raise ValueError(f"two cases are named {name}: give a key that tells them")
-        if " at 0x" in name:
-            raise ValueError(f"a case is named {name}: give a key that lasts")
-        self._names.add(name)
-        return name in self.found
-
-    def add(self, name: str, found: Any) -> Any:
-        """Write a result; returns what a later sweep will read."""
-        line = json.dumps(
-            {"case": name, "found": found}, ensure_ascii=False, default=_plain
-        )
-        with open(self._out, "ab") as file:
-            file.write(line.encode() + b"\n")
-        return json.loads(line)["found"]
-
-
-def _plain(array: Any) -> Any:
-    """Arrays and numbers of numpy as lists and numbers."""
-    try:
-        return array.tolist()
-    except AttributeError:
-        raise TypeError(
-            f"a sweep cannot write a {type(array).__name__} to a file: return numbers, "
-            "text, lists or dicts"
-        ) from None

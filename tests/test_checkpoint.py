@@ -3,6 +3,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -117,10 +118,11 @@ def test_an_unfinished_run_is_not_overwritten_and_a_finished_one_is(tmp_path):
 @pytest.mark.parametrize(
     ("other", "what"),
     [
-        ({"C_s": 2.0}, "stabilisation forces differ"),
-        ({"E": 1e10}, "tension forces differ"),
-        ({"kind": "rate"}, "forces differ"),
-        ({"E": 2e4}, "forces differ"),
+        ({"C_s": 2.0}, r"formulation was OnePoint\(stabilisation=1.0.* is .*=2.0"),
+        ({"E": 1e10}, "warp law was Linear.*10000.0.* is .*10000000000.0"),
+        ({"E": (1e4, 2e4)}, "weft law was"),
+        ({"kind": "rate"}, "formulation was .*'energy'.* is .*'rate'"),
+        ({"C_s": "auto"}, "formulation was .*1.0.* is .*'auto'"),
         ({"steps": 7}, "steps was"),
         ({"strategies": ["newton"]}, "strategies was"),
         ({"warn_only": []}, "warn_only was"),
@@ -254,3 +256,116 @@ def test_a_run_killed_at_any_moment_is_resumed(tmp_path):
         assert code == 0
         assert "resumed at load factor" in log
         assert (out / "history.csv").read_text() == history
+
+
+@pytest.mark.parametrize("C_s", [("auto", 1.0), (1.0, "auto")])
+def test_a_stabilisation_that_begins_as_the_automatic_one_is_not_taken_for_it(
+    tmp_path, C_s
+):
+    """Here C_s is automatically 10⁻⁴ E = 1 N/mm: the first forces are the same."""
+    interrupted_at(tmp_path / "c", 0.5, C_s=C_s[0])
+    with pytest.raises(CheckpointError, match="another run: formulation was") as error:
+        stepper(tmp_path / "c", C_s=C_s[1]).run(resume=True)
+    assert "\n" not in str(error.value)
+
+
+@dataclass(frozen=True)
+class Cubic:
+    """M_s = G Γ + a Γ³, of which the repr tells nothing."""
+
+    a: float
+
+    def energy(self, x):
+        return 0.25 * x**2 + 0.25 * self.a * x**4
+
+    def value(self, x):
+        return 0.5 * x + self.a * x**3
+
+    def tangent(self, x):
+        return 0.5 + 3 * self.a * x**2
+
+    def __repr__(self):
+        return "Cubic()"
+
+
+@pytest.mark.parametrize(
+    ("other", "what"),
+    [
+        ({"shear": Cubic(1e-6)}, "values of the shear law differ"),
+        ({"slope": (1.0, 0.3)}, "fixed directions differ"),
+        ({"names": ("low", "high", "side")}, "conditions was"),
+        ({"warp": (1.0, 1e-6)}, "fibre directions differ"),
+    ],
+)
+def test_what_the_first_forces_do_not_tell_is_told_apart_too(tmp_path, other, what):
+    def square(
+        shear=None, slope=(1.0, 0.2), names=("clamp", "pull", "roll"), warp=(1.0, 0.0)
+    ):
+        fabric = Fabric(1e10, shear or Cubic(0.0), warp)
+        ply = Ply(distorted(1).with_defaults(), fabric, OnePoint())
+        middle = np.abs(ply.nodes - 0.5).sum(axis=0).argsort()[:1]
+        held = (
+            Condition("bottom"),
+            Condition("top", 0.01, (0, 1)),
+            Condition(middle, 0.0, slope),
+        )
+        conditions = dict(zip(names, held, strict=True))
+        return LoadStepper(ply, conditions, 2, checkpoint=tmp_path / "c")
+
+    square().run()
+    with pytest.raises(CheckpointError, match=f"of another run: .*{what}"):
+        square(**other).run(resume=True)
+
+
+def test_a_finished_run_stays_until_the_next_has_a_state_on_disk(tmp_path, monkeypatch):
+    whole = stepper(tmp_path / "c").run()
+    for number in (0, 1):
+        monkeypatch.setattr(np, "savez", full_after(number, np.savez))
+        with pytest.raises(CheckpointError, match="No space left"):
+            stepper(tmp_path / "c", C_s=2.0).run()
+        monkeypatch.undo()
+        assert_same(stepper(tmp_path / "c").run(resume=True), whole)
+
+
+@pytest.mark.parametrize("at", range(10))
+def test_a_new_run_that_is_killed_as_it_takes_the_place_of_the_old(
+    tmp_path, monkeypatch, at
+):
+    """Either run is resumed to its own end, or it is told that it cannot be."""
+    whole = stepper(tmp_path / "c").run()
+    calls = []
+
+    def killed(act):
+        def call(*arguments):
+            calls.append(arguments)
+            if len(calls) > at:
+                raise KeyboardInterrupt
+            return act(*arguments)
+
+        return call
+
+    for name in ("unlink", "replace"):
+        monkeypatch.setattr(Path, name, killed(getattr(Path, name)))
+    with pytest.raises(KeyboardInterrupt):
+        stepper(tmp_path / "c", C_s=2.0).run()
+    monkeypatch.undo()
+    if sorted((tmp_path / "c").glob("state*")):
+        C_s = 1.0 if at < 7 else 2.0
+        with pytest.raises(CheckpointError, match="is of another run: formulation was"):
+            stepper(tmp_path / "c", C_s=3.0 - C_s).run(resume=True)
+        resumed = stepper(tmp_path / "c", C_s=C_s).run(resume=True)
+        assert_same(resumed, whole if at < 7 else stepper(None, C_s=2.0).run())
+    else:
+        stepper(tmp_path / "c", C_s=2.0).run(resume=True)
+
+
+def test_two_runs_do_not_write_to_one_checkpoint(tmp_path):
+    def another(state):
+        with pytest.raises(CheckpointError, match="another run is writing to"):
+            stepper(tmp_path / "c").run(resume=True)
+        told.append(state)
+
+    told = []
+    stepper(tmp_path / "c", on_step=another).run()
+    assert told
+    stepper(tmp_path / "c").run()

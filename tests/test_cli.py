@@ -143,7 +143,7 @@ def test_a_checkpoint_may_lie_anywhere_and_is_refused_by_another_run(tmp_path, c
     again = ("--resume", folder, "--fibre-stiffness", "2e4")
     command = ("run", "strip", "--out", str(tmp_path / "new"), *QUICK, *again)
     capsys.readouterr()
-    assert "is of another run: its tension forces differ" in refused(capsys, *command)
+    assert "is of another run: warp law was Linear" in refused(capsys, *command)
     assert not (tmp_path / "new").exists()
 
 
@@ -582,3 +582,22 @@ def test_the_paper_is_tabled_and_a_case_that_stops_does_not_stop_the_others(
     assert float(rows[1]["load (N)"]) == pytest.approx(-3.49714, rel=1e-5)
     assert (out / "paper.md").read_text().count("\n") == 5
     assert "Fig. 11" in capsys.readouterr().out
+
+
+def test_a_second_run_into_a_folder_is_told_before_any_work(
+    tmp_path, capsys, monkeypatch
+):
+    keep, codes = LoadStepper._keep, []
+
+    def second(stepper, *arguments):
+        keep(stepper, *arguments)
+        if not codes:
+            codes.append(None)
+            codes[0] = run(tmp_path, *QUICK)
+
+    monkeypatch.setattr(LoadStepper, "_keep", second)
+    assert run(tmp_path, *QUICK) == 0
+    assert codes == [2]
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert f"another run is writing to {tmp_path / 'out'}" in said

@@ -365,3 +365,32 @@ def test_stale_steps_are_removed(tmp_path, result):
     write_fields(result, tmp_path)
     assert not (tmp_path / "step_0099.vtu").exists()
     assert (tmp_path / "step_notes.txt").exists()
+
+
+def test_of_two_runs_into_one_folder_the_second_is_told(tmp_path):
+    out = tmp_path / "new" / "out"
+    first = ResultFolder(out, NAMES)
+    with pytest.raises(BlockingIOError, match=f"another run is writing to {out}"):
+        ResultFolder(out, NAMES)
+    with first as folder:
+        (folder / "summary.json").write_text("{}")
+    ResultFolder(out, NAMES)
+    assert [p.name for p in out.iterdir()] == ["summary.json"]
+
+
+def test_a_folder_into_which_nothing_comes_is_not_left(tmp_path):
+    out = tmp_path / "new" / "out"
+    results = ResultFolder(out, NAMES)
+    assert out.is_dir()
+    del results
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_others_wrote_into_a_new_folder_stays_when_results_cannot(tmp_path):
+    """A checkpoint, say."""
+    out = tmp_path / "out"
+    results = ResultFolder(out, NAMES)
+    (out / "checkpoint").mkdir()
+    with pytest.raises(OSError, match="full"), results:
+        raise OSError("full")
+    assert [p.name for p in out.iterdir()] == ["checkpoint"]

@@ -1,3 +1,4 @@
+import hashlib
 import itertools
 import json
 import multiprocessing
@@ -56,7 +57,17 @@ def executor(request):
 
 
 def lines(out):
-    return [json.loads(line) for line in out.read_text().splitlines()]
+    """Cases and results on file; every line ends with the digest of what is before."""
+    found = []
+    for line in out.read_bytes().splitlines():
+        entry = json.loads(line)
+        digest = entry.pop("digest").encode()
+        assert line.endswith(digest + b'"}')
+        assert (
+            hashlib.sha256(line[: -len(digest) - 2]).hexdigest()[:16] == digest.decode()
+        )
+        found.append(entry)
+    return found
 
 
 def test_any_executor_will_do(executor: Executor):
@@ -218,7 +229,19 @@ def test_a_torn_last_line_is_dropped_and_its_case_run_again(tmp_path):
             assert out.read_bytes() == whole
 
 
-@pytest.mark.parametrize("text", ["load,N\n1,2\n", "a note", '{"a": 1}\n', "[]\n{}"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "load,N\n1,2\n",
+        "a note",
+        '{"a": 1}\n',
+        "[]\n{}",
+        "{",
+        '{"case": "of a lawyer", "found": 1',
+        '{"case": "0", "found": 1}\n',
+        "\n",
+    ],
+)
 def test_a_file_of_something_else_is_refused_and_left_alone(tmp_path, text):
     out = tmp_path / "out"
     out.write_text(text)
@@ -228,6 +251,92 @@ def test_a_file_of_something_else_is_refused_and_left_alone(tmp_path, text):
     ):
         next(sweep(sweep_cases.square, range(3), executor, out=out))
     assert out.read_text() == text
+
+
+def swept(out):
+    with ThreadPoolExecutor(1) as executor:
+        return dict(sweep(lambda n: {"value": n / 7}, range(6), executor, out=out))
+
+
+def test_damage_at_random_changes_no_result(tmp_path, caplog):
+    """Lines that were changed are told; a file without a whole line is refused."""
+    out = tmp_path / "out.jsonl"
+    right = swept(out)
+    whole, rng = out.read_bytes(), np.random.default_rng(0)
+    n_told = 0
+    for _ in range(300):
+        content, places = bytearray(whole), rng.integers(len(whole), size=3)
+        match rng.integers(5):
+            case 0:
+                content[places[0]] ^= rng.integers(1, 256)
+            case 1:
+                del content[min(places) : max(places)]
+            case 2:
+                content[places[0] : places[0]] = rng.bytes(rng.integers(1, 60))
+            case 3:
+                content[places[0] : places[0]] = whole[min(places) : max(places)]
+            case 4:
+                content = content[: places[0]]
+        out.write_bytes(content)
+        caplog.clear()
+        try:
+            assert swept(out) == right
+        except ValueError as error:
+            assert "not what a sweep wrote" in str(error)  # noqa: PT017
+            assert out.read_bytes() == content
+        else:
+            assert len(caplog.messages) <= 1
+            n_told += len(caplog.messages)
+    assert n_told > 150
+
+
+def test_the_line_that_is_damaged_is_told_and_its_case_run_again(tmp_path, caplog):
+    out = tmp_path / "out.jsonl"
+    right = swept(out)
+    whole = out.read_bytes().splitlines(keepends=True)
+    edited = whole[2].replace(b"0.28", b"0.29")
+    assert edited != whole[2]
+    out.write_bytes(b"".join([*whole[:2], edited, *whole[3:]]))
+    assert swept(out) == right
+    assert "run again: line(s) 3" in caplog.text
+    assert out.read_bytes().splitlines(keepends=True)[-1] == whole[2]
+
+
+def test_two_results_of_one_case_are_told_and_neither_is_taken(tmp_path, caplog):
+    out, other = tmp_path / "out.jsonl", tmp_path / "other.jsonl"
+    right = swept(out)
+    with ThreadPoolExecutor(1) as executor:
+        list(sweep(lambda n: {"value": n}, [2], executor, out=other))
+    first = out.read_bytes().splitlines(keepends=True)[0]
+    out.write_bytes(out.read_bytes() + other.read_bytes() + first)
+    assert swept(out) == right
+    assert "run again: line(s) 3, 7" in caplog.text
+
+
+def test_what_was_added_to_a_file_is_not_cut_off(tmp_path, caplog):
+    out = tmp_path / "out.jsonl"
+    right = swept(out)
+    whole = out.read_bytes()
+    out.write_bytes(whole + b"a note of mine")
+    assert swept(out) == right
+    assert out.read_bytes() == whole + b"a note of mine\n"
+    assert "line(s) 7" in caplog.text
+
+
+def test_of_two_sweeps_on_one_file_the_second_is_told(tmp_path):
+    out = tmp_path / "out.jsonl"
+    with ThreadPoolExecutor(1) as executor:
+        with closing(sweep(sweep_cases.square, range(3), executor, out=out)) as first:
+            assert next(first) == (0, 0)
+            with pytest.raises(BlockingIOError, match="another run is writing to"):
+                next(sweep(sweep_cases.square, range(3), executor, out=out))
+        assert len(list(sweep(sweep_cases.square, range(3), executor, out=out))) == 3
+
+
+def test_what_is_no_file_is_refused(tmp_path):
+    for out in (tmp_path, Path("/dev/zero")):
+        with pytest.raises(ValueError, match="not what a sweep wrote"):
+            swept(out)
 
 
 def test_a_case_that_always_fails_is_named_and_the_others_finish(tmp_path):

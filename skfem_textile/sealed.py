@@ -1,0 +1,105 @@
+"""Files of arrays and text with a seal: run, name and a digest that tells of changes.
+
+A seal is the last line of a file.  Its digest is of the content, of the rest of the
+seal and of the digest of the file before it in a series: a file that was edited
+disagrees with the others although it is given a digest anew.
+"""
+
+import io
+import json
+import os
+import re
+from collections.abc import Mapping
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+_SEAL = re.compile(r"([0-9a-f]{32}) (run|state_[0-9]{6,}) ([0-9a-f]{64})")
+
+
+class Content(NamedTuple):
+    """What a file holds, and its seal."""
+
+    text: dict[str, Any]
+    arrays: dict[str, ndarray]
+    run: str
+    digest: str
+
+
+def write(
+    path: Path,
+    run: str,
+    name: str,
+    before: str,
+    text: Mapping[str, Any],
+    arrays: Mapping[str, ndarray],
+) -> str:
+    """Write a file, which is on the disk when the function returns.
+
+    Parameters
+    ----------
+    path
+        The file, wherever it is written for now.
+    run, name
+        The run, 32 hexadecimal digits, and the name of the file in it.
+    before
+        Digest of the file before it; empty for the first.
+    text
+        What JSON can say.
+    arrays
+        Arrays by name.
+
+    Returns
+    -------
+    str
+        The digest.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    buffer = io.BytesIO()
+    np.savez(buffer, text=np.array(json.dumps(text)), **arrays)  # type: ignore[arg-type]
+    digest = _digest(before, run, name, buffer.getvalue())
+    with open(path, "wb") as file:
+        file.write(buffer.getvalue())
+        file.write(f"\n{run} {name} {digest}".encode())
+        file.flush()
+        os.fsync(file.fileno())
+    return digest
+
+
+def read(path: Path, run: str, before: str) -> Content:
+    """Read a file; an empty ``run`` stands for any.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ValueError
+        If it is damaged, not of the run, or not what it was called or came after.
+    """
+    body, _, seal = path.read_bytes().rpartition(b"\n")
+    if not (told := _SEAL.fullmatch(seal.decode(errors="replace"))):
+        raise ValueError("is damaged: its last line is no seal")
+    its_run, name, its_digest = told.groups()
+    if run and its_run != run:
+        raise ValueError("is of another run")
+    if name != path.stem:
+        raise ValueError(f"is {name}{path.suffix} under another name")
+    if (digest := _digest(before, its_run, name, body)) != its_digest:
+        raise ValueError("is damaged: it, or a file before it, has changed")
+    try:
+        with np.load(io.BytesIO(body), allow_pickle=False) as content:
+            arrays = dict(content)
+        return Content(json.loads(str(arrays.pop("text"))), arrays, its_run, digest)
+    except Exception as error:  # numpy and zipfile may raise anything
+        raise ValueError(f"is damaged: {str(error).partition(chr(10))[0]}") from None
+
+
+def _digest(before: str, run: str, name: str, body: bytes) -> str:
+    return sha256(f"{before} {run} {name} ".encode() + body).hexdigest()

@@ -1,0 +1,296 @@
+"""Damaged checkpoints: refused in one line, or resumed to the same result."""
+
+import io
+import json
+import shutil
+
+import numpy as np
+import pytest
+from helpers import distorted
+
+from skfem_textile import (
+    CheckpointError,
+    Condition,
+    Fabric,
+    LoadStepper,
+    OnePoint,
+    Ply,
+    Sin2,
+    sealed,
+)
+
+STEPS = 6
+
+
+def stepper(folder, formulation=None, shear=None, pull=0.3, clamp=None, **options):
+    """A small ply whose C_s depends on the last converged state."""
+    mesh = distorted(1).with_defaults()
+    fabric = Fabric(1e3, shear or Sin2(0.5))
+    ply = Ply(mesh, fabric, formulation or OnePoint())
+    conditions = {
+        "clamp": clamp or Condition("bottom"),
+        "pull": Condition("top", pull, (1, 0)),
+        "level": Condition("top", 0.0, (0, 1)),
+    }
+    options = {"steps": STEPS, "checkpoint": folder} | options
+    return LoadStepper(ply, conditions, **options)
+
+
+def interrupted(folder, **options):
+    def interrupt(state):
+        if state.load_factor > 0.6:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stepper(folder, on_step=interrupt, **options).run()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """The same run twice, and another: each interrupted."""
+    top = tmp_path_factory.mktemp("checkpoints")
+    interrupted(top / "again")
+    interrupted(top / "other", pull=0.25)
+    return interrupted(top / "run"), top / "again", top / "other"
+
+
+@pytest.fixture
+def run(folders, tmp_path):
+    return shutil.copytree(folders[0], tmp_path / "c")
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return told(stepper(None).run())
+
+
+def told(result):
+    """Every figure that a run prints, times apart."""
+    summary = {k: v for k, v in result.summary().items() if not k.endswith("time_s")}
+    figures = (result.history(), summary, result.unresolved, result.u.tolist())
+    return json.dumps(figures)
+
+
+def refused(folder, **options):
+    """The one line with which a resumed run is refused, or what it tells at its end."""
+    try:
+        result = stepper(folder, **options).run(resume=True)
+    except CheckpointError as error:
+        line = str(error)
+    else:
+        return None, told(result)
+    assert "\n" not in line
+    assert line.isprintable()
+    assert str(folder) in line
+    return line, None
+
+
+def opened(path):
+    """Text and arrays of a file, and its seal: run, name, digest."""
+    body, _, seal = path.read_bytes().rpartition(b"\n")
+    with np.load(io.BytesIO(body)) as content:
+        arrays = dict(content)
+    return json.loads(str(arrays.pop("text"))), arrays, seal.decode().split()
+
+
+def before(path):
+    """Digest of the file before this one."""
+    number = path.stem.removeprefix("state_")
+    if number == "run":
+        return ""
+    last = f"state_{int(number) - 1:06d}" if int(number) else "run"
+    return opened(path.with_name(f"{last}.npz"))[2][2]
+
+
+def places(text, path=()):
+    """Where in a text of JSON there is a number or a word."""
+    if isinstance(text, dict | list):
+        items = text.items() if isinstance(text, dict) else enumerate(text)
+        return [p for key, value in items for p in places(value, (*path, key))]
+    return [path]
+
+
+def changed(text, place, value):
+    *path, key = place
+    for step in path:
+        text = text[step]
+    text[key] = value(text[key]) if callable(value) else value
+
+
+VALUES = [
+    0,
+    -1,
+    1,
+    0.5,
+    1e308,
+    1e-300,
+    float("nan"),
+    float("inf"),
+    None,
+    "auto",
+    [],
+    {},
+]
+
+
+def edit(rng, file, values=VALUES):
+    """Change one number or array; the digest stays, or is that of the file alone, or,
+    where files come after it, that of all files before it too."""
+    text, arrays, (run, name, digest) = opened(file)
+    if rng.random() < 0.3:
+        array = arrays[rng.choice(list(arrays))]
+        array.flat[rng.integers(array.size)] += rng.choice([1, -1])
+    else:
+        options = places(text)
+        values = [*values, lambda x: x * (1 + 1e-15) if isinstance(x, float) else 7]
+        changed(
+            text,
+            options[rng.integers(len(options))],
+            values[rng.integers(len(values))],
+        )
+    how, last = rng.integers(3), not file.with_name(following(name)).exists()
+    earlier = before(file) if how == 2 and not last else ""
+    sealed.write(file, run, name, earlier, text, arrays)
+    if how == 0:
+        body = file.read_bytes().rpartition(b"\n")[0]
+        file.write_bytes(body + f"\n{run} {name} {digest}".encode())
+
+
+def following(name):
+    return f"state_{1 + int(name[6:]) if name != 'run' else 0:06d}.npz"
+
+
+def flip(rng, file):
+    content = bytearray(file.read_bytes())
+    for i in rng.integers(len(content), size=rng.integers(1, 9)):
+        content[i] ^= rng.integers(1, 256)
+    file.write_bytes(content)
+
+
+def cut(rng, file):
+    content = file.read_bytes()
+    file.write_bytes(content[: rng.integers(len(content))])
+
+
+def lengthen(rng, file):
+    content = file.read_bytes()
+    i = rng.choice([0, rng.integers(len(content)), len(content)])
+    file.write_bytes(content[:i] + rng.bytes(rng.integers(1, 99)) + content[i:])
+
+
+def exchange(rng, file):
+    other = rng.choice(sorted(file.parent.iterdir()))
+    ours, theirs = file.read_bytes(), other.read_bytes()
+    file.write_bytes(theirs)
+    other.write_bytes(ours)
+
+
+def duplicate(rng, file):
+    copy = file.with_name(f"state_{rng.integers(8):06d}.npz")
+    copy.write_bytes(file.read_bytes())
+
+
+def rename(rng, file):
+    file.rename(file.with_name(f"state_{rng.integers(8):06d}.npz"))
+
+
+def remove(rng, file):
+    file.unlink()
+
+
+DAMAGES = [flip, cut, lengthen, exchange, duplicate, rename, remove, edit]
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damage_at_random_is_refused_or_changes_nothing(
+    folders, tmp_path, damage, whole
+):
+    rng = np.random.default_rng(DAMAGES.index(damage))
+    number = 0
+    for i in range(50):
+        folder = shutil.copytree(folders[0], tmp_path / f"{i}")
+        damage(rng, rng.choice(sorted(folder.iterdir())))
+        line, found = refused(folder)
+        assert line or found == whole
+        number += bool(line)
+    assert number > 10
+
+
+@pytest.mark.parametrize("other", [1, 2])
+def test_a_file_of_the_same_run_made_again_or_of_another_is_refused(
+    folders, tmp_path, other
+):
+    for i, file in enumerate(sorted(folders[0].iterdir())):
+        folder = shutil.copytree(folders[0], tmp_path / f"{i}")
+        shutil.copy(folders[other] / file.name, folder / file.name)
+        line, _ = refused(folder)
+        assert "is of another run" in line
+
+
+def test_a_file_under_another_name_is_told(run):
+    shutil.copy(run / "state_000001.npz", run / "state_000002.npz")
+    line, _ = refused(run)
+    assert "state_000002.npz is state_000001.npz under another name" in line
+
+
+def test_a_file_in_the_middle_that_is_sealed_anew_is_refused(run):
+    file = run / "state_000001.npz"
+    text, arrays, (of_run, name, _) = opened(file)
+    text["energies"]["shear"] *= 1.01
+    sealed.write(file, of_run, name, before(file), text, arrays)
+    line, _ = refused(run)
+    assert "state_000002.npz is damaged: it, or a file before it, has changed" in line
+
+
+@pytest.mark.parametrize(
+    ("place", "values"),
+    [
+        (("load_factor",), [0.0, 0.3, 0.9, 1.1, float("nan"), "1", None]),
+        (("progress", "length"), [0.0, -0.1, float("nan"), float("inf"), "1", None]),
+        (("progress", "steps_cut"), [-1, None]),
+        (("progress", "elapsed"), [float("nan"), None]),
+        (("progress", "path", "longest"), [0.1, None]),
+        (("progress", "path", "claims"), [3, [1], [[0.7, 1.0, None, 0.0, 0.0]]]),
+        (("progress", "path", "unresolved"), ["x", ["x"], [float("nan")]]),
+        (("progress", "clock", "solves"), [0, 1.5, None]),
+        (("linear_solves",), [0, 99]),
+        (("energies", "tension"), [lambda x: 1.001 * x, None, "x"]),
+        (("energies",), [{}, []]),
+        (("reactions", "pull", 0), [lambda x: 1.001 * x, None]),
+        (("displacements", "pull", 0), [lambda x: 1.001 * x]),
+        (("verdict", "work"), [lambda x: 1.001 * x]),
+        (("verdict", "min_det_F"), [lambda x: 1.001 * x, "x"]),
+        (("verdict", "max_fibre_strain"), [lambda x: 1.001 * x]),
+        (("verdict",), [None, {}]),
+        (("work", "stabilisation"), [lambda x: x + 1.0, None]),
+    ],
+)
+def test_a_last_state_that_contradicts_itself_is_refused(
+    folders, tmp_path, place, values
+):
+    """Its digest is right: somebody made it so."""
+    for i, value in enumerate(values):
+        folder = shutil.copytree(folders[0], tmp_path / f"{i}")
+        file = sorted(folder.glob("state_*"))[-1]
+        text, arrays, (of_run, name, _) = opened(file)
+        changed(text, place, value)
+        sealed.write(file, of_run, name, before(file), text, arrays)
+        line, _ = refused(folder)
+        assert line, value
+
+
+@pytest.mark.parametrize("array", ["u", "stabilisation C_s"])
+def test_arrays_of_a_last_state_that_are_not_of_the_ply_are_refused(
+    folders, tmp_path, array
+):
+    for i, change in enumerate(
+        [lambda x: x[:-1], lambda x: x + np.nan, lambda x: x + 1]
+    ):
+        folder = shutil.copytree(folders[0], tmp_path / f"{i}")
+        file = sorted(folder.glob("state_*"))[-1]
+        text, arrays, (of_run, name, _) = opened(file)
+        arrays[array] = change(arrays[array])
+        sealed.write(file, of_run, name, before(file), text, arrays)
+        line, _ = refused(folder)
+        assert line, i
