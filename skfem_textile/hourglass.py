@@ -88,8 +88,9 @@ class HeldStabilisation:
         Parameter ``C_s`` of the forms.
     work
         Work of the stabilisation so far in N·mm beyond its energy at this C_s.
-    drift
-        By how much its energy changed with C_s when that last did, in N·mm.
+    drift, held
+        By how much its energy changed with C_s when that last did, and what it was
+        before, in N·mm.
     """
 
     def __init__(self, fabric: Fabric, basis: CellBasis) -> None:
@@ -100,7 +101,7 @@ class HeldStabilisation:
     def reset(self) -> None:
         """Return to the undeformed state."""
         self.parameters = {"C_s": self._stabilisation(self._basis.zeros())}
-        self.work = self.drift = 0.0
+        self.work = self.drift = self.held = 0.0
 
     def commit(self, u: ndarray) -> bool:
         """Make ``u`` the last converged displacement; tell whether C_s changed."""
@@ -112,6 +113,7 @@ class HeldStabilisation:
         # What is stored stays stored, however stiff the element is from now on.
         self.work += asm(self._energy, basis, u=u, C_s=before - C_s)
         self.drift = asm(self._energy, basis, u=u, C_s=np.abs(before - C_s))
+        self.held = asm(self._energy, basis, u=u, C_s=before)
         self.parameters = {"C_s": C_s}
         return True
 
@@ -198,11 +200,11 @@ class AccumulatedMoment:
         Parameters ``last`` and ``moment`` of the forms.
     work
         Work of the stabilisation so far in N·mm.
-    drift
-        Infinite: the rates of a long step are those of its end.
+    drift, held
+        Infinite and zero: the rates of a long step are those of its end.
     """
 
-    drift = np.inf
+    drift, held = np.inf, 0.0
 
     def __init__(self, fabric: Fabric, C_s: float, basis: CellBasis) -> None:
         self._fabric, self._C_s, self._basis = fabric, C_s, basis

@@ -8,19 +8,22 @@ is reached in one step and in two, and both must agree.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
 from .result import State
 
 # Energies and reactions that differ by a smaller share are of one state.
 _SAME = 0.01
 
-# Share of the energy that may depend on the length of the last step: the load is off by
-# up to twice as much (tests/test_path.py).
-_DRIFT = 0.005
+# Below this share of the energy no change of what a ply remembers is looked at.
+_NEGLIGIBLE = 5e-4
+
+# Keeps a quotient finite, N·mm.
+_TINY = 1e-300
 
 # Altered tangents at most on the way of an easy step.
 _MOST_ALTERED = 2
@@ -84,6 +87,8 @@ class Path:
         Load factors at which another number of steps may lead to another equilibrium.
     to_compare
         Ends of hard steps that are being taken again, as two.
+    energy_error
+        What changes of stiffness between steps may have added to the energy, in N·mm.
     not_followed_until
         Up to this load factor the path is not followed.
     """
@@ -92,6 +97,7 @@ class Path:
     halvings: int
     unresolved: list[float] = field(default_factory=list)
     to_compare: list[StepEnd] = field(default_factory=list)
+    energy_error: float = 0.0
     not_followed_until: float = -1.0
 
     def saved(self) -> dict[str, Any]:
@@ -167,9 +173,34 @@ class Path:
             if not past.agrees(StepEnd.of(state)):
                 self._mark(state.load_factor)
 
-    def drifted(self, state: State, drift: float) -> None:
-        """Mark a state if what the ply remembers changed much of its energy."""
-        if drift > _DRIFT * abs(sum(state.energies.values())):
+    def drifted(self, state: State, rise: float, drift: float, held: float) -> None:
+        """Mark a state whose energy may be off because stiffnesses change in steps.
+
+        While a stiffness goes from C to C + ΔC in a step, its energy ½ C d² is that of C
+        alone: off by ½ ΔC Δ(d²)/2 at most.
+
+        Parameters
+        ----------
+        state
+            The state.
+        rise
+            Rise of the energy of terms with a memory in the step.
+        drift, held
+            ½ |ΔC| d² and ½ C d² at its end, as `Ply.drift` gives them.
+        """
+        if drift > 0:
+            self.energy_error += 0.5 * drift * min(1.0, abs(rise) / max(held, _TINY))
+        if self.energy_error > _SAME * abs(sum(state.energies.values())):
+            self._mark(state.load_factor)
+
+    def matters(self, state: State, drift: float) -> bool:
+        """Whether a change of what the ply remembers may change its reactions."""
+        return drift > _NEGLIGIBLE * abs(sum(state.energies.values()))
+
+    def settles(self, state: State, reactions: Mapping[str, ndarray]) -> None:
+        """Mark a state whose reactions change with what the ply remembers of it."""
+        settled = StepEnd.of(replace(state, reactions=dict(reactions)))
+        if not settled.agrees(StepEnd.of(state)):
             self._mark(state.load_factor)
 
     def _mark(self, t: float) -> None:

@@ -190,9 +190,13 @@ class Ply:
         return any(changed)
 
     @property
-    def drift(self) -> float:
-        """Energy in N·mm that depends on how long the last committed step was."""
-        return sum(term.memory.drift for term in self.terms if term.memory)
+    def drift(self) -> tuple[float, float]:
+        """Change of the energy with what the terms remember at the last commit, N·mm.
+
+        And the energy of these terms before the change, without their stored work.
+        """
+        memories = [term.memory for term in self.terms if term.memory]
+        return sum(m.drift for m in memories), sum(m.held for m in memories)
 
     def reset(self) -> None:
         """Forget every committed state."""

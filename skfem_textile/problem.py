@@ -246,6 +246,15 @@ class Tangent:
         dq[free] = self._solve(b)
         return problem.plain(dq)
 
+    def settled(self, f: ndarray) -> ndarray:
+        """Forces after the motion that balances them, to first order."""
+        problem = self._problem
+        q, fixed = np.zeros_like(f), problem.constraints.fixed
+        turned = problem.turned(f)
+        motion = self._solve(-turned[problem.system.free])
+        q[fixed] = turned[fixed] + self._matrix.coupling.T @ motion
+        return problem.plain(q)
+
     def softest(self) -> ndarray:
         """The motion with the least stiffness, its largest component 1.
 

@@ -311,7 +311,7 @@ class LoadStepper:
         else:
             self._start = Start(u, found.f, trial.tangent)
         if t > 0:
-            self._path.drifted(state, problem.ply.drift)
+            self._judge_drift(state)
         if state.linear_solves <= _EASY_SOLVES:
             self._length = min(2 * self._length, self.load_factors[0])
         self._save(state)
@@ -319,6 +319,17 @@ class LoadStepper:
         log.info("load factor %g: %d linear solves", t, state.linear_solves)
         if self.on_step is not None and t > 0:
             self.on_step(state)
+
+    def _judge_drift(self, state: State) -> None:
+        """Tell the path how much depends on what the ply remembers of this step."""
+        before, tangent = self._states[-1], self._start.tangent
+        drift, held = self.problem.ply.drift
+        name = "stabilisation"
+        rise = state.energies.get(name, 0.0) - before.energies.get(name, 0.0)
+        self._path.drifted(state, rise, drift, held)
+        if state.load_factor == 1.0 and tangent and self._path.matters(state, drift):
+            settled = self.problem.reactions(tangent.settled(self._start.f))
+            self._path.settles(state, settled)
 
     def _warn_of_path(self) -> None:
         if places := self._path.unresolved:

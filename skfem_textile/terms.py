@@ -16,13 +16,14 @@ class Memory(Protocol):
     """What a term remembers of the last converged state.
 
     ``parameters`` are passed to its forms, ``work`` is what it has stored so far in
-    N·mm: the term's energy form gives the rest.  ``drift`` is how much energy in N·mm
-    depends on the length of the last step.
+    N·mm: the term's energy form gives the rest.  ``drift`` is by how much that form
+    changed when the term last changed what it remembers, ``held`` its value before.
     """
 
     parameters: dict[str, ndarray]
     work: float
     drift: float
+    held: float
 
     def reset(self) -> None:
         """Return to the undeformed state."""
