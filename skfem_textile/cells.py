@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from .curves import save
+from .picture_files import picture_path
 
 #: Lines by their label, each a kind and a text for every column.
 Lines = Mapping[str, Sequence[tuple[str, str]]]
@@ -40,6 +41,11 @@ def cells(
     panels
         Panels side by side among which the groups are shared out, in their order.
 
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        As `picture_path`.
+
     Examples
     --------
     >>> groups = {"fibres": {"stiff": [("good", "5"), ("bad", "-")]}}
@@ -47,6 +53,7 @@ def cells(
     >>> [text.get_text() for text in figure.axes[0].texts]
     ['fibres', '1', '2', 'stiff', '5', '-']
     """
+    path = None if filename is None else picture_path(filename)
     shared = _shared_out(groups, panels)
     height = max(sum(len(lines) + 2 for lines in panel.values()) for panel in shared)
     width = _LABEL + _CELL * len(columns)
@@ -67,7 +74,7 @@ def cells(
             ncols=len(colours),
             frameon=False,
         )
-        save(figure, filename)
+        save(figure, path)
     return figure
 
 
