@@ -162,9 +162,10 @@ def _contradiction(
         change = np.diff(whole, axis=0) / h
         low = np.minimum(derivative[:-1], derivative[1:])
         high = np.maximum(derivative[:-1], derivative[1:])
-        size = np.fmax.reduce(np.abs(whole), axis=0)
-        noise = max(_NOISE, 64 * float(np.finfo(whole.dtype).eps))
-        slack = _OFF * np.maximum(np.abs(low), np.abs(high)) + noise * size / h
+        kind = np.finfo(whole.dtype)
+        noise = max(_NOISE, 64 * float(kind.eps)) * np.fmax.reduce(np.abs(whole))
+        slack = _OFF * np.maximum(np.abs(low), np.abs(high))
+        slack += (noise + float(kind.tiny)) / h
         excess = np.maximum(low - change, change - high) - slack
     off = excess > 0
     thrice = off[:-2] & off[1:-1] & off[2:]

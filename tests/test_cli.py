@@ -323,6 +323,7 @@ def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypat
         (("--fibre-stiffness", "0"), "no stiffness"),
         (("--shear-stiffness", "nan"), "shear stiffness must be"),
         (("--steps", "0"), "steps must be at least 1"),
+        (("--steps", "99999999999999999999999"), "no more than 1000000; got 9999999"),
         (("--size", "10"), "'10' is not like 10x15"),
         (("--size", "0x5"), "at least 1x1"),
         (("--size", "1000000x1000000"), "llocate"),
@@ -453,6 +454,14 @@ def test_numbers_that_make_no_sense_are_refused(capsys, tmp_path):
     assert "--workers" in refused(capsys, "study", "stability", "--workers", "0", *out)
     triangles = ("--mesh", "delaunay", "--split", "quads")
     assert "has triangles" in refused(capsys, "run", "strip", *triangles, *out)
+
+
+@pytest.mark.parametrize("option", ["--fibre-stiffness", "--shear-stiffness"])
+def test_the_largest_numbers_are_refused_without_warnings(option, capsys, tmp_path):
+    out = ("--out", str(tmp_path / "o"))
+    said = refused(capsys, "run", "strip", *QUICK[:4], option, "1e308", *out)
+    assert "a law has no finite energy or force at rest" in said
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_sides_may_be_freed_one_by_one(tmp_path):
