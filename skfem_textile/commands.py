@@ -298,13 +298,24 @@ def _render(
 
 
 def _draw(scene: Scene, result: Result, folder: Path) -> None:
-    from . import plot
+    with held():  # VTK may crash where it is interrupted
+        from . import plot
+    for name, draw in (
+        ("fibre_strain.png", plot.fibre_strain),
+        ("shear_angle.png", plot.shear_angle),
+        ("fibre_directions.png", plot.fibre_directions),
+    ):
+        with held():
+            draw(result, filename=folder / name)
+    with held():
+        plot.animation(result, folder / "animation.gif")
+    _draw_load(scene, result, folder / "load.png")
+
+
+def _draw_load(scene: Scene, result: Result, file: Path) -> None:
+    """Draw the force on the driven edge over its displacement."""
     from .curves import curves
 
-    plot.fibre_strain(result, filename=folder / "fibre_strain.png")
-    plot.shear_angle(result, filename=folder / "shear_angle.png")
-    plot.fibre_directions(result, filename=folder / "fibre_directions.png")
-    plot.animation(result, folder / "animation.gif")
     moved = np.array([scene.driven_displacement(state) for state in result.states])
     axis = np.abs(moved).max(axis=0).argmax()  # the one along which it moves further
     x, y = np.transpose([scene.reaction(state) for state in result.states])
@@ -313,5 +324,5 @@ def _draw(scene: Scene, result: Result, folder: Path) -> None:
         {"Force on the driven edge": lines},
         f"Mean displacement of the driven edge along {'xy'[axis]} (mm)",
         "Force (N)",
-        folder / "load.png",
+        file,
     )

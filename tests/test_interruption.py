@@ -17,6 +17,7 @@ from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, StepErr
 from skfem_textile.interruption import INTERRUPTED, held, raised
 from skfem_textile.io import ResultFolder
 from skfem_textile.output import OutputError
+from skfem_textile.processes import Processes
 from skfem_textile.scenes import strip
 
 ROOT = Path(__file__).parents[1]
@@ -147,6 +148,35 @@ def test_a_signal_while_results_are_written_lets_them_be_written(
     assert said == "skfem-textile: interrupted; the results are written\n"
     assert (out / "summary.json").exists()
     assert is_whole(out)
+
+
+def test_a_signal_while_a_picture_is_drawn_lets_that_one_end(
+    tmp_path, capsys, monkeypatch
+):
+    """VTK may crash where it is interrupted."""
+    plot = pytest.importorskip("skfem_textile.plot")
+    drawn = []
+
+    def draw(*_, **__):
+        os.kill(os.getpid(), signal.SIGINT)
+        drawn.append(True)
+
+    for name in ("fibre_strain", "shear_angle", "fibre_directions", "animation"):
+        monkeypatch.setattr(plot, name, draw)
+    out = tmp_path / "out"
+    assert cli.main(["run", "strip", *QUICK[:-1], "--out", str(out)]) == INTERRUPTED
+    assert drawn == [True]
+    said = "skfem-textile: interrupted; the numbers are written, pictures are not\n"
+    assert capsys.readouterr().err == said
+    assert is_whole(out)
+
+
+def test_worker_processes_never_hear_ctrl_c():
+    """A worker that did would print a traceback of its imports."""
+    with Processes(1) as executor:
+        blocked = executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()
+    assert signal.SIGINT in blocked
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 @pytest.mark.parametrize("change", ["unlink", "replace", "mkdir"])
