@@ -1,5 +1,6 @@
 """Mechanics of woven reinforcements on scikit-fem, free of tension locking."""
 
+from . import interruption as interruption  # first: it answers Ctrl-C while others load
 from .checkpoint import CheckpointError
 from .conditions import Condition
 from .continuity import JumpBasis, shear_continuity

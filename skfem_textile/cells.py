@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from .curves import save
+from .picture_files import picture_path
 
 #: How many of each kind a cell stands for, and its text.
 Cell: TypeAlias = tuple[Mapping[str, int], str]
@@ -44,6 +45,11 @@ def cells(
     panels
         Panels side by side among which the groups are shared out, in their order.
 
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        As `picture_path`.
+
     Examples
     --------
     >>> stiff = [({"good": 1}, "5"), ({"good": 2, "bad": 1}, "-")]
@@ -54,6 +60,7 @@ def cells(
     >>> [round(part.get_width() / _CELL, 2) for part in figure.axes[0].patches]
     [1.0, 1.0, 0.67, 0.33, 1.0]
     """
+    path = None if filename is None else picture_path(filename)
     shared = _shared_out(groups, panels)
     height = max(sum(len(lines) + 2 for lines in panel.values()) for panel in shared)
     width = _LABEL + _CELL * len(columns)
@@ -74,7 +81,7 @@ def cells(
             ncols=len(colours),
             frameon=False,
         )
-        save(figure, filename)
+        save(figure, path)
     return figure
 
 

@@ -2,7 +2,6 @@
 
 import argparse
 import math
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +10,9 @@ from typing import NoReturn, get_args
 from . import __version__, commands
 from .described import SHEAR_LAWS
 from .formulations import Kind
+from .interruption import INTERRUPTED, raised
 from .linear import SOLVERS
+from .output import OutputError, complain, say, silence
 from .scenes.bias_extension import PARTS
 from .scenes.rectangle import KINDS
 from .scenes.trellis import SIDES
@@ -21,8 +22,8 @@ from .verdict import CHECKS
 
 _EXIT_CODES = (
     "exit code: 0, every step converged; 1, stopped early and the last good state "
-    "written; 2, bad input and nothing written; 130, interrupted and the last good "
-    "state written"
+    "written, or what was found cannot be written; 2, bad input and nothing written; "
+    "130, interrupted by Ctrl-C or SIGTERM and the last good state written"
 )
 
 _SHOWN = " (default: %(default)s)"
@@ -32,27 +33,45 @@ class _Parser(argparse.ArgumentParser):
     """A parser that answers bad input with one line."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(commands.BAD_INPUT, f"skfem-textile: error: {message}\n")
+        complain(f"error: {message}")
+        self.exit(commands.BAD_INPUT)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code.
 
-    0 when every step converged, 1 when a run stopped early, 2 for bad input, 130
-    after an interruption.
+    0 when every step converged, 1 when a run stopped early or its results cannot be
+    written, 2 for bad input, 130 after Ctrl-C or SIGTERM.
     """
-    options = _parser().parse_args(arguments)
     try:
-        return options.task(options)
-    except BrokenPipeError:  # nobody reads on: let Python's last flush go nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        with raised():
+            return _answer(arguments)
     except KeyboardInterrupt:
-        print("skfem-textile: interrupted", file=sys.stderr)
-        return commands.INTERRUPTED
+        complain("interrupted")
+        return INTERRUPTED
+
+
+def _answer(arguments: Sequence[str] | None) -> int:
+    """The exit code, after one line to stderr if something is wrong."""
+    try:
+        return _run(arguments)
+    except BrokenPipeError:  # nobody reads on
+        silence(sys.stdout)
+        return 0
+    except OutputError as error:
+        complain(f"error: {error}")
+        return commands.STOPPED_EARLY
     except (ValueError, OSError, MemoryError) as error:
-        print(f"skfem-textile: error: {error}", file=sys.stderr)
+        complain(f"error: {error or 'there is not enough memory'}")
         return commands.BAD_INPUT
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    try:
+        options = _parser().parse_args(arguments)
+        return options.task(options)
+    finally:
+        say("", end="")  # what argparse has printed
 
 
 def _parser() -> argparse.ArgumentParser:

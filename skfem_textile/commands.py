@@ -3,8 +3,9 @@
 import argparse
 import json
 import logging
-import sys
+import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -14,6 +15,8 @@ import numpy as np
 
 from . import __version__
 from .described import checkpoint_of, scene_of, stepper_of
+from .interruption import INTERRUPTED, held
+from .output import OutputError, complain, say
 from .result import Iteration, Result, State, StepError
 from .scenes import Scene
 from .stepper import LoadStepper
@@ -34,7 +37,7 @@ STUDIES = {
 }
 ERROR_TIME = "error against run time, beside other codes: half an hour, undisturbed"
 
-STOPPED_EARLY, BAD_INPUT, INTERRUPTED = 1, 2, 130
+STOPPED_EARLY, BAD_INPUT = 1, 2
 
 _PICTURES = (
     "fibre_strain.png",
@@ -48,7 +51,7 @@ _PICTURES = (
 def scenes(_: argparse.Namespace) -> int:
     """List the scenes."""
     for name, what in SCENES.items():
-        print(f"{name:16}{what}")
+        say(f"{name:16}{what}")
     return 0
 
 
@@ -64,19 +67,29 @@ def run(options: argparse.Namespace) -> int:
     code, said = _load(stepper, options)
     result = stepper.result
     summary = scene.summary(result)
-    with results as folder:
-        inputs = {"inputs": {"version": __version__, **_inputs(options)}}
-        io.write_summary(summary | inputs, folder / "summary.json")
-        io.write_history(result, folder / "history.csv")
-        io.write_fields(result, folder / "fields")
-    if not options.no_render and code != INTERRUPTED:
-        _render(lambda folder: _draw(scene, result, folder), options.out, _PICTURES)
+    inputs = {"inputs": {"version": __version__, **_inputs(options)}}
+    complete = False
+    try:
+        with held():
+            with results as folder:
+                io.write_summary(_finite(summary | inputs), folder / "summary.json")
+                io.write_history(result, folder / "history.csv")
+                io.write_fields(result, folder / "fields")
+            complete = True
+    except OutputError as error:
+        raise OutputError(f"{error}; {_kept(options)}") from None
+    except KeyboardInterrupt:
+        if not complete:
+            raise
+        code, said = INTERRUPTED, "interrupted; the results are written"
+    if code != INTERRUPTED:
+        code = _render(options, _PICTURES, partial(_draw, scene, result), code)
     for key, value in summary.items():
         shown = f"{value:.6g}" if isinstance(value, float) else value
-        print(f"{key:28}{shown}")
-    print(f"results in {options.out}")
+        say(f"{key:28}{shown}")
+    say(f"results in {options.out}")
     if said:
-        print(f"skfem-textile: {said}", file=sys.stderr)
+        complain(said)
     return code
 
 
@@ -87,11 +100,10 @@ def paper(options: argparse.Namespace) -> int:
 
     results = io.ResultFolder(options.out, (*study.FILES, *study.PICTURES))
     with results as folder:
-        rows = study.reproduce(folder)
-    if not options.no_render:
-        _render(lambda folder: study.draw(rows, folder), options.out, study.PICTURES)
-    print(f"results in {options.out}")
-    return 0
+        rows = study.reproduce(folder, say)
+    code = _render(options, study.PICTURES, partial(study.draw, rows))
+    say(f"results in {options.out}")
+    return code
 
 
 def two_element(options: argparse.Namespace) -> int:
@@ -104,8 +116,8 @@ def two_element(options: argparse.Namespace) -> int:
         (folder / "systems.md").write_text(table)
         text = json.dumps(systems.report(), indent=2, ensure_ascii=False)
         (folder / "systems.json").write_text(text + "\n")
-    print(table, end="")
-    print(f"results in {options.out}")
+    say(table, end="")
+    say(f"results in {options.out}")
     return 0
 
 
@@ -118,16 +130,15 @@ def error_time(options: argparse.Namespace) -> int:
     rows: list[dict[str, Any]] = []
     try:
         for some in study.cases(options.scene):
-            print(study.line(some), flush=True)
+            say(study.line(some))
             rows += some
     finally:  # an interrupted study reports on what it has
         if rows:
             with results as folder:
                 study.write(rows, folder)
-    if not options.no_render:
-        _render(lambda folder: study.draw(rows, folder), options.out, study.PICTURES)
-    print(f"results in {options.out}")
-    return 0
+    code = _render(options, study.PICTURES, partial(study.draw, rows))
+    say(f"results in {options.out}")
+    return code
 
 
 def study(options: argparse.Namespace) -> int:
@@ -157,11 +168,12 @@ def study(options: argparse.Namespace) -> int:
                 study.write(rows, folder)
     if not (said and rows):
         kept.unlink(missing_ok=True)
-    if not options.no_render and code != INTERRUPTED:
-        _render(lambda folder: study.draw(rows, folder), options.out, study.PICTURES)
-    print(f"results in {options.out}")
+    if code != INTERRUPTED:
+        draw = partial(study.draw, rows)
+        code = _render(options, study.PICTURES, draw, code)
+    say(f"results in {options.out}")
     if said:
-        print(f"skfem-textile: {said}", file=sys.stderr)
+        complain(said)
     return code
 
 
@@ -176,11 +188,11 @@ def _examine(
     from .sweep import Processes, sweep
 
     kept.parent.mkdir(parents=True, exist_ok=True)
-    with Processes(workers) as executor:
+    with Processes(min(workers, len(cases))) as executor:
         for case, rows in sweep(
             study.examined, cases, executor, out=kept, key=study.name
         ):
-            print(study.line(rows))
+            say(study.line(rows))
             found[study.name(case)] = rows
 
 
@@ -188,6 +200,15 @@ def _inputs(options: argparse.Namespace) -> Mapping[str, Any]:
     """The options that decide the result."""
     others = ("command", "task", "out", "no_render", "checkpoint", "resume", "verbose")
     return {k: v for k, v in vars(options).items() if k not in others}
+
+
+def _finite(value: Any) -> Any:
+    """Numbers as JSON has them: null for what is not finite, at any depth."""
+    if isinstance(value, Mapping):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _load(stepper: LoadStepper, options: argparse.Namespace) -> tuple[int, str]:
@@ -232,6 +253,14 @@ def _interrupted(stepper: LoadStepper, options: argparse.Namespace) -> str:
     return f"interrupted; the state at load factor {at:.6g} is written, {advice}"
 
 
+def _kept(options: argparse.Namespace) -> str:
+    """What is left of a run whose results cannot be written."""
+    kept = checkpoint_of(options)
+    if kept is None:
+        return "nothing is kept, as --checkpoint was not given"
+    return f"the checkpoint {kept} remains, and --resume goes on from there"
+
+
 def _log(verbose: int) -> None:
     """Send the log to stderr, past the progress bar."""
     handler = logging.StreamHandler()
@@ -241,29 +270,52 @@ def _log(verbose: int) -> None:
     log.setLevel([logging.WARNING, logging.INFO, logging.DEBUG][min(verbose, 2)])
 
 
-def _render(draw: Callable[[Path], None], out: Path, pictures: tuple[str, ...]) -> None:
-    """Draw into a folder, or say in one line why not: the numbers are written."""
+def _render(
+    options: argparse.Namespace,
+    pictures: tuple[str, ...],
+    draw: Callable[[Path], None],
+    code: int = 0,
+) -> int:
+    """Draw into a folder, or say in one line why not: the numbers are written.
+
+    Returns the exit code: the given one, unless the drawing is interrupted.
+    """
     from . import io
 
+    if options.no_render:
+        return code
     try:
-        with io.ResultFolder(out, pictures) as folder:
+        with io.ResultFolder(options.out, pictures) as folder:
             draw(folder)
     except ImportError as error:
-        print(f"no pictures: {error}; pip install 'skfem-textile[plot]'")
+        say(f"no pictures: {error}; pip install 'skfem-textile[plot]'")
     except Exception as error:
-        print(f"no pictures: {error}")
+        say(f"no pictures: {error}")
     except KeyboardInterrupt:
-        print("no pictures: interrupted")
+        complain("interrupted; the numbers are written, pictures are not")
+        return INTERRUPTED
+    return code
 
 
 def _draw(scene: Scene, result: Result, folder: Path) -> None:
-    from . import plot
+    with held():  # VTK may crash where it is interrupted
+        from . import plot
+    for name, draw in (
+        ("fibre_strain.png", plot.fibre_strain),
+        ("shear_angle.png", plot.shear_angle),
+        ("fibre_directions.png", plot.fibre_directions),
+    ):
+        with held():
+            draw(result, filename=folder / name)
+    with held():
+        plot.animation(result, folder / "animation.gif")
+    _draw_load(scene, result, folder / "load.png")
+
+
+def _draw_load(scene: Scene, result: Result, file: Path) -> None:
+    """Draw the force on the driven edge over its displacement."""
     from .curves import curves
 
-    plot.fibre_strain(result, filename=folder / "fibre_strain.png")
-    plot.shear_angle(result, filename=folder / "shear_angle.png")
-    plot.fibre_directions(result, filename=folder / "fibre_directions.png")
-    plot.animation(result, folder / "animation.gif")
     moved = np.array([scene.driven_displacement(state) for state in result.states])
     axis = np.abs(moved).max(axis=0).argmax()  # the one along which it moves further
     x, y = np.transpose([scene.reaction(state) for state in result.states])
@@ -272,5 +324,5 @@ def _draw(scene: Scene, result: Result, folder: Path) -> None:
         {"Force on the driven edge": lines},
         f"Mean displacement of the driven edge along {'xy'[axis]} (mm)",
         "Force (N)",
-        folder / "load.png",
+        file,
     )

@@ -178,6 +178,17 @@ class Constraints:
     """
 
     def __init__(self, basis: CellBasis, conditions: Mapping[str, Condition]) -> None:
+        if not isinstance(conditions, Mapping):
+            raise ValueError(
+                "conditions must be a mapping of names to Conditions, not "
+                f"{type(conditions).__name__}"
+            )
+        for name, condition in conditions.items():
+            if not isinstance(condition, Condition):
+                raise ValueError(
+                    f"condition {name!r} must be a Condition, like "
+                    f"Condition('bottom'), not {type(condition).__name__}"
+                )
         if not conditions:
             raise ValueError("no conditions: a ply must be held somewhere")
         self._conditions = dict(conditions)

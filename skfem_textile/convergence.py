@@ -11,6 +11,7 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import ArrayLike
 
 from .curves import COLOURS, save
+from .picture_files import picture_path
 
 _MARKERS = "osD^vP*Xdh"
 
@@ -29,6 +30,11 @@ def convergence(
     filename
         Where to write a PNG.
 
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        As `picture_path`.
+
     Examples
     --------
     >>> lines = {"2×2": ([100, 400], [0.1, 0.02])}
@@ -36,6 +42,7 @@ def convergence(
     >>> [axes.get_title() for axes in figure.axes]
     ['strip', 'trellis']
     """
+    path = None if filename is None else picture_path(filename)
     labels = dict.fromkeys(
         label
         for panels in rows.values()
@@ -75,5 +82,5 @@ def convergence(
             ncols=3,
             frameon=False,
         )
-        save(figure, filename)
+        save(figure, path)
     return figure

@@ -81,6 +81,7 @@ def corner_resistance(stiffness: float) -> Forms:
     return Forms(energy, residual, tangent)
 
 
+@np.errstate(over="ignore")  # a run refuses what is not finite
 def corner_stiffness(fabric: Fabric, basis: CellBasis) -> float:
     """κ in N/mm: the shear stiffness at rest, and at least 10⁻⁵ of the fibres'.
 

@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
+from .picture_files import picture_path
+
 # Okabe and Ito's colours, told apart with any kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
@@ -31,12 +33,18 @@ def curves(
     filename
         Where to write a PNG.
 
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        As `picture_path`.
+
     Examples
     --------
     >>> figure = curves({"Fig. 5": {"aligned": ([0, 1], [0, 2])}}, "mm", "N")
     >>> [axes.get_title() for axes in figure.axes]
     ['Fig. 5']
     """
+    path = None if filename is None else picture_path(filename)
     labels = dict.fromkeys(label for lines in panels.values() for label in lines)
     colour = dict(zip(labels, cycle(COLOURS), strict=False))
     style = {
@@ -60,14 +68,13 @@ def curves(
             ncols=3,
             frameon=False,
         )
-        save(figure, filename)
+        save(figure, path)
     return figure
 
 
-def save(figure: Figure, filename: str | os.PathLike[str] | None) -> None:
-    """Write a figure as PNG, beside its place first; do nothing without a name."""
-    if filename is not None:
-        path = Path(filename)
+def save(figure: Figure, path: Path | None) -> None:
+    """Write a figure as PNG, beside its place first; do nothing without a path."""
+    if path is not None:
         unfinished = path.with_name(f".unfinished-{path.stem}.png")
         figure.savefig(unfinished, dpi=150)
         unfinished.replace(path)

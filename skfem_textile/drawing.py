@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy import ndarray
 
 from .offscreen import require_offscreen
+from .picture_files import picture_path
 from .result import Result, State
 
 _PANEL = 520  # pixels, height of a panel of a single picture
@@ -175,7 +176,7 @@ def checked(
     Raises
     ------
     ValueError
-        If there is no result, or not one title per result.
+        If there is no result, not one title per result, or the file is to be no PNG.
     FileNotFoundError
         If the folder of the file is not there.
     RuntimeError
@@ -186,17 +187,9 @@ def checked(
     titles = titles or [r.ply.formulation.title for r in results]
     if len(titles) != len(results):
         raise ValueError(f"{len(results)} results need as many titles: {len(titles)}")
-    path = None if filename is None else checked_path(filename)
+    path = None if filename is None else picture_path(filename)
     require_offscreen()
     return path, titles
-
-
-def checked_path(filename: str | os.PathLike[str]) -> Path:
-    """The file's path, refused before any work if its folder is not there."""
-    path = Path(filename)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
-    return path
 
 
 def write_png(plotter: pv.Plotter, path: Path) -> None:

@@ -117,6 +117,7 @@ class HeldStabilisation:
         self.parameters = {"C_s": C_s}
         return True
 
+    @np.errstate(over="ignore")  # a run refuses what is not finite
     def _stabilisation(self, u: ndarray) -> ndarray:
         law, least = self._fabric.shear_law, _at_rest(self._fabric)
         if is_zero(law):

@@ -20,8 +20,10 @@ from skfem import Mesh, MeshQuad, MeshTri
 from skfem.io.meshio import from_meshio
 
 from .fields import cell_fields, on_parents, point_fields
+from .interruption import held
 from .lock import Lock
 from .meshes import MeshError, check_mesh, check_quads
+from .output import OutputError
 from .ply import Ply
 from .result import Result
 from .splitting import SplitMesh, boundary_edges, split_cells, was_split
@@ -246,6 +248,9 @@ class ResultFolder:
     It is locked until the result is in it, or this object is no more; it is then
     removed if it was made for this and is empty.
 
+    ``summary.json`` goes first and comes last, so that it never speaks of files that
+    are not there, whenever the process is killed.
+
     Parameters
     ----------
     path
@@ -258,10 +263,14 @@ class ResultFolder:
     OSError
         If the folder cannot be written, or something else stands in its way, or another
         run writes to it.
+    OutputError
+        On leaving, if the result cannot be written, as on a full disk; what the folder
+        held before is left as it was.
     """
 
     def __init__(self, path: str | os.PathLike[str], names: Sequence[str]) -> None:
-        self.path, self._names = Path(path), names
+        self.path = Path(path)
+        self._names = sorted(names, key=self._is_summary, reverse=True)
         try:
             _refuse_unwritable(self.path)
             for name in names:
@@ -273,31 +282,54 @@ class ResultFolder:
             made = [p for p in (self.path, *self.path.parents) if not p.exists()]
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            reason = error.strerror or error
-            raise OSError(f"cannot write results to {self.path}: {reason}") from None
+            raise OSError(self._unwritable(error)) from None
         self._leave = finalize(self, _leave, Lock(self.path), made)
 
     def __enter__(self) -> Path:
         """Give a scratch folder to write into."""
-        self._scratch = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=self.path))
+        try:
+            scratch = tempfile.mkdtemp(prefix=".unfinished-", dir=self.path)
+        except OSError as error:
+            raise OutputError(self._unwritable(error)) from None
+        self._scratch = Path(scratch)
         return self._scratch
 
-    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, *_: object
+    ) -> None:
         """Put the scratch folder's content in place of an earlier run's."""
         try:
             if error is None:
-                for name in self._names:
-                    for stale in self.path.glob(name):
-                        stale.unlink()
-                for file in self._scratch.rglob("*"):
-                    target = self.path / file.relative_to(self._scratch)
-                    if file.is_dir():
-                        target.mkdir(exist_ok=True)
-                    else:
-                        file.replace(target)
+                with held():
+                    self._move()
+        except OSError as failure:
+            error = failure
         finally:
             shutil.rmtree(self._scratch, ignore_errors=True)
             self._leave()
+        if isinstance(error, OSError) and not isinstance(
+            error, OutputError | BrokenPipeError
+        ):
+            raise OutputError(self._unwritable(error)) from None
+
+    def _move(self) -> None:
+        """Remove an earlier run's files, and put the new ones there."""
+        for name in self._names:
+            for stale in self.path.glob(name):
+                stale.unlink()
+        for file in sorted(self._scratch.rglob("*"), key=self._is_summary):
+            target = self.path / file.relative_to(self._scratch)
+            if file.is_dir():
+                target.mkdir(exist_ok=True)
+            else:
+                file.replace(target)
+
+    @staticmethod
+    def _is_summary(file: str | Path) -> bool:
+        return Path(file).name == "summary.json"
+
+    def _unwritable(self, error: OSError) -> str:
+        return f"cannot write results to {self.path}: {error.strerror or error}"
 
 
 def _leave(lock: Lock, made: Sequence[Path]) -> None:

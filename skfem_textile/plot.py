@@ -11,7 +11,6 @@ from .drawing import (
     Picture,
     View,
     checked,
-    checked_path,
     decorate,
     deformed,
     draw,
@@ -22,6 +21,7 @@ from .drawing import (
 )
 from .fields import cell_fields
 from .offscreen import require_offscreen
+from .picture_files import picture_path
 from .result import Result, State
 
 # Per cent or degrees; less than this is shown as nothing.
@@ -62,7 +62,8 @@ def fibre_strain(
     RuntimeError
         If nothing can be drawn off screen here; the message says what to install.
     ValueError
-        If there is no result, or not one title per result.
+        If there is no result, not one title per result, or the name has another suffix
+        than .png.
     FileNotFoundError
         If the folder of the file is not there.
     """
@@ -170,10 +171,12 @@ def animation(result: Result, filename: str | os.PathLike[str]) -> None:
     ------
     RuntimeError
         If nothing can be drawn off screen here; the message says what to install.
+    ValueError
+        If the name has another suffix than .gif.
     FileNotFoundError
         If the folder of the file is not there.
     """
-    path = checked_path(filename)
+    path = picture_path(filename, ".gif")
     require_offscreen()
     plies = [deformed(result, state) for state in result.states]
     fields = [_degrees(result, state) for state in result.states]

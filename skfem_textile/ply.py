@@ -16,6 +16,7 @@ from .elements import node_dofs, node_positions
 from .fabric import Fabric, is_zero
 from .forms import directions, shear
 from .formulations import Formulation
+from .law_check import check_laws
 from .pattern import Pattern
 from .sums import Sum
 from .terms import LocalTerm, Term
@@ -62,8 +63,8 @@ class Ply:
     MeshError
         If the mesh is not sound, or not of the cells of the formulation.
     ValueError
-        If the fabric has no stiffness at all, or a fibre direction is not valid
-        somewhere on the mesh.
+        If the fabric has no stiffness at all, a fibre direction is not valid somewhere
+        on the mesh, or the parts of a law contradict each other (`check_laws`).
 
     Examples
     --------
@@ -80,6 +81,7 @@ class Ply:
         self.fabric = fabric
         self.formulation = formulation
         self.basis = formulation.basis(mesh)
+        check_laws(fabric, self.basis.dx.shape)
         self.nodes = node_positions(self.basis)
         self.centre, self.fine_points = formulation.centre, formulation.fine_points
         self.corners = Corners(self.basis)

@@ -3,8 +3,9 @@
 import os
 import signal
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
@@ -94,7 +95,8 @@ class _Worker:
                 raise BrokenExecutor("the processes were ended")
             self._pipe, theirs = _CONTEXT.Pipe()
             process = _CONTEXT.Process(target=_serve, args=(theirs,), daemon=True)
-            process.start()
+            with _deaf():
+                process.start()
             self._process = process
             theirs.close()
 
@@ -114,6 +116,22 @@ class _Worker:
             self._killed = True
             if self._process is not None:
                 self._process.kill()
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Let a process that is started here not hear Ctrl-C: it is the caller's."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing.resource_tracker import ensure_running
+
+    ensure_running()  # the first start would, and undo the block
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _serve(pipe: Connection) -> None:

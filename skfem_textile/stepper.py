@@ -29,6 +29,8 @@ DEFAULT_WARN_ONLY = "work", "stabilisation", "corners"
 # After a step of no more linear solves than this the next may be twice as long.
 _EASY_SOLVES = 6
 
+_MOST_STEPS = 1_000_000
+
 
 class LoadStepper:
     """Load a ply, in steps that shrink where they fail and grow where they are easy.
@@ -63,8 +65,8 @@ class LoadStepper:
     ------
     ValueError
         If a condition is not valid at some load factor, ``steps`` is no whole number
-        of at least 1, ``max_halvings`` is negative, a strategy or check unknown, or the
-        solver unknown or not installed.
+        from 1 to a million, ``max_halvings`` is negative, a strategy or check unknown,
+        or the solver unknown or not installed.
 
     Examples
     --------
@@ -100,8 +102,11 @@ class LoadStepper:
         checkpoint: str | os.PathLike[str] | None = None,
         solver: str = "auto",
     ) -> None:
-        if not (np.isfinite(steps) and steps == int(steps) and steps >= 1):
-            raise ValueError(f"steps must be at least 1, and whole; got {steps}")
+        if not _is_whole(steps) or steps > _MOST_STEPS:
+            raise ValueError(
+                "steps must be at least 1, and whole, and no more than "
+                f"{_MOST_STEPS}; got {steps}"
+            )
         if not strategies:
             raise ValueError(f"name at least one strategy of {', '.join(STRATEGIES)}")
         if max_halvings < 0:
@@ -373,6 +378,13 @@ class LoadStepper:
             "max_halvings": self.max_halvings,
             "warn_only": sorted(self._search.warn_only),
         }
+
+
+def _is_whole(number: Any) -> bool:
+    try:
+        return int(number) == number >= 1
+    except (TypeError, ValueError, OverflowError):
+        return False
 
 
 def _among(elements: ndarray) -> str:

@@ -12,6 +12,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from .curves import COLOURS, save
+from .picture_files import picture_path
 
 _MARKERS = "osD^vP*Xdh"
 
@@ -42,6 +43,11 @@ def work_precision(
     filename
         Where to write a PNG.
 
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        As `picture_path`.
+
     Examples
     --------
     >>> lines = {("ours", "Q4"): ([1, 2], [0.4, 0.1])}
@@ -49,6 +55,7 @@ def work_precision(
     >>> [axes.get_ylabel() for axes in figure.axes]
     ['mm', '°']
     """
+    path = None if filename is None else picture_path(filename)
     keys = dict.fromkeys(key for lines in panels.values() for key in lines)
     codes = list(dict.fromkeys(code for code, _ in keys))
     elements = list(dict.fromkeys(element for _, element in keys))
@@ -89,5 +96,5 @@ def work_precision(
         figure.legend(
             handles=handles, loc="outside lower center", ncols=4, frameon=False
         )
-        save(figure, filename)
+        save(figure, path)
     return figure

@@ -9,7 +9,15 @@ import meshio
 import numpy as np
 import pytest
 
-from skfem_textile import Full, LoadStepper, OnePoint, cli, commands, offscreen
+from skfem_textile import (
+    Full,
+    LoadStepper,
+    OnePoint,
+    Result,
+    cli,
+    commands,
+    offscreen,
+)
 from skfem_textile.problem import Problem
 from skfem_textile.studies import paper
 
@@ -160,15 +168,44 @@ def test_resume_goes_on_where_checkpoint_says(tmp_path, capsys, monkeypatch):
     assert "name different folders" in said
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError("no ink")])
-def test_pictures_that_fail_lose_no_numbers(tmp_path, capsys, monkeypatch, error):
+@pytest.mark.parametrize(
+    ("error", "code", "told"),
+    [
+        (ValueError("no ink"), 0, ("no pictures: no ink", "")),
+        (
+            KeyboardInterrupt,
+            130,
+            ("", "interrupted; the numbers are written, pictures are not\n"),
+        ),
+    ],
+)
+def test_pictures_that_fail_lose_no_numbers(
+    tmp_path, capsys, monkeypatch, error, code, told
+):
     def draw(*_):
         raise error
 
     monkeypatch.setattr(commands, "_draw", draw)
-    assert run(tmp_path, *QUICK[:-1]) == 0
+    assert run(tmp_path, *QUICK[:-1]) == code
     assert (tmp_path / "out" / "summary.json").exists()
-    assert "no pictures: " in capsys.readouterr().out
+    out, err = capsys.readouterr()
+    assert told[0] in out
+    assert err == (f"skfem-textile: {told[1]}" if told[1] else "")
+
+
+def test_numbers_that_json_does_not_have_are_null(tmp_path, monkeypatch):
+    summary = Result.summary
+    odd = {"energy": np.inf, "stable": np.nan, "load_steps": 1e308}
+    monkeypatch.setattr(Result, "summary", lambda result: summary(result) | odd)
+    assert run(tmp_path, *QUICK) == 0
+
+    def refuse(constant):
+        raise ValueError(constant)
+
+    text = (tmp_path / "out" / "summary.json").read_text()
+    found = json.loads(text, parse_constant=refuse)
+    assert (found["energy"], found["stable"]) == (None, None)
+    assert found["load_steps"] == 1e308
 
 
 def test_the_load_is_drawn_over_the_displacement_of_the_driven_edge(
@@ -323,6 +360,7 @@ def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypat
         (("--fibre-stiffness", "0"), "no stiffness"),
         (("--shear-stiffness", "nan"), "shear stiffness must be"),
         (("--steps", "0"), "steps must be at least 1"),
+        (("--steps", "99999999999999999999999"), "no more than 1000000; got 9999999"),
         (("--size", "10"), "'10' is not like 10x15"),
         (("--size", "0x5"), "at least 1x1"),
         (("--size", "1000000x1000000"), "llocate"),
@@ -453,6 +491,14 @@ def test_numbers_that_make_no_sense_are_refused(capsys, tmp_path):
     assert "--workers" in refused(capsys, "study", "stability", "--workers", "0", *out)
     triangles = ("--mesh", "delaunay", "--split", "quads")
     assert "has triangles" in refused(capsys, "run", "strip", *triangles, *out)
+
+
+@pytest.mark.parametrize("option", ["--fibre-stiffness", "--shear-stiffness"])
+def test_the_largest_numbers_are_refused_without_warnings(option, capsys, tmp_path):
+    out = ("--out", str(tmp_path / "o"))
+    said = refused(capsys, "run", "strip", *QUICK[:4], option, "1e308", *out)
+    assert "a law has no finite energy or force at rest" in said
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_sides_may_be_freed_one_by_one(tmp_path):

@@ -135,6 +135,23 @@ def test_a_ply_must_be_held():
         Constraints(BASIS, {})
 
 
+@pytest.mark.parametrize(
+    ("conditions", "message"),
+    [
+        ({"clamp": "bottom"}, "'clamp' must be a Condition, .*, not str"),
+        ({"clamp": None}, "'clamp' must be a Condition, .*, not NoneType"),
+        ([Condition("bottom")], "must be a mapping of names to Conditions, not list"),
+        (Condition("bottom"), "must be a mapping of .*, not Condition"),
+        ("bottom", "must be a mapping of names to Conditions, not str"),
+    ],
+)
+def test_what_is_no_condition_is_refused_in_one_line(conditions, message):
+    mesh = MeshQuad().refined(1).with_defaults()
+    with pytest.raises(ValueError, match=message) as refusal:
+        LoadStepper(Ply(mesh, Fabric(10.0, 1.0), Full()), conditions)
+    assert "\n" not in str(refusal.value)
+
+
 def test_an_inclined_roller_does_no_work_along_its_slope():
     """A ply pressed against a smooth slope is pushed back at right angles to it."""
     n = np.array([np.sin(0.4), np.cos(0.4)])

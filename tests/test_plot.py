@@ -1,3 +1,4 @@
+import re
 import subprocess
 import sys
 
@@ -11,6 +12,9 @@ pv = pytest.importorskip("pyvista")
 imageio = pytest.importorskip("imageio.v2")
 plot = pytest.importorskip("skfem_textile.plot")
 curves = pytest.importorskip("skfem_textile.curves").curves
+convergence = pytest.importorskip("skfem_textile.convergence").convergence
+work_precision = pytest.importorskip("skfem_textile.work_precision").work_precision
+cells = pytest.importorskip("skfem_textile.cells").cells
 
 
 @pytest.fixture(scope="module")
@@ -62,12 +66,46 @@ def test_round_off_is_not_drawn_as_strain():
     assert high > 1e-9
 
 
-def test_a_picture_is_a_png_whatever_its_name(results, tmp_path):
-    plot.shear_angle(results[0], filename=tmp_path / "picture")
-    assert (tmp_path / "picture").read_bytes()[1:4] == b"PNG"
-    assert [p.name for p in tmp_path.iterdir()] == ["picture"]
+@pytest.mark.parametrize("name", ["picture", "picture.png", "picture.PNG"])
+def test_a_picture_is_a_png_under_the_name_it_is_given(results, tmp_path, name):
+    plot.shear_angle(results[0], filename=tmp_path / name)
+    assert (tmp_path / name).read_bytes()[1:4] == b"PNG"
+    assert [p.name for p in tmp_path.iterdir()] == [name]
     with pytest.raises(FileNotFoundError, match="there is no folder"):
         plot.shear_angle(results[0], filename=tmp_path / "nowhere" / "x.png")
+
+
+def drawers(results):
+    """Everything that draws into a file, and the suffix of that."""
+    lines = {"a": ([1, 2], [1, 2])}
+    yield ".png", lambda file: plot.fibre_strain(*results, filename=file)
+    yield ".png", lambda file: plot.shear_angle(*results, filename=file)
+    yield ".png", lambda file: plot.contact_sheet(*results, filename=file)
+    yield ".png", lambda file: plot.fibre_directions(*results, filename=file)
+    yield ".gif", lambda file: plot.animation(results[0], file)
+    yield ".png", lambda file: curves({"title": lines}, "mm", "N", file)
+    yield ".png", lambda file: convergence({"mm": {"title": lines}}, file)
+    yield ".png", lambda file: work_precision({"mm": {("a", "b"): ([1], [1])}}, file)
+    lines = {"title": {"line": [("good", "1")]}}
+    yield ".png", lambda file: cells(lines, ["1"], {"good": "g"}, "steps", file)
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".pdf", ".mp4", ".png", ".gif", ".5"])
+def test_a_name_that_promises_what_is_not_written_is_refused_before_any_work(
+    results, tmp_path, monkeypatch, suffix
+):
+    def draws(*_, **__):
+        raise AssertionError("drawn")
+
+    for drawing in ("pyvista.Plotter", "matplotlib.figure.Figure.__init__"):
+        monkeypatch.setattr(drawing, draws)
+    for written, draw in drawers(results):
+        if suffix != written:
+            message = f"cannot write {suffix} files, only {written}: name it x{written}"
+            with pytest.raises(ValueError, match=re.escape(message)) as refusal:
+                draw(tmp_path / f"x{suffix}")
+            assert "\n" not in str(refusal.value)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_contact_sheet_has_two_scales(results):

@@ -221,8 +221,10 @@ def test_a_mechanism_on_an_irregular_mesh_is_no_stable_state(seed, direction):
             LoadStepper(ply, held, steps=1).run()
 
 
-@pytest.mark.parametrize("steps", [0, -3, 2.5, np.nan, np.inf])
-def test_less_than_one_step_is_refused(steps):
+@pytest.mark.parametrize(
+    "steps", [0, -3, 2.5, np.nan, np.inf, "3", None, 10**6 + 1, 10**23]
+)
+def test_steps_that_nobody_can_mean_are_refused(steps):
     ply, conditions = pulled(0.5)
     with pytest.raises(ValueError, match="steps must be at least 1"):
         LoadStepper(ply, conditions, steps=steps)

@@ -1,0 +1,177 @@
+"""Whether the parts of a law agree: the value with the energy, the tangent with both.
+
+Between two arguments a and b the energy must change by (b − a) times some value between
+the values at a and b, and the value by as much of the tangent.  That holds for kinks
+and jumps too.  Where a part turns round between a and b it may fail, but not on three
+intervals on end: there the parts contradict each other.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+from .fabric import Fabric, Law, is_zero
+
+# Arguments at which a law is asked, that has no domain of its own.
+_STRAIN, _ANGLE = 0.1, np.radians(80.0)
+
+# How many arguments: of a law that is the same everywhere, and of one that is not.
+_DENSE, _COARSE = 2000, 18
+
+# How far a change may be off: as a share of the derivative, and, for round-off, of the
+# largest size of what changes.
+_OFF, _NOISE = 1e-3, 1e-9
+
+_PARTS = ("energy", "value", "tangent")
+
+
+class _Asked(NamedTuple):
+    """Arguments in rising order, and energy, value and tangent there, (n, ...)."""
+
+    x: ndarray
+    parts: list[ndarray]
+
+
+def check_laws(fabric: Fabric, shape: tuple[int, ...]) -> None:
+    """Refuse laws whose energy, value and tangent contradict each other.
+
+    Parameters
+    ----------
+    fabric
+        Gives the laws.
+    shape
+        (n_elements, n_points) of a ply's own points.  A law that differs from point to
+        point is asked there, at fewer arguments.
+
+    Raises
+    ------
+    ValueError
+        If parts of a law contradict each other where it is finite, or do not give an
+        array of real numbers of the shape of their argument; the message names the
+        fibre family or the shear, the part and the argument.
+    """
+    warp, weft = fabric.families
+    _check_law("warp", "ε", warp.tension, _STRAIN, shape)
+    if weft.tension is not warp.tension:
+        _check_law("weft", "ε", weft.tension, _STRAIN, shape)
+    _check_law("shear", "Γ", fabric.shear_law, _ANGLE, shape)
+
+
+def _check_law(
+    name: str, symbol: str, law: Law, reach: float, shape: tuple[int, ...]
+) -> None:
+    if is_zero(law):
+        return
+    low, high = _domain(name, law, reach)
+    asked = _ask(name, law, np.linspace(low, high, _DENSE), shape)
+    of_value = _contradiction(asked.x, *asked.parts[:2])
+    of_tangent = _contradiction(asked.x, *asked.parts[1:])
+    if of_value is not None:
+        part = "energy" if of_tangent is None else "value"
+        (x, change, own), whole, derivative = of_value, "energy", "value"
+    elif of_tangent is not None:
+        part = "tangent"
+        (x, change, own), whole, derivative = of_tangent, "value", "tangent"
+    else:
+        return
+    raise ValueError(
+        f"{name} law, {part}: at {symbol} = {x:.4g} the {derivative} is {own:.4g}, but "
+        f"its {whole} changes by {change:.4g} per unit of {symbol}; value must be the "
+        "derivative of energy, tangent that of value"
+    )
+
+
+def _domain(name: str, law: Law, reach: float) -> tuple[float, float]:
+    """The ends of the arguments: those that the law states, where they are finite."""
+    stated = getattr(law, "domain", None)
+    if stated is None:
+        return -reach, reach
+    try:
+        low, high = (float(end) for end in stated)
+        if not low < high:
+            raise ValueError
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{name} law: domain must be two numbers (low, high), got {stated!r}"
+        ) from None
+    low = low if np.isfinite(low) else min(-reach, high - 2 * reach)
+    high = high if np.isfinite(high) else max(reach, low + 2 * reach)
+    return low, high
+
+
+def _ask(name: str, law: Law, x: ndarray, shape: tuple[int, ...]) -> _Asked:
+    """Ask all at once; a law that wants an argument for each point, one by one."""
+    try:
+        parts = [_answer(name, law, part, x[None])[0] for part in _PARTS]
+    except ValueError:
+        x = np.linspace(x[0], x[-1], _COARSE)
+        points = [np.full(shape, one) for one in x]
+        parts = [
+            np.array([_answer(name, law, part, at) for at in points]) for part in _PARTS
+        ]
+    return _Asked(x, _within(x, parts))
+
+
+def _answer(name: str, law: Law, part: str, x: ndarray) -> ndarray:
+    """One part of a law at points, refused if it is no array of real numbers there."""
+    told, given = f"{name} law, {part}: ", x.copy()
+    function: Callable[[ndarray], Any] = getattr(law, part)
+    try:
+        with np.errstate(all="ignore"):
+            found = function(given)
+    except Exception as error:  # a user's function may raise anything
+        reason = f"{type(error).__name__} {error}".strip().partition("\n")[0]
+        raise ValueError(
+            f"{told}fails for an array of shape {x.shape}: {reason}"
+        ) from None
+    if not isinstance(found, ndarray):
+        raise ValueError(
+            f"{told}must give an array of the shape of its argument, not "
+            f"{type(found).__name__}"
+        )
+    if found.shape != x.shape:
+        raise ValueError(
+            f"{told}must give an array of the shape of its argument, {x.shape}, not "
+            f"{found.shape}"
+        )
+    if found.dtype.kind not in "iuf":
+        raise ValueError(f"{told}must give real numbers, not {found.dtype}")
+    if not np.array_equal(given, x):
+        raise ValueError(f"{told}must not change its argument")
+    return found.copy()
+
+
+def _within(x: ndarray, parts: list[ndarray]) -> list[ndarray]:
+    """The parts, with NaN beyond where a law ends: where one is not finite."""
+    finite = np.all([np.isfinite(part) for part in parts], axis=0)
+    rest = np.searchsorted(x, 0.0)
+    below = np.logical_and.accumulate(finite[:rest][::-1])[::-1]
+    above = np.logical_and.accumulate(finite[rest:])
+    inside = np.concatenate([below, above])
+    return [np.where(inside, part, np.nan) for part in parts]
+
+
+def _contradiction(
+    x: ndarray, whole: ndarray, derivative: ndarray
+) -> tuple[float, float, float] | None:
+    """Where, how much ``whole`` changes per unit, and the derivative; or None."""
+    h = np.diff(x).reshape(-1, *(1,) * (whole.ndim - 1))
+    with np.errstate(all="ignore"):  # NaN beyond the end of the law
+        change = np.diff(whole, axis=0) / h
+        low = np.minimum(derivative[:-1], derivative[1:])
+        high = np.maximum(derivative[:-1], derivative[1:])
+        kind = np.finfo(whole.dtype)
+        noise = max(_NOISE, 64 * float(kind.eps)) * np.fmax.reduce(np.abs(whole))
+        slack = _OFF * np.maximum(np.abs(low), np.abs(high))
+        slack += (noise + float(kind.tiny)) / h
+        excess = np.maximum(low - change, change - high) - slack
+    off = excess > 0
+    thrice = off[:-2] & off[1:-1] & off[2:]
+    if not thrice.any():
+        return None
+    at = np.unravel_index(np.where(thrice, excess[1:-1], 0.0).argmax(), thrice.shape)
+    i = (at[0] + 1, *at[1:])
+    middle = (low[i] + high[i]) / 2
+    return float(x[i[0]] + x[i[0] + 1]) / 2, float(change[i]), float(middle)

@@ -1,0 +1,44 @@
+"""What the command line says, and what happens where it cannot be said."""
+
+import os
+import sys
+from typing import TextIO
+
+
+class OutputError(OSError):
+    """What was found cannot be written or printed."""
+
+
+def say(text: str, end: str = "\n") -> None:
+    """Print to stdout at once.
+
+    Raises
+    ------
+    BrokenPipeError
+        If nobody reads on.
+    OutputError
+        If it cannot be printed for another reason.
+    """
+    try:
+        print(text, end=end, flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        silence(sys.stdout)
+        raise OutputError(f"cannot print: {error.strerror or error}") from None
+
+
+def complain(text: str) -> None:
+    """Print one line to stderr, if that can be written."""
+    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    if sys.stderr is None:
+        return
+    try:
+        print(f"skfem-textile: {shown}", file=sys.stderr, flush=True)
+    except OSError:
+        silence(sys.stderr)
+
+
+def silence(stream: TextIO) -> None:
+    """Let the last flush of a stream that cannot be written go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

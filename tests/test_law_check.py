@@ -1,0 +1,276 @@
+"""Laws whose parts contradict each other are refused, all others are taken."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers import Locking, distorted
+from skfem import MeshQuad
+from test_domain import Pretensioned
+
+from skfem_textile import Fabric, Full, Linear, Ply, Sin2
+from skfem_textile.law_check import check_laws
+
+
+class Made:
+    """A law of three functions."""
+
+    def __init__(self, energy, value, tangent, domain=None):
+        self.energy, self.value, self.tangent = energy, value, tangent
+        if domain is not None:
+            self.domain = domain
+
+
+E = 1e3
+
+
+def linear(**other):
+    """T = E ε, of which some parts are others."""
+    parts = {
+        "energy": lambda x: 0.5 * E * x**2,
+        "value": lambda x: E * x,
+        "tangent": lambda x: E + 0 * x,
+    }
+    return Made(**parts | other)
+
+
+def tabled(knots, slopes):
+    """A tension that is linear between knots, and its energy, exactly."""
+    tension = np.concatenate([[0.0], np.cumsum(slopes * np.diff(knots))])
+    tension -= np.interp(0.0, knots, tension)
+    areas = np.diff(knots) * (tension[1:] + tension[:-1]) / 2
+    energy = np.concatenate([[0.0], np.cumsum(areas)])
+
+    def cell(x):
+        return np.clip(np.searchsorted(knots, x, "right") - 1, 0, len(slopes) - 1)
+
+    def of_energy(x):
+        i = cell(x)
+        past = x - knots[i]
+        return energy[i] + tension[i] * past + slopes[i] * past**2 / 2
+
+    def value(x):
+        i = cell(x)
+        return tension[i] + slopes[i] * (x - knots[i])
+
+    return Made(of_energy, value, lambda x: slopes[cell(x)])
+
+
+def in_each_element(shape):
+    """A stiffness for each element, on arrays of one shape alone."""
+    stiffness = np.arange(1.0, 1.0 + shape[0])[:, None]
+
+    def own(x):
+        assert x.shape == shape
+        return stiffness * x
+
+    return linear(
+        energy=lambda x: 0.5 * own(x) * x,
+        value=own,
+        tangent=lambda x: own(np.ones_like(x)),
+    )
+
+
+KNOTS = np.linspace(-0.15, 0.15, 38)
+SOUND = {
+    "linear": Linear(E),
+    "sin2": Sin2(0.5),
+    "locking": Locking(0.5, 0.3),
+    "locking at once": Locking(0.5, 0.02),
+    "cosh": Made(
+        lambda x: 5 * (np.cosh(20 * x) - 1),
+        lambda x: 100 * np.sinh(20 * x),
+        lambda x: 2000 * np.cosh(20 * x),
+    ),
+    "tension only": Made(
+        lambda x: 0.5 * E * np.maximum(x, 0) ** 2,
+        lambda x: E * np.maximum(x, 0),
+        lambda x: E * (x > 0).astype(float),
+    ),
+    "whole numbers": linear(tangent=lambda x: np.where(x > 2, 1000, 1000)),
+    "piecewise linear": tabled(KNOTS, 10 + 990 * (np.arange(37) % 2)),
+    "crimp that wears off": tabled(KNOTS, np.geomspace(1, 1e5, 37)),
+    "softening pieces": tabled(KNOTS, 500.0 * (-1) ** np.arange(37)),
+    "steep toe": Made(
+        lambda x: np.log(np.cosh(x / 1e-3)) * 1e-3,
+        lambda x: np.tanh(x / 1e-3),
+        lambda x: 1e3 / np.cosh(x / 1e-3) ** 2,
+    ),
+    "a jump": Made(np.abs, np.sign, np.zeros_like),
+    "pretension": Pretensioned(E, 3.33),
+    "hardly any stiffness": Linear(5e-324),
+    "as stiff as numbers go": Linear(1e308),
+    "energy at rest": linear(energy=lambda x: 1e6 + 0.5 * E * x**2),
+    "single precision": linear(
+        energy=lambda x: (0.5 * E * x**2).astype(np.float32),
+        value=lambda x: (E * x).astype(np.float32),
+    ),
+    "ends at a wall": linear(
+        energy=lambda x: np.where(x < 0.01, 0.5 * E * x**2, np.inf),
+        value=lambda x: np.where(x < 0.01, E * x, 7.0),
+    ),
+    "wrong past its domain": linear(
+        value=lambda x: np.where(np.abs(x) < 0.05, E * x, 0.0), domain=(-0.05, 0.05)
+    ),
+    "wrong past the pole": linear(
+        energy=lambda x: np.where(x < 0.02, 0.5 * E * x**2, np.nan),
+        value=lambda x: np.where(x < 0.02, E * x, -x),
+    ),
+    "not finite at rest": linear(energy=lambda x: np.full(x.shape, np.nan)),
+    "in each element": in_each_element((6, 4)),
+    "in each element, of any shape": linear(
+        energy=lambda x: 0.5 * np.arange(6.0)[:, None] * x**2,
+        value=lambda x: np.arange(6.0)[:, None] * x,
+        tangent=lambda x: np.arange(6.0)[:, None] + 0 * x,
+    ),
+}
+
+
+@pytest.mark.parametrize("law", SOUND.values(), ids=SOUND)
+def test_a_law_whose_parts_agree_is_taken_for_fibres_and_for_shear(law):
+    check_laws(Fabric(law, law), (6, 4))
+    Ply(distorted(1), Fabric((law, 1.0)), Full())
+
+
+WRONG = {
+    "half the energy": (
+        linear(energy=lambda x: 0.25 * E * x**2),
+        r"warp law, energy: at ε = -?0\.\d+ the value is -?[\d.]+, but its energy "
+        r"changes by -?[\d.]+ per unit of ε; value must be the derivative of energy",
+    ),
+    "energy of another sign": (
+        linear(energy=lambda x: -0.5 * E * x**2),
+        "warp law, energy: at ε = ",
+    ),
+    "no derivative": (linear(value=lambda x: 2 * E * x), "warp law, value: at ε = "),
+    "wrong in compression alone": (
+        linear(energy=lambda x: 0.5 * E * np.maximum(x, 0) ** 2),
+        "warp law, energy: at ε = -0",
+    ),
+    "half the tangent": (
+        linear(tangent=lambda x: 0.5 * E + 0 * x),
+        r"warp law, tangent: at ε = -?[\d.]+ the tangent is 500, but its value "
+        "changes by 1000",
+    ),
+    "wrong within its domain": (
+        linear(
+            value=lambda x: np.where(np.abs(x) < 0.2, E * x, 0.0), domain=(-0.5, 0.5)
+        ),
+        r"warp law, value: at ε = -?0\.[2345]",
+    ),
+    "a number": (
+        linear(tangent=lambda x: E),
+        "warp law, tangent: must give an array of the shape of its argument, not float",
+    ),
+    "a scalar of numpy": (
+        linear(value=lambda x: np.float64(E)),
+        "warp law, value: must give an array of the shape of its argument, not float64",
+    ),
+    "nothing": (linear(energy=lambda x: None), "energy: .* not NoneType"),
+    "a list": (linear(value=lambda x: list(E * x)), "value: .* not list"),
+    "of one number": (
+        linear(value=lambda x: np.array(E)),
+        r"value: must .* its argument, \(6, 4\), not \(\)",
+    ),
+    "flat": (
+        linear(value=lambda x: E * x.ravel()),
+        r"value: must .* its argument, \(6, 4\), not \(24,\)",
+    ),
+    "complex": (
+        linear(value=lambda x: E * x + 0j),
+        "warp law, value: must give real numbers, not complex128",
+    ),
+    "text": (
+        linear(value=lambda x: np.full(x.shape, "a")),
+        "warp law, value: must give real numbers, not <U1",
+    ),
+    "for numbers alone": (
+        linear(value=lambda x: math.sinh(x)),
+        r"warp law, value: fails for an array of shape \(6, 4\): TypeError",
+    ),
+    "with an if": (
+        linear(value=lambda x: E * x if x > 0 else 0 * x),
+        r"warp law, value: fails .*: ValueError The truth value",
+    ),
+    "changes its argument": (
+        linear(value=lambda x: np.multiply(x, E, out=x)),
+        "warp law, value: must not change its argument",
+    ),
+    "a part that is no function": (
+        linear(energy=3.0),
+        "warp law, energy: fails .*: TypeError 'float' object is not callable",
+    ),
+    "a domain that is none": (
+        linear(domain=(0.1, -0.1)),
+        r"warp law: domain must be two numbers \(low, high\), got \(0.1, -0.1\)",
+    ),
+    "a domain of one number": (linear(domain=0.1), "warp law: domain must be two"),
+    "half the energy in each element": (
+        linear(
+            energy=lambda x: np.arange(6.0)[:, None] * x**2,
+            value=lambda x: np.arange(6.0)[:, None] * x,
+            tangent=lambda x: np.arange(6.0)[:, None] + 0 * x,
+        ),
+        "warp law, energy: at ε = ",
+    ),
+}
+
+
+@pytest.mark.parametrize(("law", "message"), WRONG.values(), ids=WRONG)
+def test_a_law_whose_parts_contradict_each_other_is_refused_in_one_line(law, message):
+    with pytest.raises(ValueError, match=message) as refusal:
+        Ply(distorted(1), Fabric(law), Full())
+    assert "\n" not in str(refusal.value)
+
+
+def test_the_family_or_the_shear_is_named():
+    wrong, mesh = linear(energy=lambda x: E * x**2), MeshQuad().refined(1)
+    with pytest.raises(ValueError, match=r"^weft law, energy: at ε = "):
+        Ply(mesh, Fabric((1.0, wrong)), Full())
+    with pytest.raises(ValueError, match=r"^shear law, energy: at Γ = "):
+        Ply(mesh, Fabric(1.0, wrong), Full())
+
+
+def test_the_argument_is_where_the_parts_differ_most():
+    def value(x):
+        return E * x + 100 * np.maximum(0.005 - np.abs(x - 0.035), 0)
+
+    message = (
+        r"value: at ε = 0\.0350\d* the value is 35\.5\d*, but .* by 3[45].* per unit"
+    )
+    with pytest.raises(ValueError, match=message):
+        check_laws(Fabric(linear(value=value)), (6, 4))
+
+
+def test_a_law_is_checked_as_far_as_it_reaches_and_no_further():
+    """Strains to 0.1, angles to 80 degrees, unless the law says otherwise."""
+    for reach, fabric in (
+        (0.1, lambda law: Fabric((law, 1.0))),
+        (np.radians(80), lambda law: Fabric(1.0, law)),
+    ):
+        for share, refused in ((0.95, True), (1.05, False)):
+            end = share * reach
+            law = linear(value=lambda x, end=end: np.where(np.abs(x) < end, E * x, 0.0))
+            if refused:
+                with pytest.raises(ValueError, match="law, value: at"):
+                    check_laws(fabric(law), (4, 4))
+            else:
+                check_laws(fabric(law), (4, 4))
+
+
+def test_what_is_wrong_by_one_per_cent_is_seen():
+    with pytest.raises(ValueError, match="warp law, energy"):
+        check_laws(Fabric(linear(energy=lambda x: 0.495 * E * x**2)), (6, 4))
+
+
+def test_the_check_costs_no_more_on_a_large_mesh():
+    calls = []
+
+    class Counted(Linear):
+        def value(self, x):
+            calls.append(x.size)
+            return super().value(x)
+
+    check_laws(Fabric(Counted(1.0), Counted(1.0)), (1_000_000, 4))
+    assert len(calls) == 2  # once for both families
+    assert sum(calls) < 10_000
