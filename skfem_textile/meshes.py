@@ -74,21 +74,21 @@ def check_mesh(mesh: Mesh) -> None:
     _, cell = _CELLS[mesh.elem]
     refuse_positions(mesh.p)
     listed = (mesh.t >= 0) & (mesh.t < mesh.p.shape[1])
-    _refuse(f"{cell}(s) name a node that is not there", ~listed.all(axis=0))
+    refuse(f"{cell}(s) name a node that is not there", ~listed.all(axis=0))
     gauss, _ = GAUSS
     used = np.zeros(mesh.p.shape[1], dtype=bool)
     used[mesh.t] = True
-    _refuse(f"node(s) belong to no {cell}; remove them", ~used)
+    refuse(f"node(s) belong to no {cell}; remove them", ~used)
     shared = np.bincount(mesh.t2f.ravel())
     crowded = (shared > 2)[mesh.t2f].any(axis=0)
-    _refuse(f"{cell}(s) share an edge with more than one other", crowded)
+    refuse(f"{cell}(s) share an edge with more than one other", crowded)
     jacobian = det(mesh.mapping().DF(gauss))  # that of a triangle is constant
     turn = np.sign(jacobian.sum(axis=1))
-    _refuse(
+    refuse(
         f"{cell}(s) inverted or degenerate",
         _inverted(mesh, jacobian * turn[:, None]) | _collapsed(mesh),
     )
-    _refuse(f"{cell}(s) lie on top of a neighbour", _overlapping(mesh, turn))
+    refuse(f"{cell}(s) lie on top of a neighbour", _overlapping(mesh, turn))
     _refuse_contact(mesh, cell)
     for name, edges in (mesh.boundaries or {}).items():
         _refuse_names(f"boundary {name!r}", edges, mesh.nfacets)
@@ -106,9 +106,9 @@ def refuse_positions(p: ndarray) -> None:
     """
     if p.size == 0:
         raise MeshError("the mesh has no nodes")
-    _refuse("node(s) not finite", ~np.isfinite(p).all(axis=0))
+    refuse("node(s) not finite", ~np.isfinite(p).all(axis=0))
     far = f"node(s) further than {_FAR:g} from the origin"
-    _refuse(far, (np.abs(p) > _FAR).any(axis=0))
+    refuse(far, (np.abs(p) > _FAR).any(axis=0))
 
 
 def with_edges(mesh: _Mesh) -> _Mesh:
@@ -142,8 +142,14 @@ def _refuse_cells(
         )
 
 
-def _refuse(what: str, bad: ndarray) -> None:
-    """Refuse if there are any: one bool for each, or the numbers of the bad ones."""
+def refuse(what: str, bad: ndarray) -> None:
+    """Refuse if there are any: one bool for each, or the numbers of the bad ones.
+
+    Raises
+    ------
+    MeshError
+        If there are any.
+    """
     numbers = np.flatnonzero(bad) if bad.dtype == bool else bad
     if numbers.size:
         first = ", ".join(map(str, numbers[:10]))
@@ -164,22 +170,22 @@ def _refuse_contact(mesh: Mesh, cell: str) -> None:
     contact = contact_of(boundary)
     if contact is None:
         raise MeshError("more boundary edges lie on top of others than can be judged")
-    _refuse(
+    refuse(
         f"{cell}(s) lie on top of others, edge on edge; keep one layer", contact.layered
     )
     overlap = f"{cell}(s) overlap others that are no neighbours"
-    _refuse(f"{overlap}; the boundary crosses itself there", contact.crossing)
-    _refuse(
+    refuse(f"{overlap}; the boundary crosses itself there", contact.crossing)
+    refuse(
         "node(s) lie on an edge of which they are no end; split the cell there or move "
         "the node off",
         contact.hanging,
     )
-    _refuse(
+    refuse(
         "node(s) lie at the place of others; merge them (the sides of a cut may touch "
         "only where both of its ends are single nodes; else move them apart)",
         contact.doubled,
     )
-    _refuse(f"{overlap}; one piece of the mesh lies in another", cells_within(boundary))
+    refuse(f"{overlap}; one piece of the mesh lies in another", cells_within(boundary))
 
 
 def _inverted(mesh: Mesh, jacobian: ndarray) -> ndarray:
