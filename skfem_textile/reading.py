@@ -24,6 +24,7 @@ from .splitting import boundary_edges, named_edges, split_cells
 log = logging.getLogger(__name__)
 
 _CELLS: dict[str, type[Mesh]] = {"quad": MeshQuad, "triangle": MeshTri}
+_CORNERS = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}
 _WORDS = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
 
 
@@ -91,12 +92,14 @@ def _read(path: Path) -> tuple[meshio.Mesh, list[str]]:
         raise MeshError(f"it names {what}, which is not there") from None
     except (Exception, SystemExit) as error:
         said_or_error = (said.getvalue() or str(error)).strip()
-        reason = printable(said_or_error.partition("\n")[0])
+        reason = printable(said_or_error.partition("\n")[0][:100])
         raise MeshError(f"meshio cannot read it. {reason}".strip()) from None
     if deck is not None:
         abaqus.mend(raw, deck)
     fields = [n for n in raw.point_data if not n.startswith("gmsh:")]
     fields += [n for n in raw.cell_data if not n.startswith(("gmsh:", "skfem:"))]
+    if not any(name.startswith("gmsh:") for name in raw.cell_data):
+        fields += raw.field_data
     periodic = ["$Periodic"] if raw.gmsh_periodic else []
     return raw, (deck.ignored if deck else []) + fields + periodic
 
@@ -158,6 +161,8 @@ def _refuse_numbers(raw: meshio.Mesh, blocks: list[int]) -> None:
     n = len(raw.points)
     for kind in dict.fromkeys(raw.cells[i].type for i in blocks):
         nodes = [raw.cells[i].data for i in blocks if raw.cells[i].type == kind]
+        if any(np.shape(x)[1:] != (_CORNERS[kind],) for x in nodes):
+            raise MeshError(f"a {kind} must have {_CORNERS[kind]} node(s)")
         listed = np.concatenate([np.asarray(x).astype(np.int64) for x in nodes])
         there: Any = ((listed >= 0) & (listed < n)).all(axis=1)
         refuse(
@@ -192,7 +197,10 @@ def _groups(raw: meshio.Mesh) -> Iterator[tuple[str, int, ndarray]]:
     """
     sets: Any = {n: s for n, s in raw.cell_sets.items() if not n.startswith("gmsh:")}
     tags: Any = raw.cell_data.get("gmsh:physical", [])
-    for name, (tag, dimension) in raw.field_data.items():
+    for name, group in raw.field_data.items() if tags else ():
+        if np.shape(group) != (2,):
+            raise MeshError(f"group {name!r} must have a number and a dimension")
+        tag, dimension = group
         if name not in sets:
             sets[name] = [
                 np.flatnonzero(physical == tag) if block.dim == dimension else None

