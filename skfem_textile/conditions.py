@@ -2,17 +2,18 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix, identity
 from scipy.sparse.linalg import splu
-from skfem import CellBasis
+from skfem import CellBasis, Mesh
 
 from .elements import node_dofs, node_positions
 from .fabric import Direction, unit_vectors
+from .naming import named_nodes
 
 Where: TypeAlias = str | ArrayLike | Callable[[ndarray], ndarray]
 Value: TypeAlias = ArrayLike | Callable[[ndarray, float], ndarray]
@@ -28,7 +29,7 @@ class Condition:
     Parameters
     ----------
     where
-        The name of a boundary of the mesh, a function of position
+        The name of a boundary or of nodes of the mesh, a function of position
         ``(2, n) -> (n,) bool``, one bool per node, or node numbers.  The nodes are
         those of the ply: vertices, then middles of edges if the element has nodes
         there.
@@ -66,17 +67,7 @@ class Condition:
         mesh, X = basis.mesh, node_positions(basis)
         n_vertices, n_nodes = mesh.p.shape[1], X.shape[1]
         if isinstance(self.where, str):
-            known = mesh.boundaries or {}
-            if self.where not in known:
-                names = ", ".join(map(repr, known)) or "none"
-                raise ValueError(
-                    f"condition {name!r}: the mesh has no boundary {self.where!r} "
-                    f"(it has: {names})"
-                )
-            edges = np.asarray(known[self.where])
-            nodes = np.unique(mesh.facets[:, edges])
-            if n_nodes > n_vertices:
-                nodes = np.concatenate([nodes, n_vertices + np.unique(edges)])
+            nodes = self._named(name, mesh, n_nodes > n_vertices)
         else:
             where = self.where(X) if callable(self.where) else self.where
             chosen = np.asarray(where)
@@ -96,6 +87,24 @@ class Condition:
                 f"condition {name!r}: there are nodes 0 to {n_nodes - 1} only"
             )
         return nodes
+
+    def _named(self, name: str, mesh: Mesh, with_middles: bool) -> ndarray:
+        """Nodes of the boundary and those named so, ascending."""
+        edges, nodes = mesh.boundaries or {}, named_nodes(mesh)
+        where: Any = self.where
+        if where not in edges and where not in nodes:
+            names = ", ".join(
+                map(repr, [*edges, *(n for n in nodes if n not in edges)])
+            )
+            raise ValueError(
+                f"condition {name!r}: the mesh has no boundary {where!r} "
+                f"(it has: {names or 'none'})"
+            )
+        named = np.asarray(edges.get(where, ()), dtype=int)
+        found = np.union1d(mesh.facets[:, named], nodes.get(where, ())).astype(int)
+        if with_middles:
+            found = np.concatenate([found, mesh.p.shape[1] + np.unique(named)])
+        return found
 
     def directions(self, name: str, X: ndarray) -> ndarray:
         """Fixed directions at the nodes, shape (k, 2, n), with k = 1 or 2."""

@@ -10,6 +10,7 @@ from skfem import Mesh, MeshQuad, MeshTri
 
 from .fabric import Fabric, Law, Sin2
 from .formulations import Formulation, Full, Macro, OnePoint, Quadratic
+from .naming import printable
 from .ply import Ply
 from .scenes import Scene, bias_extension, picture_frame, strip, trellis
 from .scenes.rectangle import KINDS
@@ -31,7 +32,9 @@ def scene_of(options: argparse.Namespace) -> Scene:
         )
     if mesh not in KINDS:
         if not Path(mesh).is_file():
-            raise ValueError(f"--mesh {mesh}: neither a file nor {', '.join(KINDS)}")
+            raise ValueError(
+                f"--mesh {printable(mesh)}: neither a file nor {', '.join(KINDS)}"
+            )
         from .io import read_mesh
 
         mesh = read_mesh(mesh, split=not triangles)

@@ -233,7 +233,8 @@ class Macro(_Quadrilaterals):
         """Basis of the displacement."""
         if not was_split(mesh):
             raise MeshError(
-                "macro-elements need a mesh that was split, and not changed since: "
+                "macro-elements need a mesh that was split, and not changed since, nor "
+                "renumbered: "
                 "split(mesh), or --split"
             )
         return super().basis(mesh)

@@ -1,13 +1,11 @@
 """Meshes in, in any format that meshio knows, and results out."""
 
-import contextlib
 import csv
-import io
 import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from weakref import finalize
@@ -16,148 +14,27 @@ from xml.etree import ElementTree
 import meshio
 import numpy as np
 from numpy import ndarray
-from skfem import Mesh, MeshQuad, MeshTri
-from skfem.io.meshio import from_meshio
 
 from .fields import cell_fields, on_parents, point_fields
 from .interruption import held
 from .lock import Lock
-from .meshes import MeshError, check_mesh, check_quads
 from .output import OutputError
 from .ply import Ply
+from .reading import read_mesh
 from .result import Result
-from .splitting import SplitMesh, boundary_edges, split_cells, was_split
+from .splitting import was_split
+
+__all__ = [
+    "FIELDS",
+    "ResultFolder",
+    "read_mesh",
+    "write_fields",
+    "write_history",
+    "write_summary",
+]
 
 #: What `write_fields` may write.
 FIELDS = ("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd")
-
-_IGNORED_CELLS = {"vertex", "line"}
-
-
-def read_mesh(path: str | os.PathLike[str], split: bool = True) -> Mesh:
-    """Read a plane mesh: Gmsh .msh, Abaqus .inp, .vtu and more.
-
-    Triangles, and quadrilaterals beside triangles, are split in quadrilaterals
-    (`split_cells`).  Named groups of edges (Gmsh physical groups) and of nodes (Abaqus
-    node sets) become boundaries of that name.
-
-    Parameters
-    ----------
-    path
-        The file.
-    split
-        Whether triangles are split.  If not, a mesh of triangles alone is a
-        `skfem.MeshTri`, as `Quadratic` takes it.
-
-    Raises
-    ------
-    MeshError
-        If the file cannot be read, has other cells than triangles and four-node
-        quadrilaterals, or both and they are not to be split, does not lie in a plane
-        z = const, or is not a sound mesh (`check_mesh`).
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise MeshError(f"{path}: no such file")
-    raw = _read(path)
-    try:
-        return _mesh(raw, split)
-    except MeshError as error:
-        raise MeshError(f"{path}: {error}") from None
-
-
-def _read(path: Path) -> meshio.Mesh:
-    """Read with meshio, which prints and exits where it cannot."""
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            return meshio.read(path)
-    except OSError as error:
-        raise MeshError(f"{path}: {error.strerror}") from None
-    except (Exception, SystemExit) as error:
-        reason = (said.getvalue() or str(error)).strip().partition("\n")[0]
-        raise MeshError(f"{path}: meshio cannot read it. {reason}".strip()) from None
-
-
-def _mesh(raw: meshio.Mesh, split: bool) -> Mesh:
-    kinds = {block.type for block in raw.cells} - _IGNORED_CELLS
-    if not kinds or not kinds <= {"quad", "triangle"}:
-        found = ", ".join(sorted(kinds)) or "none"
-        raise MeshError(
-            "only triangles and four-node quadrilaterals are supported, found " + found
-        )
-    size = np.ptp(raw.points, axis=0)
-    if not np.all(size[2:] <= 1e-9 * size[:2].max()):
-        raise MeshError("the mesh must lie in a plane z = const")
-    if split and kinds != {"quad"}:
-        return _split(raw)
-    if len(kinds) > 1:
-        raise MeshError(
-            "triangles beside quadrilaterals must be split, for a formulation of "
-            "quadrilaterals"
-        )
-    (kind,) = kinds
-    cells = {"quad": MeshQuad, "triangle": MeshTri}[kind]
-    check_mesh(cells(raw.points[:, :2].T.copy(), raw.cells_dict[kind].T.copy()))
-    return _with_node_sets(from_meshio(raw, ignore_orientation=True), raw.point_sets)
-
-
-def _split(raw: meshio.Mesh) -> SplitMesh:
-    """Quadrilaterals of triangles, or of triangles and quadrilaterals."""
-    points = raw.points[:, :2].T.copy()
-    blocks = [i for i, b in enumerate(raw.cells) if b.type in ("triangle", "quad")]
-    cells = [np.asarray(raw.cells[i].data).T for i in blocks]
-    for cell in cells:
-        if cell.min() < 0 or cell.max() >= points.shape[1]:
-            raise MeshError(f"the mesh has nodes 0 to {points.shape[1] - 1} only")
-    starts = np.cumsum([0, *(cell.shape[1] for cell in cells[:-1])])
-    first = dict(zip(blocks, starts, strict=True))
-    edges: dict[str, list[ndarray]] = {}
-    subdomains: dict[str, list[ndarray]] = {}
-    for name, block, members in _groups(raw):
-        if raw.cells[block].type == "line":
-            edges.setdefault(name, []).append(raw.cells[block].data[members].T)
-        elif block in first:
-            subdomains.setdefault(name, []).append(first[block] + members)
-    outer = boundary_edges(cells)
-    for name, nodes in raw.point_sets.items():
-        within = outer[:, np.isin(outer, nodes).all(axis=0)]
-        if within.size:
-            edges.setdefault(name, []).append(within)
-    mesh = split_cells(
-        points,
-        cells,
-        {name: np.concatenate(parts, axis=1) for name, parts in edges.items()},
-        {name: np.concatenate(parts) for name, parts in subdomains.items()},
-    )
-    check_quads(mesh)
-    return mesh
-
-
-def _groups(raw: meshio.Mesh) -> Iterator[tuple[str, int, ndarray]]:
-    """Named groups of cells: name, block of cells, numbers in the block."""
-    tags: Any = raw.cell_data.get("gmsh:physical", [])
-    for name, (tag, dimension) in raw.field_data.items():
-        for block, physical in enumerate(tags):
-            if raw.cells[block].dim == dimension:
-                yield name, block, np.flatnonzero(physical == tag)
-    for name, sets in raw.cell_sets.items():
-        members: Any
-        for block, members in enumerate(sets):
-            if not name.startswith("gmsh:") and members is not None and len(members):
-                yield name, block, np.asarray(members, dtype=int)
-
-
-def _with_node_sets(mesh: Mesh, node_sets: Mapping[str, Any]) -> Mesh:
-    """Name the boundary edges whose both ends are in a set of nodes."""
-    boundary = mesh.boundary_facets()
-    ends = mesh.facets[:, boundary]
-    edges: dict[str, Any] = {
-        name: boundary[np.isin(ends, nodes).all(axis=0)]
-        for name, nodes in node_sets.items()
-    }
-    named = {name: e for name, e in edges.items() if e.size}
-    return mesh.with_boundaries(named) if named else mesh
 
 
 def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:

@@ -12,12 +12,15 @@ from typing import Any, TypeGuard
 
 import numpy as np
 from numpy import ndarray
-from skfem import Mesh, MeshQuad, MeshTri
+from skfem import ElementQuad1, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.helpers import cross
+
+from .meshes import MeshError
+from .naming import NamedNodes, edge_numbers, named_nodes, with_named_nodes
 
 
 @dataclass(repr=False)
-class SplitMesh(MeshQuad):
+class SplitMesh(NamedNodes, MeshQuad):
     """Quadrilaterals that were split off the elements of another mesh.
 
     Attributes
@@ -35,15 +38,28 @@ class SplitMesh(MeshQuad):
 
 
 def was_split(mesh: Mesh) -> TypeGuard[SplitMesh]:
-    """Whether a mesh still is what `split` made of it: not refined, nor cut down."""
-    return isinstance(mesh, SplitMesh) and len(mesh.parent) == mesh.nelements
+    """Whether a mesh still is what `split` made of it.
+
+    Its nodes may have moved, and quadrilaterals may stand in another order together
+    with their parents; it was not refined, cut down or renumbered.
+    """
+    if not isinstance(mesh, SplitMesh) or not mesh.cells:
+        return False
+    if np.shape(mesh.parent) != (mesh.nelements,):
+        return False
+    pairs, inverse = _pairs(mesh.cells)
+    n_elements = sum(cell.shape[1] for cell in mesh.cells)
+    n_points = mesh.p.shape[1] - pairs.shape[1] - n_elements
+    made, now = _quads(mesh.cells, n_points, pairs, inverse), (mesh.t, mesh.parent)
+    parts, expected = np.vstack(now), np.vstack(made)
+    return np.array_equal(_ordered(parts), _ordered(expected))
 
 
 def split(mesh: Mesh) -> SplitMesh:
     """Split every triangle of a mesh in three, or every quadrilateral in four.
 
-    A quadrilateral that is not convex is cut in two triangles first.  Boundaries and
-    subdomains keep their names.
+    A quadrilateral that is not convex is cut in two triangles first.  Boundaries,
+    subdomains and named nodes keep their names.
 
     Parameters
     ----------
@@ -61,31 +77,31 @@ def split(mesh: Mesh) -> SplitMesh:
     >>> quads.nelements, sorted(quads.boundaries), quads.parent
     (6, ['bottom', 'left', 'right', 'top'], array([0, 1, 0, 1, 0, 1]))
     """
-    if type(mesh) not in (MeshTri, MeshQuad, SplitMesh):
+    if mesh.elem not in (ElementTriP1, ElementQuad1):
         raise ValueError(
             "only triangles and quadrilaterals with straight edges can be split, not "
             f"{type(mesh).__name__}"
         )
     edges = {k: mesh.facets[:, f] for k, f in (mesh.boundaries or {}).items()}
-    subdomains = dict(mesh.subdomains or {})
+    subdomains, nodes = dict(mesh.subdomains or {}), named_nodes(mesh)
     if isinstance(mesh, MeshTri):
-        return split_cells(mesh.p, [mesh.t], edges, subdomains)
+        return split_cells(mesh.p, [mesh.t], edges, subdomains, nodes)
     quads: Any = mesh
     convex = (_corners(quads) > 0).all(axis=0)
     if convex.all():
-        return split_cells(mesh.p, [mesh.t], edges, subdomains)
+        return split_cells(mesh.p, [mesh.t], edges, subdomains, nodes)
     cells = [_triangles(quads)[:, np.tile(~convex, 2)], mesh.t[:, convex]]
     origin = np.concatenate([*[np.flatnonzero(~convex)] * 2, np.flatnonzero(convex)])
     named = {k: np.flatnonzero(np.isin(origin, e)) for k, e in subdomains.items()}
-    return split_cells(mesh.p, cells, edges, named)
+    return split_cells(mesh.p, cells, edges, named, nodes)
 
 
 def cut(mesh: MeshQuad) -> MeshTri:
     """Cut every quadrilateral in two triangles.
 
     Along the diagonal that leaves the larger of the smaller triangles, so that none
-    lies outside a quadrilateral that is not convex.  Boundaries and subdomains keep
-    their names.
+    lies outside a quadrilateral that is not convex.  Boundaries, subdomains and named
+    nodes keep their names.
 
     Examples
     --------
@@ -93,7 +109,8 @@ def cut(mesh: MeshQuad) -> MeshTri:
     >>> triangles.nelements, sorted(triangles.boundaries)
     (2, ['bottom', 'left', 'right', 'top'])
     """
-    return replace(mesh, t=_turned(mesh)).to_meshtri()
+    triangles = replace(mesh, t=_turned(mesh)).to_meshtri()
+    return with_named_nodes(triangles, named_nodes(mesh))
 
 
 def _corners(mesh: MeshQuad) -> ndarray:
@@ -122,6 +139,7 @@ def split_cells(
     cells: Sequence[ndarray],
     edges: Mapping[str, ndarray] | None = None,
     subdomains: Mapping[str, ndarray] | None = None,
+    nodes: Mapping[str, ndarray] | None = None,
 ) -> SplitMesh:
     """Split triangles in three quadrilaterals each, and quadrilaterals in four.
 
@@ -136,13 +154,39 @@ def split_cells(
         Named boundaries, each as node numbers of its edges, shape (2, m).
     subdomains
         Named subdomains, each as element numbers, counted through ``cells``.
+    nodes
+        Named nodes, each as node numbers.
+
+    Raises
+    ------
+    MeshError
+        If an edge of a named boundary is no edge of the cells.
     """
+    pairs, inverse = _pairs(cells)
+    centres = np.hstack([points[:, cell].mean(axis=1) for cell in cells])
+    t, parent = _quads(cells, points.shape[1], pairs, inverse)
+    mesh = SplitMesh(
+        np.hstack([points, points[:, pairs].mean(axis=1), centres]),
+        t,
+        cells=tuple(cells),
+        parent=parent,
+        named_nodes=dict(nodes or {}),
+    )
+    return _named(mesh, pairs, points, edges or {}, subdomains or {})
+
+
+def _pairs(cells: Sequence[ndarray]) -> tuple[ndarray, ndarray]:
+    """Ends of each edge, shape (2, n), and the edge of each side of each cell."""
     ends = np.concatenate([_ends(cell) for cell in cells], axis=1)
     pairs, inverse = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True)
-    middles = points.shape[1] + inverse.ravel()
-    first_centre = points.shape[1] + pairs.shape[1]
-    centres = np.hstack([points[:, cell].mean(axis=1) for cell in cells])
+    return pairs, inverse.ravel()
 
+
+def _quads(
+    cells: Sequence[ndarray], n_points: int, pairs: ndarray, inverse: ndarray
+) -> tuple[ndarray, ndarray]:
+    """Quadrilaterals of the cells as node numbers, and the cell of each."""
+    middles, first_centre = n_points + inverse, n_points + pairs.shape[1]
     quads, parent, edge, element = [], [], 0, 0
     for cell in cells:
         k, n = cell.shape
@@ -152,20 +196,18 @@ def split_cells(
             quads.append(np.stack([cell[i], middle[i], centre, middle[i - 1]]))
             parent.append(element + np.arange(n))
         edge, element = edge + k * n, element + n
-    mesh = SplitMesh(
-        np.hstack([points, points[:, pairs].mean(axis=1), centres]),
-        np.hstack(quads),
-        cells=tuple(cells),
-        parent=np.concatenate(parent),
-    )
-    return _named(mesh, pairs, points.shape[1], edges or {}, subdomains or {})
+    return np.hstack(quads), np.concatenate(parent)
+
+
+def _ordered(columns: ndarray) -> ndarray:
+    """The columns in an order that is the same for the same columns."""
+    return columns[:, np.lexsort(columns)]
 
 
 def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
     """Node numbers of the edges that belong to one cell only, shape (2, n)."""
-    ends = np.sort(np.concatenate([_ends(cell) for cell in cells], axis=1), axis=0)
-    pairs, counts = np.unique(ends, axis=1, return_counts=True)
-    return pairs[:, counts == 1]
+    pairs, inverse = _pairs(cells)
+    return pairs[:, np.bincount(inverse) == 1]
 
 
 def _ends(cell: ndarray) -> ndarray:
@@ -176,7 +218,7 @@ def _ends(cell: ndarray) -> ndarray:
 def _named(
     mesh: SplitMesh,
     pairs: ndarray,
-    n_points: int,
+    points: ndarray,
     edges: Mapping[str, ndarray],
     subdomains: Mapping[str, ndarray],
 ) -> SplitMesh:
@@ -184,19 +226,11 @@ def _named(
 
     An edge became two, from its ends to its middle.
     """
-    number = {tuple(pair): n_points + i for i, pair in enumerate(pairs.T.tolist())}
-    facet = {tuple(ends): i for i, ends in enumerate(mesh.facets.T.tolist())}
-    boundaries = {
-        name: np.array(
-            [
-                facet[end, number[a, b]]  # middles come after the ends
-                for a, b in np.sort(ends, axis=0).T.tolist()
-                for end in (a, b)
-            ],
-            dtype=int,
-        )
-        for name, ends in edges.items()
-    }
+    boundaries = {}
+    for name, ends in edges.items():
+        middle = points.shape[1] + named_edges(name, points, pairs, ends)
+        halves = [edge_numbers(mesh.facets, np.stack([end, middle])) for end in ends]
+        boundaries[name] = np.stack(halves, axis=1).ravel()
     return replace(
         mesh,
         _boundaries=boundaries or None,
@@ -206,3 +240,37 @@ def _named(
         }
         or None,
     )
+
+
+def named_edges(name: str, points: ndarray, edges: ndarray, ends: ndarray) -> ndarray:
+    """Which of the edges have these ends, as the name of a boundary demands.
+
+    Parameters
+    ----------
+    name
+        Name of the boundary.
+    points
+        Nodes, shape (2, n).
+    edges, ends
+        As for `edge_numbers`.
+
+    Raises
+    ------
+    MeshError
+        If two of the nodes are not the ends of an edge.
+    """
+    found = edge_numbers(edges, ends)
+    if (found < 0).any():
+        a, b = ends[:, found < 0][:, 0].tolist()
+        more = (found < 0).sum() - 1
+        others = f", nor {more} more pair(s) of nodes that it names" if more else ""
+        raise MeshError(
+            f"boundary {name!r}: no edge of the mesh joins nodes {a} and {b} at "
+            f"{_place(points, a)} and {_place(points, b)}{others}; name edges of cells"
+        )
+    return found
+
+
+def _place(points: ndarray, node: int) -> str:
+    x, y = points[:, node].tolist()
+    return f"({x:g}, {y:g})"

@@ -1,10 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
 from skfem_textile.conditions import Constraints
-from skfem_textile.elements import GAUSS, quad_basis
+from skfem_textile.elements import GAUSS, quad_basis, triangle_basis
+from skfem_textile.naming import with_named_nodes
+from skfem_textile.splitting import cut
 
 MESH = MeshQuad().refined(2).with_defaults()
 BASIS = quad_basis(MESH, GAUSS)
@@ -38,6 +42,21 @@ def test_a_value_may_depend_on_position_and_load_factor():
     np.testing.assert_allclose(u[0, right], -0.25 * MESH.p[1, right] ** 2)
     assert constraints.turn is None
     assert len(constraints.fixed) == 5
+
+
+def test_named_nodes_are_held_beside_the_edges_of_that_name():
+    inner = np.flatnonzero((MESH.p > 0).all(axis=0) & (MESH.p < 1).all(axis=0))
+    mesh = with_named_nodes(MESH, {"inner": inner, "top": inner[:1]})
+    for cells in (mesh, replace(mesh, doflocs=2 * mesh.p)):
+        basis = quad_basis(cells, GAUSS)
+        assert Condition("inner").nodes("", basis).tolist() == inner.tolist()
+        top = [*np.flatnonzero(MESH.p[1] == 1), inner[0]]
+        assert Condition("top").nodes("", basis).tolist() == sorted(top)
+    with pytest.raises(ValueError, match=r"no boundary 'x\\n' .*'top', 'inner'\)"):
+        Condition("x\n").nodes("a", quad_basis(mesh, GAUSS))
+    quadratic = triangle_basis(cut(mesh))
+    assert Condition("inner").nodes("", quadratic).tolist() == inner.tolist()
+    assert len(Condition("top").nodes("", quadratic)) == 5 + 1 + 4
 
 
 def test_values_belong_to_the_node_numbers_as_given():

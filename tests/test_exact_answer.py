@@ -78,13 +78,6 @@ def with_crack(W, H):
     return MeshQuad(np.column_stack([mesh.p, mesh.p[:, node]]), cells)
 
 
-def twice(W, H):
-    """Two sheets on top of one another: the outline is that of the rectangle."""
-    mesh = rectangle(W, H, (8, 16), "aligned")
-    cells = np.column_stack([mesh.t, mesh.t + mesh.p.shape[1]])
-    return MeshQuad(np.column_stack([mesh.p, mesh.p]), cells)
-
-
 def with_half_a_clamp(W, H):
     mesh = rectangle(W, H, (8, 16), "aligned")
     return mesh.with_boundaries({"bottom": mesh.boundaries["bottom"][::2]})
@@ -95,7 +88,6 @@ MISFITS = [
     (with_missing_corner, ON_NO_SIDE),
     (with_waist, ON_NO_SIDE),
     (with_crack, ON_NO_SIDE),
-    (twice, "the area of the mesh is 2 of that of its bounding rectangle"),
     (with_half_a_clamp, "boundary 'bottom' of the mesh is not the whole bottom side"),
 ]
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import meshio
 import numpy as np
 import pytest
@@ -16,7 +18,8 @@ from skfem_textile import (
     Ply,
 )
 from skfem_textile.io import write_fields
-from skfem_textile.meshes import check_quads
+from skfem_textile.meshes import check_quads, with_edges
+from skfem_textile.naming import named_nodes, with_named_nodes
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.splitting import cut, split, split_cells, was_split
@@ -117,6 +120,64 @@ def test_a_mesh_that_was_refined_is_no_longer_split(tmp_path):
     ply = Ply(mesh.refined(), Fabric(), OnePoint())
     write_fields(LoadStepper(ply, held, steps=1).run(), tmp_path)
     assert not list(tmp_path.glob("own*"))
+
+
+def test_a_split_mesh_that_was_renumbered_is_not_taken_for_macro_elements():
+    mesh = split(MeshTri().refined(1))
+    order = np.random.default_rng(1).permutation(mesh.nelements)
+    sorted_too = replace(mesh, t=mesh.t[:, order], parent=mesh.parent[order])
+    assert was_split(sorted_too)
+    Ply(sorted_too, Fabric(), Macro())
+    nodes = np.random.default_rng(2).permutation(mesh.p.shape[1])
+    for changed in (
+        replace(mesh, t=mesh.t[:, order]),
+        replace(mesh, doflocs=mesh.p[:, np.argsort(nodes)], t=nodes[mesh.t]),
+        replace(mesh, parent=mesh.parent[::-1]),
+        replace(mesh, parent=mesh.parent[:-1]),
+        replace(mesh, parent=mesh.parent - 1),
+        replace(mesh, cells=()),
+    ):
+        assert not was_split(changed)
+        with pytest.raises(MeshError, match="not changed since, nor renumbered"):
+            Ply(changed, Fabric(), Macro())
+
+
+def test_an_edge_that_the_mesh_has_not_is_told_by_name_and_nodes():
+    points, cells = TRIANGLE_AND_QUAD
+    message = (
+        r"boundary 'clamp\\n': no edge of the mesh joins nodes 0 and 2 at "
+        r"\(0, 0\) and \(1, 1\), nor 1 more pair"
+    )
+    ends = {"clamp\n": np.array([[0, 0, 3], [1, 2, 4]])}
+    with pytest.raises(MeshError, match=message):
+        split_cells(points, cells, ends)
+
+
+def test_inner_edges_keep_their_name():
+    triangles = MeshTri().refined(1)
+    inner = np.setdiff1d(np.arange(triangles.nfacets), triangles.boundary_facets())
+    mesh = split(triangles.with_boundaries({"inner": inner}))
+    middles = mesh.p[:, mesh.facets[:, mesh.boundaries["inner"]]].mean(axis=1)
+    assert len(mesh.boundaries["inner"]) == 2 * len(inner)
+    ends = triangles.p[:, triangles.facets[:, inner]]
+    for i in (0, 1):
+        quarter = 0.75 * ends[:, i] + 0.25 * ends[:, 1 - i]
+        np.testing.assert_allclose(middles[:, i::2], quarter)
+
+
+def test_named_nodes_outlive_splitting_cutting_moving_and_cutting_out():
+    quads = with_named_nodes(distorted(1), {"some": np.array([2, 5])})
+    places = quads.p[:, [2, 5]]
+    named = with_edges(quads)
+    kept = (quads.t == 5).any(axis=0) & ~(quads.t == 2).any(axis=0)
+    part = named.restrict(np.flatnonzero(kept))
+    for mesh in (split(quads), cut(quads), split(cut(quads)), quads.refined(), named):
+        np.testing.assert_array_equal(mesh.p[:, named_nodes(mesh)["some"]], places)
+    (left,) = part.p[:, named_nodes(part)["some"]].T
+    np.testing.assert_array_equal(left, places[:, 1])
+    moved = split(quads).translated((1.0, 2.0))
+    found = moved.p[:, named_nodes(moved)["some"]]
+    np.testing.assert_allclose(found, places + np.array([[1.0], [2.0]]))
 
 
 def test_moved_and_scaled_meshes_remember_their_parents():

@@ -1,0 +1,88 @@
+"""Nodes with names, and edges by the nodes at their ends."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh, MeshQuad, MeshTri
+
+_Mesh = TypeVar("_Mesh", bound=Mesh)
+
+
+@dataclass(repr=False)
+class NamedNodes:
+    """A mesh with named nodes.
+
+    Attributes
+    ----------
+    named_nodes
+        Node numbers by name.
+    """
+
+    named_nodes: dict[str, ndarray] = field(default_factory=dict)
+
+    def restrict(
+        self, elements: Any, return_mapping: bool = False, *args: Any, **kwargs: Any
+    ) -> Any:
+        """As `skfem.Mesh.restrict`; names keep those of their nodes that remain."""
+        whole: Any = super()
+        mesh, kept = whole.restrict(elements, True, *args, **kwargs)
+        mesh.named_nodes = {
+            name: np.flatnonzero(np.isin(kept, nodes))
+            for name, nodes in self.named_nodes.items()
+        }
+        return (mesh, kept) if return_mapping else mesh
+
+
+@dataclass(repr=False)
+class NamedQuads(NamedNodes, MeshQuad):
+    """Quadrilaterals with named nodes."""
+
+
+@dataclass(repr=False)
+class NamedTriangles(NamedNodes, MeshTri):
+    """Triangles with named nodes."""
+
+
+def with_named_nodes(mesh: _Mesh, nodes: Mapping[str, ndarray]) -> _Mesh:
+    """The mesh with these names of nodes, beside those that it has."""
+    if not nodes:
+        return mesh
+    if isinstance(mesh, NamedNodes):
+        return replace(mesh, named_nodes={**mesh.named_nodes, **nodes})
+    kind: Any = NamedTriangles if isinstance(mesh, MeshTri) else NamedQuads
+    names = mesh.boundaries, mesh.subdomains
+    return kind(mesh.p, mesh.t, *names, named_nodes=dict(nodes))
+
+
+def named_nodes(mesh: Mesh) -> dict[str, ndarray]:
+    """Node numbers by name; none of a mesh of scikit-fem's own."""
+    return mesh.named_nodes if isinstance(mesh, NamedNodes) else {}
+
+
+def edge_numbers(edges: ndarray, ends: ndarray) -> ndarray:
+    """Which of the edges have these ends, shape (m,); −1 where none has.
+
+    Parameters
+    ----------
+    edges
+        End nodes of each edge, ascending, shape (2, n).
+    ends
+        Pairs of nodes in any order, shape (2, m).
+    """
+    n = 1 + max(edges.max(initial=0), ends.max(initial=0))
+    keys, (a, b) = edges[0].astype(np.int64) * n + edges[1], np.sort(ends, axis=0)
+    order = np.argsort(keys)
+    wanted = a.astype(np.int64) * n + b
+    at = np.searchsorted(keys[order], wanted).clip(max=len(keys) - 1)
+    return np.where(keys[order[at]] == wanted, order[at], -1)
+
+
+def printable(text: object) -> str:
+    """Text of others in one line, control characters as their codes."""
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "replace").decode()
+        for c in str(text)
+    )
