@@ -176,8 +176,8 @@ class Path:
     def drifted(self, state: State, rise: float, drift: float, held: float) -> None:
         """Mark a state whose energy may be off because stiffnesses change in steps.
 
-        While a stiffness goes from C to C + ΔC in a step, its energy ½ C d² is that of C
-        alone: off by ½ ΔC Δ(d²)/2 at most.
+        A stiffness goes from C to C + ΔC while the energy of the step is ½ C d² with
+        C alone: off by ½ ΔC Δ(d²)/2 at most.
 
         Parameters
         ----------
