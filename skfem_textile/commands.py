@@ -3,7 +3,6 @@
 import argparse
 import json
 import logging
-import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import import_module
@@ -72,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         with held():
             with results as folder:
-                io.write_summary(_finite(summary | inputs), folder / "summary.json")
+                io.write_summary(summary | inputs, folder / "summary.json")
                 io.write_history(result, folder / "history.csv")
                 io.write_fields(result, folder / "fields")
             complete = True
@@ -200,15 +199,6 @@ def _inputs(options: argparse.Namespace) -> Mapping[str, Any]:
     """The options that decide the result."""
     others = ("command", "task", "out", "no_render", "checkpoint", "resume", "verbose")
     return {k: v for k, v in vars(options).items() if k not in others}
-
-
-def _finite(value: Any) -> Any:
-    """Numbers as JSON has them: null for what is not finite, at any depth."""
-    if isinstance(value, Mapping):
-        return {k: _finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _load(stepper: LoadStepper, options: argparse.Namespace) -> tuple[int, str]:

@@ -1,7 +1,9 @@
 """Meshes in, in any format that meshio knows, and results out."""
 
+import contextlib
 import csv
 import json
+import math
 import os
 import shutil
 import tempfile
@@ -115,8 +117,17 @@ def write_history(result: Result, path: str | os.PathLike[str]) -> None:
 
 
 def write_summary(summary: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
-    """Write a summary as JSON."""
-    Path(path).write_text(json.dumps(summary, indent=2) + "\n")
+    """Write a summary as JSON; null stands for a number that is not finite."""
+    Path(path).write_text(json.dumps(_finite(summary), indent=2) + "\n")
+
+
+def _finite(value: Any) -> Any:
+    """Numbers as JSON has them: null for what is not finite, at any depth."""
+    if isinstance(value, Mapping):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class ResultFolder:
