@@ -255,12 +255,13 @@ class Checkpoint:
         longest = 1.0 / self._settings["steps"]
         if not 0 < progress.length <= longest * (1 + SAME):
             raise ValueError(f"the length of its step is {progress.length}")
-        told = [*path.unresolved, path.energy_error]
+        told = list(path.unresolved)
         told += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
         if not np.isfinite([progress.elapsed, *clock.seconds.values(), *told]).all():
             raise ValueError("its times or load factors are not finite")
         if (
             path.longest != longest
+            or not path.energy_error >= 0  # without end under the paper's rates
             or path.halvings not in (0, self._settings["max_halvings"])
             or clock.solves != sum(state.linear_solves for state in states)
             or not (clock.factorisations >= 0 and progress.steps_cut >= 0)
