@@ -195,6 +195,7 @@ class LoadStepper:
         self._length, self._steps_cut, self._states = self.load_factors[0], 0, []
         follows = any(map(follows_path, self._search.strategies))
         self._path = Path(self._length, self.max_halvings if follows else 0)
+        self._warned: set[str] = set()
         saved = checkpoint.load() if checkpoint and resume else None
         if saved:
             self._go_on(saved)
@@ -309,8 +310,11 @@ class LoadStepper:
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step."""
         problem, found, t = self.problem, trial.found, state.load_factor
-        for warning in trial.warnings:
-            log.warning("load factor %g: %s", t, warning)
+        for check, warning in trial.warnings.items():
+            first = check not in self._warned
+            level = logging.WARNING if first else logging.INFO
+            log.log(level, "load factor %g: %s", t, warning)
+            self._warned.add(check)
         if problem.ply.commit(u := found.u):
             self._start = Start(u, problem.residual(u), tangent_at(problem, u))
         else:

@@ -86,7 +86,7 @@ class Trial:
     ) -> None:
         self.problem, self.found, self.start, self.rise = problem, found, start, rise
         self.energies = energies or {}
-        self.warnings: list[str] = []
+        self.warnings: dict[str, str] = {}
 
     @cached_property
     def tangent(self) -> Tangent | None:
@@ -157,7 +157,7 @@ class Trial:
             except NoEquilibriumError as complaint:
                 if name not in warn_only:
                     raise
-                self.warnings.append(str(complaint))
+                self.warnings[name] = str(complaint)
 
     def verdict(self) -> Verdict:
         """What was found."""
