@@ -44,5 +44,7 @@ if __name__ == "__main__":
             gmsh.option.setNumber("Mesh.Binary", binary)
             kind = f"{10 * version:.0f}{'b' if binary else ''}"
             gmsh.write(str(FOLDER / f"{cells}{kind}.msh"))
-        gmsh.write(str(FOLDER / f"{cells}.inp"))
+        deck = FOLDER / f"{cells}.inp"
+        gmsh.write(str(deck))
+        deck.write_text(deck.read_text().replace(str(deck), deck.name))
     gmsh.finalize()
