@@ -59,7 +59,7 @@ class Search:
     report: Callable[[Iteration], None]
 
     def __call__(self, goal: Goal) -> tuple[Trial, bool]:
-        """A state that stands its trial, and whether its search stayed on the path.
+        """A state that passes every check, and whether its search was on the path.
 
         Raises
         ------
