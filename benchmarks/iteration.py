@@ -16,9 +16,9 @@ from common import options, spread, strip_of, write, write_table  # isort: skip 
 import numpy as np
 
 from skfem_textile import Fabric, Full, OnePoint, Ply
-from skfem_textile.conditions import Constraints
-from skfem_textile.linear import check_solver
-from skfem_textile.problem import Problem
+from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.linear import check_solver
+from skfem_textile.solve.problem import Problem
 from skfem_textile.studies.rivals.newton import one_iteration
 from skfem_textile.studies.rivals.plain import QUAD4_CENTRE, Plain
 from skfem_textile.studies.rivals.rival import QUAD4

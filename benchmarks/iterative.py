@@ -13,8 +13,8 @@ import numpy as np
 from scipy.sparse.linalg import cg
 
 from skfem_textile import Fabric, OnePoint, Ply
-from skfem_textile.conditions import Constraints
-from skfem_textile.problem import Problem
+from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.problem import Problem
 
 SIZES, MOST = (10_000, 30_000, 100_000, 300_000), 500
 

@@ -16,8 +16,8 @@ from common import options, seconds, strip_of, write, write_table  # isort: skip
 import numpy as np
 
 from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
-from skfem_textile.conditions import Constraints
-from skfem_textile.problem import Problem
+from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.problem import Problem
 
 SIZES = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 

@@ -1,10 +1,12 @@
 """Mechanics of woven reinforcements on scikit-fem, free of tension locking."""
 
-from . import interruption as interruption  # first: it answers Ctrl-C while others load
-from .checkpoint import CheckpointError
-from .conditions import Condition
-from .continuity import JumpBasis, shear_continuity
-from .elements import (
+from .files import interruption as interruption  # isort: skip  # first: Ctrl-C
+
+from . import forms as forms
+from .fabric import Fabric, Law, Linear, Sin2
+from .forms import Forms, hourglass_rate, shear_continuity
+from .kernels.wrapped import hourglass, mean_tension, shear, tension
+from .mesh.bases import (
     CENTRE,
     GAUSS,
     ElementQuad1Fluctuation,
@@ -13,23 +15,20 @@ from .elements import (
     quad_basis,
     triangle_basis,
 )
-from .fabric import Fabric, Law, Linear, Sin2
-from .forms import Forms, shear, tension
-from .formulations import Full, Macro, OnePoint, Quadratic
-from .hourglass import (
-    AccumulatedMoment,
-    HeldStabilisation,
-    hourglass,
-    hourglass_rate,
-)
-from .macro import MacroBasis
-from .mean_tension import mean_tension
-from .meshes import MeshError
+from .mesh.checks import MeshError
+from .mesh.jumps import JumpBasis
+from .mesh.macro import MacroBasis
 from .ply import Ply
-from .result import Iteration, Result, State, StepError
-from .stepper import LoadStepper
-from .strategies import Descent, Mixed, Newton
-from .verdict import Verdict
+from .ply.formulations import Full, Macro, OnePoint, Quadratic
+from .ply.loads import BodyForce, Force, Traction
+from .ply.memory import AccumulatedMoment, HeldStabilisation
+from .ply.terms import FormTerm, MatrixTerm, Term, VectorTerm
+from .solve.checkpoint import CheckpointError
+from .solve.conditions import Condition
+from .solve.result import Iteration, Result, State, StepError, Verdict
+from .solve.stepper import LoadStepper
+from .solve.strategies import Descent, Mixed, Newton
+from .splitting import split
 
 __version__ = "0.1.0"
 
@@ -37,11 +36,14 @@ __all__ = [
     "CENTRE",
     "GAUSS",
     "AccumulatedMoment",
+    "BodyForce",
     "CheckpointError",
     "Condition",
     "Descent",
     "ElementQuad1Fluctuation",
     "Fabric",
+    "Force",
+    "FormTerm",
     "Forms",
     "Full",
     "HeldStabilisation",
@@ -53,6 +55,7 @@ __all__ = [
     "LoadStepper",
     "Macro",
     "MacroBasis",
+    "MatrixTerm",
     "MeanBasis",
     "MeshError",
     "Mixed",
@@ -64,6 +67,9 @@ __all__ = [
     "Sin2",
     "State",
     "StepError",
+    "Term",
+    "Traction",
+    "VectorTerm",
     "Verdict",
     "hourglass",
     "hourglass_rate",
@@ -71,6 +77,7 @@ __all__ = [
     "quad_basis",
     "shear",
     "shear_continuity",
+    "split",
     "tension",
     "triangle_basis",
 ]

@@ -15,8 +15,8 @@ from numpy import ndarray
 from skfem import ElementQuad1, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.helpers import cross
 
-from .meshes import MeshError
-from .naming import NamedNodes, edge_numbers, named_nodes, with_named_nodes
+from .mesh.checks import MeshError
+from .mesh.naming import NamedNodes, edge_numbers, named_nodes, with_named_nodes
 
 
 @dataclass(repr=False)

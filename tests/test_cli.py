@@ -18,7 +18,7 @@ from skfem_textile import (
     commands,
     offscreen,
 )
-from skfem_textile.problem import Problem
+from skfem_textile.solve.problem import Problem
 from skfem_textile.studies import paper
 
 MESH = Path(__file__).parents[1] / "examples" / "strip.msh"
@@ -54,7 +54,7 @@ def test_a_solver_is_taken_by_name_or_refused_in_one_line(
 ):
     assert run(tmp_path, *QUICK, "--solver", "superlu") == 0
     capsys.readouterr()
-    monkeypatch.setattr("skfem_textile.linear.find_spec", lambda name: None)
+    monkeypatch.setattr("skfem_textile.solve.linear.find_spec", lambda name: None)
     again = ("run", "strip", "--out", str(tmp_path / "b"), *QUICK)
     said = refused(capsys, *again, "--solver", "cholmod")
     assert "solver 'cholmod' needs cvxopt: pip install cvxopt" in said
@@ -212,7 +212,7 @@ def test_the_load_is_drawn_over_the_displacement_of_the_driven_edge(
     tmp_path, monkeypatch
 ):
     pytest.importorskip("pyvista")
-    curves = pytest.importorskip("skfem_textile.curves")
+    curves = pytest.importorskip("skfem_textile.plot.curves")
     drawn = []
     monkeypatch.setattr(curves, "curves", lambda *given: drawn.append(given))
     for scene, axis in (("strip", "x"), ("bias_extension", "y")):

@@ -5,9 +5,9 @@ import pytest
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
-from skfem_textile.conditions import Constraints
-from skfem_textile.elements import GAUSS, quad_basis, triangle_basis
-from skfem_textile.naming import with_named_nodes
+from skfem_textile.mesh.bases import GAUSS, quad_basis, triangle_basis
+from skfem_textile.mesh.naming import with_named_nodes
+from skfem_textile.solve.conditions import Constraints
 from skfem_textile.splitting import cut
 
 MESH = MeshQuad().refined(2).with_defaults()

@@ -7,7 +7,7 @@ import pytest
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import MeshError
-from skfem_textile.meshes import check_mesh
+from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.splitting import cut, split
 

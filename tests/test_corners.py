@@ -15,7 +15,7 @@ from skfem_textile import (
     Quadratic,
     corners,
 )
-from skfem_textile.corners import RESISTING, resistance
+from skfem_textile.ply.corners import RESISTING, resistance
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.splitting import split
 

@@ -20,7 +20,7 @@ from skfem_textile import (
     Quadratic,
     quad_basis,
 )
-from skfem_textile.elements import centre_grad
+from skfem_textile.mesh.bases import centre_grad
 from skfem_textile.scenes.rectangle import rectangle
 
 seeds = st.integers(0, 2**32 - 1)

@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, StepError, cli
-from skfem_textile.interruption import INTERRUPTED, held, raised
+from skfem_textile.files.interruption import INTERRUPTED, held, raised
+from skfem_textile.files.output import OutputError
 from skfem_textile.io import ResultFolder
-from skfem_textile.output import OutputError
-from skfem_textile.processes import Processes
 from skfem_textile.scenes import strip
+from skfem_textile.sweep.processes import Processes
 
 ROOT = Path(__file__).parents[1]
 COMMAND = sys.executable, "-X", "importtime", "-m", "skfem_textile", "run", "strip"
@@ -38,7 +38,7 @@ def interrupted(out, number, seconds, *options):
     )
     with child:
         lines = iter(child.stderr.readline, "")
-        next(line for line in lines if "skfem_textile.interruption" in line)
+        next(line for line in lines if "skfem_textile.files.interruption" in line)
         late = threading.Timer(seconds, child.send_signal, [number])
         late.start()
         said = [line for line in lines if not line.startswith("import time:")]

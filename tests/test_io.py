@@ -16,7 +16,6 @@ from skfem_textile import (
     OnePoint,
     Ply,
 )
-from skfem_textile.fields import cell_fields
 from skfem_textile.io import (
     ResultFolder,
     read_mesh,
@@ -24,6 +23,7 @@ from skfem_textile.io import (
     write_history,
     write_summary,
 )
+from skfem_textile.io.fields import cell_fields
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.splitting import split

@@ -9,7 +9,7 @@ from skfem import MeshQuad
 from test_domain import Pretensioned
 
 from skfem_textile import Fabric, Full, Linear, Ply, Sin2
-from skfem_textile.law_check import check_laws
+from skfem_textile.fabric.law_check import check_laws
 
 
 class Made:

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix, diags, tril
 
-from skfem_textile.linear import (
+from skfem_textile.scenes import strip
+from skfem_textile.solve.linear import (
     SOLVERS,
     SingularMatrixError,
     nested_dissection,
     solver_named,
 )
-from skfem_textile.scenes import strip
 
 
 @pytest.fixture(params=SOLVERS)
@@ -90,8 +90,8 @@ def test_auto_passes_over_a_package_that_is_not_whole(monkeypatch, caplog):
             return import_module(name, package)
         raise ImportError(f"no {name}")
 
-    monkeypatch.setattr("skfem_textile.linear.import_module", broken)
-    monkeypatch.setattr("skfem_textile.linear.find_spec", lambda name: True)
+    monkeypatch.setattr("skfem_textile.solve.linear.import_module", broken)
+    monkeypatch.setattr("skfem_textile.solve.linear.find_spec", lambda name: True)
     assert solver_named("auto", 10**5).__name__ == "SuperLU"
     assert "solver cholmod: no .cholmod" in caplog.text
 
@@ -136,7 +136,7 @@ def test_auto_takes_superlu_for_few_unknowns_and_the_fastest_there_is_for_many()
 
 
 def test_a_solver_that_is_not_installed_is_refused_with_what_it_needs(monkeypatch):
-    monkeypatch.setattr("skfem_textile.linear.find_spec", lambda name: None)
+    monkeypatch.setattr("skfem_textile.solve.linear.find_spec", lambda name: None)
     with pytest.raises(ValueError, match="'cholmod' needs cvxopt: pip install cvxopt"):
         solver_named("cholmod", 0)
 

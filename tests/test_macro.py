@@ -17,7 +17,7 @@ from skfem_textile import (
     Quadratic,
     Sin2,
 )
-from skfem_textile.deviation import deviation_stiffness
+from skfem_textile.forms.deviation import deviation_stiffness
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.splitting import cut, split, split_cells

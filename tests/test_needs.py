@@ -7,10 +7,11 @@ from subprocess import run
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, kernels
-from skfem_textile.linear import superlu
-from skfem_textile.pattern import Pattern
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
+from skfem_textile.kernels import kernel as kernels
+from skfem_textile.kernels.pattern import Pattern
 from skfem_textile.scenes import picture_frame, strip
+from skfem_textile.solve.linear import superlu
 
 KERNELS = {
     "tension": kernels.TensionKernel,

@@ -20,11 +20,11 @@ from skfem_textile import (
     Sin2,
     cli,
 )
-from skfem_textile.path import Path
-from skfem_textile.result import State
 from skfem_textile.scenes import bias_extension, strip, trellis
+from skfem_textile.solve.path import Path
+from skfem_textile.solve.result import State
+from skfem_textile.solve.verdict import CHECKS, Verdict
 from skfem_textile.splitting import split
-from skfem_textile.verdict import CHECKS, Verdict
 
 
 def loaded(scene, formulation, steps, shear=0.0, **options):

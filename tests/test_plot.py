@@ -11,10 +11,10 @@ from skfem_textile.scenes import strip
 pv = pytest.importorskip("pyvista")
 imageio = pytest.importorskip("imageio.v2")
 plot = pytest.importorskip("skfem_textile.plot")
-curves = pytest.importorskip("skfem_textile.curves").curves
-convergence = pytest.importorskip("skfem_textile.convergence").convergence
-work_precision = pytest.importorskip("skfem_textile.work_precision").work_precision
-cells = pytest.importorskip("skfem_textile.cells").cells
+curves = pytest.importorskip("skfem_textile.plot.curves").curves
+convergence = pytest.importorskip("skfem_textile.plot.convergence").convergence
+work_precision = pytest.importorskip("skfem_textile.plot.work_precision").work_precision
+cells = pytest.importorskip("skfem_textile.plot.cells").cells
 
 
 @pytest.fixture(scope="module")

@@ -18,13 +18,13 @@ from skfem_textile import (
     Quadratic,
     StepError,
 )
-from skfem_textile.conditions import Constraints
-from skfem_textile.fields import cell_fields
 from skfem_textile.io import write_fields
-from skfem_textile.meshes import check_quads, check_triangles
-from skfem_textile.problem import Problem
+from skfem_textile.io.fields import cell_fields
+from skfem_textile.mesh.checks import check_quads, check_triangles
 from skfem_textile.scenes import bias_extension, picture_frame, strip, trellis
 from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.problem import Problem
 from skfem_textile.splitting import cut
 from skfem_textile.studies.stability import is_sound
 

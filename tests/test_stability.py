@@ -17,12 +17,12 @@ from skfem_textile import (
     cli,
 )
 from skfem_textile.scenes import Scene, picture_frame, strip
-from skfem_textile.stepper import DEFAULT_STRATEGIES
+from skfem_textile.solve.stepper import DEFAULT_STRATEGIES
+from skfem_textile.solve.verdict import CHECKS
 from skfem_textile.studies import outcomes as ends
 from skfem_textile.studies import stability
 from skfem_textile.studies.extremes import Extreme, extremes
 from skfem_textile.studies.outcomes import End, outcome
-from skfem_textile.verdict import CHECKS
 
 SMALL = partial(strip, size=(4, 6))
 

@@ -18,10 +18,10 @@ from skfem_textile import (
     Ply,
     StepError,
 )
-from skfem_textile.linear import SOLVERS, superlu
-from skfem_textile.problem import NoEquilibriumError
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve.linear import SOLVERS, superlu
+from skfem_textile.solve.problem import NoEquilibriumError
 from skfem_textile.splitting import split
 
 CLAMP = {"clamp": Condition("bottom")}

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from skfem_textile.problem import NoEquilibriumError
-from skfem_textile.strategies import _shortened
+from skfem_textile.solve.problem import NoEquilibriumError
+from skfem_textile.solve.strategies import _shortened
 
 
 class Slope:

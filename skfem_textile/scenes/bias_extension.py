@@ -17,9 +17,9 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..conditions import Condition
 from ..fabric import Fabric, Law
-from ..meshes import MeshError, check_mesh, with_edges
+from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..solve.conditions import Condition
 from .rectangle import misfit, rectangle
 from .scene import Scene
 from .trellis import Motion

@@ -7,8 +7,8 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
-from ..meshes import with_edges
-from ..naming import named_nodes
+from ..mesh.checks import with_edges
+from ..mesh.naming import named_nodes
 
 Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "delaunay"]
 

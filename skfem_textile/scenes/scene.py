@@ -7,9 +7,9 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..conditions import Condition
 from ..fabric import Fabric, Law, is_zero
-from ..result import Result, State
+from ..solve.conditions import Condition
+from ..solve.result import Result, State
 
 ExactField = Callable[[ndarray, float], ndarray]
 

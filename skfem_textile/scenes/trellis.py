@@ -17,8 +17,8 @@ from numpy import ndarray
 from numpy.polynomial.legendre import leggauss
 from skfem import Mesh
 
-from ..conditions import Condition
-from ..meshes import MeshError, check_mesh, with_edges
+from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..solve.conditions import Condition
 from .rectangle import rectangle
 from .scene import Scene
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Basis, ElementQuad1, MeshQuad
 
-from ..elements import CENTRE, GAUSS
+from ..mesh.bases import CENTRE, GAUSS
 
 # Nodes 1 to 6.  The first mesh is that of the paper's coefficients; of the others the
 # paper (Fig. 8) gives no coordinates: these are ours.

@@ -9,7 +9,8 @@ import numpy as np
 from skfem import Mesh
 
 from ..fabric import Fabric, Law, Linear, Sin2
-from ..formulations import Formulation, Full, Kind, Macro, OnePoint, Quadratic
+from ..ply.formulations import Full, Kind, Macro, OnePoint, Quadratic
+from ..ply.terms import Formulation
 from ..scenes import Scene, bias_extension, picture_frame, strip, trellis
 from ..scenes.rectangle import rectangle
 from ..scenes.strip import HEIGHT, WIDTH

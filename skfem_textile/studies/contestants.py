@@ -10,9 +10,9 @@ from numpy import ndarray
 from skfem import CellBasis
 
 from ..ply import Ply
-from ..result import Result, StepError
 from ..scenes import Scene
-from ..stepper import LoadStepper
+from ..solve.result import Result, StepError
+from ..solve.stepper import LoadStepper
 from .comparison import Case, Method, Problem
 from .quality import errors, unfolded
 from .quiet import quiet

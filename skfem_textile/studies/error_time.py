@@ -114,6 +114,6 @@ def write(rows: list[Row], folder: Path) -> None:
 
 def draw(rows: list[Row], folder: Path) -> None:
     """Draw `PICTURES`: errors against seconds."""
-    from ..work_precision import work_precision
+    from ..plot.work_precision import work_precision
 
     work_precision(time_tables.curves(rows), folder / "error_time.png")

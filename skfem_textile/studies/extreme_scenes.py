@@ -8,12 +8,12 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad
 
-from ..conditions import Condition
-from ..meshes import with_edges
+from ..mesh.checks import with_edges
 from ..scenes import Scene, picture_frame, strip, trellis
 from ..scenes.rectangle import rectangle
 from ..scenes.strip import HEIGHT, WIDTH
 from ..scenes.trellis import sheared
+from ..solve.conditions import Condition
 from ..splitting import split
 
 #: Elements along the sides of a square, unless something else is said.

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..fabric import Fabric
-from ..formulations import Formulation, Full, Macro, OnePoint
 from ..ply import Ply
+from ..ply.formulations import Full, Macro, OnePoint
+from ..ply.terms import Formulation
 from ..scenes import Scene, bias_extension, picture_frame, strip, trellis
 from .extreme_scenes import (
     SIZE,

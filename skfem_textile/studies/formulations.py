@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from ..ply import Ply
-from ..result import Result, StepError
 from ..scenes import Scene
-from ..stepper import LoadStepper
+from ..solve.result import Result, StepError
+from ..solve.stepper import LoadStepper
 from . import comparison, findings, tables
 from .comparison import ANGLES, Case
 from .quiet import quiet
@@ -129,6 +129,6 @@ def write(rows: list[Row], folder: Path) -> None:
 
 def draw(rows: list[Row], folder: Path) -> None:
     """Draw `PICTURES`: errors against unknowns."""
-    from ..convergence import convergence
+    from ..plot.convergence import convergence
 
     convergence(findings.errors(rows), folder / "formulations.png")

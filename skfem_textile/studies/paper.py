@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..fabric import Fabric
-from ..formulations import Full, Kind, OnePoint
 from ..ply import Ply
-from ..result import Result, StepError
+from ..ply.formulations import Full, Kind, OnePoint
 from ..scenes import Scene, strip
-from ..stepper import LoadStepper
+from ..solve.result import Result, StepError
+from ..solve.stepper import LoadStepper
 
 #: Written by `reproduce` and by `draw`.
 FILES = ("paper.csv", "paper.md")
@@ -148,7 +148,7 @@ def _title(row: Row) -> str:
 def draw(rows: list[Row], folder: Path) -> None:
     """Draw `PICTURES`, with the stabilisation of kind ``energy``."""
     from .. import plot
-    from ..curves import curves
+    from ..plot.curves import curves
 
     rows = [row for row in rows if row.case.formulation not in _RATES]
     full = [row for row in rows if isinstance(row.case.formulation, Full)]

@@ -7,7 +7,7 @@ from numpy import ndarray
 from skfem import CellBasis, ElementTriP1
 
 from .. import kinematics as kin
-from ..elements import GAUSS, SIX
+from ..mesh.bases import GAUSS, SIX
 from ..scenes import Scene
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy import ndarray
 
-from ..conditions import Constraints
 from ..ply import Ply
 from ..scenes import Scene
+from ..solve.conditions import Constraints
 
 # A corner is flat where its parallelogram is less than this share of the largest.
 _FLAT = 1e-9

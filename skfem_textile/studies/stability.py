@@ -27,8 +27,8 @@ from typing import Any
 
 import numpy as np
 
-from ..result import StepError
-from ..stepper import DEFAULT_STRATEGIES, LoadStepper
+from ..solve.result import StepError
+from ..solve.stepper import DEFAULT_STRATEGIES, LoadStepper
 from .extremes import Extreme, extremes
 from .outcomes import (
     MISSED,
@@ -243,7 +243,7 @@ def draw(rows: list[Row], folder: Path) -> None:
     Problems that differ in their seed alone share a line: the shares of the outcomes,
     and how many of them are right.
     """
-    from ..cells import Cell, cells
+    from ..plot.cells import Cell, cells
 
     groups: dict[str, dict[str, list[Cell]]] = {}
     for family, kind in dict.fromkeys((row["family"], row["kind"]) for row in rows):

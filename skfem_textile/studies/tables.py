@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from ..formulations import Macro
+from ..ply.formulations import Macro
 from .comparison import (
     ACROSS,
     AUTO,

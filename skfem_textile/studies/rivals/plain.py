@@ -15,9 +15,9 @@ from skfem import (
     solve,
 )
 
-from ...elements import CENTRE, HourglassBasis
 from ...forms import Forms, shear, tension
-from ...hourglass import hourglass
+from ...forms.hourglass import hourglass
+from ...mesh.bases import CENTRE, HourglassBasis
 from .newton import System
 from .rival import QUAD4, InProcess, Shape
 from .task import Task

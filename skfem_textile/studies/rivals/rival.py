@@ -8,7 +8,7 @@ from numpy import ndarray
 from skfem import Element, ElementQuad1, ElementQuad2, ElementTriP2
 from skfem.quadrature import get_quadrature
 
-from ...elements import GAUSS, THREE
+from ...mesh.bases import GAUSS, THREE
 from .newton import Run, System, iterations, timed
 from .task import Task
 

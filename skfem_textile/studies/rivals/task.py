@@ -8,10 +8,10 @@ from numpy import ndarray
 from skfem import CellBasis, Element, ElementTriP1, ElementVector
 
 from ... import kinematics as kin
-from ...conditions import Constraints
-from ...elements import node_dofs
 from ...fabric import Fabric
+from ...mesh.bases import node_dofs
 from ...scenes import Scene
+from ...solve.conditions import Constraints
 
 
 @dataclass(frozen=True, eq=False)

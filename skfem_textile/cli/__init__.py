@@ -1,0 +1,5 @@
+"""The command line ``skfem-textile``."""
+
+from .main import main
+
+__all__ = ["main"]

@@ -1,0 +1,75 @@
+"""What the forms of this library are made of.
+
+The internal energy of a ply is
+
+    Ψ(u) = ∫ Σ_α ψ(ε_α) dΩ + ∫ w(Γ) dΩ + stabilisation.
+
+Each module beside this one gives energy, residual (first derivative) and tangent
+(second derivative) of one of these terms, as scikit-fem forms that take the
+displacement as their parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from skfem import BilinearForm, Functional, LinearForm
+from skfem.assembly.form.form import FormExtraParams
+from skfem.helpers import ddot, grad
+
+from .. import kinematics as kin
+from ..fabric import Fabric
+
+
+class Forms(NamedTuple):
+    """Energy, residual and tangent of one term, all taking the parameter ``u``."""
+
+    energy: Functional
+    residual: LinearForm
+    tangent: BilinearForm
+
+
+def of_density(energy: Callable, stress: Callable, stiffness: Callable) -> Forms:
+    """Forms of an energy density, given its derivatives with respect to F."""
+
+    @Functional
+    def energy_form(w):
+        return energy(w)
+
+    @LinearForm
+    def residual(v, w):
+        return ddot(once(w, stress), grad(v))
+
+    @BilinearForm
+    def tangent(u, v, w):
+        return contract(grad(v), once(w, stiffness), grad(u))
+
+    return Forms(energy_form, residual, tangent)
+
+
+def once(w: FormExtraParams, function: Callable) -> Any:
+    """``function(w)``, evaluated once per assembly and not once per basis function."""
+    if function not in w:
+        w[function] = function(w)
+    return w[function]
+
+
+def deformation(w: FormExtraParams) -> ndarray:
+    """Deformation gradient of the parameter ``u``."""
+    return kin.deformation_gradient(grad(w["u"]))
+
+
+def directions(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:
+    """Unit reference directions of warp and weft."""
+    return fabric.directions(np.asarray(w["x"]), w.get("element"))
+
+
+def outer(S: ndarray, T: ndarray) -> ndarray:
+    """S ⊗ T."""
+    return np.einsum("iJ...,kL...->iJkL...", S, T)
+
+
+def contract(S: ndarray, C: ndarray, T: ndarray) -> ndarray:
+    """S : C : T."""
+    return np.einsum("iJ...,iJkL...,kL...->...", S, C, T)

@@ -1,0 +1,158 @@
+"""Hourglass stabilisation of the shear angle: with an energy, or by the paper's rates.
+
+Both give nodal forces Σ_k A/4 M̃_k δΓ̃_k from a moment M̃ at the four 2×2 points that
+works on the non-constant part Γ̃ of the shear angle (Hamila & Boisse 2013, §3.2).  The
+forms go with `HourglassBasis` and take the displacement as their parameter ``u``.
+"""
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from skfem import BilinearForm, DiscreteField, Functional, LinearForm
+from skfem.assembly.form.form import FormExtraParams
+from skfem.helpers import ddot, grad, inv
+
+from .. import kinematics as kin
+from ..fabric import Fabric
+from ..mesh.bases import centre_grad
+from .form import Forms, contract, directions, once
+
+#: A function of the parameters of a form.
+Pointwise: TypeAlias = Callable[[FormExtraParams], ndarray]
+
+
+def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
+    """Stabilisation with the energy ½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))².
+
+    M̃_k = C_s (Γ(ξ_k) − Γ(0)) on the reference area A: independent of the path.
+    Both angles are those of the fibres at ξ_k: Γ(0) is what the gradient at the centre
+    makes of them, so that a homogeneous motion costs nothing where fibres are curved.
+
+    Parameters
+    ----------
+    fabric
+        Gives the fibre directions; its stiffnesses play no part.
+    C_s
+        Stabilisation stiffness in N/mm.  Without it the forms take a parameter
+        ``C_s``, shape (n_elements, 1); `HeldStabilisation` keeps one.
+    """
+
+    def difference(w):
+        (F, F0), A = _F(w), directions(fabric, w)
+        return kin.shear_angle(F, *A) - kin.shear_angle(F0, *A)
+
+    def variation(w):
+        (F, F0), A = _F(w), directions(fabric, w)
+        return kin.shear_angle_d(F, *A), kin.shear_angle_d(F0, *A)
+
+    def stiffness(w):
+        return w["C_s"] if C_s is None else C_s
+
+    @Functional
+    def energy(w):
+        return 0.5 * stiffness(w) * difference(w) ** 2
+
+    def moment(w):
+        return stiffness(w) * difference(w)
+
+    return Forms(energy, *_forms(fabric, variation, moment, stiffness))
+
+
+def hourglass_rate(fabric: Fabric, C_s: float) -> Forms:
+    """Stabilisation by accumulated rates: the paper's own procedure.
+
+    M̃_k = M̃_k(last) + C_s f_k·(B_HGL,k Δu), with f_k, B_HGL,k and the element's area
+    taken in the configuration ``u`` and Δu from the last converged one (Hamila &
+    Boisse 2013, §3.2, where the rate must read B_HGL, not its transpose).  There is no
+    energy: the first form gives the work of the step.  The tangent is symmetric and
+    approximate: it takes f_k, B_HGL,k and the area as constant, but for the curvature
+    of the shear angle at the point and at the centre.
+
+    The forms take two more parameters: ``last``, the last converged displacement, and
+    ``moment``, the moments M̃ there, shape (n_elements, 4); `AccumulatedMoment`
+    keeps them.
+
+    Parameters
+    ----------
+    fabric, C_s
+        As for `hourglass`.
+    """
+
+    def variation(w):
+        return _rate_variation(fabric, w)
+
+    def increment(w):
+        return rate_increment(fabric, w)
+
+    @Functional
+    def work(w):
+        mean_moment = w["moment"] + 0.5 * C_s * increment(w)
+        return _area(w) * mean_moment * increment(w)
+
+    def moment(w):
+        return _area(w) * (w["moment"] + C_s * increment(w))
+
+    def stiffness(w):
+        return _area(w) * C_s
+
+    return Forms(work, *_forms(fabric, variation, moment, stiffness))
+
+
+def _rate_variation(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:
+    """f·B_HGL as the pair (f·F⁻ᵀ, f·F(0)⁻ᵀ) that works on ∇u(ξ) and ∇u(0)."""
+    F, F0 = _F(w)
+    d = kin.shear_angle_d(F, *directions(fabric, w))
+    return d, np.einsum("iJ...,jJ...,Kj...->iK...", d, F, inv(F0))
+
+
+def rate_increment(fabric: Fabric, w: FormExtraParams) -> ndarray:
+    """f·(B_HGL Δu) of `hourglass_rate`, Δu from the parameter ``last`` to ``u``."""
+    d = _rate_variation(fabric, w)
+    return _along(d, w["u"]) - _along(d, w["last"])
+
+
+def _forms(
+    fabric: Fabric, variation: Callable, moment: Pointwise, stiffness: Pointwise
+) -> tuple[LinearForm, BilinearForm]:
+    """Residual and tangent of a moment that works on δΓ̃ = d : δ∇u(ξ) − d₀ : δ∇u(0)."""
+
+    def curvature(w):
+        (F, F0), A = _F(w), directions(fabric, w)
+        return kin.shear_angle_dd(F, *A), kin.shear_angle_dd(F0, *A)
+
+    @LinearForm
+    def residual(v, w):
+        return once(w, moment) * _along(once(w, variation), v)
+
+    @BilinearForm
+    def tangent(u, v, w):
+        d, (dd, dd0) = once(w, variation), once(w, curvature)
+        return once(w, stiffness) * _along(d, u) * _along(d, v) + once(w, moment) * (
+            contract(_grad(v), dd, _grad(u))
+            - contract(centre_grad(v), dd0, centre_grad(u))
+        )
+
+    return residual, tangent
+
+
+def _F(w: FormExtraParams) -> tuple[ndarray, ndarray]:
+    """Deformation gradients at the point and at the element's centre."""
+    u = w["u"]
+    at_centre = centre_grad(u)
+    return kin.deformation_gradient(_grad(u)), kin.deformation_gradient(at_centre)
+
+
+def _area(w: FormExtraParams) -> ndarray:
+    """Current area of the element per reference area."""
+    return kin.area_ratio(kin.deformation_gradient(centre_grad(w["u"])))
+
+
+def _along(d: tuple[ndarray, ndarray], v: DiscreteField) -> ndarray:
+    return ddot(d[0], _grad(v)) - ddot(d[1], centre_grad(v))
+
+
+def _grad(u: DiscreteField) -> ndarray:
+    """Whole gradient of a field on the hourglass basis."""
+    return centre_grad(u) + grad(u)

@@ -1,0 +1,68 @@
+"""Fields of a displaced ply, one value per node or element, for files and pictures."""
+
+import numpy as np
+from numpy import ndarray
+
+from ..solve.body import Body
+from ..splitting import SplitMesh
+
+
+def point_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
+    """``displacement`` of the vertices in mm, shape (n_vertices, 3)."""
+    return {"displacement": _in_space(ply.nodal(u)[:, : ply.mesh.nvertices])}
+
+
+def cell_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
+    """Fibre strains, tensions and directions, and the shear angle, per element.
+
+    Strains are those that the law of tension sees (`Ply.law_strain`).  Of several
+    points in an element the value of largest magnitude is given, so that the extremes
+    of a field are those of the ply; directions are those at the centre, in the current
+    configuration.
+
+    Returns
+    -------
+    dict
+        ``warp_strain``, ``weft_strain``, ``warp_tension``, ``weft_tension`` (N/mm) and
+        ``shear_angle`` (degrees), shape (n_elements,); ``warp_direction`` and
+        ``weft_direction``, shape (n_elements, 3).
+    """
+    strain, tension = ply.law_strain(u), ply.fibre_tension(u)
+    direction = ply.fibre_direction(u, ply.centre)[..., 0]
+    fields = {"shear_angle": np.degrees(_extreme(ply.shear_angle(u)))}
+    for i, family in enumerate(("warp", "weft")):
+        fields[f"{family}_strain"] = _extreme(strain[i])
+        fields[f"{family}_tension"] = _extreme(tension[i])
+        fields[f"{family}_direction"] = _in_space(direction[i])
+    return fields
+
+
+def on_parents(mesh: SplitMesh, fields: dict[str, ndarray]) -> dict[str, ndarray]:
+    """Fields of a split mesh on the elements of the original.
+
+    Of the parts of an element the value of largest magnitude, and of directions the
+    mean direction.
+    """
+    n = sum(cell.shape[1] for cell in mesh.cells)
+    given = {}
+    for name, x in fields.items():
+        if x.ndim == 1:
+            order = np.lexsort((np.abs(x), mesh.parent))
+            last = np.searchsorted(mesh.parent[order], np.arange(n), "right")
+            given[name] = x[order[last - 1]]
+        else:
+            total = np.zeros((n, x.shape[1]))
+            np.add.at(total, mesh.parent, x)
+            given[name] = total / np.linalg.norm(total, axis=1, keepdims=True)
+    return given
+
+
+def _extreme(x: ndarray) -> ndarray:
+    """Of each element's points the value of largest magnitude."""
+    largest = np.abs(x).argmax(axis=-1)
+    return np.take_along_axis(x, largest[:, None], axis=-1)[:, 0]
+
+
+def _in_space(x: ndarray) -> ndarray:
+    """Columns of plane vectors as rows of vectors in space."""
+    return np.pad(x, ((0, 1), (0, 0))).T

@@ -1,0 +1,303 @@
+"""Meshes from files, in any format that meshio knows."""
+
+import contextlib
+import io
+import logging
+import os
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh, MeshQuad, MeshTri
+from skfem.io.meshio import from_meshio
+
+from ..mesh.checks import MeshError, check_mesh, check_quads, refuse, refuse_positions
+from ..mesh.naming import printable, with_named_nodes
+from ..splitting import boundary_edges, named_edges, split_cells
+from . import abaqus
+
+log = logging.getLogger(__name__)
+
+_CELLS: dict[str, type[Mesh]] = {"quad": MeshQuad, "triangle": MeshTri}
+_CORNERS = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}
+_WORDS = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
+
+
+def read_mesh(path: str | os.PathLike[str], split: bool = True) -> Mesh:
+    """Read a plane mesh: Gmsh .msh, Abaqus .inp, .vtu and more.
+
+    Triangles, and quadrilaterals beside triangles, are split in quadrilaterals
+    (`split_cells`).  Named groups of edges (Gmsh physical groups) and the outer edges
+    between nodes of a named set (Abaqus node sets) become boundaries of that name, the
+    other nodes of a set, and named points, named nodes.  What else the file holds is
+    named in a warning of the log ``skfem_textile``.
+
+    Parameters
+    ----------
+    path
+        The file.
+    split
+        Whether triangles are split.  If not, a mesh of triangles alone is a
+        `skfem.MeshTri`, as `Quadratic` takes it.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read, has other cells than triangles and four-node
+        quadrilaterals, or both and they are not to be split, does not lie in a plane
+        z = const, names edges that are none of the mesh, or is not a sound mesh
+        (`check_mesh`).
+    """
+    path = Path(path)
+    try:
+        raw, ignored = _read(path)
+        mesh = _mesh(_content(raw), split)
+    except MeshError as error:
+        raise MeshError(f"{printable(path)}: {error}") from None
+    if ignored:
+        names = ", ".join(printable(name) for name in dict.fromkeys(ignored))
+        log.warning("%s: not read: %s", printable(path), names)
+    return mesh
+
+
+def _read(path: Path) -> tuple[meshio.Mesh, list[str]]:
+    """Read with meshio, which prints and exits where it cannot; what is left out."""
+    said, deck = io.StringIO(), None
+    try:
+        if not path.is_file():
+            raise MeshError("no such file")
+        if path.suffix.lower() == ".inp":
+            deck = abaqus.scan(path)
+        if path.suffix.lower() == ".msh":
+            _refuse_same_names(path.read_bytes())
+        with (
+            contextlib.redirect_stdout(said),
+            contextlib.redirect_stderr(said),
+            warnings.catch_warnings(),
+            np.errstate(all="ignore"),
+        ):
+            warnings.simplefilter("ignore")
+            raw = meshio.read(path)
+    except MeshError:
+        raise
+    except OSError as error:
+        raise MeshError(printable(error.strerror or error)) from None
+    except KeyError as error:
+        what = " ".join(map(printable, error.args))
+        raise MeshError(f"it names {what}, which is not there") from None
+    except (Exception, SystemExit) as error:
+        said_or_error = (said.getvalue() or str(error)).strip()
+        reason = printable(said_or_error.partition("\n")[0][:100])
+        raise MeshError(f"meshio cannot read it. {reason}".strip()) from None
+    if deck is not None:
+        abaqus.mend(raw, deck)
+    fields = [n for n in raw.point_data if not n.startswith("gmsh:")]
+    fields += [n for n in raw.cell_data if not n.startswith(("gmsh:", "skfem:"))]
+    if not any(name.startswith("gmsh:") for name in raw.cell_data):
+        fields += raw.field_data
+    periodic = ["$Periodic"] if raw.gmsh_periodic else []
+    return raw, (deck.ignored if deck else []) + fields + periodic
+
+
+def _refuse_same_names(content: bytes) -> None:
+    """Refuse a file of Gmsh of which meshio would keep one of two groups."""
+    section = content.partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0]
+    names = [
+        line.partition('"')[2] for line in section.decode(errors="replace").split("\n")
+    ]
+    for name in set(filter(None, names)):
+        if names.count(name) > 1:
+            shown = name.rpartition('"')[0]
+            raise MeshError(f"two groups are named {shown!r}; name them apart")
+
+
+@dataclass
+class _Content:
+    """The content of a file.
+
+    Nodes of shape (2, n), blocks of cells of shape (3, n) and (4, n), and by name: end
+    nodes of edges, shape (2, n), cells counted through the blocks, and nodes.
+    """
+
+    points: ndarray
+    cells: list[ndarray]
+    edges: dict[str, ndarray] = field(default_factory=dict)
+    subdomains: dict[str, ndarray] = field(default_factory=dict)
+    nodes: dict[str, ndarray] = field(default_factory=dict)
+
+
+def _content(raw: meshio.Mesh) -> _Content:
+    points = np.asarray(raw.points, dtype=float)
+    if points.ndim != 2 or points.shape[1] < 2:
+        raise MeshError("the nodes must have two or three coordinates")
+    refuse_positions(points.T)
+    blocks = [i for i, block in enumerate(raw.cells) if len(block.data)]
+    kinds = {raw.cells[i].type for i in blocks} - {"vertex", "line"}
+    if not kinds or not kinds <= set(_CELLS):
+        found = printable(", ".join(sorted(kinds)) or "none")
+        raise MeshError(
+            "only triangles and four-node quadrilaterals are supported, found " + found
+        )
+    size = np.ptp(points, axis=0)
+    if not np.all(size[2:] <= 1e-9 * size[:2].max()):
+        raise MeshError("the mesh must lie in a plane z = const")
+    _refuse_numbers(raw, blocks)
+    plane = [i for i in blocks if raw.cells[i].type in _CELLS]
+    cells = [np.asarray(raw.cells[i].data, dtype=int).T for i in plane]
+    content = _Content(points[:, :2].T.copy(), cells)
+    _name_groups(content, raw, plane)
+    _name_node_sets(content, raw)
+    _name_as_skfem(content, raw, plane)
+    return _merged(content) if "gmsh:physical" in raw.cell_data else content
+
+
+def _refuse_numbers(raw: meshio.Mesh, blocks: list[int]) -> None:
+    """Refuse cells of nodes that are not there, numbered by kind as in the file."""
+    n = len(raw.points)
+    for kind in dict.fromkeys(raw.cells[i].type for i in blocks):
+        nodes = [raw.cells[i].data for i in blocks if raw.cells[i].type == kind]
+        if any(np.shape(x)[1:] != (_CORNERS[kind],) for x in nodes):
+            raise MeshError(f"a {kind} must have {_CORNERS[kind]} node(s)")
+        listed = np.concatenate([np.asarray(x).astype(np.int64) for x in nodes])
+        there: Any = ((listed >= 0) & (listed < n)).all(axis=1)
+        refuse(
+            f"{_WORDS.get(kind, kind)}(s) name a node that is not there (there are "
+            f"nodes 0 to {n - 1} only)",
+            ~there,
+        )
+
+
+def _name_groups(content: _Content, raw: meshio.Mesh, plane: list[int]) -> None:
+    """Named groups of edges, cells and points."""
+    sizes = [cell.shape[1] for cell in content.cells]
+    first = dict(zip(plane, np.cumsum([0, *sizes[:-1]]), strict=True))
+    for name, number, members in _groups(raw):
+        block = raw.cells[number]
+        if members.min() < 0 or members.max() >= len(block.data):
+            raise MeshError(f"group {name!r} names cells that are not there")
+        chosen = np.asarray(block.data, dtype=int)[members].T
+        if block.type == "line":
+            _add(content.edges, name, np.sort(chosen, axis=0))
+        elif block.type == "vertex":
+            _add(content.nodes, name, chosen[0])
+        elif number in first:
+            _add(content.subdomains, name, first[number] + members)
+
+
+def _groups(raw: meshio.Mesh) -> Iterator[tuple[str, int, ndarray]]:
+    """Named groups of cells: name, block of cells, numbers in the block.
+
+    Of Gmsh's files of version 4.1 meshio gives them as sets, and the first of each
+    cell once more as tags.
+    """
+    sets: Any = {n: s for n, s in raw.cell_sets.items() if not n.startswith("gmsh:")}
+    tags: Any = raw.cell_data.get("gmsh:physical", [])
+    for name, group in raw.field_data.items() if tags else ():
+        if np.shape(group) != (2,):
+            raise MeshError(f"group {name!r} must have a number and a dimension")
+        tag, dimension = group
+        if name not in sets:
+            sets[name] = [
+                np.flatnonzero(physical == tag) if block.dim == dimension else None
+                for block, physical in zip(raw.cells, tags, strict=False)
+            ]
+    for name, of_blocks in sets.items():
+        for number, members in enumerate(of_blocks[: len(raw.cells)]):
+            if members is not None and len(members):
+                yield name, number, np.asarray(members).astype(int).ravel()
+
+
+def _add(named: dict[str, ndarray], name: str, more: ndarray) -> None:
+    """Add to what has a name, everything once."""
+    if name in named:
+        more = np.concatenate([named[name], more], axis=-1)
+    named[name] = np.unique(more, axis=-1)
+
+
+def _name_node_sets(content: _Content, raw: meshio.Mesh) -> None:
+    """Sets of nodes: outer edges between two of them, and the nodes that are left."""
+    outer, n = boundary_edges(content.cells), content.points.shape[1]
+    for name, members in raw.point_sets.items():
+        nodes = np.asarray(members).astype(int).ravel()
+        if nodes.size and (nodes.min() < 0 or nodes.max() >= n):
+            raise MeshError(f"node set {name!r} names nodes that are not there")
+        within = outer[:, np.isin(outer, nodes).all(axis=0)]
+        rest = np.setdiff1d(nodes, within)
+        if within.size:
+            _add(content.edges, name, within)
+        if rest.size:
+            _add(content.nodes, name, rest)
+
+
+def _name_as_skfem(content: _Content, raw: meshio.Mesh, plane: list[int]) -> None:
+    """Names that scikit-fem writes as data of the cells."""
+    data = {k: v for k, v in raw.cell_data.items() if k.startswith("skfem:")}
+    if not data:
+        return
+    if len(raw.cells) > 1:
+        raise MeshError("names that scikit-fem wrote are read of one block of cells")
+    try:
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            mesh = from_meshio(meshio.Mesh(raw.points, [*raw.cells], cell_data=data))
+    except Exception:
+        raise MeshError("names that scikit-fem wrote cannot be read") from None
+    for name, edges in (mesh.boundaries or {}).items():
+        _add(content.edges, name, mesh.facets[:, np.asarray(edges)])
+    for name, cells in (mesh.subdomains or {}).items():
+        _add(content.subdomains, name, cells)
+
+
+def _merged(content: _Content) -> _Content:
+    """Each cell once, which Gmsh's files of version 2.2 repeat for each of its groups.
+
+    Cells that are repeated otherwise are left for `check_mesh` to refuse.
+    """
+    cells, origin, n = [], [], 0
+    for cell in content.cells:
+        _, first, copy = np.unique(cell, axis=1, return_index=True, return_inverse=True)
+        origin.append(n + np.argsort(np.argsort(first))[copy.ravel()])
+        cells.append(cell[:, np.sort(first)])
+        n += len(first)
+    new = np.concatenate(origin)
+    named = np.zeros(len(new), dtype=bool)
+    subdomains = {}
+    for name, members in content.subdomains.items():
+        named[members] = True
+        subdomains[name] = np.unique(new[members])
+        if len(subdomains[name]) < len(members):
+            return content
+    if not named[np.bincount(new)[new] > 1].all():
+        return content
+    return replace(content, cells=cells, subdomains=subdomains)
+
+
+def _mesh(content: _Content, split: bool) -> Mesh:
+    points, cells, edges = content.points, content.cells, content.edges
+    corners = {len(cell) for cell in cells}
+    if not split and len(corners) > 1:
+        raise MeshError(
+            "triangles beside quadrilaterals must be split, for a formulation of "
+            "quadrilaterals"
+        )
+    if len(corners) == 1:
+        kind = MeshTri if 3 in corners else MeshQuad
+        plain = kind(points, np.ascontiguousarray(np.hstack(cells)))
+        check_mesh(plain)
+    if split and 3 in corners:
+        names = edges, content.subdomains, content.nodes
+        mesh = split_cells(points, cells, *names)
+        check_quads(mesh)
+        return mesh
+    boundaries = {k: named_edges(k, points, plain.facets, v) for k, v in edges.items()}
+    named = replace(
+        plain,
+        _boundaries={k: np.sort(v) for k, v in boundaries.items()} or None,
+        _subdomains=content.subdomains or None,
+    )
+    return with_named_nodes(named, content.nodes)

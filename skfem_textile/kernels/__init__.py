@@ -1,0 +1,1 @@
+"""The same numbers as the forms, for all elements at once, on a fixed pattern."""

@@ -1,0 +1,1 @@
+"""Meshes: checks, names, and the bases that forms go with."""

@@ -1,0 +1,217 @@
+"""What a mesh must fulfil before anything is computed on it."""
+
+from collections.abc import Collection
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+from numpy import ndarray
+from skfem import Element, ElementQuad1, ElementTriP1, Mesh
+from skfem.helpers import det
+
+from .bases import GAUSS
+from .contact import boundary_of, cells_within, contact_of
+from .naming import named_nodes
+
+# An edge this much shorter than the others, or a Jacobian as small, is none.
+_NEGLIGIBLE = 1e-9
+
+# Areas of cells further out than this overflow.
+_FAR = 1e100
+
+_Mesh = TypeVar("_Mesh", bound=Mesh)
+
+
+# Elements of the meshes that can be used: what the mesh is called, and its cells.
+_CELLS: dict[type[Element], tuple[str, str]] = {
+    ElementQuad1: ("skfem.MeshQuad", "quadrilateral"),
+    ElementTriP1: ("skfem.MeshTri", "triangle"),
+}
+
+
+class MeshError(ValueError):
+    """A mesh that cannot be computed on; the message says where and what to do."""
+
+
+def check_quads(mesh: Mesh) -> None:
+    """Refuse a mesh that is not a sound mesh of bilinear quadrilaterals.
+
+    Raises
+    ------
+    MeshError
+        If the mesh has other cells, or as `check_mesh`.
+    """
+    advice = "splitting.split(mesh) makes one, or take Quadratic()"
+    _refuse_cells(mesh, [ElementQuad1], advice)
+    check_mesh(mesh)
+
+
+def check_triangles(mesh: Mesh) -> None:
+    """Refuse a mesh that is not a sound mesh of triangles with straight edges.
+
+    Raises
+    ------
+    MeshError
+        If the mesh has other cells, or as `check_mesh`.
+    """
+    _refuse_cells(mesh, [ElementTriP1], "mesh.to_meshtri() makes one")
+    check_mesh(mesh)
+
+
+def check_mesh(mesh: Mesh) -> None:
+    """Refuse a mesh that is not sound, be it of quadrilaterals or of triangles.
+
+    Raises
+    ------
+    MeshError
+        If the mesh has other cells, positions that are not finite, unused nodes or
+        nodes that are not there, names of edges or nodes that are not there, edges of
+        more than two cells, cells with a collapsed edge, quadrilaterals inverted at a
+        2×2 point, triangles without area, cells that overlap, nodes on an edge of which
+        they are no end, or nodes at one place, but for those along a cut (`contact`).
+    """
+    _refuse_cells(mesh, _CELLS)
+    _, cell = _CELLS[mesh.elem]
+    refuse_positions(mesh.p)
+    listed = (mesh.t >= 0) & (mesh.t < mesh.p.shape[1])
+    refuse(f"{cell}(s) name a node that is not there", ~listed.all(axis=0))
+    gauss, _ = GAUSS
+    used = np.zeros(mesh.p.shape[1], dtype=bool)
+    used[mesh.t] = True
+    refuse(f"node(s) belong to no {cell}; remove them", ~used)
+    shared = np.bincount(mesh.t2f.ravel())
+    crowded = (shared > 2)[mesh.t2f].any(axis=0)
+    refuse(f"{cell}(s) share an edge with more than one other", crowded)
+    jacobian = det(mesh.mapping().DF(gauss))  # that of a triangle is constant
+    turn = np.sign(jacobian.sum(axis=1))
+    refuse(
+        f"{cell}(s) inverted or degenerate",
+        _inverted(mesh, jacobian * turn[:, None]) | _collapsed(mesh),
+    )
+    refuse(f"{cell}(s) lie on top of a neighbour", _overlapping(mesh, turn))
+    _refuse_contact(mesh, cell)
+    for name, edges in (mesh.boundaries or {}).items():
+        _refuse_names(f"boundary {name!r}", edges, mesh.nfacets)
+    for name, nodes in named_nodes(mesh).items():
+        _refuse_names(f"named nodes {name!r}", nodes, mesh.p.shape[1])
+
+
+def refuse_positions(p: ndarray) -> None:
+    """Refuse positions, shape (2, n), that are not finite or cannot be squared.
+
+    Raises
+    ------
+    MeshError
+        If there are any, or no nodes at all.
+    """
+    if p.size == 0:
+        raise MeshError("the mesh has no nodes")
+    refuse("node(s) not finite", ~np.isfinite(p).all(axis=0))
+    far = f"node(s) further than {_FAR:g} from the origin"
+    refuse(far, (np.abs(p) > _FAR).any(axis=0))
+
+
+def with_edges(mesh: _Mesh) -> _Mesh:
+    """Name the straight edges ``left``, ``bottom``, ``right`` and ``top``.
+
+    They are the boundary edges on the sides of the mesh's bounding box.  A side on
+    which there is none, and a name that the mesh has already, are left alone.
+    """
+    boundary = mesh.boundary_facets()
+    x = mesh.p[:, mesh.facets[:, boundary]]
+    edges = dict(mesh.boundaries or {})
+    for axis, sides in enumerate((("left", "right"), ("bottom", "top"))):
+        low, high = mesh.p[axis].min(), mesh.p[axis].max()
+        for name, side in zip(sides, (low, high), strict=True):
+            on_side = (np.abs(x[axis] - side) <= _NEGLIGIBLE * (high - low)).all(axis=0)
+            if on_side.any() and name not in named_nodes(mesh):
+                edges.setdefault(name, boundary[on_side])
+    return replace(mesh, _boundaries=edges)
+
+
+def _refuse_cells(
+    mesh: Mesh, wanted: Collection[type[Element]], advice: str = ""
+) -> None:
+    """Refuse a mesh of other elements, with advice if the element is known."""
+    element = getattr(mesh, "elem", None)
+    if element not in wanted:
+        names = " or a ".join(_CELLS[e][0] for e in wanted)
+        instead = f"; {advice}" if element in _CELLS else ""
+        raise MeshError(
+            f"the mesh must be a {names}, not {type(mesh).__name__}{instead}"
+        )
+
+
+def refuse(what: str, bad: ndarray) -> None:
+    """Refuse if there are any: one bool for each, or the numbers of the bad ones.
+
+    Raises
+    ------
+    MeshError
+        If there are any.
+    """
+    numbers = np.flatnonzero(bad) if bad.dtype == bool else bad
+    if numbers.size:
+        first = ", ".join(map(str, numbers[:10]))
+        more = ", ..." if numbers.size > 10 else ""
+        raise MeshError(f"{numbers.size} {what}: {first}{more}")
+
+
+def _refuse_names(what: str, numbers: ndarray, n: int) -> None:
+    """Refuse names of edges or nodes that the mesh has not."""
+    some = np.asarray(numbers)
+    if some.size and (some.min() < 0 or some.max() >= n):
+        raise MeshError(f"{what}: its numbers must be from 0 to {n - 1}; name it anew")
+
+
+def _refuse_contact(mesh: Mesh, cell: str) -> None:
+    """Refuse a mesh that touches or overlaps itself, but for cuts."""
+    boundary = boundary_of(mesh)
+    contact = contact_of(boundary)
+    if contact is None:
+        raise MeshError("more boundary edges lie on top of others than can be judged")
+    refuse(
+        f"{cell}(s) lie on top of others, edge on edge; keep one layer", contact.layered
+    )
+    overlap = f"{cell}(s) overlap others that are no neighbours"
+    refuse(f"{overlap}; the boundary crosses itself there", contact.crossing)
+    refuse(
+        "node(s) lie on an edge of which they are no end; split the cell there or move "
+        "the node off",
+        contact.hanging,
+    )
+    refuse(
+        "node(s) lie at the place of others; merge them (the sides of a cut may touch "
+        "only where both of its ends are single nodes; else move them apart)",
+        contact.doubled,
+    )
+    refuse(f"{overlap}; one piece of the mesh lies in another", cells_within(boundary))
+
+
+def _inverted(mesh: Mesh, jacobian: ndarray) -> ndarray:
+    """Elements whose Jacobian vanishes or changes sign among the 2×2 points."""
+    return jacobian.min(axis=1) <= _NEGLIGIBLE * _edge_lengths(mesh).max(axis=0) ** 2
+
+
+def _collapsed(mesh: Mesh) -> ndarray:
+    """Elements with an edge of no length."""
+    length = _edge_lengths(mesh)
+    return length.min(axis=0) <= _NEGLIGIBLE * length.max(axis=0)
+
+
+def _edge_lengths(mesh: Mesh) -> ndarray:
+    x = mesh.p[:, mesh.t]
+    return np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
+
+
+def _overlapping(mesh: Mesh, turn: ndarray) -> ndarray:
+    """Elements that lie on the same side of some edge as their neighbour there.
+
+    Walked anticlockwise, two cells on either side of an edge run along it in
+    opposite directions.
+    """
+    start = mesh.t  # the edges run 0-1, 1-2, ..., back to 0, in the order of t2f
+    along = np.where(start == mesh.facets[0, mesh.t2f], 1, -1) * turn
+    both = np.zeros(mesh.nfacets)
+    np.add.at(both, mesh.t2f, along)
+    return (np.abs(both) == 2)[mesh.t2f].any(axis=0)

@@ -1,0 +1,59 @@
+"""The middles of the edges between elements, seen from either side."""
+
+from typing import Any
+
+import numpy as np
+from skfem import (
+    DiscreteField,
+    ElementQuad1,
+    ElementVector,
+    InteriorFacetBasis,
+    Mesh,
+)
+
+from .bases import CENTRE
+
+_MIDDLE = np.array([[0.5]]), np.array([1.0])
+
+
+class JumpBasis(InteriorFacetBasis):
+    """Basis of the displacement at the middles of interior edges, from either side.
+
+    The two points of an edge are one, its middle, seen from the elements on either
+    side: a jump is a difference between points.  Together they carry (A⁺ + A⁻)/4, from
+    the reference areas of the two elements.
+
+    Parameters
+    ----------
+    mesh
+        A `skfem.MeshQuad`.
+    **kwargs
+        Passed to `skfem.InteriorFacetBasis`: ``mapping``, ``dofs``.
+    """
+
+    def __init__(self, mesh: Mesh, **kwargs: Any) -> None:
+        element = ElementVector(ElementQuad1())
+        super().__init__(mesh, element, quadrature=_MIDDLE, **kwargs)
+        other = InteriorFacetBasis(mesh, element, quadrature=_MIDDLE, side=1, **kwargs)
+        self._element_dofs = np.vstack([self.element_dofs, other.element_dofs])
+        self.basis = [
+            (_at_point(i, field),)
+            for i, side in enumerate((self, other))
+            for (field,) in side.basis
+        ]
+        self.Nbfun = len(self.basis)
+        self._sides = np.array([self.tind, other.tind]).T
+        self.X = np.repeat(self.X, 2, axis=1)
+        centre, _ = CENTRE
+        areas = [np.abs(self.mapping.detDF(centre, s.tind)) for s in (self, other)]
+        self.dx = np.repeat(sum(areas) / 8, 2, axis=1)
+
+    def default_parameters(self) -> dict[str, Any]:
+        """Position, and the element on that side."""
+        return {"x": self.global_coordinates(), "element": self._sides}
+
+
+def _at_point(i: int, field: DiscreteField) -> DiscreteField:
+    """A field at the i-th of two points, zero at the other."""
+    where = np.arange(2) == i
+    return DiscreteField(np.asarray(field) * where, np.asarray(field.grad) * where)

@@ -1,0 +1,5 @@
+"""A ply: mesh, fabric, formulation and further terms as a function of displacement."""
+
+from .ply import Ply
+
+__all__ = ["Ply"]

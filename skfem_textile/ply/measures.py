@@ -1,0 +1,149 @@
+"""What a displacement makes of the fibres of a ply."""
+
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from skfem import CellBasis
+from skfem.helpers import ddot
+
+from .. import kinematics as kin
+from ..fabric import Fabric
+from ..mesh.bases import node_dofs
+from ..mesh.corners import Corners
+from .terms import TensionTerm
+
+
+class Measures:
+    """Strains, tensions, angles and directions at the points of a basis.
+
+    Attributes
+    ----------
+    basis
+        `skfem.CellBasis` of the displacement at the ply's own points.
+    fabric
+        Fibre directions and laws.
+    fine_points
+        Reference coordinates at which strain and folding are judged, (2, n_points).
+    corners
+        Det F at the nodes of the elements, at which folding is judged too.
+    """
+
+    basis: CellBasis
+    fabric: Fabric
+    fine_points: ndarray
+    corners: Corners
+    _tension: TensionTerm | None
+
+    def gradient(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Displacement gradient ∇u, shape (2, 2, n_elements, n_points).
+
+        Parameters
+        ----------
+        u
+            Displacement.
+        points
+            Reference coordinates in the unit square or triangle, shape (2,
+            n_points); the ply's own points if not given.
+        """
+        xi = self.basis.X if points is None else points
+        vector: Any = self.basis.elem
+        scalar = vector.elem
+        n_nodes = len(scalar.doflocs)
+        dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
+        nodal = u[self.basis.element_dofs].reshape(n_nodes, vector.dim, -1)
+        du_dxi = nodal.transpose(1, 2, 0)[:, None] @ dN.transpose(1, 0, 2)
+        return np.einsum("ijnq,jknq->iknq", du_dxi, self.basis.mapping.invDF(xi))
+
+    def deformation_gradient(
+        self, u: ndarray, points: ndarray | None = None
+    ) -> ndarray:
+        """Deformation gradient F, shape (2, 2, n_elements, n_points)."""
+        return kin.deformation_gradient(self.gradient(u, points))
+
+    def area_ratio(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Current area per reference area, det F, shape (n_elements, n_points)."""
+        return kin.area_ratio(self.deformation_gradient(u, points))
+
+    def fibre_strain(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Fibre strain of warp and weft, shape (2, n_elements, n_points)."""
+        F = self.deformation_gradient(u, points)
+        return np.array([kin.fibre_strain(F, A) for A in self.directions(points)])
+
+    def law_strain(self, u: ndarray) -> ndarray:
+        """Fibre strain of warp and weft that the law of tension sees.
+
+        At the ply's own points, shape (2, n_elements, n_points): the fibre strain
+        there, or where fibres have the tension of the mean strain (`Macro`,
+        `Quadratic` with a deviation) this mean.
+        """
+        strain = self.fibre_strain(u)
+        return strain if self._tension is None else self._tension.seen(strain)
+
+    def fibre_tension(self, u: ndarray) -> ndarray:
+        """Tension of warp and weft in N/mm at the ply's own points.
+
+        Shape (2, n_elements, n_points).
+        """
+        return self._tensions(self.fibre_strain(u))
+
+    def predicted_tension(self, u: ndarray, du: ndarray) -> ndarray:
+        """Fibre tensions after the increment ``du``, to first order in it.
+
+        At the ply's own points, shape (2, n_elements, n_points): T(ε) + T′ ∂ε·∇du.
+        """
+        F, dF, A = self.deformation_gradient(u), self.gradient(du), self.directions()
+        strain = [kin.fibre_strain(F, A_i) for A_i in A]
+        change = [ddot(kin.fibre_strain_d(F, A_i), dF) for A_i in A]
+        return self._tensions(np.array(strain), np.array(change))
+
+    def _tensions(self, strain: ndarray, change: ndarray | float = 0.0) -> ndarray:
+        if self._tension is None:
+            return np.zeros_like(strain)
+        return self._tension.law(strain, change)
+
+    def fibre_direction(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Current unit direction of warp and weft, (2, 2, n_elements, n_points).
+
+        The first axis is the family, the second the component.
+        """
+        F = self.deformation_gradient(u, points)
+        a = np.array([kin.fibre(F, A) for A in self.directions(points)])
+        return a / np.linalg.norm(a, axis=1, keepdims=True)
+
+    def shear_angle(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Shear angle Γ in radians, shape (n_elements, n_points)."""
+        F = self.deformation_gradient(u, points)
+        return kin.shear_angle(F, *self.directions(points))
+
+    def directions(self, points: ndarray | None = None) -> tuple[ndarray, ndarray]:
+        """Unit reference directions of warp and weft at the points."""
+        xi = self.basis.X if points is None else points
+        return self.fabric.directions(self.basis.mapping.F(xi))
+
+    def nodal(self, u: ndarray) -> ndarray:
+        """A DOF vector as one column per node of ``nodes``, shape (2, n_nodes)."""
+        return u[node_dofs(self.basis)]
+
+    def least_area_ratio(self, u: ndarray) -> ndarray:
+        """Smallest det F of each element at its nodes and the ply's fine points."""
+        fine = self.area_ratio(u, self.fine_points).min(axis=1)
+        return np.minimum(fine, self.corners.area_ratio(u).min(axis=0))
+
+    def past_peak(self, u: ndarray) -> ndarray:
+        """Elements where T/λ falls with λ, or ε is not finite: there T′ < |T|.
+
+        Beyond the peak of T/λ, the force per reference width, a fibre tears.
+        """
+        strains = self.fibre_strain(u, self.fine_points)
+        past = ~np.isfinite(strains).all(axis=(0, 2))
+        for family, strain in zip(self.fabric.families, strains, strict=True):
+            law = family.tension
+            past |= (law.tangent(strain) < np.abs(law.value(strain))).any(axis=1)
+        return past
+
+    def in_domain(self, u: ndarray) -> bool:
+        """Whether no law is asked beyond the domain that it states."""
+        if self.fabric.unbounded:
+            return True
+        return self.fabric.in_domain(self.law_strain(u), self.shear_angle(u))

@@ -1,0 +1,342 @@
+"""A ply: mesh, fabric, formulation and terms, as a function of the displacement."""
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import csr_matrix
+from skfem import Mesh
+from skfem.assembly.form.form import FormExtraParams
+
+from .. import forms
+from ..fabric import Fabric, is_zero
+from ..fabric.law_check import check_laws
+from ..forms.corners import RESISTING
+from ..forms.form import directions
+from ..kernels.assembly import KernelSum
+from ..kernels.kernel import Parameters, ShearKernel
+from ..kernels.pattern import Pattern
+from ..mesh.bases import node_positions
+from ..mesh.corners import Corners
+from .corners import CornerTerm, corner_stiffness
+from .measures import Measures
+from .terms import (
+    FormTerm,
+    Formulation,
+    Load,
+    Memory,
+    Role,
+    Term,
+    checked,
+    coupled_nodes,
+    dimension,
+    refuse_unsymmetric,
+)
+
+
+class Ply(Measures):
+    """Energy of a ply and its derivatives.
+
+    Only the terms that the fabric and the formulation need are built: no shear
+    term without shear stiffness, no hourglass basis without stabilisation.
+
+    Parameters
+    ----------
+    mesh
+        The reference configuration: a `skfem.MeshQuad`, for `Macro` one that was
+        split, or for `Quadratic` a `skfem.MeshTri`.
+    fabric
+        Fibre directions and laws.
+    formulation
+        `Full`, `OnePoint`, `Macro` or `Quadratic`.
+    terms
+        Further terms and loads, their names all different.
+
+    Attributes
+    ----------
+    basis
+        `skfem.CellBasis` of the displacement at the ply's own points.  Every
+        ``u`` below is a DOF vector of this basis, every ``t`` a load factor, which
+        plays a part in loads, and in terms that ask for it.
+    nodes
+        Reference positions of the nodes, shape (2, n_nodes): the vertices of the mesh,
+        then, for `Quadratic`, the middles of its edges in the order of ``mesh.facets``.
+    centre, fine_points
+        Reference coordinates of the element's centre, shape (2, 1), and of the points
+        at which strain and folding are judged, (2, n_points): 2×2 of quadrilaterals,
+        six of quadratic triangles.
+    corners
+        Det F at the nodes of the elements, at which folding is judged too.
+    terms
+        All terms: of the fibres, of shear, of corners, of the formulation, and further
+        ones.  With a memory (`OnePoint` of kind ``rate``) energy, residual and tangent
+        are those of a step from the last committed state, and the residual is no
+        derivative of the energy.
+
+    Raises
+    ------
+    MeshError
+        If the mesh is not sound, or not of the cells of the formulation.
+    ValueError
+        If the fabric has no stiffness at all, a fibre direction is not valid somewhere
+        on the mesh, the parts of a law contradict each other (`check_laws`), or a term
+        is not valid.
+
+    Examples
+    --------
+    >>> from skfem import MeshQuad
+    >>> from skfem_textile import Fabric, OnePoint, Ply
+    >>> ply = Ply(MeshQuad().refined(3), Fabric(1e4), OnePoint(stabilisation=1.0))
+    >>> u = ply.basis.zeros()
+    >>> float(ply.energy(u)), ply.residual(u).shape, ply.tangent(u).shape
+    (0.0, (162,), (162, 162))
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        fabric: Fabric,
+        formulation: Formulation,
+        terms: Iterable[Term | Load] = (),
+    ) -> None:
+        self.mesh = mesh
+        self.fabric = fabric
+        self.formulation = formulation
+        self.basis = formulation.basis(mesh)
+        check_laws(fabric, self.basis.dx.shape)
+        self.nodes = node_positions(self.basis)
+        self.centre, self.fine_points = formulation.centre, formulation.fine_points
+        self.corners = Corners(self.basis)
+        self._tension = None
+        if not all(is_zero(family.tension) for family in fabric.families):
+            self._tension = formulation.tension_term(self.basis, fabric)
+        own = self._needed_terms()
+        for term in own:  # refuses directions that are not valid
+            if isinstance(term, FormTerm):
+                parameters = term.basis.default_parameters()
+                directions(fabric, FormExtraParams(parameters))
+        self._further = tuple(terms)
+        self._terms = checked((*own, *self._further), self.basis)
+
+    def _needed_terms(self) -> list[Term]:
+        fabric, basis = self.fabric, self.basis
+        terms: list[Term] = [self._tension] if self._tension else []
+        if not is_zero(fabric.shear_law):
+            kernel = ShearKernel(fabric)
+            terms.append(FormTerm("shear", forms.shear(fabric), basis, kernel))
+        if not terms:
+            raise ValueError("the fabric has no stiffness: give it tension or shear")
+        if (kappa := corner_stiffness(fabric, basis)) > 0:
+            terms.append(CornerTerm(kappa, basis, self.corners))
+        return terms + self.formulation.stabilising_terms(basis, fabric)
+
+    def with_terms(self, *terms: Term | Load) -> "Ply":
+        """A ply like this one, at rest, with further terms.
+
+        Raises
+        ------
+        ValueError
+            If a term is not valid, or its name is that of another.
+        """
+        further = (*self._further, *terms)
+        return Ply(self.mesh, self.fabric, self.formulation, further)
+
+    @cached_property
+    def _fused(self) -> KernelSum:
+        """The terms with kernels, which share what they know of the fibres."""
+        fused: list[Any] = [term for term in self.terms if _is_fused(term)]
+        return KernelSum(self.basis.N, fused)
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Which nodes the tangent couples."""
+        others = [term for term in self.terms if not _is_fused(term)]
+        plain = [term.nodes for term in others if isinstance(term, FormTerm)]
+        couples = [nodes for x in others for nodes in coupled_nodes(x, self.basis)]
+        d, n_nodes = dimension(self.basis), self.nodes.shape[1]
+        return Pattern(d, n_nodes, [*self._fused.elements, *plain], couples)
+
+    @property
+    def element_size(self) -> float:
+        """Size of the largest element in mm."""
+        return self.mesh.param()
+
+    def energies(self, u: ndarray, t: float = 1.0) -> dict[str, float]:
+        """Energy of each term in N·mm, by the name of the term."""
+        return {term.name: self._energy(term, u, t) for term in self.terms}
+
+    def _energy(self, term: Term, u: ndarray, t: float) -> float:
+        if not _is_fused(term):
+            return term.energy(u, t)
+        stored = term.memory.work if term.memory else 0.0
+        return self._fused.energy(u, _given([term], t)) + stored
+
+    def energy(self, u: ndarray, t: float = 1.0, corners: bool = True) -> float:
+        """Energy in N·mm, potentials of loads included; parameters of `residual`."""
+        return sum(self._energy(term, u, t) for term in self._acting(corners))
+
+    def residuals(self, u: ndarray, t: float = 1.0) -> dict[str, ndarray]:
+        """Nodal forces of each term in N, by the name of the term."""
+        return {term.name: self._forces([term], u, t) for term in self.terms}
+
+    def _forces(self, terms: Sequence[Term], u: ndarray, t: float) -> ndarray:
+        others = (term.residual(u, t) for term in terms if not _is_fused(term))
+        return sum(others, self._fused.forces(u, _given(terms, t)))
+
+    def residual(self, u: ndarray, t: float = 1.0, corners: bool = True) -> ndarray:
+        """Nodal forces in N, internal ones less loads: the derivative of the energy.
+
+        Parameters
+        ----------
+        u, t
+            Displacement and load factor.
+        corners
+            Whether corners resist.
+        """
+        return self._forces(self._acting(corners), u, t)
+
+    def load(self, u: ndarray, t: float) -> ndarray:
+        """Nodal forces of the loads in N."""
+        loads = [term for term in self.terms if term.role == "load"]
+        if not loads:
+            return np.zeros_like(u)
+        return -self._forces(loads, u, t)
+
+    def tangent(
+        self, u: ndarray, t: float = 1.0, tension: ndarray | None = None
+    ) -> csr_matrix:
+        """Derivative of the residual in N/mm.
+
+        Parameters
+        ----------
+        u, t
+            Displacement and load factor.
+        tension
+            Fibre tensions to use in the geometric stiffness instead of those of
+            ``u``, shape (2, n_elements, n_points).
+        """
+        if self._tension and tension is not None:
+            tension = self._tension.arrange(tension)
+        return self.pattern.matrix(self.stiffness(u, t, tension))
+
+    def stiffness(
+        self,
+        u: ndarray,
+        t: float = 1.0,
+        tension: ndarray | None = None,
+        corners: bool = True,
+    ) -> ndarray:
+        """Blocks of the tangent in the order of ``pattern``, shape (n_blocks, d, d).
+
+        Parameters
+        ----------
+        u, t
+            Displacement and load factor.
+        tension
+            Fibre tensions to use in the geometric stiffness, as `geometric_tension`
+            gives them.
+        corners
+            Whether corners resist.
+        """
+        terms = self._acting(corners)
+        given = _given(terms, t)
+        if self._tension in given and tension is not None:
+            given[self._tension]["tension"] = tension
+        others = [term for term in terms if not _is_fused(term)]
+        plain = [term for term in others if isinstance(term, FormTerm)]
+        matrices = (term.matrices(u, t) for term in plain)
+        blocks = self.pattern.sum(chain(self._fused.matrices(u, given), matrices))
+        for term in others:
+            if term not in plain and (K := term.tangent(u, t)) is not None:
+                refuse_unsymmetric(term.name, K - K.T, K)
+                self.pattern.add(blocks, K, term.name)
+        return blocks
+
+    def geometric_tension(self, u: ndarray, du: ndarray) -> ndarray:
+        """`predicted_tension` at the points of the term of the fibres."""
+        term = self._tension
+        if term is None or not _is_fused(term):
+            T = self.predicted_tension(u, du)
+            return term.arrange(T) if term else T
+        return self._fused.predicted_tension(u, du, term)
+
+    def _acting(self, corners: bool) -> list[Term]:
+        """The terms, that of the corners on demand."""
+        return [t for t in self.terms if corners or not isinstance(t, CornerTerm)]
+
+    def corners_open(self, u: ndarray) -> bool:
+        """Whether no corner resists at ``u``."""
+        return bool(self.corners.area_ratio(u).min() >= RESISTING)
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """All terms; `with_terms` adds others."""
+        return self._terms
+
+    @property
+    def further_terms(self) -> tuple[Term, ...]:
+        """Terms beside those of fabric and formulation, loads among them."""
+        return self.terms[len(self.terms) - len(self._further) :]
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        """Role of each term, by its name."""
+        return {term.name: term.role for term in self.terms}
+
+    @property
+    def memories(self) -> dict[str, Memory]:
+        """What terms remember, by their names."""
+        return {term.name: term.memory for term in self.terms if term.memory}
+
+    def commit(self, u: ndarray) -> bool:
+        """Make ``u`` the last converged state, for terms that remember one.
+
+        The load stepper does this after each step; a Newton loop of one's own must,
+        if the formulation has a memory (`OnePoint` of kind ``rate``, or with the
+        stabilisation ``auto``).
+
+        Returns
+        -------
+        bool
+            Whether that changes the forces at ``u``.
+        """
+        changed = [memory.commit(u) for memory in self.memories.values()]
+        return any(changed)
+
+    @property
+    def drift(self) -> tuple[float, float]:
+        """Change of the energy with what the terms remember at the last commit, N·mm.
+
+        And the energy of these terms before the change, without their stored work.
+        """
+        memories = self.memories.values()
+        return sum(m.drift for m in memories), sum(m.held for m in memories)
+
+    def reset(self) -> None:
+        """Forget every committed state."""
+        for memory in self.memories.values():
+            memory.begin()
+
+    def __repr__(self) -> str:
+        terms = ", ".join(term.name for term in self.terms)
+        return (
+            f"<Ply of {self.mesh.nelements} elements, {self.basis.N} unknowns, "
+            f"{self.formulation}, terms: {terms}>"
+        )
+
+
+def _is_fused(term: Any) -> bool:
+    """Whether the numbers of a term come from a kernel, with those of others."""
+    return isinstance(term, FormTerm) and term.fused
+
+
+def _given(terms: Sequence[Any], t: float) -> dict[Any, Parameters]:
+    """What the kernels of terms are given beside the displacement."""
+    return {
+        term: {"t": t, **(term.memory.parameters if term.memory else {})}
+        for term in terms
+        if _is_fused(term)
+    }

@@ -1,0 +1,432 @@
+"""Terms: the one way in for whatever has an energy or a force."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
+from typing import Any, ClassVar, Literal, Protocol, TypeAlias, get_args
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import csr_matrix
+from skfem import CellBasis, Mesh, asm
+from skfem.assembly.basis import AbstractBasis
+
+from ..fabric import Fabric
+from ..forms import Forms
+from ..kernels.assembly import pairs_of
+from ..kernels.fused import knows, with_kernel
+from ..kernels.kernel import Kernel, Parameters
+
+#: What a term stands for: ``internal`` forces and ``stabilisation`` make the internal
+#: energy, and a ``load`` works on the ply.
+Role: TypeAlias = Literal["internal", "stabilisation", "load"]
+
+# How far a tangent may be from symmetric, as a share of its largest entry.
+_SYMMETRIC = 1e-8
+
+
+class Memory(Protocol):
+    """What a term remembers of the last converged state.
+
+    ``parameters`` are passed to its forms, ``work`` is what it has stored so far in
+    N·mm: the term's energy form gives the rest.  ``drift`` is by how much that form
+    changed when the term last changed what it remembers, ``held`` its value before.
+    """
+
+    parameters: dict[str, ndarray]
+    work: float
+    drift: float
+    held: float
+
+    def begin(self) -> None:
+        """Return to the undeformed state."""
+        ...
+
+    def commit(self, u: ndarray) -> bool:
+        """Make ``u`` the last converged displacement; tell if that changes forces."""
+        ...
+
+    def restore(self, parameters: dict[str, ndarray], work: float) -> None:
+        """Remember what another run did."""
+        ...
+
+
+class Term(Protocol):
+    """Something with an energy: of the ply, of what it lies on, or of a load.
+
+    ``u`` is a displacement of all nodes and ``t`` the load factor.  What has these
+    members is a term; a class of one's own that derives from `Term` needs to define no
+    more than ``name``, ``role`` and the three methods.
+
+    Attributes
+    ----------
+    name
+        Tells it from the other terms of a ply.
+    role
+        One of `Role`.
+    memory
+        What it remembers of the last converged state; None if nothing.
+    """
+
+    name: str
+    role: Role
+    memory: Memory | None = None
+
+    def energy(self, u: ndarray, t: float) -> float:
+        """Energy in N·mm; of a load its potential, −F·u of a constant force F."""
+        ...
+
+    def residual(self, u: ndarray, t: float) -> ndarray:
+        """Derivative of the energy: nodal forces in N, shape (n_unknowns,)."""
+        ...
+
+    def tangent(self, u: ndarray, t: float) -> csr_matrix | None:
+        """Derivative of the residual in N/mm, symmetric; None where it vanishes."""
+        ...
+
+    def couples(self) -> Sequence[ndarray] | None:
+        """Nodes that the tangent couples, beside those of each of the ply's elements.
+
+        Arrays of shape (n_nodes, n): the nodes of a column all couple.  None for those
+        that the tangent at rest couples.
+        """
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class FormTerm(Term):
+    """A term given by scikit-fem forms.
+
+    Parameters
+    ----------
+    name
+        Tells it from the other terms of a ply.
+    forms
+        Energy, residual and tangent.  They find the displacement in ``w["u"]``, the
+        load factor in ``w["t"]``, the numbers of the elements in ``w["element"]``, and
+        what the memory holds by its names.
+    basis
+        Any scikit-fem basis of the displacement: of all elements or some, of the
+        facets of a boundary, of interior facets.
+    kernel
+        Gives the numbers of the forms fast, on the bases that it takes.
+    role
+        One of `Role`.
+    memory
+        What the term remembers.
+
+    Examples
+    --------
+    An elastic foundation of 0.1 N/mm per mm² under a ply:
+
+    >>> from skfem import BilinearForm, Functional, LinearForm, MeshQuad
+    >>> from skfem.helpers import dot
+    >>> from skfem_textile import Fabric, Forms, FormTerm, Full, Ply
+    >>> forms = Forms(
+    ...     Functional(lambda w: 0.05 * dot(w["u"], w["u"])),
+    ...     LinearForm(lambda v, w: 0.1 * dot(w["u"], v)),
+    ...     BilinearForm(lambda u, v, w: 0.1 * dot(u, v)),
+    ... )
+    >>> ply = Ply(MeshQuad(), Fabric(1e4), Full())
+    >>> ply = ply.with_terms(FormTerm("foundation", forms, ply.basis))
+    >>> round(ply.energies(ply.basis.zeros() + 1.0)["foundation"], 12)
+    0.1
+    """
+
+    name: str
+    forms: Forms
+    basis: AbstractBasis
+    kernel: Kernel | None = None
+    _: KW_ONLY
+    role: Role = "internal"
+    memory: Memory | None = None
+
+    def parameters(self, t: float) -> Parameters:
+        """What the forms are given beside the displacement."""
+        remembered = {} if self.memory is None else self.memory.parameters
+        return {"t": t, **_elements(self.basis), **remembered}
+
+    def energy(self, u: ndarray, t: float) -> float:
+        """The energy form, and what the memory has stored."""
+        stored = self.memory.work if self.memory else 0.0
+        return float(self._asm(self._forms.energy, u, t)) + stored
+
+    def residual(self, u: ndarray, t: float) -> ndarray:
+        """The residual form."""
+        return self._asm(self._forms.residual, u, t)
+
+    def tangent(self, u: ndarray, t: float) -> csr_matrix:
+        """The tangent form."""
+        return self._asm(self._forms.tangent, u, t)
+
+    @property
+    def nodes(self) -> ndarray:
+        """Nodes of the elements of the basis, shape (n_nodes, n_elements)."""
+        d = dimension(self.basis)
+        return self.basis.element_dofs[::d] // d
+
+    def matrices(self, u: ndarray, t: float) -> ndarray:
+        """Blocks of the tangents of the elements, as `Pattern.sum` takes them."""
+        basis: Any = self.basis
+        form, size = self.forms.tangent, basis.Nbfun
+        K = form.elemental(basis, u=u, **self.parameters(t)).data
+        K = K.reshape(size, size, -1)
+        refuse_unsymmetric(self.name, K - K.swapaxes(0, 1), K)
+        return pairs_of(K, self.nodes, dimension(basis))
+
+    @cached_property
+    def fused(self) -> bool:
+        """Whether the kernel knows the basis."""
+        return self.kernel is not None and knows(self.kernel, self.basis)
+
+    @cached_property
+    def _forms(self) -> Forms:
+        return with_kernel(self.forms, self.kernel) if self.kernel else self.forms
+
+    def _asm(self, form: Any, u: ndarray, t: float) -> Any:
+        return asm(form, self.basis, u=u, **self.parameters(t))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TensionTerm(FormTerm):
+    """The term of the fibres.
+
+    ``law`` gives their tensions at the ply's own points after a change of the fibre
+    strains, ``(strain, change) -> tension``, to first order in it; ``seen`` gives, of
+    the strains at these points, those that the fabric's law sees there; all have the
+    shape (2, n_elements, n_points).  ``arrange`` puts them at the points of ``basis``.
+    """
+
+    law: Callable[..., ndarray]
+    seen: Callable[[ndarray], ndarray]
+    arrange: Callable[[ndarray], ndarray] = lambda tension: tension
+
+
+class Formulation(Protocol):
+    """Element and points of tension and shear, and the stabilising terms.
+
+    ``centre`` is that of the reference element, ``fine_points`` are those in it at
+    which folding and strain are judged, shape (2, n_points).
+    """
+
+    name: ClassVar[str]
+    centre: ClassVar[ndarray]
+    fine_points: ClassVar[ndarray]
+
+    @property
+    def title(self) -> str:
+        """What to call it in a picture."""
+        ...
+
+    def basis(self, mesh: Mesh) -> CellBasis:
+        """Basis of the displacement, with the points of tension and shear.
+
+        Raises
+        ------
+        MeshError
+            If the mesh is not sound, or has not the cells of this formulation.
+        """
+        ...
+
+    def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
+        """The term of the fibres; ``basis`` is that of the displacement."""
+        ...
+
+    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
+        """Terms beyond tension and shear."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixTerm(Term):
+    """A constant stiffness: springs, or a structure condensed to its matrix.
+
+    Parameters
+    ----------
+    name
+        Tells it from the other terms of a ply.
+    matrix
+        Symmetric, shape (n_unknowns, n_unknowns), N/mm: the energy is ½ u·K·u.
+    role
+        One of `Role`.
+    """
+
+    name: str
+    matrix: Any
+    role: Role = "internal"
+
+    def energy(self, u: ndarray, t: float) -> float:
+        """½ u·K·u."""
+        return 0.5 * float(u @ (self.matrix @ u))
+
+    def residual(self, u: ndarray, t: float) -> ndarray:
+        """K·u."""
+        return self.matrix @ u
+
+    def tangent(self, u: ndarray, t: float) -> csr_matrix:
+        """K."""
+        return csr_matrix(self.matrix)
+
+
+#: A function of the load factor, or a number.
+Factor: TypeAlias = Callable[[float], float] | float
+
+
+def proportional(t: float) -> float:
+    """The load factor itself."""
+    return t
+
+
+@dataclass(frozen=True, eq=False)
+class VectorTerm(Term):
+    """Constant nodal forces, times a function of the load factor.
+
+    Parameters
+    ----------
+    name
+        Tells it from the other terms of a ply.
+    vector
+        Forces in N, shape (n_unknowns,).
+    factor
+        Function of the load factor; a number for forces that are there from the start.
+    role
+        One of `Role`.
+    """
+
+    name: str
+    vector: ndarray
+    factor: Factor = proportional
+    role: Role = "load"
+
+    def energy(self, u: ndarray, t: float) -> float:
+        """Potential −g(t) F·u."""
+        return -self._at(t) * float(self.vector @ u)
+
+    def residual(self, u: ndarray, t: float) -> ndarray:
+        """−g(t) F."""
+        return -self._at(t) * self.vector
+
+    def tangent(self, u: ndarray, t: float) -> None:
+        """None."""
+
+    def _at(self, t: float) -> float:
+        factor = float(self.factor(t) if callable(self.factor) else self.factor)
+        if not np.isfinite(factor):
+            raise ValueError(f"term {self.name!r}: its factor is {factor} at {t:g}")
+        return factor
+
+
+class Load(Protocol):
+    """Something that becomes a term on the basis of a ply's displacement."""
+
+    def on(self, basis: CellBasis) -> Term:
+        """The term."""
+        ...
+
+
+def checked(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term, ...]:
+    """Terms of a ply, loads among them put on its basis.
+
+    Parameters
+    ----------
+    terms
+        Terms and loads.
+    basis
+        Basis of the displacement.
+
+    Raises
+    ------
+    ValueError
+        If one is no term, or not of this ply, or has the name of another.
+    """
+    found = tuple(x.on(basis) if hasattr(x, "on") else x for x in terms)
+    names = []
+    for term in found:
+        missing = [m for m in _MEMBERS if not hasattr(term, m)]
+        if missing or isinstance(term, type):
+            raise ValueError(f"{term!r} is no term: it has no {', '.join(missing)}")
+        if term.role not in get_args(Role):
+            raise ValueError(
+                f"term {term.name!r}: role must be one of {', '.join(get_args(Role))}, "
+                f"got {term.role!r}"
+            )
+        if term.name in names:
+            raise ValueError(f"two terms are named {term.name!r}; name them apart")
+        names.append(term.name)
+        _refuse_other_ply(term, basis)
+    return found
+
+
+_MEMBERS = "name", "role", "memory", "energy", "residual", "tangent", "couples"
+
+
+def _refuse_other_ply(term: Term, basis: CellBasis) -> None:
+    """Refuse a term of other unknowns than those of a basis."""
+    N = basis.N
+    if isinstance(term, FormTerm):
+        fits = (term.basis.N, dimension(term.basis)) == (N, dimension(basis))
+        what = "its basis is not one of the displacement: build it on ply.basis.mesh"
+    elif isinstance(term, MatrixTerm):
+        fits, what = np.shape(term.matrix) == (N, N), f"its matrix must be {N} × {N}"
+    elif isinstance(term, VectorTerm):
+        fits = np.shape(term.vector) == (N,) and bool(np.isfinite(term.vector).all())
+        what = f"its vector must be {N} finite numbers"
+    else:
+        return
+    if not fits:
+        raise ValueError(f"term {term.name!r}: {what}")
+
+
+def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
+    """Nodes that a term couples beside those of elements: as it says, or does at rest.
+
+    Arrays of shape (n_nodes, n): the nodes of a column all couple.
+    """
+    if isinstance(term, FormTerm):
+        return ()
+    if (named := term.couples()) is not None:
+        return named
+    K = term.tangent(basis.zeros(), 1.0)
+    return () if K is None else (np.array(K.nonzero()) // dimension(basis),)
+
+
+def refuse_unsymmetric(name: str, difference: Any, matrix: Any) -> None:
+    """Refuse a tangent that is no second derivative.
+
+    Parameters
+    ----------
+    name
+        Name of the term.
+    difference
+        The tangent less its transpose.
+    matrix
+        The tangent.
+
+    Raises
+    ------
+    ValueError
+        If it is not symmetric.
+    """
+    if abs(difference).max() > _SYMMETRIC * abs(matrix).max():
+        raise ValueError(
+            f"term {name!r}: its tangent is not symmetric, so it is not the second "
+            "derivative of an energy; mend its forms, or leave out what has no energy"
+        )
+
+
+def dimension(basis: AbstractBasis) -> int:
+    """Number of components of the displacement, d."""
+    return len(basis.nodal_dofs)
+
+
+def _elements(basis: Any) -> Parameters:
+    """Numbers of the elements in which the points lie, where a basis does not tell."""
+    if "element" in basis.default_parameters():
+        return {}
+    return {"element": elements_of(basis)}
+
+
+def elements_of(basis: Any) -> ndarray:
+    """Numbers of the elements of the rows of a basis, shape (n_elements, n_points)."""
+    numbers = np.arange(basis.nelems) if basis.tind is None else basis.tind
+    return np.broadcast_to(numbers[:, None], basis.dx.shape)

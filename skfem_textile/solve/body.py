@@ -1,0 +1,139 @@
+"""What the load stepper asks of what it loads; `skfem_textile.Ply` has it all."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+from numpy import ndarray
+
+from ..kernels.pattern import Pattern
+
+
+class Body(Protocol):
+    """Nodes, forces and energies, and what a displacement does to the fibres.
+
+    ``u`` is a displacement of all nodes, shape (n_unknowns,), ``t`` the load factor.
+    """
+
+    mesh: Any
+    basis: Any
+    fabric: Any
+    formulation: Any
+    nodes: ndarray
+    centre: ndarray
+    fine_points: ndarray
+
+    @property
+    def pattern(self) -> Pattern:
+        """Which nodes the tangent couples."""
+        ...
+
+    @property
+    def element_size(self) -> float:
+        """Size of the largest element in mm."""
+        ...
+
+    @property
+    def roles(self) -> Mapping[str, str]:
+        """Role of each term, by its name: internal, stabilisation or load."""
+        ...
+
+    @property
+    def memories(self) -> Mapping[str, Any]:
+        """What terms remember, by their names."""
+        ...
+
+    @property
+    def drift(self) -> tuple[float, float]:
+        """Change of the energy by the last commit, and that energy before, N·mm."""
+        ...
+
+    @property
+    def further_terms(self) -> Sequence[Any]:
+        """Terms beside those of fabric and formulation, loads among them."""
+        ...
+
+    def energies(self, u: ndarray, t: float) -> dict[str, float]:
+        """Energy of each term in N·mm, by the name of the term."""
+        ...
+
+    def energy(self, u: ndarray, t: float, corners: bool) -> float:
+        """Energy in N·mm, potential of loads included."""
+        ...
+
+    def residuals(self, u: ndarray, t: float) -> dict[str, ndarray]:
+        """Nodal forces of each term in N, by the name of the term."""
+        ...
+
+    def residual(self, u: ndarray, t: float, corners: bool) -> ndarray:
+        """Nodal forces in N, internal ones less loads."""
+        ...
+
+    def load(self, u: ndarray, t: float) -> ndarray:
+        """Nodal forces of the loads in N."""
+        ...
+
+    def stiffness(
+        self, u: ndarray, t: float, tension: ndarray | None, corners: bool
+    ) -> ndarray:
+        """Blocks of the tangent in the order of ``pattern``."""
+        ...
+
+    def commit(self, u: ndarray) -> bool:
+        """Make ``u`` the last converged state; tell if that changes forces."""
+        ...
+
+    def reset(self) -> None:
+        """Forget every committed state."""
+        ...
+
+    def nodal(self, u: ndarray) -> ndarray:
+        """A vector of unknowns as one column per node."""
+        ...
+
+    def gradient(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Displacement gradient."""
+        ...
+
+    def fibre_strain(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Fibre strain of warp and weft."""
+        ...
+
+    def law_strain(self, u: ndarray) -> ndarray:
+        """Fibre strain of warp and weft that the law of tension sees."""
+        ...
+
+    def fibre_tension(self, u: ndarray) -> ndarray:
+        """Tension of warp and weft in N/mm."""
+        ...
+
+    def fibre_direction(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Current unit direction of warp and weft."""
+        ...
+
+    def geometric_tension(self, u: ndarray, du: ndarray) -> ndarray:
+        """Fibre tensions after an increment, to first order in it, for `stiffness`."""
+        ...
+
+    def shear_angle(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Shear angle in radians."""
+        ...
+
+    def directions(self, points: ndarray | None = None) -> tuple[ndarray, ndarray]:
+        """Unit reference directions of warp and weft."""
+        ...
+
+    def least_area_ratio(self, u: ndarray) -> ndarray:
+        """Smallest area ratio of each element."""
+        ...
+
+    def corners_open(self, u: ndarray) -> bool:
+        """Whether no corner resists."""
+        ...
+
+    def past_peak(self, u: ndarray) -> ndarray:
+        """Elements whose fibres tear."""
+        ...
+
+    def in_domain(self, u: ndarray) -> bool:
+        """Whether no law is asked beyond the domain that it states."""
+        ...

@@ -1,0 +1,319 @@
+"""A run on disk, one file per converged state, to go on from after an interruption."""
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, NamedTuple
+from uuid import uuid4
+
+import numpy as np
+from numpy import ndarray
+
+from ...files.lock import Lock
+from ..path import Path as LoadPath
+from ..problem import Clock, Problem, Start
+from ..result import State, Verdict
+from . import fingerprint, sealed
+from .consistency import SAME, check_state
+from .sealed import Content
+
+_FORMAT = 5
+_RUN, _STATES = "run.npz", "state_*.npz"
+
+# What a state has of each condition.
+_VECTORS = ("reactions", "displacements")
+
+
+class CheckpointError(ValueError):
+    """A checkpoint that cannot be used; the message says why and what to do."""
+
+
+class Progress(NamedTuple):
+    """Where the stepper is: length of its next step, steps cut, path, clock, time."""
+
+    length: float
+    steps_cut: int
+    path: LoadPath
+    clock: Clock
+    elapsed: float
+
+
+class Saved(NamedTuple):
+    """States read from a checkpoint, and where the stepper was at the last of them."""
+
+    states: list[State]
+    progress: Progress
+
+
+class Checkpoint:
+    """The states of a run in a folder.
+
+    Every file is written beside its place and then renamed, so a run may be killed at
+    any moment.  ``run.npz`` tells runs apart: by their settings as given, and by mesh,
+    laws, conditions and forces (`fingerprint`).  Every state has the name of the run,
+    its own number, and a digest of its content and of all files before it.
+
+    Parameters
+    ----------
+    folder
+        The folder; made when a run begins.
+    problem
+        The problem that is run.
+    settings
+        What else the result depends on.
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        problem: Problem,
+        settings: Mapping[str, Any],
+    ) -> None:
+        self.folder, self._problem = Path(folder), problem
+        given = {"format": _FORMAT, **settings, **fingerprint.settings(problem)}
+        self._settings = json.loads(json.dumps(given))
+        self._run, self._last = "", ""
+        self._lock: Lock | None = None
+
+    def release(self) -> None:
+        """Let others have the folder."""
+        if self._lock is not None:
+            self._lock.release()
+        self._lock = None
+
+    def begin(self) -> None:
+        """Make the folder ready for a new run; a finished one stays until `save`.
+
+        Raises
+        ------
+        CheckpointError
+            If it holds an unfinished run, or another run writes to it, or it cannot be
+            written.
+        """
+        with self._writing():
+            self.folder.mkdir(parents=True, exist_ok=True)
+        self._hold()
+        if self._files():
+            *_, last = self._states(self._read(_RUN, "", ""))
+            with self._using(self._files()[-1]):
+                finished = last.text["load_factor"] == 1.0
+            if not finished:
+                raise CheckpointError(
+                    f"checkpoint {self.folder} holds an unfinished run: resume it, or "
+                    "remove the folder"
+                )
+        self._run = uuid4().hex
+        arrays = fingerprint.arrays(self._problem, self._settings["steps"])
+        with self._writing():
+            self._last = sealed.write(
+                self.folder / f".{_RUN}", self._run, "run", "", self._settings, arrays
+            )
+
+    def save(self, number: int, state: State, progress: Progress) -> None:
+        """Write a state, where the stepper is, and what the ply's terms remember.
+
+        The first state of a run takes the place of a finished run.
+
+        Raises
+        ------
+        CheckpointError
+            If it cannot be written.
+        """
+        text = asdict(state) | {"work": {}}
+        path, clock = progress.path.saved(), asdict(progress.clock)
+        text["progress"] = progress._asdict() | {"path": path, "clock": clock}
+        arrays = {"u": text.pop("u")}
+        for key in _VECTORS:
+            text[key] = {name: v.tolist() for name, v in text[key].items()}
+        for term, memory in self._problem.ply.memories.items():
+            text["work"][term] = float(memory.work)
+            for name, array in memory.parameters.items():
+                arrays[f"{term} {name}"] = np.asarray(array)
+        name = f"state_{number:06d}"
+        with self._writing():
+            beside = self.folder / f".{name}.npz"
+            self._last = sealed.write(beside, self._run, name, self._last, text, arrays)
+            if number == 0:
+                for file in reversed(self._files()):
+                    file.unlink()
+                (self.folder / f".{_RUN}").replace(self.folder / _RUN)
+            beside.replace(self.folder / f"{name}.npz")
+
+    def load(self) -> Saved | None:
+        """Read every state, and let the ply's terms remember the last; None if none is.
+
+        Raises
+        ------
+        CheckpointError
+            If a file is damaged or missing, or belongs to another run, or another run
+            writes to the folder.
+        """
+        if not self.folder.is_dir():
+            return None
+        self._hold()
+        if not (files := self._files()):
+            return None
+        run = self._read(_RUN, "", "")
+        with self._using(self.folder / _RUN):
+            self._check_identity(run)
+        states: list[State] = []
+        contents = list(self._states(run))
+        for file, content in zip(files, contents, strict=True):
+            with self._using(file):
+                states.append(_state(content, states))
+        with self._using(files[-1]):
+            self._check_last(states, contents)
+            progress = self._progress(contents[-1].text["progress"], states)
+        self._last = contents[-1].digest
+        return Saved(states, progress)
+
+    def _files(self) -> list[Path]:
+        """The files of states in their order, whatever else the folder holds."""
+        files = [f for f in self.folder.glob(_STATES) if f.stem[6:].isdecimal()]
+        return sorted(files, key=lambda file: int(file.stem[6:]))
+
+    def _states(self, run: Content) -> Iterator[Content]:
+        """What the files of states hold, each of this run and with its number."""
+        last = run
+        for number, file in enumerate(self._files()):
+            if file.stem != (name := f"state_{number:06d}"):
+                raise CheckpointError(
+                    f"checkpoint file {self.folder / name}.npz is missing"
+                )
+            last = self._read(file.name, run.run, last.digest)
+            yield last
+
+    def _read(self, name: str, run: str, before: str) -> Content:
+        path = self.folder / name
+        try:
+            return sealed.read(path, run, before)
+        except FileNotFoundError:
+            raise CheckpointError(f"checkpoint file {path} is missing") from None
+        except OSError as error:
+            raise CheckpointError(
+                f"checkpoint file {path} cannot be read: {error.strerror or error}"
+            ) from None
+        except ValueError as error:
+            raise CheckpointError(f"checkpoint file {path} {error}") from None
+
+    def _check_identity(self, run: Content) -> None:
+        settings, arrays = run.text, run.arrays
+        for name, value in self._settings.items():
+            if settings.get(name) != value:
+                raise CheckpointError(
+                    f"checkpoint {self.folder} is of another run: {name} was "
+                    f"{settings.get(name)}, is {value}"
+                )
+        self._run = run.run
+        identity = fingerprint.arrays(self._problem, self._settings["steps"])
+        for name in identity | arrays:
+            new, old = (some.get(name, np.empty(0)) for some in (identity, arrays))
+            if not _same(old, new):
+                raise CheckpointError(
+                    f"checkpoint {self.folder} is of another run: its {name} differ"
+                )
+
+    def _check_last(self, states: list[State], contents: list[Content]) -> None:
+        """Find anew what the last state's forces are, and what the ply remembers."""
+        problem, start = self._problem.at(states[-1].load_factor), None
+        problem.ply.reset()
+        if len(states) > 1:
+            self._remember(contents[-2])
+            u, before = states[-2].u, self._problem.at(states[-2].load_factor)
+            start = Start(u, before.residual(u), before.load(u), None)
+        check_state(problem, states[-1], start)
+        problem.ply.commit(states[-1].u)
+        found = self._memories()
+        self._remember(contents[-1])
+        if not all(_same(a, b) for a, b in zip(self._memories(), found, strict=True)):
+            raise ValueError("what its ply remembers is not of its displacement")
+
+    def _memories(self) -> list[ndarray]:
+        memories = self._problem.ply.memories.values()
+        return [a for m in memories for a in (np.array(m.work), *m.parameters.values())]
+
+    def _remember(self, content: Content) -> None:
+        for term, memory in self._problem.ply.memories.items():
+            found = {k: content.arrays[f"{term} {k}"] for k in memory.parameters}
+            for name, value in memory.parameters.items():
+                if found[name].shape != np.shape(value):
+                    raise ValueError(f"its {name} is not of this ply")
+            memory.restore(found, content.text["work"][term])
+
+    def _progress(self, text: Mapping[str, Any], states: Sequence[State]) -> Progress:
+        path, clock = LoadPath.of(text["path"]), Clock(**text["clock"])
+        progress = Progress(**{**text, "path": path, "clock": clock})
+        longest = 1.0 / self._settings["steps"]
+        if not 0 < progress.length <= longest * (1 + SAME):
+            raise ValueError(f"the length of its step is {progress.length}")
+        told = list(path.unresolved)
+        told += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
+        if not np.isfinite([progress.elapsed, *clock.seconds.values(), *told]).all():
+            raise ValueError("its times or load factors are not finite")
+        if (
+            path.longest != longest
+            or not path.energy_error >= 0  # without end under the paper's rates
+            or path.halvings not in (0, self._settings["max_halvings"])
+            or clock.solves != sum(state.linear_solves for state in states)
+            or not (clock.factorisations >= 0 and progress.steps_cut >= 0)
+        ):
+            raise ValueError("its counts are not those of its states")
+        return progress
+
+    def _hold(self) -> None:
+        if self._lock is None:
+            with self._writing():
+                self._lock = Lock(self.folder)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise CheckpointError(
+                f"cannot write checkpoint {self.folder}: {error.strerror or error}"
+            ) from None
+
+    @contextmanager
+    def _using(self, file: Path) -> Iterator[None]:
+        """Refuse what is whole and makes no sense."""
+        try:
+            yield
+        except CheckpointError:
+            raise
+        except (
+            ArithmeticError,
+            AttributeError,
+            LookupError,
+            TypeError,
+            ValueError,
+        ) as e:
+            reason = str(e).partition("\n")[0]
+            raise CheckpointError(
+                f"checkpoint file {file} is damaged: {reason}"
+            ) from None
+
+
+def _state(content: Content, before: Sequence[State]) -> State:
+    text = {k: v for k, v in content.text.items() if k not in ("progress", "work")}
+    for key in _VECTORS:
+        text[key] = {name: np.array(v) for name, v in text[key].items()}
+    text["residuals"] = tuple(text["residuals"])
+    text["verdict"] = Verdict(**text["verdict"])
+    state = State(u=content.arrays["u"], **text)
+    last = before[-1].load_factor if before else -1.0
+    if not last < state.load_factor <= 1:
+        raise ValueError(f"its load factor is {state.load_factor}, after {last}")
+    return state
+
+
+def _same(old: ndarray, new: ndarray) -> bool:
+    """Whether arrays are those of one problem on two machines; laws may have poles."""
+    finite = np.isfinite(new)
+    if old.shape != new.shape or not np.array_equal(np.isfinite(old), finite):
+        return False
+    allowed = SAME * np.abs(new[finite]).max(initial=0.0)
+    return bool(np.all(np.abs(old[finite] - new[finite]) <= allowed))

@@ -1,0 +1,69 @@
+"""What tells one problem from another, as given and by what it answers."""
+
+import re
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from ...fabric import Law
+from ..problem import Problem
+
+# Fibre strain and shear angle (radians) up to which laws are compared.
+_STRAIN, _ANGLE = 0.1, np.radians(80.0)
+
+
+def settings(problem: Problem) -> dict[str, Any]:
+    """Formulation, laws and names of conditions, as they were given."""
+    fabric = problem.ply.fabric
+    laws = {f"{family.name} law": family.tension for family in fabric.families}
+    return {
+        "formulation": _said(problem.ply.formulation),
+        **{name: _said(law) for name, law in laws.items()},
+        "shear law": _said(fabric.shear_law),
+        "conditions": list(problem.constraints.nodes),
+    }
+
+
+def arrays(problem: Problem, steps: int) -> dict[str, ndarray]:
+    """Mesh, fibre directions, laws, conditions, and the forces of each term.
+
+    The conditions are asked at the requested load factors and in between; the forces
+    are those of a displacement that shears and stretches every element, of a ply that
+    remembers nothing.
+    """
+    ply, constraints, fabric = problem.ply, problem.constraints, problem.ply.fabric
+    at = np.linspace(0.0, 1.0, 2 * steps + 1)
+    turn = constraints.turn
+    ply.reset()
+    probe = 0.1 * problem.element_size * np.sin(np.arange(ply.basis.N))
+    warp, weft = fabric.families
+    return {
+        "nodes": ply.mesh.p,
+        "cells": ply.mesh.t,
+        "fibre directions": np.concatenate([A.ravel() for A in ply.directions()]),
+        "values of the warp law": _values(warp.tension, _STRAIN),
+        "values of the weft law": _values(weft.tension, _STRAIN),
+        "values of the shear law": _values(fabric.shear_law, _ANGLE),
+        **{f"nodes of {name!r}": nodes for name, nodes in constraints.nodes.items()},
+        "fixed unknowns": constraints.fixed,
+        "fixed directions": np.empty(0) if turn is None else turn.data,
+        "fixed values": np.array([constraints.fixed_values(t) for t in at]),
+        **{
+            f"{k} forces at {t}": f
+            for t in ((0.0, 0.5, 1.0) if ply.further_terms else (1.0,))
+            for k, f in ply.residuals(probe, t).items()
+        },
+    }
+
+
+def _said(thing: Any) -> str:
+    """The repr on one line, without the place in memory."""
+    return " ".join(re.sub(r" at 0x[0-9a-fA-F]+", "", repr(thing)).split())
+
+
+def _values(law: Law, most: float) -> ndarray:
+    """Values of a law, one after the other, as it may have parameters by element."""
+    with np.errstate(all="ignore"):
+        values = [law.value(np.full(1, x)) for x in np.linspace(-most, most, 41)]
+    return np.concatenate([np.ravel(value) for value in values])

@@ -1,0 +1,342 @@
+"""A ply under conditions, as its equilibrium iterations see it."""
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+from .body import Body
+from .conditions import Constraints
+from .linear import SingularMatrixError
+from .linear.system import System
+
+_ROUND_OFF = 2.0**-53
+
+_MORE_STIFFNESS = (
+    "holding the ply in more places, or more stabilisation or shear stiffness"
+)
+
+
+_NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
+
+
+class NoEquilibriumError(Exception):
+    """An attempt at a load factor failed.
+
+    Attributes
+    ----------
+    elements
+        Numbers of the elements where it failed; empty where no one place is to blame.
+    advice
+        What to try.
+    """
+
+    def __init__(self, message: str, elements: Any = (), advice: str = "") -> None:
+        super().__init__(message)
+        self.elements = np.asarray(elements, dtype=int)
+        self.advice = advice
+
+
+@dataclass(eq=False)
+class Clock:
+    """Linear solves and factorisations, and the time that these and assembly took."""
+
+    solves: int = 0
+    factorisations: int = 0
+    seconds: dict[str, float] = field(
+        default_factory=lambda: {"assembly": 0.0, "solve": 0.0}
+    )
+
+    def time(self, part: str, function: Callable, *args: Any) -> Any:
+        """Call the function and add its time to that part."""
+        start = perf_counter()
+        try:
+            return function(*args)
+        finally:
+            self.seconds[part] += perf_counter() - start
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where an iteration starts: a displacement, its forces, its loads, its tangent.
+
+    ``tangent`` is None where it is singular.
+    """
+
+    u: ndarray
+    f: ndarray
+    load: ndarray
+    tangent: "Tangent | None"
+
+
+class Equilibrium(NamedTuple):
+    """Where an iteration ended, and how it converged.
+
+    ``altered`` is the number of its tangents that had to be altered.
+    """
+
+    u: ndarray
+    f: ndarray
+    residuals: tuple[float, ...]
+    tolerance: float
+    altered: int = 0
+
+
+class Problem:
+    """A ply under conditions at one load factor: what an iteration needs to know.
+
+    Attributes
+    ----------
+    load_factor
+        Load factor.
+    corners_resist
+        Whether corners resist; not on the way to a state in which all are open.
+    """
+
+    def __init__(
+        self, ply: Body, constraints: Constraints, solver: str = "auto"
+    ) -> None:
+        self.ply = ply
+        self.load_factor = 0.0
+        self.corners_resist = True
+        self.constraints = constraints
+        self._solver = solver
+        self.clock = Clock()
+        self.element_size = ply.element_size
+
+    @cached_property
+    def system(self) -> System:
+        """Where the tangent's entries are among the free unknowns, on the clock."""
+        ply, given = self.ply, self.constraints
+        pattern = self.clock.time("assembly", lambda: ply.pattern)
+        return self.clock.time("solve", System, pattern, ply.nodes, given, self._solver)
+
+    def energy(self, u: ndarray) -> float:
+        """Energy, potential of loads included, on the clock."""
+        given = self.load_factor, self.corners_resist
+        return self.clock.time("assembly", self.ply.energy, u, *given)
+
+    def residual(self, u: ndarray) -> ndarray:
+        """Nodal forces, internal ones less loads, on the clock."""
+        given = self.load_factor, self.corners_resist
+        return self.clock.time("assembly", self.ply.residual, u, *given)
+
+    def energies(self, u: ndarray) -> tuple[dict[str, float], dict[str, float]]:
+        """Energies of the terms by name, and potentials of the loads, on the clock."""
+        of = self.clock.time("assembly", self.ply.energies, u, self.load_factor)
+        roles = self.ply.roles
+        loads = {name: of.pop(name) for name in roles if roles[name] == "load"}
+        return of, loads
+
+    def load(self, u: ndarray) -> ndarray:
+        """Nodal forces of the loads."""
+        return self.ply.load(u, self.load_factor)
+
+    def start(self, u: ndarray) -> Start:
+        """What starts an iteration from an equilibrium."""
+        return Start(u, self.residual(u), self.load(u), tangent_at(self, u))
+
+    def forces_of(self, start: Start) -> ndarray:
+        """Nodal forces at the start of an iteration, its load that of this problem."""
+        return self.residual(start.u) if self.ply.further_terms else start.f
+
+    def at(self, load_factor: float) -> "Problem":
+        """The same problem, on the same clock, at another load factor."""
+        _ = self.system  # that both share it
+        other = copy(self)
+        other.load_factor = load_factor
+        return other
+
+    def without_corners(self) -> "Problem":
+        """The same problem, on the same clock, in which no corner resists."""
+        _ = self.system  # that both share it
+        other = copy(self)
+        other.corners_resist = False
+        return other
+
+    def free(self, f: ndarray) -> ndarray:
+        """Components of a DOF vector along the free unknowns."""
+        return self.turned(f)[self.constraints.free]
+
+    def turned(self, u: ndarray) -> ndarray:
+        """A DOF vector in the unknowns of the constraints."""
+        turn = self.constraints.turn
+        return u if turn is None else turn.T @ u
+
+    def plain(self, q: ndarray) -> ndarray:
+        """A vector of the unknowns of the constraints as a DOF vector."""
+        turn = self.constraints.turn
+        return q if turn is None else turn @ q
+
+    def unfixed(self, f: ndarray) -> ndarray:
+        """A DOF vector without its components along the fixed unknowns."""
+        q = self.turned(f).copy()
+        q[self.constraints.fixed] = 0.0
+        return self.plain(q)
+
+    def unbalanced(self, f: ndarray) -> float:
+        """Largest nodal force along the free unknowns.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If a nodal force is not finite, be it along a fixed unknown.
+        """
+        if not np.isfinite(f).all():
+            raise NoEquilibriumError("the forces are not finite", advice=_NOT_FINITE)
+        return float(np.abs(self.free(f)).max(initial=0.0))
+
+    def reactions(self, f: ndarray) -> dict[str, ndarray]:
+        """Sum of the nodal forces over the nodes of each condition, shape (2,)."""
+        forces, nodes = self.ply.nodal(f), self.constraints.nodes
+        return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
+
+    def displacements(self, u: ndarray) -> dict[str, ndarray]:
+        """Mean displacement of the nodes of each condition, shape (2,)."""
+        moved, nodes = self.ply.nodal(u), self.constraints.nodes
+        return {name: moved[:, n].mean(axis=1) for name, n in nodes.items()}
+
+    def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
+        """Whether the fixed unknowns have their values, to round-off of positions."""
+        off = np.abs(self.turned(u)[self.constraints.fixed] - fixed_values)
+        size = np.abs(u).max(initial=0.0) + np.abs(self.ply.nodes).max()
+        return bool((off <= 8 * _ROUND_OFF * size).all())
+
+    def in_domain(self, u: ndarray) -> bool:
+        """Whether every law holds at ``u``, and has a finite energy."""
+        if self.ply.fabric.unbounded:
+            return True
+        return self.ply.in_domain(u) and bool(np.isfinite(self.energy(u)))
+
+    def around(self, u: ndarray) -> ndarray:
+        """Elements at the node where a DOF vector is largest."""
+        forces = self.ply.nodal(u)
+        dof = len(forces) * np.linalg.norm(forces, axis=0).argmax()
+        return np.flatnonzero((self.ply.basis.element_dofs == dof).any(axis=0))
+
+
+class Tangent:
+    """Tangent of a problem, factorised on the free unknowns.
+
+    ``altered`` tells that it is not what the iteration wanted: that was indefinite.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    u
+        Displacement.
+    tension
+        Fibre tensions for the geometric stiffness in place of those of ``u``.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If the tangent is singular.
+    """
+
+    def __init__(
+        self, problem: Problem, u: ndarray, tension: ndarray | None = None
+    ) -> None:
+        self._problem, clock, system = problem, problem.clock, problem.system
+        self.altered = False
+        given = problem.load_factor, tension, problem.corners_resist
+        blocks = clock.time("assembly", problem.ply.stiffness, u, *given)
+        if not np.isfinite(blocks.sum()):
+            raise NoEquilibriumError("the tangent is not finite", advice=_NOT_FINITE)
+        self._matrix = clock.time("assembly", system.reduced, blocks)
+        factorise = system.solver.factorise
+        clock.factorisations += 1
+        try:
+            self._factors = clock.time("solve", factorise, self._matrix.upper.data)
+        except SingularMatrixError as error:
+            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
+
+    @property
+    def definite(self) -> bool:
+        """Whether every small motion costs energy, but for those of fixed unknowns."""
+        return self._factors.definite
+
+    @cached_property
+    def negative_pivots(self) -> int | None:
+        """Number of negative eigenvalues; None where the factors do not tell."""
+        try:
+            return self._counted(lambda: self._factors.negative_pivots)
+        except SingularMatrixError:
+            return None
+
+    @cached_property
+    def stiffness(self) -> float:
+        """Largest sum of magnitudes in a row."""
+        return self._matrix.stiffness()
+
+    def increment(self, f: ndarray, u: ndarray, fixed_values: ndarray) -> ndarray:
+        """Solve K·du = −f, with the fixed unknowns brought to their values."""
+        problem = self._problem
+        fixed, free = problem.constraints.fixed, problem.system.free
+        dq = np.zeros_like(u)
+        dq[fixed] = fixed_values - problem.turned(u)[fixed]
+        b = -(problem.turned(f)[free] + self._matrix.coupling @ dq[fixed])
+        dq[free] = self._solve(b)
+        return problem.plain(dq)
+
+    def settled(self, f: ndarray) -> ndarray:
+        """Forces after the motion that balances them, to first order."""
+        problem = self._problem
+        q, fixed = np.zeros_like(f), problem.constraints.fixed
+        turned = problem.turned(f)
+        motion = self._solve(-turned[problem.system.free])
+        q[fixed] = turned[fixed] + self._matrix.coupling.T @ motion
+        return problem.plain(q)
+
+    def softest(self) -> ndarray:
+        """The motion with the least stiffness, its largest component 1.
+
+        By inverse iteration from a vector without symmetry.
+        """
+        problem = self._problem
+        q, free = np.zeros(problem.ply.basis.N), problem.system.free
+        v = np.sin(free + 1.0)
+        for _ in range(3):
+            v = self._solve(v)
+            v = v / np.abs(v).max(initial=1e-300)
+        q[free] = v
+        return problem.plain(q)
+
+    def _solve(self, b: ndarray) -> ndarray:
+        self._problem.clock.solves += 1
+        try:
+            return self._counted(self._factors.solve, b)
+        except SingularMatrixError as error:
+            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
+
+    def _counted(self, function: Callable, *args: Any) -> Any:
+        """Call on the clock what may have to factorise again."""
+        clock, factors = self._problem.clock, self._factors
+        before = factors.factorisations
+        try:
+            return clock.time("solve", function, *args)
+        finally:
+            clock.factorisations += factors.factorisations - before
+
+    def tolerance(self, u: ndarray, f: ndarray) -> float:
+        """A share of the largest force, and what round-off leaves in any case.
+
+        Rounding moves nodes by 2⁻⁵³ of their displacement and changes gradients by
+        2⁻⁵³; the stiffness turns both into forces.
+        """
+        rounding = _ROUND_OFF * (np.abs(u).max() + self._problem.element_size)
+        return float(1e-8 * np.abs(f).max() + rounding * self.stiffness)
+
+
+def tangent_at(problem: Problem, u: ndarray) -> Tangent | None:
+    """The consistent tangent; None where it is singular."""
+    try:
+        return Tangent(problem, u)
+    except NoEquilibriumError:
+        return None

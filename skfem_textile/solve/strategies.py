@@ -1,0 +1,251 @@
+"""Ways to equilibrium at a given load, by name."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import ClassVar, NamedTuple, Protocol
+
+import numpy as np
+from numpy import ndarray
+
+from .problem import Equilibrium, NoEquilibriumError, Problem, Start, Tangent
+
+# Shares of the compression to keep in the geometric stiffness, tried in this order.
+_SHARES = (1.0, 0.5, 0.0)
+
+# Halvings of an increment in a line search.
+_LINE_SEARCH_HALVINGS = 20
+
+
+class Iterate(NamedTuple):
+    """A tangent, the displacement to which it led, and the forces there."""
+
+    tangent: Tangent
+    u: ndarray
+    f: ndarray
+
+
+class Strategy(Protocol):
+    """A way to equilibrium, in ``most`` iterations at most.
+
+    Its ``repr`` tells it from others where a checkpoint is resumed.  If the tangents
+    that it marks as altered tell whether it stays on the path of the load, it says so
+    by ``follows_path = True``; else no path is resolved.
+    """
+
+    @property
+    def most(self) -> int:
+        """Iterations at most."""
+        ...
+
+    def iterates(
+        self, problem: Problem, start: Start, fixed_values: ndarray
+    ) -> Iterator[Iterate]:
+        """Endless iterates; those after the first keep the fixed unknowns."""
+        ...
+
+
+@dataclass(frozen=True)
+class Mixed:
+    """Mixed-integration-point Newton, its tangent kept positive definite if it can be.
+
+    The geometric stiffness takes the fibre tensions that the previous iteration
+    predicted, T(ε) + T′ ∂ε·∇du, not those of its displacement, which are far larger
+    wherever nearly inextensible fibres turn (Magisano, Leonetti & Garcea 2017).  The
+    residual is unchanged.  Where the tangent is indefinite, compression is halved or
+    dropped in it, so that the increments do not run to saddle points, and no increment
+    but the first changes the displacement gradient by more than ``longest``.
+    """
+
+    most: int = 30
+    longest: float = 1.0
+    follows_path: ClassVar[bool] = True
+
+    def iterates(
+        self, problem: Problem, start: Start, fixed_values: ndarray
+    ) -> Iterator[Iterate]:
+        """Endless iterates."""
+        u, tangent = start.u, start.tangent or Tangent(problem, start.u)
+        du = tangent.increment(problem.forces_of(start), u, fixed_values)
+        while True:
+            du = _in_domain(problem, u, du)
+            tension = problem.ply.geometric_tension(u, du)
+            u = u + du
+            f = problem.residual(u)
+            yield Iterate(tangent, u, f)
+            tangent = definite(problem, u, tension)
+            du = tangent.increment(f, u, fixed_values)
+            du = du / max(1.0, _largest_gradient(problem, du) / self.longest)
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Newton with a positive definite tangent and a line search on the energy.
+
+    Every increment but the first, which brings the fixed unknowns to their values,
+    lowers the energy and does not fold the ply.  The first also moves the ply a little
+    along its softest motion, ``imperfection`` times the size of an element, so that
+    symmetry does not hold it on a saddle point.  Slower than `Mixed`, as the energy of
+    stiff fibres allows short increments only.
+    """
+
+    most: int = 100
+    imperfection: float = 0.01
+
+    def iterates(
+        self, problem: Problem, start: Start, fixed_values: ndarray
+    ) -> Iterator[Iterate]:
+        """Endless iterates, until the energy falls no more."""
+        tangent = start.tangent or Tangent(problem, start.u)
+        u = start.u
+        du = tangent.increment(problem.forces_of(start), u, fixed_values)
+        du = du + self.imperfection * problem.element_size * tangent.softest()
+        u = u + _in_domain(problem, u, du)
+        while True:
+            f = problem.residual(u)
+            yield Iterate(tangent, u, f)
+            tension = problem.ply.geometric_tension(u, np.zeros_like(u))
+            tangent = definite(problem, u, tension)
+            du = tangent.increment(f, u, fixed_values)
+            u = u + _shortened(problem, u, du, f)
+
+
+@dataclass(frozen=True)
+class Newton:
+    """Newton's method as it stands: for small steps, and for comparison."""
+
+    most: int = 20
+
+    def iterates(
+        self, problem: Problem, start: Start, fixed_values: ndarray
+    ) -> Iterator[Iterate]:
+        """Endless iterates."""
+        u, f = start.u, problem.forces_of(start)
+        tangent = start.tangent or Tangent(problem, u)
+        while True:
+            u = u + _in_domain(problem, u, tangent.increment(f, u, fixed_values))
+            f = problem.residual(u)
+            yield Iterate(tangent, u, f)
+            tangent = Tangent(problem, u)
+
+
+STRATEGIES: dict[str, Strategy] = {
+    "mixed": Mixed(),
+    "descent": Descent(),
+    "newton": Newton(),
+}
+
+
+def balanced(
+    problem: Problem,
+    iterates: Iterator[Iterate],
+    fixed_values: ndarray,
+    most: int,
+    most_altered: float = np.inf,
+    report: Callable[[int, float, float], None] = lambda *_: None,
+) -> Equilibrium:
+    """Take iterates until the forces balance and the fixed unknowns have their values.
+
+    Parameters
+    ----------
+    problem, iterates, fixed_values
+        What to solve, the iterates of a strategy, and the values of the fixed unknowns.
+    most, most_altered
+        How many iterates to take, and how many altered tangents.
+    report
+        Told the number of each iteration, its residual and its tolerance.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If the iteration gives up, or the forces never balance.
+    """
+    residuals: list[float] = []
+    altered = 0
+    for tangent, u, f in islice(iterates, most):
+        residuals.append(problem.unbalanced(f))
+        tolerance = tangent.tolerance(u, f)
+        report(len(residuals), residuals[-1], tolerance)
+        altered += tangent.altered
+        if altered > most_altered:
+            raise NoEquilibriumError(
+                f"more than {most_altered:g} tangents were indefinite on the way"
+            )
+        if residuals[-1] <= tolerance and problem.is_fixed(u, fixed_values):
+            return Equilibrium(u, f, tuple(residuals), tolerance, altered)
+    raise NoEquilibriumError(
+        f"{residuals[-1]:.2g} N unbalanced after {most} iterations, "
+        f"tolerance {tolerance:.2g} N",
+        problem.around(problem.unfixed(f)),
+        advice="more steps, or a larger stabilisation",
+    )
+
+
+def definite(problem: Problem, u: ndarray, tension: ndarray) -> Tangent:
+    """The tangent, with as little compression left out as makes it positive definite.
+
+    Where that does not suffice it is returned as it is without any.
+    """
+    shares = _SHARES if tension.min() < 0 else _SHARES[:1]
+    for share in shares:
+        try:
+            tangent = Tangent(
+                problem, u, np.where(tension > 0, tension, share * tension)
+            )
+        except NoEquilibriumError:
+            if share == shares[-1]:
+                raise
+        else:
+            if tangent.definite:
+                break
+    tangent.altered = share < 1 or not tangent.definite
+    return tangent
+
+
+def _in_domain(problem: Problem, u: ndarray, du: ndarray) -> ndarray:
+    """The increment, halved until every law has a value.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If none is short enough.
+    """
+    for _ in range(_LINE_SEARCH_HALVINGS):
+        if problem.in_domain(u + du):
+            return du
+        du = du / 2
+    raise NoEquilibriumError(
+        "no increment stays where every law has a finite energy",
+        advice="more steps, or a smaller load",
+    )
+
+
+def _largest_gradient(problem: Problem, du: ndarray) -> float:
+    ply = problem.ply
+    return float(np.abs(ply.gradient(du, ply.fine_points)).max())
+
+
+def _shortened(problem: Problem, u: ndarray, du: ndarray, f: ndarray) -> ndarray:
+    """The increment, halved until the energy falls enough (Armijo).
+
+    It may not fold the ply, nor fold it further if it is folded.
+    """
+    energy = problem.energy(u)
+    slope = float(problem.free(f) @ problem.free(du))
+    if slope > 0:  # the tangent was indefinite
+        du, slope = -du, -slope
+    unfolded = min(problem.ply.least_area_ratio(u).min(), 0.0)
+    for _ in range(_LINE_SEARCH_HALVINGS):
+        allowed = energy + 1e-4 * slope + 1e-12 * abs(energy)
+        if (
+            problem.energy(u + du) <= allowed
+            and problem.ply.least_area_ratio(u + du).min() > unfolded
+        ):
+            return du
+        du, slope = du / 2, slope / 2
+    folded = problem.ply.least_area_ratio(u + du) <= unfolded
+    raise NoEquilibriumError(
+        "no descent of the energy",
+        np.flatnonzero(folded),
+        advice="a larger stabilisation, a less distorted mesh or a smaller load",
+    )

@@ -1,0 +1,227 @@
+"""What is asked of an equilibrium before it counts as an answer.
+
+An iteration that balances the forces may have found a saddle point of the energy,
+folded elements, or an equilibrium that the load does not lead to.
+"""
+
+from collections.abc import Callable, Collection, Mapping
+from functools import cached_property
+
+import numpy as np
+from numpy import ndarray
+
+from .problem import (
+    Equilibrium,
+    NoEquilibriumError,
+    Problem,
+    Start,
+    Tangent,
+    tangent_at,
+)
+from .result import Verdict
+
+_STIFFER = "more steps, or a larger stabilisation"
+
+# Share of the energy that the trapezoidal rule may miss before a step stands out.
+_NEGLIGIBLE = 0.01
+
+# Share of the energy that the stabilisation of a sheared ply may hold unremarked.
+_ARTIFICIAL = 0.1
+
+
+# Share of the energy that corners which resist may hold unremarked.
+_RESISTED = 0.01
+
+
+class Trial:
+    """An equilibrium on trial.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    found
+        The equilibrium.
+    start
+        The last good state; None for a state before the load.
+    rise
+        Rise of the energy from the one to the other in N·mm.
+    energies, potentials
+        Energy of the equilibrium in N·mm by term, and potentials of the loads.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        found: Equilibrium,
+        start: Start | None = None,
+        rise: float = 0.0,
+        energies: Mapping[str, float] | None = None,
+        potentials: Mapping[str, float] | None = None,
+    ) -> None:
+        self.problem, self.found, self.start, self.rise = problem, found, start, rise
+        self.energies, self.potentials = energies or {}, potentials or {}
+        self.warnings: dict[str, str] = {}
+
+    @cached_property
+    def tangent(self) -> Tangent | None:
+        """The consistent tangent; None where it is singular."""
+        return tangent_at(self.problem, self.found.u)
+
+    @cached_property
+    def area_ratio(self) -> ndarray:
+        """Smallest det F of each element at its nodes and the ply's fine points."""
+        return self.problem.ply.least_area_ratio(self.found.u)
+
+    @cached_property
+    def strains(self) -> ndarray:
+        """Fibre strain at the ply's fine points, shape (2, n_elements, n_points)."""
+        ply = self.problem.ply
+        return ply.fibre_strain(self.found.u, ply.fine_points)
+
+    @property
+    def strain(self) -> ndarray:
+        """Largest magnitude of the fibre strain of each element."""
+        return np.abs(self.strains).max(axis=(0, 2))
+
+    @property
+    def move(self) -> ndarray:
+        """Displacement in the step."""
+        return self.found.u - self.start.u if self.start else np.zeros(1)
+
+    @cached_property
+    def works(self) -> tuple[float, float]:
+        """Work that the internal forces at either end of the step do in it.
+
+        They balance reactions and loads.
+        """
+        start, found = self.start, self.found
+        if start is None:
+            return 0.0, 0.0
+        forces = start.f + start.load, found.f + self.problem.load(found.u)
+        before, after = (float(f @ self.move) for f in forces)
+        return before, after
+
+    def apply_checks(self, warn_only: Collection[str]) -> None:
+        """Apply every check; ``warnings`` are what those in ``warn_only`` say.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If an energy is not finite, or another check has a complaint.
+        """
+        for name, energy in (*self.energies.items(), *self.potentials.items()):
+            if not np.isfinite(energy):
+                raise NoEquilibriumError(
+                    f"the energy of {name} is not finite",
+                    advice="a smaller load, or a law that is finite there",
+                )
+        if not self.problem.in_domain(self.found.u):
+            raise NoEquilibriumError(
+                "a law is asked beyond its domain",
+                advice="a smaller load, or a law that holds there",
+            )
+        for name, check in CHECKS.items():
+            try:
+                check(self)
+            except NoEquilibriumError as complaint:
+                if name not in warn_only:
+                    raise
+                self.warnings[name] = str(complaint)
+
+    def verdict(self) -> Verdict:
+        """What was found."""
+        ply = self.problem.ply
+        return Verdict(
+            negative_pivots=self.tangent.negative_pivots if self.tangent else None,
+            min_det_F=float(self.area_ratio.min()),
+            max_fibre_strain=float(np.abs(ply.law_strain(self.found.u)).max()),
+            mesh_fibre_strain=float(self.strain.max()),
+            work=0.5 * sum(self.works),
+        )
+
+
+def _folding(trial: Trial) -> None:
+    folded = np.flatnonzero(~(trial.area_ratio > 0))
+    if folded.size:
+        raise NoEquilibriumError(
+            f"{folded.size} element(s) folded, det F down to "
+            f"{trial.area_ratio.min():.2g}",
+            folded,
+            advice="a larger stabilisation, a less distorted mesh or a smaller load",
+        )
+
+
+def _strain(trial: Trial) -> None:
+    torn = np.flatnonzero(trial.problem.ply.past_peak(trial.found.u))
+    if torn.size:
+        raise NoEquilibriumError(
+            f"fibre strain up to {trial.strain[torn].max():.2g} in {torn.size} "
+            "element(s), past the largest force of a fibre",
+            torn,
+            advice="a smaller load",
+        )
+
+
+def _stability(trial: Trial) -> None:
+    tangent = trial.tangent
+    if tangent is None or tangent.negative_pivots is None:
+        raise NoEquilibriumError(
+            "an equilibrium, but some motion meets no stiffness", advice=_STIFFER
+        )
+    if tangent.negative_pivots:
+        raise NoEquilibriumError(
+            f"an equilibrium, but not stable: {tangent.negative_pivots} negative "
+            "pivot(s)",
+            trial.problem.around(tangent.softest()),
+            advice=_STIFFER,
+        )
+
+
+def _work(trial: Trial) -> None:
+    if trial.start is None:
+        return
+    low, high = sorted(trial.works)
+    margin = _NEGLIGIBLE * max(abs(low), abs(high), abs(trial.rise))
+    margin += trial.found.tolerance * float(np.abs(trial.move).sum())
+    if not low - margin <= trial.rise <= high + margin:
+        raise NoEquilibriumError(
+            f"the energy changed by {trial.rise:.3g} N·mm, where the forces at the "
+            f"two ends of the step do {low:.3g} to {high:.3g}: the step is long, or "
+            "the ply went over to another equilibrium"
+        )
+
+
+def _stabilisation(trial: Trial) -> None:
+    """Of a ply without shear stiffness the exact energy may be none at all."""
+    if "shear" not in trial.energies:
+        return
+    roles = trial.problem.ply.roles
+    held = sum(e for k, e in trial.energies.items() if roles[k] == "stabilisation")
+    whole = abs(sum(trial.energies.values()))
+    if held > _ARTIFICIAL * whole:
+        raise NoEquilibriumError(
+            f"the stabilisation holds {held / whole:.0%} of the energy: the mesh is "
+            "coarse, or the stabilisation stiff"
+        )
+
+
+def _corners(trial: Trial) -> None:
+    held = trial.energies.get("corners", 0.0)
+    whole = abs(sum(trial.energies.values()))
+    if held > _RESISTED * whole:
+        raise NoEquilibriumError(
+            f"corners that resist before they close hold {held / whole:.0%} of the "
+            "energy: the mesh is coarse there, or the stabilisation small"
+        )
+
+
+#: Checks of a state by name, the cheap ones first.
+CHECKS: dict[str, Callable[[Trial], None]] = {
+    "folding": _folding,
+    "strain": _strain,
+    "stability": _stability,
+    "work": _work,
+    "stabilisation": _stabilisation,
+    "corners": _corners,
+}

@@ -1,0 +1,136 @@
+"""The layers of the package: what may import what, and how high they stand."""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+import skfem_textile
+
+PACKAGE = Path(skfem_textile.__file__).parent
+
+#: Each layer, and those that it may import from.
+LAYERS = {
+    "kinematics": (),
+    "files": (),
+    "fabric": (),
+    "mesh": (),
+    "splitting": ("mesh",),
+    "forms": ("kinematics", "fabric", "mesh"),
+    "kernels": ("forms", "fabric", "mesh"),
+    "ply": ("kernels", "forms", "kinematics", "fabric", "mesh", "splitting"),
+    "solve": ("kernels", "fabric", "mesh", "files"),
+    "scenes": ("solve", "fabric", "mesh", "splitting"),
+    "io": ("solve", "splitting", "mesh", "files"),
+    "plot": ("io", "solve"),
+    "sweep": ("files",),
+    "cli": (
+        *("plot", "sweep", "io", "scenes", "solve", "ply"),
+        *("fabric", "mesh", "splitting", "files"),
+    ),
+    "__main__": ("cli",),
+}
+
+#: Longest chain of imports.
+FLOORS = 12
+
+
+def modules():
+    """Modules of the package by their dotted names, those of studies aside."""
+    found = {}
+    for file in sorted(PACKAGE.rglob("*.py")):
+        *parts, name = file.relative_to(PACKAGE).with_suffix("").parts
+        if "studies" not in parts:
+            dotted = parts if name == "__init__" else [*parts, name]
+            found[".".join(dotted)] = file
+    return found
+
+
+MODULES = modules()
+
+
+@cache
+def tree(module):
+    return ast.parse(MODULES[module].read_text())
+
+
+def hands_on(module):
+    """Whether a module is a package that defines nothing and only hands names on."""
+    defined = (ast.FunctionDef, ast.ClassDef)
+    return MODULES[module].name == "__init__.py" and not any(
+        isinstance(node, defined) for node in tree(module).body
+    )
+
+
+def named(module):
+    """Names that a module imports from others of the package, and from where."""
+    own = module.split(".") if module else []
+    base = own if MODULES[module].name == "__init__.py" else own[:-1]
+    for node in ast.walk(tree(module)):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            there = base[: len(base) - node.level + 1]
+            place = [*there, *(node.module.split(".") if node.module else [])]
+            for alias in node.names:
+                yield ".".join(place), alias.name
+
+
+def origin(place, name):
+    """The module that defines a name, which packages may have handed on."""
+    inside = f"{place}.{name}" if place else name
+    if inside in MODULES and not hands_on(inside):
+        return inside
+    if hands_on(place):
+        for other, own in named(place):
+            if own == name and (other, own) != (place, name):
+                return origin(other, own)
+        return None
+    return place
+
+
+@cache
+def imports(module):
+    found = {origin(*pair) for pair in named(module)}
+    return frozenset(found - {None, module})
+
+
+@cache
+def chain(module):
+    """The longest chain of imports down from a module."""
+    below = (chain(other) for other in sorted(imports(module)))
+    return (module, *max(below, key=len, default=()))
+
+
+WORKING = [module for module in MODULES if not hands_on(module)]
+
+
+def test_every_layer_imports_only_those_below():
+    wrong = [
+        (module, other)
+        for module in WORKING
+        for other in imports(module)
+        if (layer := module.split(".")[0]) != (below := other.split(".")[0])
+        and below not in LAYERS[layer]
+    ]
+    assert wrong == []
+
+
+def test_layers_are_listed_from_the_ground_up():
+    seen = set()
+    for layer, below in LAYERS.items():
+        assert set(below) <= seen
+        seen.add(layer)
+
+
+def test_no_chain_of_imports_is_long():
+    longest = max(map(chain, WORKING), key=len)
+    assert len(longest) <= FLOORS, " > ".join(longest)
+
+
+def test_folders_are_small():
+    for folder in {file.parent for file in MODULES.values()} - {PACKAGE}:
+        entries = [f for f in folder.iterdir() if f.suffix == ".py" or f.is_dir()]
+        assert len([e for e in entries if e.name != "__pycache__"]) <= 12, folder
+
+
+if __name__ == "__main__":  # prints the longest chain
+    longest = max(map(chain, WORKING), key=len)
+    print(len(longest), "floors:", " > ".join(longest))
