@@ -1,14 +1,25 @@
 """What a ply is made of: fibre directions, tension law and shear law."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray]
+
+class Varied(Protocol):
+    """Directions that are given in another way from one region to the next."""
+
+    region: ndarray
+
+    def at(self, name: str, x: ndarray, element: ndarray | None) -> ndarray:
+        """Unit vectors at points, given as for `unit_vectors`."""
+        ...
+
+
+Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray] | Varied
 
 # Fibre families closer than this (radians) leave the fabric no second family.
 _PARALLEL = 1e-6
@@ -20,6 +31,10 @@ class Law(Protocol):
     For fibres ``x`` is the fibre strain ε and ``value`` the tension T in N/mm;
     for shear ``x`` is the shear angle Γ in radians and ``value`` the shear
     moment M_s in N/mm.  All three take and return arrays.
+
+    A law that differs from element to element has a method ``at``: of numbers of
+    elements, shape (n, n_points) or (n, 1), or None for all of them, it makes the law
+    at these points, whose parameters broadcast with x.
 
     A law may have a ``domain``, the least and the largest x for which it holds: no
     state beyond it is an answer.  One that says nothing ends where its energy is not
@@ -42,16 +57,28 @@ class Law(Protocol):
 
 @dataclass(frozen=True)
 class _OneStiffness:
-    """A law with one parameter, its initial stiffness; finite everywhere."""
+    """A law with one parameter, its initial stiffness; finite everywhere.
 
-    stiffness: float
+    The stiffness is a number, or one for each element, shape (n_elements,).
+    """
+
+    stiffness: float | ndarray
     domain: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.stiffness) and self.stiffness >= 0):
+        stiffness = np.asarray(self.stiffness)
+        if not np.all(np.isfinite(stiffness) & (stiffness >= 0)):
             raise ValueError(
                 f"stiffness must be a finite number >= 0, got {self.stiffness}"
             )
+
+    def at(self, element: ndarray | None = None) -> Self:
+        """The law at points, by the numbers of their elements; see `Law`."""
+        every = np.asarray(self.stiffness)
+        if every.ndim == 0:
+            return self
+        own = every[:, None] if element is None else every[element]
+        return replace(self, stiffness=own)
 
 
 @dataclass(frozen=True)
@@ -74,7 +101,7 @@ class Linear(_OneStiffness):
 
     def tangent(self, x: ndarray) -> ndarray:
         """The stiffness."""
-        return np.full(np.shape(x), self.stiffness)
+        return self.stiffness + np.zeros(np.shape(x))
 
 
 @dataclass(frozen=True)
@@ -100,6 +127,10 @@ class Sin2(_OneStiffness):
         return self.stiffness * np.cos(2 * x)
 
 
+#: A stiffness, one for each element, or a law.
+Stiffness: TypeAlias = float | ndarray | Law
+
+
 class Family(NamedTuple):
     """One fibre family: its name, reference direction and tension law."""
 
@@ -115,10 +146,12 @@ class Fabric:
     Parameters
     ----------
     tension
-        Fibre stiffness E in N/mm (tension T = E ε), or a `Law` T(ε); one for
-        both families or a pair (warp, weft).
+        Fibre stiffness E in N/mm (tension T = E ε), a number or one for each element,
+        shape (n_elements,), or a `Law` T(ε); one for both families or a pair (warp,
+        weft), a tuple.
     shear
-        Shear stiffness G in N/mm (moment M_s = G Γ), or a `Law` M_s(Γ).
+        Shear stiffness G in N/mm (moment M_s = G Γ), a number or one for each element,
+        or a `Law` M_s(Γ).
     warp, weft
         Reference direction of each family: a vector, a function of position
         ``(2, ...) -> (2, ...)``, or one vector per element, shape
@@ -137,13 +170,15 @@ class Fabric:
     Linear(stiffness=10000.0)
     """
 
-    tension: float | Law | tuple[float | Law, float | Law] = 1e4
-    shear: float | Law = 0.0
+    tension: Stiffness | tuple[Stiffness, Stiffness] = 1e4
+    shear: Stiffness = 0.0
     warp: Direction = (1.0, 0.0)
     weft: Direction = (0.0, 1.0)
 
     def __post_init__(self) -> None:
         _ = self.families, self.shear_law
+        if any(hasattr(f.direction, "region") for f in self.families):
+            return  # each of the fabrics that it is made of is valid
         given = [f for f in self.families if not callable(f.direction)]
         sizes = [np.asarray(f.direction).size // 2 for f in given]
         x = np.zeros((2, max(sizes, default=1), 1))
@@ -170,11 +205,33 @@ class Fabric:
         return _law("shear", self.shear)
 
     @property
+    def laws(self) -> tuple[Law, Law, Law]:
+        """The laws of warp, weft and shear."""
+        warp, weft = self.families
+        return warp.tension, weft.tension, self.shear_law
+
+    def at(self, element: ndarray | None = None) -> "Fabric":
+        """The same fabric with its laws at points, by the numbers of their elements.
+
+        Parameters
+        ----------
+        element
+            Shape (n, n_points) or (n, 1); all elements, shape (n_elements, 1), if not
+            given.
+        """
+        own = self.laws
+        laws = [law_at(law, element) for law in own]
+        if all(new is old for new, old in zip(laws, own, strict=True)):
+            return self
+        other = object.__new__(Fabric)  # its directions are valid
+        vars(other).update(vars(self), tension=(laws[0], laws[1]), shear=laws[2])
+        return other
+
+    @property
     def unbounded(self) -> bool:
         """Whether every law says that it holds everywhere."""
-        laws = (self.shear_law, *(family.tension for family in self.families))
-        everywhere = (-np.inf, np.inf)
-        return all(tuple(getattr(law, "domain", ())) == everywhere for law in laws)
+        stated = [getattr(law, "domain", None) for law in self.laws]
+        return all(ends is not None and np.isinf(ends).all() for ends in stated)
 
     def in_domain(self, strain: ndarray, angle: ndarray) -> bool:
         """Whether no law is asked beyond the domain that it states.
@@ -186,14 +243,11 @@ class Fabric:
         angle
             Shear angles in radians.
         """
-        warp, weft = self.families
-        pairs = zip(
-            (warp.tension, weft.tension, self.shear_law), (*strain, angle), strict=True
-        )
+        pairs = zip(self.laws, (*strain, angle), strict=True)
         return all(
-            low <= x.min() and x.max() <= high
+            bool(np.all((low <= x) & (x <= high)))
             for law, x in pairs
-            for low, high in [getattr(law, "domain", (-np.inf, np.inf))]
+            for low, high in [domain_of(law)]
         )
 
     def directions(
@@ -222,10 +276,22 @@ class Fabric:
 
 def is_zero(law: Law) -> bool:
     """Whether a law needs no term at all."""
-    return isinstance(law, _OneStiffness) and law.stiffness == 0
+    return isinstance(law, _OneStiffness) and not np.any(law.stiffness)
 
 
-def _law(name: str, law: float | Law) -> Law:
+def law_at(law: Law, element: ndarray | None) -> Law:
+    """A law at points, by the numbers of their elements, if it differs among these."""
+    return law.at(element) if hasattr(law, "at") else law
+
+
+def domain_of(law: Law) -> tuple[Any, Any]:
+    """The least and the largest argument for which a law says that it holds."""
+    return getattr(law, "domain", (-np.inf, np.inf))
+
+
+def _law(name: str, law: Stiffness) -> Law:
+    if isinstance(law, ndarray) and law.ndim == 1 and law.dtype.kind in "iuf":
+        return Linear(law.astype(float))
     if not isinstance(law, int | float | np.number):
         parts = ("energy", "value", "tangent")
         if isinstance(law, type) or not all(hasattr(law, part) for part in parts):
@@ -249,6 +315,9 @@ def unit_vectors(
     ValueError
         If the direction has a wrong shape, or is zero or not finite somewhere.
     """
+    field: Any = direction
+    if hasattr(field, "region"):
+        return field.at(name, x, element)
     a = np.asarray(direction(x) if callable(direction) else direction, dtype=float)
     if element is not None and a.ndim == 2 and a.shape[1] > element.max():
         a = a[:, element]

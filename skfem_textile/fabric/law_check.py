@@ -89,7 +89,7 @@ def _domain(name: str, law: Law, reach: float) -> tuple[float, float]:
     if stated is None:
         return -reach, reach
     try:
-        low, high = (float(end) for end in stated)
+        low, high = float(np.max(stated[0])), float(np.min(stated[1]))
         if not low < high:
             raise ValueError
     except (TypeError, ValueError):

@@ -22,7 +22,7 @@ def deviation_stiffness(
     Parameters
     ----------
     fabric
-        Gives the laws.
+        Gives the laws, at the elements (`Fabric.at`).
     deviation
         E_d as a multiple of the shear stiffness at rest times the fineness: one, or
         one per element, shape (n_elements, 1).  Where there is no shear stiffness E_d
@@ -35,13 +35,15 @@ def deviation_stiffness(
     tuple of ndarray
         Each of shape (n_elements, 1).
     """
-    rest = np.zeros(1)
-    G = fabric.shear_law.tangent(rest)
-    warp, weft = (family.tension.tangent(rest) for family in fabric.families)
-    if G == 0:
-        return _OF_FIBRES * warp + 0 * fineness, _OF_FIBRES * weft + 0 * fineness
+    rest = np.zeros((1, 1))
+    warp, weft, G = (law.tangent(rest) for law in fabric.laws)
     E_d = deviation * G * fineness
-    return (
-        np.minimum(E_d, np.where(warp > 0, warp, np.inf)),
-        np.minimum(E_d, np.where(weft > 0, weft, np.inf)),
+    first, second = (
+        np.where(
+            G > 0,
+            np.minimum(E_d, np.where(E > 0, E, np.inf)),
+            _OF_FIBRES * E + 0 * fineness,
+        )
+        for E in (warp, weft)
     )
+    return first, second

@@ -62,7 +62,12 @@ def deformation(w: FormExtraParams) -> ndarray:
 
 def directions(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:
     """Unit reference directions of warp and weft."""
-    return fabric.directions(np.asarray(w["x"]), w.get("element"))
+    return fabric.directions(np.asarray(w["x"]), elements(w))
+
+
+def elements(w: FormExtraParams) -> ndarray | None:
+    """Numbers of the elements of the points; None if they are those of the rows."""
+    return np.asarray(w["element"]) if "element" in w else None
 
 
 def outer(S: ndarray, T: ndarray) -> ndarray:

@@ -20,11 +20,11 @@ from skfem import BilinearForm, Functional, LinearForm
 from skfem.helpers import ddot, grad
 
 from .. import kinematics as kin
-from ..fabric import Fabric, is_zero
+from ..fabric import Fabric
 from ..mesh.bases import MeanBasis
 from .deviation import deviation_stiffness
-from .form import Forms, contract, deformation, directions, once
-from .tension import fibre_tension
+from .form import Forms, contract, deformation, directions, elements, once
+from .tension import fibre_tension, resisting
 
 
 def mean_tension(fabric: Fabric, deviation: float | ndarray) -> Forms:
@@ -38,15 +38,15 @@ def mean_tension(fabric: Fabric, deviation: float | ndarray) -> Forms:
     fabric, deviation
         As for `deviation_stiffness`.
     """
-    # Index and tension law T(ε) of each family that has one.
-    families = [
-        (i, family.tension)
-        for i, family in enumerate(fabric.families)
-        if not is_zero(family.tension)
-    ]
+    families = resisting(fabric)
+
+    def laws(w):
+        """Tension laws T(ε) of the means."""
+        return of_elements(fabric, elements(w)).laws
 
     def E_d(w):
-        return deviation_stiffness(fabric, deviation, w["fineness"])
+        own = of_elements(fabric, elements(w))
+        return deviation_stiffness(own, deviation, w["fineness"])
 
     def strain(w):
         F, A = deformation(w), directions(fabric, w)
@@ -58,12 +58,12 @@ def mean_tension(fabric: Fabric, deviation: float | ndarray) -> Forms:
 
     def tension(w):
         eps, E = once(w, strain), once(w, E_d)
-        means = [mean(w, e) for e in eps]
-        return {i: T.value(means[i]) + E[i] * (eps[i] - means[i]) for i, T in families}
+        means, T = [mean(w, e) for e in eps], laws(w)
+        return {i: T[i].value(means[i]) + E[i] * (eps[i] - means[i]) for i in families}
 
     def stress(w):
         T, d_eps = tension(w), once(w, variation)
-        return sum(T[i] * d_eps[i] for i, _ in families)
+        return sum(T[i] * d_eps[i] for i in families)
 
     def local_stiffness(w):
         """What couples the motion at one point with itself."""
@@ -73,20 +73,20 @@ def mean_tension(fabric: Fabric, deviation: float | ndarray) -> Forms:
         return sum(
             E[i] * np.einsum("iJ...,kL...->iJkL...", d_eps[i], d_eps[i])
             + geometric[i] * kin.fibre_strain_dd(F, A[i])
-            for i, _ in families
+            for i in families
         )
 
     def mean_stiffness(w):
-        eps, E = once(w, strain), once(w, E_d)
-        return {i: T.tangent(mean(w, eps[i])) - E[i] for i, T in families}
+        eps, E, T = once(w, strain), once(w, E_d), laws(w)
+        return {i: T[i].tangent(mean(w, eps[i])) - E[i] for i in families}
 
     @Functional
     def energy(w):
         eps, E = once(w, strain), once(w, E_d)
-        means = [mean(w, e) for e in eps]
+        means, T = [mean(w, e) for e in eps], laws(w)
         return sum(
-            T.energy(means[i]) + 0.5 * E[i] * (eps[i] - means[i]) ** 2
-            for i, T in families
+            T[i].energy(means[i]) + 0.5 * E[i] * (eps[i] - means[i]) ** 2
+            for i in families
         )
 
     @LinearForm
@@ -98,7 +98,7 @@ def mean_tension(fabric: Fabric, deviation: float | ndarray) -> Forms:
         d_eps, E_m = once(w, variation), once(w, mean_stiffness)
         means = (
             E_m[i] * mean(w, ddot(d_eps[i], grad(u))) * mean(w, ddot(d_eps[i], grad(v)))
-            for i, _ in families
+            for i in families
         )
         return sum(means) + contract(grad(v), once(w, local_stiffness), grad(u))
 
@@ -127,9 +127,15 @@ def mean_fibre_tension(
     w = basis.default_parameters()
     eps, d_eps = (basis.of_parts(x + np.zeros_like(strain)) for x in (strain, change))
     means, d_means = mean(w, eps), mean(w, d_eps)
-    E_d = np.array(deviation_stiffness(fabric, deviation, w["fineness"]))
+    own = of_elements(fabric, w.get("element"))
+    E_d = np.array(deviation_stiffness(own, deviation, w["fineness"]))
     off = eps + d_eps - means - d_means
-    return basis.on_parts(fibre_tension(fabric, means, d_means) + E_d * off)
+    return basis.on_parts(fibre_tension(own, means, d_means) + E_d * off)
+
+
+def of_elements(fabric: Fabric, element: ndarray | None) -> Fabric:
+    """The fabric with the laws of whole elements, given by those of their points."""
+    return fabric.at(None if element is None else element[:, :1])
 
 
 def mean_strain(basis: MeanBasis, strain: ndarray) -> ndarray:

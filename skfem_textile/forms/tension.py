@@ -5,7 +5,7 @@ from numpy import ndarray
 
 from .. import kinematics as kin
 from ..fabric import Fabric, is_zero
-from .form import Forms, deformation, directions, of_density, outer
+from .form import Forms, deformation, directions, elements, of_density, outer
 
 
 def tension(fabric: Fabric) -> Forms:
@@ -31,30 +31,29 @@ def tension(fabric: Fabric) -> Forms:
     >>> bool(np.isclose(energy, 1e4 * np.log(1.01) ** 2))
     True
     """
-    # Index and tension law T(ε) of each family that has one.
-    families = [
-        (i, family.tension)
-        for i, family in enumerate(fabric.families)
-        if not is_zero(family.tension)
-    ]
-    if not families:
+    if not resisting(fabric):
         raise ValueError("the fabric has no tension stiffness: leave this term out")
+
+    def families(w):
+        """Index and tension law T(ε) of each family that has one."""
+        laws = fabric.at(elements(w)).laws
+        return [(i, laws[i]) for i in resisting(fabric)]
 
     def energy(w):
         F, A = deformation(w), directions(fabric, w)
-        return sum(T.energy(kin.fibre_strain(F, A[i])) for i, T in families)
+        return sum(T.energy(kin.fibre_strain(F, A[i])) for i, T in families(w))
 
     def stress(w):
         F, A = deformation(w), directions(fabric, w)
         return sum(
             T.value(kin.fibre_strain(F, A[i])) * kin.fibre_strain_d(F, A[i])
-            for i, T in families
+            for i, T in families(w)
         )
 
     def stiffness(w):
         F, A = deformation(w), directions(fabric, w)
         C = np.zeros(1)
-        for i, T in families:
+        for i, T in families(w):
             eps, d_eps = kin.fibre_strain(F, A[i]), kin.fibre_strain_d(F, A[i])
             geometric = w["tension"][i] if "tension" in w else T.value(eps)
             C = C + T.tangent(eps) * outer(d_eps, d_eps)
@@ -62,6 +61,11 @@ def tension(fabric: Fabric) -> Forms:
         return C
 
     return of_density(energy, stress, stiffness)
+
+
+def resisting(fabric: Fabric) -> list[int]:
+    """The families that have a tension law: 0 for the warp, 1 for the weft."""
+    return [i for i, f in enumerate(fabric.families) if not is_zero(f.tension)]
 
 
 def fibre_tension(
@@ -72,11 +76,11 @@ def fibre_tension(
     Parameters
     ----------
     fabric
-        Gives the tension laws.
+        Gives the tension laws, at the points of the strains (`Fabric.at`).
     strain, change
         Fibre strains and a change of them, of warp and weft, shape (2, ...).
     """
-    laws = [family.tension for family in fabric.families]
+    laws = fabric.laws[:2]
     value = np.array([T.value(e) for T, e in zip(laws, strain, strict=True)])
     slope = np.array([T.tangent(e) for T, e in zip(laws, strain, strict=True)])
     return value + slope * change

@@ -104,10 +104,8 @@ class TensionKernel:
 
     def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
         """∫ Σ_α ψ(ε_α) dΩ."""
-        pairs = zip(at.points, motions, strict=True)
-        return sum(
-            float((p.dx * self._law("energy", m.strain)).sum()) for p, m in pairs
-        )
+        pairs = zip(at.points, _tensions("energy", at, motions), strict=True)
+        return sum(float((p.dx * psi).sum()) for p, psi in pairs)
 
     def stresses(
         self, at: Stencil, motions: list[Motion], w: Parameters
@@ -116,8 +114,8 @@ class TensionKernel:
         if "tension" in w:
             T = [_resisting(self.fabric) * T_p for T_p in at.given(w["tension"])]
         else:
-            T = [self._law("value", m.strain) for m in motions]
-        E = [self._law("tangent", m.strain) for m in motions]
+            T = _tensions("value", at, motions)
+        E = _tensions("tangent", at, motions)
         return [
             Stress(tension=p.dx * T_p, slope=p.dx * E_p)
             for p, T_p, E_p in zip(at.points, T, E, strict=True)
@@ -133,13 +131,11 @@ class TensionKernel:
         self, at: Stencil, before: list[Motion], after: list[Motion]
     ) -> list[ndarray]:
         """T(ε) + T′ Δε, shape (2, P, n) each."""
+        T, E = (_tensions(part, at, before) for part in ("value", "tangent"))
         return [
-            self._law("value", m.strain) + self._law("tangent", m.strain) * m.change(n)
-            for m, n in zip(before, after, strict=True)
+            T_p + E_p * m.change(n)
+            for T_p, E_p, m, n in zip(T, E, before, after, strict=True)
         ]
-
-    def _law(self, part: str, strain: ndarray) -> ndarray:
-        return _laws(self.fabric, part, strain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,24 +150,24 @@ class ShearKernel:
 
     def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
         """∫ w(Γ) dΩ."""
-        law, pairs = self.fabric.shear_law, zip(at.points, motions, strict=True)
-        return sum(float((p.dx * _law(law.energy, m.angle)).sum()) for p, m in pairs)
+        pairs = zip(at.points, _moments("energy", at, motions), strict=True)
+        return sum(float((p.dx * w_p).sum()) for p, w_p in pairs)
 
     def stresses(
         self, at: Stencil, motions: list[Motion], w: Parameters
     ) -> list[Stress]:
         """Shear moment."""
-        law, pairs = self.fabric.shear_law, zip(at.points, motions, strict=True)
-        return [Stress(moment=p.dx * _law(law.value, m.angle)) for p, m in pairs]
+        pairs = zip(at.points, _moments("value", at, motions), strict=True)
+        return [Stress(moment=p.dx * M_p) for p, M_p in pairs]
 
     def squares(
         self, at: Stencil, motions: list[Motion], w: Parameters
     ) -> list[Square]:
         """Its slope, along the gradient of the shear angle."""
-        law, pairs = self.fabric.shear_law, zip(at.points, motions, strict=True)
+        G = _moments("tangent", at, motions)
         return [
-            Square(p.dx * _law(law.tangent, m.angle), partial(_turning, p, m))
-            for p, m in pairs
+            Square(p.dx * G_p, partial(_turning, p, m))
+            for p, m, G_p in zip(at.points, motions, G, strict=True)
         ]
 
 
@@ -232,7 +228,7 @@ class MeanTensionKernel:
     def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
         """∫ Σ_α ψ(ε̄_α) + ½ E_d (ε_α − ε̄_α)² dΩ."""
         means, E_d = self._means(at, motions), self._deviation_stiffness(at)
-        density = _laws(self.fabric, "energy", means)
+        density = _laws(at.fabric, "energy", means)
         return sum(
             float((p.dx * (density + 0.5 * E_d * (m.strain - means) ** 2)).sum())
             for p, m in zip(at.points, motions, strict=True)
@@ -246,7 +242,7 @@ class MeanTensionKernel:
         if "tension" in w:
             T = [_resisting(self.fabric) * T_p for T_p in at.given(w["tension"])]
         else:
-            T_mean = _laws(self.fabric, "value", means)
+            T_mean = _laws(at.fabric, "value", means)
             T = [T_mean + E_d * (m.strain - means) for m in motions]
         return [
             Stress(tension=p.dx * T_p, slope=p.dx * E_d)
@@ -257,7 +253,7 @@ class MeanTensionKernel:
         self, at: Stencil, motions: list[Motion], w: Parameters
     ) -> list[Square]:
         """The rest of the slope of the laws, along the gradient of the mean."""
-        slope = _laws(self.fabric, "tangent", self._means(at, motions))
+        slope = _laws(at.fabric, "tangent", self._means(at, motions))
         rest = at.area * (slope - self._deviation_stiffness(at))
 
         def gradients(some: slice) -> ndarray:
@@ -276,8 +272,8 @@ class MeanTensionKernel:
         changes = [m.change(n) for m, n in zip(before, after, strict=True)]
         mean, mean_change = self._means(at, before), _mean(at, changes)
         E_d = self._deviation_stiffness(at)
-        of_mean = _laws(self.fabric, "value", mean)
-        of_mean = of_mean + _laws(self.fabric, "tangent", mean) * mean_change
+        of_mean = _laws(at.fabric, "value", mean)
+        of_mean = of_mean + _laws(at.fabric, "tangent", mean) * mean_change
         return [
             of_mean + E_d * (m.strain - mean + change - mean_change)
             for m, change in zip(before, changes, strict=True)
@@ -293,7 +289,7 @@ class MeanTensionKernel:
             c = self.deviation
             c = c[at.elements] if isinstance(c, ndarray) else c
             fineness = np.sqrt(at.whole / at.area)[:, None]
-            E_d = deviation_stiffness(self.fabric, c, fineness)
+            E_d = deviation_stiffness(at.fabric, c, fineness)
             self._known[at] = _resisting(self.fabric) * np.array([E.T for E in E_d])
         return self._known[at]
 
@@ -325,9 +321,21 @@ def _resisting(fabric: Fabric) -> ndarray:
     return np.array(has, dtype=float)[:, None, None]
 
 
+def _tensions(part: str, at: Stencil, motions: list[Motion]) -> list[ndarray]:
+    """One part of the tension laws of warp and weft at the points, (2, P, n) each."""
+    pairs = zip(at.fabrics, motions, strict=True)
+    return [_laws(fabric, part, motion.strain) for fabric, motion in pairs]
+
+
+def _moments(part: str, at: Stencil, motions: list[Motion]) -> list[ndarray]:
+    """One part of the shear law at the points, shape (P, n) each."""
+    pairs = zip(at.fabrics, motions, strict=True)
+    return [_law(getattr(fabric.shear_law, part), m.angle) for fabric, m in pairs]
+
+
 def _laws(fabric: Fabric, part: str, strain: ndarray) -> ndarray:
     """One part of the tension laws of warp and weft, shape (2, P, n)."""
-    laws = [getattr(family.tension, part) for family in fabric.families]
+    laws = [getattr(law, part) for law in fabric.laws[:2]]
     return np.array([_law(law, x) for law, x in zip(laws, strain, strict=True)])
 
 

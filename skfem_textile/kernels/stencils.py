@@ -11,7 +11,7 @@ from numpy import ndarray
 from skfem import ElementQuad1
 
 from ..fabric import Fabric
-from ..mesh.bases import CENTRE, HourglassBasis, centre_grad
+from ..mesh.bases import CENTRE, HourglassBasis, centre_grad, element_numbers
 from ..mesh.macro import MacroBasis
 from .points import Motion, NodePoints, Points, QuadPoints, between
 
@@ -36,6 +36,9 @@ class Stencil:
         where the motions are the displacements.
     points
         Their points, those with the same motions together.
+    fabrics, fabric
+        The fabric with its laws at the points, and at the elements (`Fabric.at`), for
+        arguments in the order of the forms.
     whole
         Area of all elements of the basis.
     elements, at
@@ -45,6 +48,8 @@ class Stencil:
     nodes: ndarray
     modes: ndarray | None
     points: Sequence[Points]
+    fabrics: Sequence[Fabric]
+    fabric: Fabric
     whole: float
     elements: Any
     at: Sequence[Any]
@@ -127,10 +132,11 @@ def _found(basis: Any, fabric: Fabric) -> Iterator[Stencil]:
     dN = np.array([field.grad[0] for (field,) in basis.basis[::2]])
     w, nodes = basis.default_parameters(), basis.element_dofs[::2] // 2
     x = np.asarray(w["x"])
-    pair = fabric.directions(x, w.get("element"))
+    numbers = np.asarray(w["element"]) if "element" in w else element_numbers(basis)
+    pair = fabric.directions(x, numbers)
     A = np.array([np.broadcast_to(a, x.shape) for a in pair])
     if isinstance(basis, MacroBasis):
-        yield from _macro(basis, nodes, dN, A)
+        yield from _macro(basis, fabric, nodes, dN, A)
         return
     centre = None
     if isinstance(basis, HourglassBasis):
@@ -143,7 +149,9 @@ def _found(basis: Any, fabric: Fabric) -> Iterator[Stencil]:
     )
     points = _of_quadrilaterals if bilinear else _of_nodes
     modes, found = points(basis, A, dN, centre)
-    yield Stencil(nodes, modes, found, basis.dx.sum(), _ALL, [_ALL] * len(found))
+    n, here = len(found), fabric.at(numbers)
+    own, whole = fabric.at(numbers[:, :1]), basis.dx.sum()
+    yield Stencil(nodes, modes, found, n * [here], own, whole, _ALL, n * [_ALL])
 
 
 def _of_nodes(
@@ -182,7 +190,7 @@ def _of_quadrilaterals(
 
 
 def _macro(
-    basis: MacroBasis, nodes: ndarray, dN: ndarray, A: ndarray
+    basis: MacroBasis, fabric: Fabric, nodes: ndarray, dN: ndarray, A: ndarray
 ) -> Iterator[Stencil]:
     """Macro-elements by kind: where the nodes of their parts meet."""
     flat = basis.corners.reshape(-1, basis.nelems)
@@ -202,7 +210,9 @@ def _macro(
             )
             for j, four in zip(at, corners, strict=True)
         ]
-        yield Stencil(own, None, points, basis.dx.sum(), some, at)
+        fabrics = [fabric.at(basis.parts[some, j]) for j in at]
+        whole = basis.dx.sum()
+        yield Stencil(own, None, points, fabrics, fabrics[0], whole, some, at)
 
 
 def _products(A: ndarray, dN: ndarray) -> ndarray:

@@ -86,6 +86,12 @@ def triangle_basis(mesh: Mesh) -> CellBasis:
     return CellBasis(mesh, ElementVector(ElementTriP2()), quadrature=THREE)
 
 
+def element_numbers(basis: Any) -> ndarray:
+    """Numbers of the elements of the rows of a basis, shape (n_elements, n_points)."""
+    numbers = np.arange(basis.nelems) if basis.tind is None else basis.tind
+    return np.broadcast_to(numbers[:, None], basis.dx.shape)
+
+
 def node_positions(basis: CellBasis) -> ndarray:
     """Nodes of a basis of the displacement, shape (2, n_nodes).
 

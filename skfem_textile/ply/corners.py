@@ -23,9 +23,8 @@ def corner_stiffness(fabric: Fabric, basis: CellBasis) -> float:
 
     Means over the points of a basis, as laws may differ there.
     """
-    rest, warp, weft = np.zeros(basis.dx.shape), *fabric.families
-    laws = fabric.shear_law, warp.tension, weft.tension
-    G, E_1, E_2 = (float(np.mean(law.tangent(rest))) for law in laws)
+    rest = np.zeros(basis.dx.shape)
+    E_1, E_2, G = (float(np.mean(law.tangent(rest))) for law in fabric.at().laws)
     return max(G, _OF_FIBRES * (E_1 + E_2) / 2)
 
 

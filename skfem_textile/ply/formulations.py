@@ -43,7 +43,7 @@ class _Pointwise:
             forms.tension(fabric),
             basis,
             TensionKernel(fabric),
-            law=partial(fibre_tension, fabric),
+            law=partial(fibre_tension, fabric.at()),
             seen=lambda strain: strain,
         )
 

@@ -137,8 +137,7 @@ class Measures:
         """
         strains = self.fibre_strain(u, self.fine_points)
         past = ~np.isfinite(strains).all(axis=(0, 2))
-        for family, strain in zip(self.fabric.families, strains, strict=True):
-            law = family.tension
+        for law, strain in zip(self.fabric.at().laws, strains, strict=False):
             past |= (law.tangent(strain) < np.abs(law.value(strain))).any(axis=1)
         return past
 
@@ -146,4 +145,5 @@ class Measures:
         """Whether no law is asked beyond the domain that it states."""
         if self.fabric.unbounded:
             return True
-        return self.fabric.in_domain(self.law_strain(u), self.shear_angle(u))
+        fabric = self.fabric.at()
+        return fabric.in_domain(self.law_strain(u), self.shear_angle(u))

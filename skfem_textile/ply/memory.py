@@ -75,30 +75,27 @@ class HeldStabilisation:
 
     @np.errstate(over="ignore")  # a run refuses what is not finite
     def _stabilisation(self, u: ndarray) -> ndarray:
-        law, least = self._fabric.shear_law, _at_rest(self._fabric)
+        fabric, n = self._fabric.at(), self._basis.nelems
+        law, least = fabric.shear_law, np.broadcast_to(_at_rest(fabric), (n, 1))
         if is_zero(law):
-            return np.full((self._basis.nelems, 1), least)
+            return least.copy()
         # The centre's gradient is the same at the four points of an element.
         field: Any = self._basis.interpolate(u)
         F = kin.deformation_gradient(centre_grad(field)[..., :1])
         centre, _ = CENTRE
         x = self._basis.mapping.F(centre, self._basis.tind)
         angle = kin.shear_angle(F, *self._fabric.directions(x))
-        at_rest = law.tangent(np.zeros(1))
+        at_rest = law.tangent(np.zeros((1, 1)))
         sheared = np.abs(angle) > _SMALL_ANGLE
         divisor = np.where(sheared, angle, 1.0)
         secant = np.where(sheared, law.value(angle) / divisor, at_rest)
         return np.maximum(_OF_SHEAR * secant, least)
 
 
-def _at_rest(fabric: Fabric) -> float:
-    """The least C_s of `HeldStabilisation`."""
-    G = float(fabric.shear_law.tangent(np.zeros(1))[0])
-    if G > 0:
-        return 0.1 * _OF_SHEAR * G
-    return _OF_FIBRES * float(
-        np.mean([f.tension.tangent(np.zeros(1)) for f in fabric.families])
-    )
+def _at_rest(fabric: Fabric) -> ndarray:
+    """The least C_s of `HeldStabilisation`, shape (n_elements, 1) or (1, 1)."""
+    E_1, E_2, G = (law.tangent(np.zeros((1, 1))) for law in fabric.laws)
+    return np.where(G > 0, 0.1 * _OF_SHEAR * G, _OF_FIBRES * (E_1 + E_2) / 2)
 
 
 class AccumulatedMoment:

@@ -1,6 +1,6 @@
 """A ply: mesh, fabric, formulation and terms, as a function of the displacement."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import chain
 from typing import Any
@@ -14,6 +14,7 @@ from skfem.assembly.form.form import FormExtraParams
 from .. import forms
 from ..fabric import Fabric, is_zero
 from ..fabric.law_check import check_laws
+from ..fabric.regions import fabric_of_regions, fabric_on
 from ..forms.corners import RESISTING
 from ..forms.form import directions
 from ..kernels.assembly import KernelSum
@@ -49,7 +50,8 @@ class Ply(Measures):
         The reference configuration: a `skfem.MeshQuad`, for `Macro` one that was
         split, or for `Quadratic` a `skfem.MeshTri`.
     fabric
-        Fibre directions and laws.
+        Fibre directions and laws; or a fabric for each of the mesh's subdomains, by
+        name.  Values per element may be those of the elements that were split.
     formulation
         `Full`, `OnePoint`, `Macro` or `Quadratic`.
     terms
@@ -98,15 +100,17 @@ class Ply(Measures):
     def __init__(
         self,
         mesh: Mesh,
-        fabric: Fabric,
+        fabric: Fabric | Mapping[str, Fabric],
         formulation: Formulation,
         terms: Iterable[Term | Load] = (),
     ) -> None:
         self.mesh = mesh
-        self.fabric = fabric
+        if isinstance(fabric, Mapping):
+            fabric = fabric_of_regions(mesh, fabric)
+        self.fabric = fabric = fabric_on(mesh, fabric)
         self.formulation = formulation
         self.basis = formulation.basis(mesh)
-        check_laws(fabric, self.basis.dx.shape)
+        check_laws(fabric.at(), self.basis.dx.shape)
         self.nodes = node_positions(self.basis)
         self.centre, self.fine_points = formulation.centre, formulation.fine_points
         self.corners = Corners(self.basis)

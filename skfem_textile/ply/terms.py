@@ -16,6 +16,7 @@ from ..forms import Forms
 from ..kernels.assembly import pairs_of
 from ..kernels.fused import knows, with_kernel
 from ..kernels.kernel import Kernel, Parameters
+from ..mesh.bases import element_numbers
 
 #: What a term stands for: ``internal`` forces and ``stabilisation`` make the internal
 #: energy, and a ``load`` works on the ply.
@@ -423,10 +424,4 @@ def _elements(basis: Any) -> Parameters:
     """Numbers of the elements in which the points lie, where a basis does not tell."""
     if "element" in basis.default_parameters():
         return {}
-    return {"element": elements_of(basis)}
-
-
-def elements_of(basis: Any) -> ndarray:
-    """Numbers of the elements of the rows of a basis, shape (n_elements, n_points)."""
-    numbers = np.arange(basis.nelems) if basis.tind is None else basis.tind
-    return np.broadcast_to(numbers[:, None], basis.dx.shape)
+    return {"element": element_numbers(basis)}

@@ -32,19 +32,19 @@ def arrays(problem: Problem, steps: int) -> dict[str, ndarray]:
     are those of a displacement that shears and stretches every element, of a ply that
     remembers nothing.
     """
-    ply, constraints, fabric = problem.ply, problem.constraints, problem.ply.fabric
+    ply, constraints = problem.ply, problem.constraints
     at = np.linspace(0.0, 1.0, 2 * steps + 1)
     turn = constraints.turn
     ply.reset()
     probe = 0.1 * problem.element_size * np.sin(np.arange(ply.basis.N))
-    warp, weft = fabric.families
+    warp, weft, shear = ply.fabric.at().laws
     return {
         "nodes": ply.mesh.p,
         "cells": ply.mesh.t,
         "fibre directions": np.concatenate([A.ravel() for A in ply.directions()]),
-        "values of the warp law": _values(warp.tension, _STRAIN),
-        "values of the weft law": _values(weft.tension, _STRAIN),
-        "values of the shear law": _values(fabric.shear_law, _ANGLE),
+        "values of the warp law": _values(warp, _STRAIN),
+        "values of the weft law": _values(weft, _STRAIN),
+        "values of the shear law": _values(shear, _ANGLE),
         **{f"nodes of {name!r}": nodes for name, nodes in constraints.nodes.items()},
         "fixed unknowns": constraints.fixed,
         "fixed directions": np.empty(0) if turn is None else turn.data,

@@ -1,0 +1,174 @@
+"""What differs from one part of a ply to another: laws, and whole fabrics."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh
+
+from .fabric import Direction, Fabric, Law, domain_of, law_at, unit_vectors
+
+
+@dataclass(frozen=True, eq=False)
+class RegionalLaw:
+    """One of several laws in each element.
+
+    Parameters
+    ----------
+    laws
+        The laws.
+    region
+        Which of them each element has: whole numbers, shape (n_elements,).
+    """
+
+    laws: Sequence[Law]
+    region: ndarray
+
+    def at(self, element: ndarray | None = None) -> "RegionalLaw":
+        """The law at points, by the numbers of their elements.
+
+        Parameters
+        ----------
+        element
+            Of any shape that broadcasts with the arguments of the law; all elements,
+            shape (n_elements, 1), if not given.
+        """
+        region = self.region[:, None] if element is None else self.region[element]
+        return RegionalLaw([law_at(law, element) for law in self.laws], region)
+
+    def energy(self, x: ndarray) -> ndarray:
+        """Energy density of the law at each point."""
+        return self._chosen([law.energy(x) for law in self.laws])
+
+    def value(self, x: ndarray) -> ndarray:
+        """Its derivative."""
+        return self._chosen([law.value(x) for law in self.laws])
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """The derivative of that."""
+        return self._chosen([law.tangent(x) for law in self.laws])
+
+    @property
+    def domain(self) -> tuple[ndarray, ndarray]:
+        """The least and the largest x for which the law at each point holds."""
+        low, high = zip(*(domain_of(law) for law in self.laws), strict=True)
+        return self._chosen(low), self._chosen(high)
+
+    def _chosen(self, values: Sequence[Any]) -> ndarray:
+        """Of one value or array for each law that of the law at each point."""
+        return np.choose(self.region, np.broadcast_arrays(*values))
+
+
+@dataclass(frozen=True, eq=False)
+class RegionalDirection:
+    """One of several fields of directions in each element.
+
+    Parameters
+    ----------
+    directions
+        The fields, as `Fabric` takes them.
+    region
+        Which of them each element has: whole numbers, shape (n_elements,).
+    """
+
+    directions: Sequence[Direction]
+    region: ndarray
+
+    def at(self, name: str, x: ndarray, element: ndarray | None) -> ndarray:
+        """Unit vectors at points, given as for `unit_vectors`."""
+        region = self.region[:, None] if element is None else self.region[element]
+        fields = [unit_vectors(name, d, x, element) for d in self.directions]
+        shape = np.broadcast_shapes(x.shape, (1, *region.shape))
+        return np.choose(region, [np.broadcast_to(field, shape) for field in fields])
+
+
+def fabric_on(mesh: Mesh, fabric: Fabric) -> Fabric:
+    """A fabric whose values per element are those of the elements of a mesh.
+
+    Values that were given for the elements that a mesh was split off (`SplitMesh`)
+    reach their parts.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer or more values than elements.
+    """
+    parent = getattr(mesh, "parent", None)
+
+    def carried(name: str, thing: Any) -> Any:
+        n = _n_elements(thing)
+        if n in (None, mesh.nelements):
+            return thing
+        if parent is None or n != parent.max() + 1:
+            raise ValueError(f"{name}: {n} values for {mesh.nelements} elements")
+        if isinstance(thing, RegionalDirection):
+            return RegionalDirection(thing.directions, thing.region[parent])
+        return thing[:, parent] if isinstance(thing, ndarray) else law_at(thing, parent)
+
+    warp, weft, shear = fabric.laws
+    tension = carried("warp law", warp), carried("weft law", weft)
+    found = tension, carried("shear law", shear)
+    directions = (carried(f.name, _as_given(f.direction)) for f in fabric.families)
+    return Fabric(*found, *directions)
+
+
+def _as_given(direction: Any) -> Any:
+    """A direction as an array, if it is neither a function nor regional."""
+    plain = not callable(direction) and not hasattr(direction, "region")
+    return np.asarray(direction) if plain else direction
+
+
+def _n_elements(thing: Any) -> int | None:
+    """For how many elements a law or a direction has values; None if for any."""
+    if hasattr(thing, "region"):
+        return len(thing.region)
+    if isinstance(thing, ndarray):
+        return thing.shape[1] if thing.ndim == 2 else None
+    stiffness = getattr(thing, "stiffness", None)
+    return len(stiffness) if isinstance(stiffness, ndarray) and stiffness.ndim else None
+
+
+def fabric_of_regions(mesh: Mesh, fabrics: Mapping[str, Fabric]) -> Fabric:
+    """The fabric of a mesh, each of whose subdomains has its own.
+
+    Parameters
+    ----------
+    mesh
+        Has the subdomains; its elements belong to one of those that are named.
+    fabrics
+        A fabric for each of them, by name.
+
+    Raises
+    ------
+    ValueError
+        If there is no such subdomain, or an element belongs to none or two of them.
+    """
+    subdomains, region = mesh.subdomains or {}, np.full(mesh.nelements, -1)
+    for number, (name, fabric) in enumerate(fabrics.items()):
+        if name not in subdomains:
+            known = ", ".join(map(repr, subdomains)) or "none"
+            raise ValueError(f"the mesh has no subdomain {name!r} (it has: {known})")
+        if not isinstance(fabric, Fabric):
+            raise ValueError(f"subdomain {name!r} needs a Fabric, not {fabric!r}")
+        if (region[subdomains[name]] >= 0).any():
+            raise ValueError(f"subdomain {name!r} overlaps another that has a fabric")
+        region[subdomains[name]] = number
+    if (region < 0).any():
+        left = ", ".join(map(str, np.flatnonzero(region < 0)[:5]))
+        raise ValueError(
+            f"{(region < 0).sum()} element(s) are in no subdomain that has a fabric "
+            f"({left}, ...): name one for them"
+        )
+    all_families = [fabric.families for fabric in fabrics.values()]
+    warp, weft = zip(*all_families, strict=True)
+    return Fabric(
+        tension=(
+            RegionalLaw([family.tension for family in warp], region),
+            RegionalLaw([family.tension for family in weft], region),
+        ),
+        shear=RegionalLaw([fabric.shear_law for fabric in fabrics.values()], region),
+        warp=RegionalDirection([family.direction for family in warp], region),
+        weft=RegionalDirection([family.direction for family in weft], region),
+    )
