@@ -14,8 +14,12 @@ class Slope:
     def free(self, f):
         return f
 
-    def area_ratio(self, u):
+    def least_area_ratio(self, u):
         return 1.0 - u
+
+    @property
+    def ply(self):
+        return self
 
 
 def test_an_increment_is_shortened_until_it_folds_no_element():

@@ -16,6 +16,7 @@ from concurrent.futures import (
     ThreadPoolExecutor,
 )
 from contextlib import closing
+from importlib import import_module
 from pathlib import Path
 from threading import Event
 
@@ -24,7 +25,6 @@ import pytest
 import sweep_cases
 from threadpoolctl import threadpool_limits
 
-import skfem_textile.sweep
 from skfem_textile.sweep import Processes, SweepError, sweep
 
 ROOT = Path(__file__).parents[1]
@@ -367,7 +367,8 @@ def test_of_many_failures_some_are_named_and_all_are_counted():
 
 
 def test_cases_are_taken_as_they_are_needed(monkeypatch):
-    monkeypatch.setattr(skfem_textile.sweep, "_AT_ONCE", 8)
+    module = import_module("skfem_textile.sweep.sweep")
+    monkeypatch.setattr(module, "_AT_ONCE", 8)
     counter = iter(range(9999))
     with ThreadPoolExecutor(2) as executor:
         found = sweep(sweep_cases.square, counter, executor)
