@@ -52,7 +52,7 @@ def main():
         f"weight    {-down[1]:.3f} N, balanced at load factor {states[0].load_factor}"
     )
     assert off(states[0], down) < 1e-9
-    assert off(states[-1], down + [0.0, 0.5 * length]) < 1e-9
+    assert off(states[-1], down + np.array([0.0, 0.5 * length])) < 1e-9
 
     # A load that follows sin²(πt/2).
     wave = Traction("right", (0.0, 0.5), factor=lambda t: sin(pi * t / 2) ** 2)

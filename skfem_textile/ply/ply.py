@@ -210,17 +210,19 @@ class Ply(Measures):
         return -self._forces(loads, u, t)
 
     def tangent(
-        self, u: ndarray, t: float = 1.0, tension: ndarray | None = None
+        self, u: ndarray, tension: ndarray | None = None, t: float = 1.0
     ) -> csr_matrix:
         """Derivative of the residual in N/mm.
 
         Parameters
         ----------
-        u, t
-            Displacement and load factor.
+        u
+            Displacement.
         tension
             Fibre tensions to use in the geometric stiffness instead of those of
             ``u``, shape (2, n_elements, n_points).
+        t
+            Load factor.
         """
         if self._tension and tension is not None:
             tension = self._tension.arrange(tension)
