@@ -1,0 +1,5 @@
+"""The families of trials."""
+
+from .trial import Family
+
+FAMILIES: tuple[Family, ...] = ()
