@@ -203,7 +203,8 @@ class _File:
         elif keyword == "METADATA":
             self._skip_metadata()
         elif keyword == "FIELD":
-            self._field(*given)
+            _, number = given
+            self._field(_whole(number))
         else:
             self._data(keyword, given)
 
@@ -237,9 +238,9 @@ class _File:
         blank = re.compile(rb"\n[ \t\r]*(\n|$)").search(self._content, self._at - 1)
         self._at = blank.end() if blank else len(self._content)
 
-    def _field(self, _: str, number: str) -> None:
+    def _field(self, number: int) -> None:
         """Read arrays that say themselves how long they are."""
-        for _ in range(_whole(number)):
+        for _ in range(number):
             words = self.line() or []
             while words[:1] == ["METADATA"]:
                 self._skip_metadata()
@@ -261,7 +262,7 @@ class _File:
             table, _ = self.line() or ("", "")
             if table.upper() != "LOOKUP_TABLE":
                 raise MeshError("LOOKUP_TABLE must follow")
-            self._keep(name, count, _whole(*given[2:] or ["1"]), _type(given[1]))
+            self._keep(name, count, _whole(given[2] if given[2:] else "1"), _type(given[1]))
         else:
             self._keep(name, count, _COMPONENTS[keyword], _type(given[1]))
 
