@@ -222,7 +222,7 @@ def _members(data: list[list[bytes]], generate: bool, most: int) -> ndarray:
 
 def _mesh(deck: _Deck) -> meshio.Mesh:
     if deck.tags is None or not deck.blocks:
-        raise MeshError(f"it has no *{'ELEMENT' if deck.blocks else 'NODE'}")
+        raise MeshError(f"it has no *{'NODE' if deck.tags is None else 'ELEMENT'}")
     refuse_twice(deck.tags, "node")
     numbers = np.concatenate([numbers for _, numbers, _, _ in deck.blocks])
     refuse_twice(numbers, "element")

@@ -24,7 +24,10 @@ _KINDS = {
 _READ = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
 
 # Of a group: dimension, number, and its name.
-_GROUP = re.compile(r'\s*(\d{1,9})\s+(\d{1,9})\s+"([^"]+)"\s*', re.ASCII)
+_GROUP = re.compile(r'[ \t]*([0-9]{1,9})[ \t]+([0-9]{1,9})[ \t]+"([^"]+)"[ \t\r]*')
+
+# What may stand around a line.
+_BLANK = b" \t\r\n"
 
 _Numbers = Words | Bytes
 _Names = dict[tuple[int, int], str]
@@ -94,7 +97,7 @@ def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
     at = 0
     while at < len(content):
         end = content.find(b"\n", at) + 1 or len(content)
-        line, at = content[at:end].strip(), end
+        line, at = content[at:end].strip(_BLANK), end
         shown = printable(line[:30].decode(errors="replace"))
         if not line:
             continue
@@ -105,7 +108,7 @@ def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
         if close < 0:
             raise MeshError(f"the end of {shown} is missing")
         at = content.find(b"\n", close) + 1 or len(content)
-        if content[close:at].strip() != last:
+        if content[close:at].strip(_BLANK) != last:
             raise MeshError(f"{shown} does not end with its line")
         yield line[1:].decode(errors="replace"), content[end:close]
 
@@ -141,7 +144,7 @@ def _group_names(body: bytes) -> _Names:
         found = _GROUP.fullmatch(line)
         if found is None or int(found[1]) > 3:
             shown = printable(line[:60].strip())
-            raise MeshError(f"$PhysicalNames: {shown} is no group")
+            raise MeshError(f"$PhysicalNames: {shown} is no dimension, number and name")
         if found[3] in names.values():
             raise MeshError(f"two groups are named {found[3]!r}; name them apart")
         if (key := (int(found[1]), int(found[2]))) in names:

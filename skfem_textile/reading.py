@@ -1,4 +1,4 @@
-"""Meshes from files, in any format that meshio knows."""
+"""Meshes from files: of Gmsh, Abaqus and VTK, and others that meshio knows."""
 
 import contextlib
 import io
@@ -183,8 +183,7 @@ def _name_groups(content: _Content, raw: meshio.Mesh, plane: list[int]) -> None:
 def _groups(raw: meshio.Mesh) -> Iterator[tuple[str, int, ndarray]]:
     """Named groups of cells: name, block of cells, numbers in the block.
 
-    Of Gmsh's files of version 4.1 meshio gives them as sets, and the first of each
-    cell once more as tags.
+    Of files that were made from Gmsh's, as .xdmf, meshio gives them as tags.
     """
     sets: Any = {n: s for n, s in raw.cell_sets.items() if not n.startswith("gmsh:")}
     tags: Any = raw.cell_data.get("gmsh:physical", [])

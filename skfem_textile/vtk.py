@@ -17,6 +17,8 @@ from .naming import printable
 #: Data of cells by which scikit-fem writes names begin so.
 SKFEM = "skfem:"
 
+_VERSIONS = ("1.0", "2.0", "3.0", "4.0", "4.1", "4.2", "5.1")
+
 # Nodes of the cells that can be used, by VTK's number.
 _CORNERS = {1: 1, 3: 2, 5: 3, 9: 4}
 
@@ -65,7 +67,7 @@ def cells_of(
     if not np.array_equal(np.diff(offsets), corners):
         raise MeshError("a cell has not as many nodes as its type")
     breaks = np.flatnonzero(np.diff(types)) + 1
-    blocks = []
+    blocks: list[tuple[str, ndarray]] = []
     for some in np.split(np.arange(len(types)), breaks) if len(types) else ():
         nodes = connectivity[offsets[some[0]] : offsets[some[-1] + 1]]
         kind = vtk_to_meshio_type[int(types[some[0]])]
@@ -78,8 +80,9 @@ def mesh_of(
 ) -> meshio.Mesh:
     """The mesh with data of its cells, each of shape (n,) or (n, m)."""
     ends = np.cumsum([len(nodes) for _, nodes in cells])[:-1]
-    by_block = {name: np.split(values, ends) for name, values in data.items()}
-    return meshio.Mesh(points, cells, cell_data=by_block)
+    blocks: Any = cells
+    by_block: Any = {name: np.split(values, ends) for name, values in data.items()}
+    return meshio.Mesh(points, blocks, cell_data=by_block)
 
 
 def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
@@ -135,7 +138,7 @@ class _File:
         if head is None:
             raise MeshError("it does not begin as a file of VTK")
         version = head[1].decode()
-        if (version[0] not in "1234" and version != "5.1") or len(version) > 3:
+        if version not in _VERSIONS:
             raise MeshError(f"version {version[:9]} of VTK's files is not read")
         self._content, self._at = content, head.end()
         self._as_bytes = head[2].upper() == b"BINARY"
@@ -262,7 +265,8 @@ class _File:
             table, _ = self.line() or ("", "")
             if table.upper() != "LOOKUP_TABLE":
                 raise MeshError("LOOKUP_TABLE must follow")
-            self._keep(name, count, _whole(given[2] if given[2:] else "1"), _type(given[1]))
+            components = _whole(given[2]) if given[2:] else 1
+            self._keep(name, count, components, _type(given[1]))
         else:
             self._keep(name, count, _COMPONENTS[keyword], _type(given[1]))
 
@@ -270,8 +274,8 @@ class _File:
         """Read an array, and keep it if scikit-fem wrote names in it."""
         values = self.numbers(count * components, kind)
         if self._of_cells and name.startswith(SKFEM):
-            if count != self._count or name in self.data:
-                raise MeshError("it is not as long as the cells, or there twice")
+            if (count, components) != (self._count, 1) or name in self.data:
+                raise MeshError("it is not one number for each cell, or there twice")
             self.data[name] = values
         else:
             self.ignored.append(name)

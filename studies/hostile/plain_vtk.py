@@ -181,7 +181,8 @@ class _Reader:
         """Read an array; keep it if it holds names."""
         values = self.numbers(size * count, kind)
         if self.of_cells and name.startswith("skfem:"):
-            demand(name not in self.data, "names twice")
+            demand(name not in self.data and size == 1, "names twice, or long")
+            demand(count == self.count, "length of names")
             self.data[name] = values
 
 

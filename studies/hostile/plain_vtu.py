@@ -89,7 +89,7 @@ class _Reader:
         held, left = self.held(text, self.raw and way == "appended")
         demand(way == "appended" or not left, "an array is too long")
         form = f"{self.order}{count}{code}"
-        demand(len(held) == struct.calcsize(form), "size of an array")
+        demand(len(held) == count * struct.calcsize(f"<{code}"), "size of an array")
         return list(struct.unpack(form, held))
 
     def held(self, text: bytes, raw: bool) -> tuple[bytes, bytes]:
