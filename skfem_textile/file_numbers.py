@@ -1,6 +1,7 @@
 """Numbers in files, as text or as bytes: all that are due, and nothing else."""
 
-from typing import Any
+import contextlib
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy import ndarray
@@ -19,16 +20,12 @@ def from_words(words: list[bytes], dtype: Any) -> ndarray:
     """
     dtype = np.dtype(dtype)
     parse: Any = float if dtype.kind == "f" else int
-    numbers = []
-    for word in words:
-        try:
-            if b"_" in word:  # Python's own way to write long numbers
-                raise ValueError
-            numbers.append(parse(word))
-        except ValueError:
-            kind = "number" if parse is float else "whole number"
-            shown = printable(word[:30].decode(errors="replace"))
-            raise MeshError(f"{shown!r} is no {kind}") from None
+    try:
+        numbers = list(map(parse, words))
+    except ValueError:
+        _refuse_words(words, parse)
+    if b"_" in b"".join(words):  # Python's own way to write long numbers
+        _refuse_words(words, parse)
     if parse is float:
         with np.errstate(over="ignore"):  # then infinite, and refused as such
             return np.array(numbers, dtype=float).astype(dtype)
@@ -37,6 +34,19 @@ def from_words(words: list[bytes], dtype: Any) -> ndarray:
         if not bounds.min <= number <= bounds.max:
             raise MeshError(f"the number {str(number)[:30]} is too large")
     return np.array(numbers, dtype=dtype)
+
+
+def _refuse_words(words: list[bytes], parse: Any) -> NoReturn:
+    """Name the first word that is no number."""
+    for word in words:
+        with contextlib.suppress(ValueError):
+            if b"_" not in word:
+                parse(word)
+                continue
+        break
+    kind = "number" if parse is float else "whole number"
+    shown = printable(word[:30].decode(errors="replace"))
+    raise MeshError(f"{shown!r} is no {kind}")
 
 
 class Words:
@@ -50,13 +60,17 @@ class Words:
         """How many words are left."""
         return len(self._words) - self._at
 
-    def take(self, count: int, dtype: Any) -> ndarray:
-        """The next numbers, of a type, shape (count,)."""
+    def words(self, count: int) -> list[bytes]:
+        """The next words."""
         if not 0 <= count <= self.left:
             raise MeshError(f"{count} numbers are due where {self.left} are left")
         words = self._words[self._at : self._at + count]
         self._at += count
-        return from_words(words, dtype)
+        return words
+
+    def take(self, count: int, dtype: Any) -> ndarray:
+        """The next numbers, of a type, shape (count,)."""
+        return from_words(self.words(count), dtype)
 
     def end(self) -> None:
         """Refuse that there are more numbers."""

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping
-from itertools import islice
 from typing import Any
 
 import meshio
@@ -31,8 +30,6 @@ _TYPES = {
 
 # Numbers that data of these kinds have for each point or cell.
 _COMPONENTS = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "TENSORS6": 6}
-
-_WORD = re.compile(rb"\S+")
 
 
 def cells_of(
@@ -165,11 +162,12 @@ class _File:
             taken = rest.take(count, f">{dtype}")
             self._at += taken.nbytes
             return taken.astype(dtype)
-        found = list(islice(_WORD.finditer(self._content, self._at), max(count, 0)))
-        if len(found) != count:
-            raise MeshError(f"{count} numbers are due where {len(found)} are left")
-        self._at = found[-1].end() if found else self._at
-        return from_words([word[0] for word in found], dtype)
+        words: list[bytes] = self._content[self._at :].split(None, count)
+        if len(words) < count:
+            raise MeshError(f"{count} numbers are due where {len(words)} are left")
+        if count:
+            self._at = len(self._content) - sum(map(len, words[count:]))
+        return from_words(words[:count], dtype)
 
     def read(self, words: list[str]) -> None:
         """Read what a line with these words begins."""

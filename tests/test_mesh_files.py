@@ -34,7 +34,7 @@ def refused(path, message):
     ("name", "old", "new", "message"),
     [
         ("quads22.msh", b"$Nodes\n15", b"$Nodes\n14", r"\$Nodes: 4 more words"),
-        ("quads22.msh", b"$Nodes\n15", b"$Nodes\n16", r"\$Nodes: 1 numbers are due"),
+        ("quads22.msh", b"$Nodes\n15", b"$Nodes\n16", r"\$Nodes: 64 numbers are due"),
         ("quads22.msh", b"Elements\n23", b"Elements\n22", r"\$Elements: 9 more words"),
         ("quads22.msh", b"Names\n6", b"Names\n5", "must count its 6 names"),
         ("quads22.msh", b"$EndElements", b"", r"the end of \$Elements is missing"),
