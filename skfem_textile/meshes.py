@@ -19,6 +19,9 @@ _NEGLIGIBLE = 1e-9
 # Areas of cells further out than this overflow.
 _FAR = 1e100
 
+# Areas of cells with shorter edges vanish, or overflow when they divide.
+_SHORT = 1e-100
+
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
 
@@ -196,7 +199,7 @@ def _inverted(mesh: Mesh, jacobian: ndarray) -> ndarray:
 def _collapsed(mesh: Mesh) -> ndarray:
     """Elements with an edge of no length."""
     length = _edge_lengths(mesh)
-    return length.min(axis=0) <= _NEGLIGIBLE * length.max(axis=0)
+    return length.min(axis=0) <= np.maximum(_NEGLIGIBLE * length.max(axis=0), _SHORT)
 
 
 def _edge_lengths(mesh: Mesh) -> ndarray:

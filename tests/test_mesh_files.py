@@ -100,6 +100,13 @@ def written(folder, name, **how):
     return path
 
 
+@pytest.mark.parametrize("exponent", [-300, -160, -101])
+def test_meshes_too_small_to_be_computed_on_are_refused(tmp_path, exponent):
+    points = POINTS * 10.0**exponent
+    meshio.Mesh(points, {"quad": QUADS}).write(tmp_path / "m.vtu")
+    refused(tmp_path / "m.vtu", r"2 quadrilateral\(s\) inverted or degenerate")
+
+
 VTU = [
     (b'NumberOfCells="2"', b'NumberOfCells="3"', "'types': 3 numbers are due"),
     (b'NumberOfPoints="6"', b'NumberOfPoints="5"', "'Points': 3 more words"),

@@ -38,6 +38,10 @@ _PLAIN: dict[str, Callable[[bytes], Plain]] = {
 _WRONG_SUFFIX = 60
 _SUFFIXES = (*_PLAIN, ".mesh", ".txt", "")
 
+# One in so many meshes is of any size between these powers of ten.
+_ODD_SIZE = 40
+_EXPONENTS = (-300, 300)
+
 # Begins what is printed, or a warning that is none of the log.
 _LOUD = "aloud: "
 
@@ -71,8 +75,9 @@ def _attempt(name: str, seed: int, folder: Path) -> Finding:
     """Write a file of a format, damage it, and read it."""
     form = _FORMATS[name]
     rng = np.random.default_rng([list(_FORMATS).index(name), seed])
-    content, one_kind = _good(form, rng)
+    content, one_kind, odd = _good(form, rng)
     content, damage = damaged(content, rng)
+    damage += odd
     path = folder / f"mesh{form.suffix}"
     if rng.integers(0, _WRONG_SUFFIX) == 0:
         path = folder / f"mesh{rng.choice(_SUFFIXES)}"
@@ -81,12 +86,16 @@ def _attempt(name: str, seed: int, folder: Path) -> Finding:
     return judged(path, not (one_kind and rng.integers(0, 2)), damage, rng)
 
 
-def _good(form: _Format, rng: Generator) -> tuple[bytes, bool]:
-    """A file that is right, and whether its cells are of one kind."""
+def _good(form: _Format, rng: Generator) -> tuple[bytes, bool, str]:
+    """A file that is right, whether its cells are of one kind, and what is odd."""
     if form.by_gmsh and rng.integers(0, 8) == 0:
-        return rng.choice(sorted(MESHES.glob(form.by_gmsh))).read_bytes(), True
+        return rng.choice(sorted(MESHES.glob(form.by_gmsh))).read_bytes(), True, ""
     mesh = good_mesh(rng, form.suffix in (".vtu", ".vtk") and bool(rng.integers(0, 2)))
-    return form.write(mesh, rng), len(mesh.kinds) == 1
+    odd = ""
+    if rng.integers(0, _ODD_SIZE) == 0:
+        mesh.points *= 10.0 ** rng.integers(*_EXPONENTS)
+        odd = " size"
+    return form.write(mesh, rng), len(mesh.kinds) == 1, odd
 
 
 def judged(path: Path, split: bool, damage: str, rng: Generator) -> Finding:

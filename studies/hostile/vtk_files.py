@@ -10,7 +10,7 @@ from numpy.random import Generator
 from .good_meshes import Good
 
 _TYPES = {3: 5, 4: 9}
-_CODES = {"Float64": "d", "Float32": "f", "Int64": "q", "Int32": "i", "UInt8": "B"}
+_CODES = {"Float64": "f8", "Float32": "f4", "Int64": "i8", "Int32": "i4", "UInt8": "u1"}
 
 
 def _named(mesh: Good) -> dict[str, list[int]]:
@@ -43,7 +43,8 @@ def vtu(mesh: Good, rng: Generator) -> bytes:
     def array(name: str, kind: str, values: list, components: int = 1) -> str:
         text = f'<DataArray type="{kind}" Name="{name}" '
         text += f'NumberOfComponents="{components}" '
-        held = struct.pack(f"{order}{len(values)}{_CODES[kind]}", *values)
+        with np.errstate(over="ignore"):  # of numbers in single precision
+            held = np.array(values).astype(order + _CODES[kind]).tobytes()
         if way == "ascii":
             return f'{text}format="ascii">{" ".join(map(str, values))}</DataArray>\n'
         if way == "zlib":
