@@ -67,7 +67,8 @@ class Base64(Raw):
 
     def ends_after(self, count: int) -> bool:
         """Whether a run of so many bytes ends there."""
-        return count % 3 > 0 and super().peek(self._length(count))[-1:] == b"="
+        end = b"=" * (-count % 3)
+        return bool(end) and super().peek(self._length(count)).endswith(end)
 
     def end(self) -> None:
         """Refuse that there is more."""

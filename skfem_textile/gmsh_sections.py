@@ -50,6 +50,8 @@ def _count_22(numbers: Numbers) -> int:
     """How many nodes or elements there are; always as text."""
     words = Words(numbers.line()) if isinstance(numbers, Bytes) else numbers
     (count,) = words.take(1, "i4").tolist()
+    if words is not numbers:
+        words.end()
     return count
 
 

@@ -125,6 +125,8 @@ class _File:
         if appended:
             found = _only(root, "AppendedData")
             self._raw = _choice(found, "encoding", "", ("raw", "base64")) == "raw"
+            if (found.text or "").strip():
+                raise MeshError("appended data must begin with '_'")
 
     def array(self, element: Element, count: int, whole: bool = False) -> ndarray:
         """The numbers of an array, shape (count,)."""

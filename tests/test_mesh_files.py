@@ -1,5 +1,6 @@
 """Files that depart from their format are refused, and those that do not are read."""
 
+from base64 import b64encode
 from pathlib import Path
 
 import meshio
@@ -8,6 +9,7 @@ import pytest
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import MeshError
+from skfem_textile.encoded import Base64, plain
 from skfem_textile.io import read_mesh
 
 MESHES = Path(__file__).parent / "meshes"
@@ -65,6 +67,13 @@ def test_damaged_files_of_gmsh_and_abaqus_are_refused(
     tmp_path, name, old, new, message
 ):
     refused(changed(tmp_path, name, old, new), message)
+
+
+def test_a_count_before_bytes_stands_alone(tmp_path):
+    path = written(tmp_path, "m.msh", file_format="gmsh22")
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b"$Nodes\n6\n", b"$Nodes\n6 6\n"))
+    refused(path, r"\$Nodes: 1 more words")
 
 
 @pytest.mark.parametrize("name", ["quads41b.msh", "quads22.msh", "quads.inp"])
@@ -141,6 +150,23 @@ def test_every_character_of_encoded_arrays_counts(tmp_path, compression):
     for at in (start + 8, (start + end) // 2, end - 4):
         path.write_bytes(content[:at] + content[at + 1 :])
         refused(path, "array 'Points'")
+
+
+def test_one_byte_after_its_count_is_read():
+    """Together they end with padding, as the count alone does."""
+    header = np.dtype("<u4")
+    one, count = b"\x09", np.array(1, header).tobytes()
+    assert plain(Base64(b64encode(count + one)), header) == one
+    assert plain(Base64(b64encode(count) + b64encode(one)), header) == one
+
+
+def test_appended_data_begin_with_their_mark(tmp_path):
+    path = tmp_path / "m.vtu"
+    path.write_text(
+        '<VTKFile type="UnstructuredGrid"><AppendedData encoding="raw">\n$_1'
+        "</AppendedData></VTKFile>"
+    )
+    refused(path, "appended data must begin with '_'")
 
 
 @pytest.mark.parametrize("binary", [True, False])

@@ -98,7 +98,7 @@ class _Reader:
         (count,) = struct.unpack(self.order + self.head, _bytes(text, size, raw)[:size])
         if self.unpack is None:
             alone = -(-size // 3) * 4
-            if not raw and text[alone - 1 : alone] == b"=":
+            if not raw and text[:alone].endswith(b"=" * (-size % 3)):
                 return _run(text[alone:], count, raw)
             found, left = _run(text, size + count, raw)
             return found[size:], left
