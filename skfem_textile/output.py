@@ -10,7 +10,7 @@ class OutputError(OSError):
 
 
 def say(text: str, end: str = "\n") -> None:
-    """Print to stdout at once.
+    """Print to stdout at once; characters that it does not have by their codes.
 
     Raises
     ------
@@ -19,8 +19,10 @@ def say(text: str, end: str = "\n") -> None:
     OutputError
         If it cannot be printed for another reason.
     """
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    shown = text.encode(encoding, "backslashreplace").decode(encoding)
     try:
-        print(text, end=end, flush=True)
+        print(shown, end=end, flush=True)
     except BrokenPipeError:
         raise
     except OSError as error:

@@ -200,23 +200,24 @@ class LoadStepper:
         if saved:
             self._go_on(saved)
             return
-        if resume:
-            log.warning("nothing to resume: the run starts from the undeformed ply")
         problem.ply.reset()
-        if checkpoint:
-            checkpoint.begin()
+        u = problem.ply.basis.zeros()
         with np.errstate(all="ignore"):  # what is not finite is caught
-            self._rest()
+            f, energies = problem.residual(u), problem.ply.energies(u)
+            if not np.isfinite([*f, *energies.values()]).all():
+                raise ValueError("a law has no finite energy or force at rest: mend it")
+            if checkpoint:
+                checkpoint.begin()
+            if resume:
+                log.warning("nothing to resume: the run starts from the undeformed ply")
+            self._rest(u, f, energies)
 
-    def _rest(self) -> None:
+    def _rest(self, u: ndarray, f: ndarray, energies: Mapping[str, float]) -> None:
         """Keep the state at the load factor 0: balanced, and held as conditions ask.
 
         A ply at rest may have motions without stiffness, but none that gains energy.
         """
-        problem, u = self.problem, self.problem.ply.basis.zeros()
-        f, energies = problem.residual(u), problem.ply.energies(u)
-        if not (np.isfinite(f).all() and np.isfinite(list(energies.values())).all()):
-            raise ValueError("a law has no finite energy or force at rest: mend it")
+        problem = self.problem
         tangent, unbalanced = tangent_at(problem, u), problem.unbalanced(f)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
         undeformed = Equilibrium(u, f, (unbalanced,), tolerance)

@@ -1,5 +1,6 @@
 """The families of trials."""
 
+from . import option_trials
 from .trial import Family
 
-FAMILIES: tuple[Family, ...] = ()
+FAMILIES: tuple[Family, ...] = (option_trials.FAMILY,)
