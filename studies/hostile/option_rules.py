@@ -69,7 +69,11 @@ def made(read: Read) -> tuple[list[int], float, int]:
 def _refuse_folder(word: str) -> None:
     """Refuse a path at which no folder can be, or be made."""
     path = os.path.abspath(word)
-    if "\0" in word or any(len(os.fsencode(x)) > 255 for x in Path(path).parts):
+    try:
+        longest = max(len(os.fsencode(part)) for part in Path(path).parts)
+    except UnicodeEncodeError as error:
+        raise Unreadable(str(error)) from None
+    if "\0" in word or longest > 255:
         raise Unreadable("no path")
     while not os.path.lexists(path):
         path = os.path.dirname(path)
