@@ -213,7 +213,7 @@ class Macro(_Quadrilaterals):
 
     def __post_init__(self) -> None:
         _refuse("stabilisation", self.stabilisation, " or 'auto'")
-        if np.shape(self.deviation) != (2,):
+        if np.shape(np.asarray(self.deviation, dtype=object)) != (2,):
             raise ValueError(
                 "deviation must be a pair (triangles, quadrilaterals), got "
                 f"{self.deviation}"
@@ -325,7 +325,7 @@ def _mean_tension_term(
 
 def _refuse(name: str, value: float | str, also: str = "") -> None:
     """Refuse what is no stiffness, nor ``auto`` where that may be."""
-    if also and value == "auto":
+    if also and isinstance(value, str) and value == "auto":
         return
     if not isinstance(value, Real) or not (np.isfinite(value) and value >= 0):
         raise ValueError(f"{name} must be a finite number >= 0{also}, got {value}")
