@@ -1,4 +1,4 @@
-"""What a user gives and what a user's functions answer, or one line on what is wrong."""
+"""What a user gives, and what a user's functions answer, refused in one line."""
 
 from collections.abc import Callable
 from typing import Any

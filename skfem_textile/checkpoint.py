@@ -77,7 +77,9 @@ class Checkpoint:
         try:
             self.folder, self._problem = Path(folder), problem
         except TypeError:
-            raise CheckpointError(f"checkpoint must be a folder, not {folder!r}") from None
+            raise CheckpointError(
+                f"checkpoint must be a folder, not {folder!r}"
+            ) from None
         if "\0" in str(folder):
             raise CheckpointError(f"checkpoint {str(folder)!r} is no path")
         given = {"format": _FORMAT, **settings, **fingerprint.settings(problem)}

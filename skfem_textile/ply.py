@@ -63,8 +63,9 @@ class Ply:
     MeshError
         If the mesh is not sound, or not of the cells of the formulation.
     ValueError
-        If the fabric is none or has no stiffness at all, the formulation is none, a fibre direction is not valid somewhere
-        on the mesh, or the parts of a law contradict each other (`check_laws`).
+        If the fabric or the formulation is none, the fabric has no stiffness at all, a
+        fibre direction is not valid somewhere on the mesh, or the parts of a law
+        contradict each other (`check_laws`).
 
     Examples
     --------
@@ -78,10 +79,12 @@ class Ply:
 
     def __init__(self, mesh: Mesh, fabric: Fabric, formulation: Formulation) -> None:
         if not isinstance(fabric, Fabric):
-            raise ValueError(f"fabric must be a Fabric, like Fabric(1e4), not {fabric!r}")
+            raise ValueError(
+                f"fabric must be a Fabric, like Fabric(1e4), not {fabric!r}"
+            )
         if isinstance(formulation, type) or not hasattr(formulation, "tension_term"):
             raise ValueError(
-                f"formulation must be one, like Full() or OnePoint(), not {formulation!r}"
+                f"formulation must be like Full() or OnePoint(), not {formulation!r}"
             )
         self.mesh = mesh
         self.fabric = fabric

@@ -116,9 +116,7 @@ def cut(mesh: MeshQuad) -> MeshTri:
     (2, ['bottom', 'left', 'right', 'top'])
     """
     if getattr(mesh, "elem", None) != ElementQuad1:
-        raise ValueError(
-            f"only a skfem.MeshQuad can be cut, not {type(mesh).__name__}"
-        )
+        raise ValueError(f"only a skfem.MeshQuad can be cut, not {type(mesh).__name__}")
     refuse_nodes(mesh.p, [mesh.t])
     triangles = replace(mesh, t=_turned(mesh)).to_meshtri()
     return with_named_nodes(triangles, named_nodes(mesh))

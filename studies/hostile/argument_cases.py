@@ -99,7 +99,9 @@ _FABRICS = {
     "warp turned": _fabric("warp", warp=np.ones((9, 2)) * [1, 0]),
     "weft zero once": _fabric("weft", weft=np.eye(9)[[8, 0]]),
     "weft parallel": _fabric("parallel", weft=(-2, 0)),
-    "weft parallel once": _fabric("parallel", weft=lambda x: np.array([x[0], 0 * x[0]])),
+    "weft parallel once": _fabric(
+        "parallel", weft=lambda x: np.array([x[0], 0 * x[0]])
+    ),
     "warp fails": _fabric("warp", warp=_fails),
     "warp gives None": _fabric("warp", warp=lambda x: None),
     "warp gives too much": _fabric("warp", warp=lambda x: np.ones((3, 3))),
@@ -149,9 +151,15 @@ def _formulation(names: str, make: Callable[[], Any]) -> Case:
 
 _PLIES = {
     "no mesh": _ply("mesh", lambda b: None, lambda b: b.fabric, lambda b: Full()),
-    "a mesh in a word": _ply("mesh", lambda b: "m", lambda b: b.fabric, lambda b: Full()),
-    "a number for a fabric": _ply("abric", lambda b: b.mesh, lambda b: 1.0, lambda b: Full()),
-    "a class for a fabric": _ply("abric", lambda b: b.mesh, lambda b: Fabric, lambda b: Full()),
+    "a mesh in a word": _ply(
+        "mesh", lambda b: "m", lambda b: b.fabric, lambda b: Full()
+    ),
+    "a number for a fabric": _ply(
+        "abric", lambda b: b.mesh, lambda b: 1.0, lambda b: Full()
+    ),
+    "a class for a fabric": _ply(
+        "abric", lambda b: b.mesh, lambda b: Fabric, lambda b: Full()
+    ),
     "a formulation in a word": _formulation("ormulation", lambda: "full"),
     "a formulation's class": _formulation("ormulation", lambda: OnePoint),
     "no formulation": _formulation("ormulation", lambda: None),

@@ -10,7 +10,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, Result
 
-from .mechanics import Wrong
+from .mechanics import WrongError
 from .sheets import jittered, sheet
 
 #: Fibre stiffness, shear stiffness and stabilisation in N/mm.
@@ -99,24 +99,24 @@ def check_result(result: Result, moves: Moves) -> None:
 
     Raises
     ------
-    Wrong
+    WrongError
         If it is wrong.
     """
     ply, u = result.ply, result.ply.nodal(result.u)
     if not np.isfinite(result.u).all():
-        raise Wrong("displacements that are not finite")
+        raise WrongError("displacements that are not finite")
     for nodes, direction, value in moves:
         n = np.array(direction) / np.hypot(*direction)
         off = np.abs(n @ u[:, nodes] - value).max()
         if not off <= 1e-9 * (1 + np.abs(value).max()):
-            raise Wrong(f"nodes {nodes} are off by {off} mm")
+            raise WrongError(f"nodes {nodes} are off by {off} mm")
     f = ply.nodal(ply.residual(result.u))
     largest = np.abs(f).max() + 1e-6
     if not np.abs(f.sum(axis=1)).max() <= 1e-9 * largest * len(f[0]):
-        raise Wrong("forces that do not sum to nothing")
+        raise WrongError("forces that do not sum to nothing")
     if not moves:
         return
     held = np.unique(np.concatenate([nodes for nodes, _, _ in moves]))
     free = np.setdiff1d(np.arange(u.shape[1]), held)
     if not np.abs(f[:, free]).max(initial=0.0) <= 1e-6 * largest:
-        raise Wrong(f"free nodes carry {np.abs(f[:, free]).max()} N")
+        raise WrongError(f"free nodes carry {np.abs(f[:, free]).max()} N")

@@ -25,7 +25,9 @@ def gradients(X: ndarray, quads: ndarray, at: ndarray) -> tuple[ndarray, ndarray
 def areas(X: ndarray, cells: ndarray) -> ndarray:
     """Areas of polygons, shape (n,); ``cells`` has the shape (n_corners, n)."""
     x, y = X[:, cells] - X[:, cells[:1]]
-    return abs((x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)).sum(axis=0)) / 2
+    return (
+        abs((x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)).sum(axis=0)) / 2
+    )
 
 
 def deformation(X: ndarray, x: ndarray, quads: ndarray, at: ndarray) -> ndarray:

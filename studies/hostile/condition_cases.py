@@ -44,7 +44,9 @@ def _vector(value: Any) -> Case:
 
 
 def _both(one: Condition, other: Condition) -> Case:
-    return Case(lambda b: b.run({"clamp": b.clamp, "c": one, "d": other}), "'c' and 'd'")
+    return Case(
+        lambda b: b.run({"clamp": b.clamp, "c": one, "d": other}), "'c' and 'd'"
+    )
 
 
 def _all(conditions: Any, names: str = "condition") -> Case:
@@ -61,7 +63,9 @@ class _Odd:
 
 
 _REFUSED = {
-    **{f"on {where!r}": _where(where) for where in ("inside", "", "bottom\n", "Bottom")},
+    **{
+        f"on {where!r}": _where(where) for where in ("inside", "", "bottom\n", "Bottom")
+    },
     "on None": _where(None),
     "on half a node": _where(3.5),
     "on no number": _where([_NAN]),
@@ -157,7 +161,10 @@ def _right(X: Any) -> Any:
 
 
 def _every_node(bench: Bench) -> Moves:
-    return [(np.arange(16), (1, 0), 0.03 * bench.mesh.p[1]), (np.arange(16), (0, 1), 0.0)]
+    return [
+        (np.arange(16), (1, 0), 0.03 * bench.mesh.p[1]),
+        (np.arange(16), (0, 1), 0.0),
+    ]
 
 
 _SOUND = {

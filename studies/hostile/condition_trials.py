@@ -10,7 +10,7 @@ from skfem_textile import Result, StepError
 
 from . import argument_cases, condition_cases
 from .bench import Bench, Case, check_result
-from .mechanics import Wrong
+from .mechanics import WrongError
 from .trial import RIGHT, SILENT, Family, Finding, refused, surprised
 
 _CASES = {**condition_cases.CASES, **argument_cases.CASES}
@@ -53,7 +53,7 @@ def _judge(name: str, found: Result, moves: object) -> Finding:
     try:
         with np.errstate(all="ignore"):
             check_result(found, moves)
-    except Wrong as wrong:
+    except WrongError as wrong:
         return Finding(SILENT, name, str(wrong))
     return Finding(RIGHT, name)
 

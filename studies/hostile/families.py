@@ -3,4 +3,8 @@
 from . import condition_trials, mesh_trials, option_trials
 from .trial import Family
 
-FAMILIES: tuple[Family, ...] = (option_trials.FAMILY, mesh_trials.FAMILY, condition_trials.FAMILY)
+FAMILIES: tuple[Family, ...] = (
+    option_trials.FAMILY,
+    mesh_trials.FAMILY,
+    condition_trials.FAMILY,
+)

@@ -12,8 +12,8 @@ from . import bilinear
 _OFF = 1e-6
 
 
-class Wrong(Exception):
-    """A ply that is not as it must be."""
+class WrongError(Exception):
+    """An answer that is not what it must be."""
 
 
 def check_ply(
@@ -40,7 +40,7 @@ def check_ply(
 
     Raises
     ------
-    Wrong
+    WrongError
         If it differs.
     """
     _check_stretch(ply, fibres, stiffness, rng)
@@ -51,7 +51,7 @@ def check_ply(
 
 def _near(what: str, found: float, expected: float, scale: float) -> None:
     if not abs(found - expected) <= _OFF * scale:
-        raise Wrong(f"{what}: {found}, expected {expected}")
+        raise WrongError(f"{what}: {found}, expected {expected}")
 
 
 def _check_stretch(

@@ -90,7 +90,7 @@ def _unused(rng: Generator) -> Sheet:
 def _hanging(rng: Generator) -> Sheet:
     """Fine cells beside coarse ones, of which they share the corners."""
     given = together(sheet(2, 2), shifted(sheet(2, 4), 4, 0))
-    place, first, number = np.unique(
+    _place, first, number = np.unique(
         given.p.round(6), axis=1, return_index=True, return_inverse=True
     )
     return Sheet(given.p[:, first], number.ravel()[given.t])
@@ -161,14 +161,16 @@ def _only(given: Sheet, cells: ndarray) -> Sheet:
     return Sheet(given.p[:, used], t.reshape(given.t[:, cells].shape))
 
 
-_CUT = dict(low=1.0, high=3.0)
+_CUT = {"low": 1.0, "high": 3.0}
 
 #: The defects by name.
 DEFECTS: dict[str, Defect] = {
     "none": Defect(_sheet, True),
     "two layers": Defect(_layers),
     "a layer turned over": Defect(_turned_over),
-    "a layer shifted by a cell": Defect(lambda r: together(sheet(), shifted(sheet(), 1, 0))),
+    "a layer shifted by a cell": Defect(
+        lambda r: together(sheet(), shifted(sheet(), 1, 0))
+    ),
     "a layer shifted": Defect(lambda r: together(sheet(), shifted(sheet(), 0.3, 1.3))),
     "a patch on the sheet": Defect(
         lambda r: together(sheet(), shifted(sheet(), 1.3, 1.3, 0.1))
@@ -193,7 +195,9 @@ DEFECTS: dict[str, Defect] = {
         lambda r: fans((0, 90, 1), (180, 270, 1)), True, "quads"
     ),
     "corners at one place": Defect(lambda r: together(sheet(), shifted(sheet(), 4, 4))),
-    "fans that overlap": Defect(lambda r: fans((0, 90, 1), (45, 135, 1)), cells="quads"),
+    "fans that overlap": Defect(
+        lambda r: fans((0, 90, 1), (45, 135, 1)), cells="quads"
+    ),
     "a fan in a fan": Defect(lambda r: fans((0, 90, 1), (30, 60, 0.3)), cells="quads"),
     "rolled onto itself": Defect(lambda r: rolled(2 * np.pi * 1.3, 0.0)),
     "rolled, and apart": Defect(lambda r: rolled(2 * np.pi * 1.6, 1.4), True),

@@ -15,7 +15,7 @@ from skfem_textile.formulations import Formulation
 from skfem_textile.io import read_mesh
 from skfem_textile.splitting import cut, split, split_cells
 
-from .mechanics import Wrong, check_ply
+from .mechanics import WrongError, check_ply
 from .mesh_defects import DEFECTS, made
 from .sheets import Sheet
 from .trial import RIGHT, SILENT, Family, Finding, refused, surprised
@@ -55,7 +55,7 @@ def _judged(damage: str, ply: Ply, given: Sheet, rng: Generator) -> Finding:
     try:
         with np.errstate(all="ignore"):
             check_ply(ply, _fibres(ply), (_E, _G), rng, shortest)
-    except Wrong as wrong:
+    except WrongError as wrong:
         return Finding(SILENT, damage, str(wrong))
     return Finding(RIGHT, damage)
 
@@ -66,7 +66,9 @@ def _shortest(given: Sheet) -> float:
 
 
 def _fibres(ply: Ply) -> Any:
-    return np.array([np.arctan2(a[1], a[0]) for a in (ply.fabric.warp, ply.fabric.weft)])
+    return np.array(
+        [np.arctan2(a[1], a[0]) for a in (ply.fabric.warp, ply.fabric.weft)]
+    )
 
 
 def _ply(given: Sheet, way: Callable, folder: Path, rng: Generator) -> Ply:

@@ -32,7 +32,9 @@ def conditions(read: Read) -> set[str]:
     if read.scene == "strip":
         return {"bottom", "right"}
     if read.scene == "bias_extension":
-        return {"bottom", "top"} | ({"axis"} if read.values["part"] == "half" else set())
+        return {"bottom", "top"} | (
+            {"axis"} if read.values["part"] == "half" else set()
+        )
     free = read.values.get("free", [])
     rollers = {side for side, _ in read.values.get("roller", [])}
     driven = next(s for s in ("top", "right", "bottom", "left") if s not in free)
@@ -82,7 +84,9 @@ def _off_clamps(
     return [*off, u[0, on["right"]]] if half else off
 
 
-def _off_frame(v: dict[str, Any], on: dict[str, ndarray], off: ndarray) -> list[ndarray]:
+def _off_frame(
+    v: dict[str, Any], on: dict[str, ndarray], off: ndarray
+) -> list[ndarray]:
     carried, rollers = set(v.get("free", [])), dict(v.get("roller", []))
     carried |= set(rollers)
     held = np.any([on[side] for side in on if side not in carried], axis=0)
@@ -113,4 +117,8 @@ def trellis(read: Read, X: ndarray, t: float) -> ndarray:
 def _arc(start: float, curvature: float, s: ndarray) -> ndarray:
     """∫₀ˢ (cos, sin)(start + curvature s) ds: a chord of an arc, shape (2, n)."""
     half = curvature * s / 2
-    return s * np.sinc(half / np.pi) * np.stack([np.cos(start + half), np.sin(start + half)])
+    return (
+        s
+        * np.sinc(half / np.pi)
+        * np.stack([np.cos(start + half), np.sin(start + half)])
+    )

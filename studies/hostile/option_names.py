@@ -11,7 +11,7 @@ SIDES = ("top", "right", "bottom", "left")
 UNNAMED = True
 
 
-class Unreadable(Exception):
+class UnreadableError(Exception):
     """A line, or a word of it, that has no meaning; it must be refused."""
 
 
@@ -21,7 +21,7 @@ class Option(NamedTuple):
     Parameters
     ----------
     read
-        The meaning of a word; raises `Unreadable` or ValueError if it has none.
+        The meaning of a word; raises `UnreadableError` or ValueError if it has none.
     default
         The meaning if the option is not given.
     words
@@ -41,7 +41,7 @@ def one_of(*names: str) -> Callable[[str], str]:
 
     def read(word: str) -> str:
         if word not in names:
-            raise Unreadable(f"{word!r} is none of {names}")
+            raise UnreadableError(f"{word!r} is none of {names}")
         return word
 
     return read
@@ -50,7 +50,7 @@ def one_of(*names: str) -> Callable[[str], str]:
 def _finite(word: str) -> float:
     number = float(word)
     if not isfinite(number):
-        raise Unreadable(f"{word!r} is not finite")
+        raise UnreadableError(f"{word!r} is not finite")
     return number
 
 
@@ -66,13 +66,13 @@ def _cs(word: str) -> float | str:
 def _roller(word: str) -> list[Any]:
     side, sign, degrees = word.partition("=")
     if not sign:
-        raise Unreadable(f"{word!r} has no =")
+        raise UnreadableError(f"{word!r} has no =")
     return [side, float(degrees)]
 
 
 def _folder(word: str) -> str:
     if not word:
-        raise Unreadable("a folder without a name")
+        raise UnreadableError("a folder without a name")
     return word
 
 
@@ -98,9 +98,7 @@ _LOADED = {
     "shear-law": Option(one_of("linear", "sin2"), "linear"),
     "rotate": Option(_finite, 0.0),
     "steps": Option(int, 20),
-    "strategy": Option(
-        one_of("mixed", "descent", "newton"), ["mixed", "descent"], "+"
-    ),
+    "strategy": Option(one_of("mixed", "descent", "newton"), ["mixed", "descent"], "+"),
     "warn-only": Option(one_of(*_CHECKS), ["work", "stabilisation", "corners"], "*"),
     "solver": Option(one_of("auto", "cholmod", "pardiso", "superlu"), "auto"),
     "checkpoint": Option(_folder, None, "?"),

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from .option_names import OPTIONS, UNNAMED, Option, Unreadable
+from .option_names import OPTIONS, UNNAMED, Option, UnreadableError
 
 
 class Read(NamedTuple):
@@ -25,7 +25,7 @@ class Read(NamedTuple):
     given: set[str]
 
 
-class Asked(Exception):
+class AskedError(Exception):
     """The line asks for help or the version: there is nothing to run."""
 
 
@@ -34,13 +34,13 @@ def read(line: Sequence[str]) -> Read:
 
     Raises
     ------
-    Unreadable
+    UnreadableError
         If it must be refused.
-    Asked
+    AskedError
         If it asks for help.
     """
     if len(line) < 2 or line[1] not in OPTIONS:
-        raise Unreadable("no scene")
+        raise UnreadableError("no scene")
     options = OPTIONS[line[1]]
     values = {
         name: [] if option.often == "all" else option.default
@@ -61,7 +61,7 @@ def read(line: Sequence[str]) -> Read:
             values[name] = found
         given.add(name)
     if "out" not in given:
-        raise Unreadable("no --out")
+        raise UnreadableError("no --out")
     return Read(line[1], values, given)
 
 
@@ -69,22 +69,22 @@ def _name(rest: list[str], options: Mapping[str, Option]) -> tuple[str, str | No
     """The option that the next word names, and what is attached to it."""
     word = rest.pop(0)
     if word == "-h":
-        raise Asked
+        raise AskedError
     if re.fullmatch("-v+", word) and "verbose" in options:
         rest[:0] = [word[:-1]] if word != "-v" else []
         return "verbose", None
     if not is_option(word) or not word.startswith("--"):
-        raise Unreadable(f"{word!r} is no option")
+        raise UnreadableError(f"{word!r} is no option")
     text, sign, attached = word[2:].partition("=")
     if text in options:
         name = text
     else:
         known = [n for n in (*options, "help") if text and n.startswith(text)]
         if len(known) != 1:
-            raise Unreadable(f"{word!r} means {known}")
+            raise UnreadableError(f"{word!r} means {known}")
         (name,) = known
     if name == "help":
-        raise Asked
+        raise AskedError
     return name, attached if sign else None
 
 
@@ -103,7 +103,7 @@ def _words(
     """The words that belong to an option; they are taken off the rest."""
     if option.words == "0":
         if attached is not None:
-            raise Unreadable(f"{name} takes no word")
+            raise UnreadableError(f"{name} takes no word")
         return ["v"]
     if attached is not None:
         return [attached]
@@ -113,7 +113,7 @@ def _words(
         n += 1
     words, rest[:] = rest[:n], rest[n:]
     if not words and option.words in ("", "+"):
-        raise Unreadable(f"{name} takes a word")
+        raise UnreadableError(f"{name} takes a word")
     return words
 
 
@@ -121,7 +121,7 @@ def _meaning(option: Option, words: list[str]) -> Any:
     try:
         found = [option.read(word) for word in words]
     except ValueError as error:
-        raise Unreadable(str(error)) from None
+        raise UnreadableError(str(error)) from None
     if option.words == "0":
         return len(words) if option.often == "count" else True
     if option.words == "?":

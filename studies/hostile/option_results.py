@@ -12,6 +12,7 @@ from numpy import ndarray
 from skfem_textile.scenes.rectangle import rectangle
 
 from . import bilinear, option_motions
+from .mechanics import WrongError
 from .option_names import KINDS, UNNAMED
 from .option_reader import Read
 from .option_rules import formulation, made
@@ -25,16 +26,12 @@ _OFF = 1e-7
 _PICTURES = ("fibre_strain.png", "shear_angle.png", "load.png", "animation.gif")
 
 
-class Wrong(Exception):
-    """The results are not those of the line."""
-
-
 def check_results(read: Read, converged: bool) -> None:
     """Compare what was written with what the line says.
 
     Raises
     ------
-    Wrong
+    WrongError
         If they differ.
     """
     out = Path(read.values["out"])
@@ -51,7 +48,7 @@ def check_results(read: Read, converged: bool) -> None:
     if not read.values["no-render"]:
         for name in _PICTURES:
             if not (out / name).stat().st_size:
-                raise Wrong(f"no {name}")
+                raise WrongError(f"no {name}")
     first = meshio.read(out / "fields" / "step_0000.vtu")
     last = meshio.read(out / "fields" / f"step_{summary['load_steps']:04d}.vtu")
     _check_mesh(read, summary, first)
@@ -62,18 +59,18 @@ def check_results(read: Read, converged: bool) -> None:
 
 
 def _refuse_constant(constant: str) -> None:
-    raise Wrong(f"{constant} in summary.json")
+    raise WrongError(f"{constant} in summary.json")
 
 
 def _expect(what: str, found: Any, expected: Any) -> None:
     if found != expected:
-        raise Wrong(f"{what}: {found}, expected {expected}")
+        raise WrongError(f"{what}: {found}, expected {expected}")
 
 
 def _expect_near(what: str, found: Any, expected: Any, size: float) -> None:
     off = float(np.abs(np.asarray(found) - expected).max())
     if not off <= _OFF * size + 1e-300:
-        raise Wrong(f"{what}: {found}, expected {expected}, off by {off}")
+        raise WrongError(f"{what}: {found}, expected {expected}, off by {off}")
 
 
 def _check_inputs(read: Read, summary: dict[str, Any]) -> None:
@@ -137,14 +134,16 @@ def _check_mesh(read: Read, summary: dict[str, Any], first: meshio.Mesh) -> None
         parts = [4, 6]  # what is not convex is cut first
     n = summary["n_elements"]
     if not parts[0] * least <= n <= parts[1] * least:
-        raise Wrong(f"{n} elements of {least} quadrilaterals")
+        raise WrongError(f"{n} elements of {least} quadrilaterals")
     _expect("cells of the file", sum(len(c.data) for c in first.cells), n)
 
 
 def _check_fields(read: Read, first: meshio.Mesh, last: meshio.Mesh) -> None:
     """Fibres at rest have the given inclination, and tension the given stiffness."""
     pointwise = formulation(read.values) != "macro" and read.values["deviation"] is None
-    for family, angle in zip(("warp", "weft"), option_motions.fibres(read), strict=True):
+    for family, angle in zip(
+        ("warp", "weft"), option_motions.fibres(read), strict=True
+    ):
         found = _turned(read, first.cell_data[f"{family}_direction"][0])
         expected = np.array([[np.cos(angle)], [np.sin(angle)]])
         _expect_near(f"{family} at rest", found, expected, 1.0)
@@ -159,7 +158,7 @@ def _check_motion(read: Read, last: meshio.Mesh, t: float) -> None:
     X, u = (_turned(read, x) for x in (last.points, last.point_data["displacement"]))
     off = option_motions.misplaced(read, X, u, t)
     if not off <= 1e-6:
-        raise Wrong(f"an edge is off by {off} mm")
+        raise WrongError(f"an edge is off by {off} mm")
 
 
 def _check_energies(read: Read, summary: dict[str, Any], last: meshio.Mesh) -> None:

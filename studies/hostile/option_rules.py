@@ -5,7 +5,7 @@ from math import isfinite, pi, radians, sin, tan
 from pathlib import Path
 from typing import Any
 
-from .option_names import JITTER, KINDS, SEED, UNNAMED, Unreadable
+from .option_names import JITTER, KINDS, SEED, UNNAMED, UnreadableError
 from .option_reader import Read
 
 #: Stiffnesses, in N/mm, beyond which products of them may overflow, or underflow.
@@ -19,13 +19,13 @@ _TOO_MANY = 10**9
 
 
 def refuse_contradictions(read: Read) -> None:
-    """Raise `Unreadable` if the line must be refused."""
+    """Raise `UnreadableError` if the line must be refused."""
     values = read.values
     _refuse_folder(values["out"])
     if read.scene == "two_element":
         return
     if (Path(values["out"]) / "summary.json").is_dir():
-        raise Unreadable("a folder stands where a file goes")
+        raise UnreadableError("a folder stands where a file goes")
     _refuse_mesh(read)
     _refuse_numbers(values)
     _refuse_formulation(values)
@@ -72,13 +72,13 @@ def _refuse_folder(word: str) -> None:
     try:
         longest = max(len(os.fsencode(part)) for part in Path(path).parts)
     except UnicodeEncodeError as error:
-        raise Unreadable(str(error)) from None
+        raise UnreadableError(str(error)) from None
     if "\0" in word or longest > 255:
-        raise Unreadable("no path")
+        raise UnreadableError("no path")
     while not os.path.lexists(path):
         path = os.path.dirname(path)
     if not os.path.isdir(path) or not os.access(path, os.W_OK) or "/proc" in path:
-        raise Unreadable(f"{path} is no folder that can be written")
+        raise UnreadableError(f"{path} is no folder that can be written")
 
 
 def _refuse_mesh(read: Read) -> None:
@@ -86,54 +86,54 @@ def _refuse_mesh(read: Read) -> None:
     if v["mesh"] in KINDS:
         nx, ny = v["size"]
         if min(nx, ny) < 1 or nx * ny > _TOO_MANY:
-            raise Unreadable("size")
+            raise UnreadableError("size")
         _, jitter, seed = made(read)
         if not 0 <= jitter < 1:
-            raise Unreadable("jitter")
+            raise UnreadableError("jitter")
         if seed < 0:
-            raise Unreadable("seed")
+            raise UnreadableError("seed")
         return
     if "\0" in v["mesh"] or not os.path.isfile(v["mesh"]):
-        raise Unreadable("no such mesh")
+        raise UnreadableError("no such mesh")
     if not v["mesh"].endswith("good.vtu"):
-        raise Unreadable("no mesh in the file")
+        raise UnreadableError("no mesh in the file")
     if {"size", "jitter", "seed"} & read.given:
-        raise Unreadable("the mesh is made, or read")
+        raise UnreadableError("the mesh is made, or read")
 
 
 def _refuse_numbers(v: dict[str, Any]) -> None:
     for name in ("fibre-stiffness", "shear-stiffness"):
         _refuse_stiffness(v[name])
     if v["fibre-stiffness"] == v["shear-stiffness"] == 0:
-        raise Unreadable("no stiffness")
+        raise UnreadableError("no stiffness")
     if not 1 <= v["steps"] <= 1_000_000:
-        raise Unreadable("steps")
+        raise UnreadableError("steps")
 
 
 def _refuse_stiffness(number: float) -> None:
     if not (isfinite(number) and number >= 0):
-        raise Unreadable("stiffness")
+        raise UnreadableError("stiffness")
 
 
 def _refuse_formulation(v: dict[str, Any]) -> None:
     name, split, kind = v["formulation"], v["split"], v["stabilisation"]
     triangles = v["mesh"] == "delaunay" or "triangles" in v["mesh"]
     if name == "quadratic" and split:
-        raise Unreadable("split and quadratic")
+        raise UnreadableError("split and quadratic")
     if split == "quads" and triangles:
-        raise Unreadable("quadrilaterals of triangles")
+        raise UnreadableError("quadrilaterals of triangles")
     name = formulation(v)
     if name == "macro" and not (split or triangles):
-        raise Unreadable("macro-elements of what was not split")
+        raise UnreadableError("macro-elements of what was not split")
     if kind != "energy" and (name != "one-point" or v["cs"] == "auto"):
-        raise Unreadable("stabilisation")
+        raise UnreadableError("stabilisation")
     if v["cs"] != "auto":
         if name not in ("one-point", "macro"):
-            raise Unreadable("cs")
+            raise UnreadableError("cs")
         _refuse_stiffness(v["cs"])
     if v["deviation"] is not None:
         if name != "quadratic":
-            raise Unreadable("deviation")
+            raise UnreadableError("deviation")
         _refuse_stiffness(v["deviation"])
 
 
@@ -148,35 +148,35 @@ def formulation(v: dict[str, Any]) -> str:
 def _refuse_checkpoint(v: dict[str, Any]) -> None:
     named = {v[name] for name in ("checkpoint", "resume")} - {None, UNNAMED}
     if len(named) > 1:
-        raise Unreadable("two folders")
+        raise UnreadableError("two folders")
     for folder in named:
         _refuse_folder(folder)
         if os.path.basename(folder) == "junk":
-            raise Unreadable("no checkpoint")
+            raise UnreadableError("no checkpoint")
 
 
 def _refuse_fibres(read: Read) -> None:
     v = read.values
     if read.scene == "picture_frame" and not abs(v["shear-angle"]) < 90:
-        raise Unreadable("the frame closes")
+        raise UnreadableError("the frame closes")
     if read.scene == "trellis":
         _refuse_trellis(v)
     if read.scene == "bias_extension":
         theta = v["warp"] % 180
         if abs(theta + v["weft"] % 180 - 180) > 1e-7 or not 1e-4 < theta < 89.9999:
-            raise Unreadable("fibres")
+            raise UnreadableError("fibres")
         if not 0 < v["shear-angle"] < 180 - 2 * theta:
-            raise Unreadable("shear angle")
+            raise UnreadableError("shear angle")
         wide = 2 if v["part"] == "half" else 1
         if v["mesh"] not in KINDS and tan(radians(theta)) * wide > 1.0000001:
-            raise Unreadable("the mesh is no such ply")
+            raise UnreadableError("the mesh is no such ply")
 
 
 def _refuse_trellis(v: dict[str, Any]) -> None:
     """Refuse fibres that are parallel, or fold onto one another somewhere."""
     crossing = radians(v["weft"]) - radians(v["warp"])
     if abs(sin(crossing)) < 1e-6:
-        raise Unreadable("parallel fibres")
+        raise UnreadableError("parallel fibres")
     crossing = (crossing + pi) % (2 * pi) - pi
     sign = 1 if crossing > 0 else -1
     inverse = 1 / sin(crossing)
@@ -186,7 +186,7 @@ def _refuse_trellis(v: dict[str, Any]) -> None:
             s2 = (_cos(v["warp"]) * y - sin(radians(v["warp"])) * x) * inverse
             gamma = radians(v["shear-angle"]) - radians(v["bend"]) * (s1 + s2) / 100
             if not 0 < sign * (crossing - gamma) < pi:
-                raise Unreadable("fibres fold")
+                raise UnreadableError("fibres fold")
 
 
 def _cos(degrees: float) -> float:
@@ -198,10 +198,10 @@ def _refuse_edges(v: dict[str, Any]) -> None:
     rollers = v.get("roller", [])
     sides = [side for side, _ in rollers]
     if not set(sides) <= {"top", "right", "bottom", "left"}:
-        raise Unreadable("no such side")
+        raise UnreadableError("no such side")
     if len(set(sides)) < len(sides) or set(sides) & set(free):
-        raise Unreadable("a side is carried twice")
+        raise UnreadableError("a side is carried twice")
     if not all(isfinite(angle) for _, angle in rollers):
-        raise Unreadable("roller")
+        raise UnreadableError("roller")
     if len({*free, *sides}) == 4:
-        raise Unreadable("no side is held")
+        raise UnreadableError("no side is held")

@@ -13,10 +13,11 @@ import numpy as np
 
 from skfem_textile import cli
 
+from .mechanics import WrongError
 from .option_lines import line, sound
-from .option_names import Unreadable
-from .option_reader import Asked, Read, read
-from .option_results import Wrong, check_results
+from .option_names import UnreadableError
+from .option_reader import AskedError, Read, read
+from .option_results import check_results
 from .option_rules import may_be_refused, refuse_contradictions
 from .trial import RIGHT, SILENT, UNCLEAR, Family, Finding, refused
 
@@ -25,6 +26,9 @@ _DRAWN = 200
 
 #: What the log may say of a run that is not verbose.
 _LOG = ("load factor ", "the path was not resolved", "nothing to resume", "solver ")
+
+#: Time limit: drawing takes ten seconds, and twice that on a busy machine.
+_SECONDS = 40.0
 
 _PREFIX = "skfem-textile: "
 
@@ -51,7 +55,7 @@ def attempt(seed: int, folder: Path) -> Finding:
         return Finding(UNCLEAR, shown, complaint)
     try:
         check_results(expected, converged=code == 0)
-    except Wrong as wrong:
+    except WrongError as wrong:
         return Finding(SILENT, shown, str(wrong))
     return Finding(RIGHT, shown)
 
@@ -59,15 +63,14 @@ def attempt(seed: int, folder: Path) -> Finding:
 def _expected(words: Sequence[str]) -> tuple[Read | str, bool]:
     """What a line says, or why it says nothing; and whether that is certain."""
     if words[:1] != ["run"]:
-        asks = words in (["list"], ["--version"])
-        return ("" if asks else "no run"), True if not asks else False
+        return "no run", words not in (["list"], ["--version"])
     plain = [word for word in words if word != "--"]
     try:
         found = read(plain)
         refuse_contradictions(found)
-    except Asked:
+    except AskedError:
         return "help", False
-    except Unreadable as reason:
+    except UnreadableError as reason:
         return str(reason) or "unreadable", True
     return found, len(plain) == len(words) and not may_be_refused(found)
 
@@ -78,7 +81,9 @@ def _judge_refusal(
     if isinstance(expected, Read) and certain:
         return Finding(SILENT, shown, f"a sound line is refused: {err[:300]}")
     if not untouched:
-        return Finding(SILENT, shown, f"refused, but something was written: {err[:300]}")
+        return Finding(
+            SILENT, shown, f"refused, but something was written: {err[:300]}"
+        )
     text, end, more = err.partition("\n")
     if not text.startswith(f"{_PREFIX}error: ") or not end or more:
         return Finding(UNCLEAR, shown, err)
@@ -172,4 +177,4 @@ def _content(folder: Path) -> dict[str, bytes | None]:
     }
 
 
-FAMILY = Family("options", attempt, trials=10_000, short=60)
+FAMILY = Family("options", attempt, trials=10_000, short=60, seconds=_SECONDS)

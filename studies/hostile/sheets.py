@@ -19,7 +19,9 @@ def sheet(nx: int = 4, ny: int = 4, width: float = 4.0, height: float = 4.0) -> 
     x, y = np.meshgrid(np.linspace(0, width, nx + 1), np.linspace(0, height, ny + 1))
     node = np.arange(x.size).reshape(x.shape)
     corners = node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]
-    return Sheet(np.stack([x.ravel(), y.ravel()]), np.stack([c.ravel() for c in corners]))
+    return Sheet(
+        np.stack([x.ravel(), y.ravel()]), np.stack([c.ravel() for c in corners])
+    )
 
 
 def jittered(given: Sheet, rng: Generator, share: float = 0.2) -> Sheet:
@@ -53,7 +55,9 @@ def opened(given: Sheet, low: float, high: float, by: float = 0.0) -> Sheet:
     The right side is moved by this much to the right.
     """
     x, y = given.p
-    doubled = np.flatnonzero((abs(x - 2) < 1e-9) & (y >= low - 1e-9) & (y <= high + 1e-9))
+    doubled = np.flatnonzero(
+        (abs(x - 2) < 1e-9) & (y >= low - 1e-9) & (y <= high + 1e-9)
+    )
     right = x[given.t].mean(axis=0) > 2
     twin = np.arange(len(x))
     twin[doubled] = len(x) + np.arange(len(doubled))
@@ -69,7 +73,7 @@ def rolled(turn: float, pitch: float, n: int = 60) -> Sheet:
 
 
 def fans(*sectors: tuple[float, float, float]) -> Sheet:
-    """Cells that share the origin, each from an angle to another (degrees), of a size."""
+    """Cells that share the origin, each from one angle to another (degrees)."""
     p, t = [np.zeros((2, 1))], []
     for i, (begin, end, size) in enumerate(sectors):
         angle = np.radians([begin, (begin + end) / 2, end])
