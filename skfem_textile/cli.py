@@ -26,6 +26,9 @@ _EXIT_CODES = (
     "130, interrupted by Ctrl-C or SIGTERM and the last good state written"
 )
 
+# So far from zero an angle still has ten decimals; at 1e17 a turn by 45 is lost.
+_MOST_DEGREES = 36_000.0
+
 _SHOWN = " (default: %(default)s)"
 
 
@@ -193,7 +196,7 @@ def _angle(
     parser: argparse.ArgumentParser, name: str, default: float, what: str
 ) -> None:
     parser.add_argument(
-        f"--{name}", type=_finite, default=default, metavar="DEG", help=what + _SHOWN
+        f"--{name}", type=_degrees, default=default, metavar="DEG", help=what + _SHOWN
     )
 
 
@@ -320,13 +323,15 @@ def _stepping(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _finite(text: str) -> float:
+def _degrees(text: str) -> float:
     try:
         number = float(text)
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
         raise argparse.ArgumentTypeError(f"{text!r} is no finite number")
+    if abs(number) > _MOST_DEGREES:
+        raise argparse.ArgumentTypeError(f"{text!r} is more than a hundred turns")
     return number
 
 

@@ -47,10 +47,10 @@ def one_of(*names: str) -> Callable[[str], str]:
     return read
 
 
-def _finite(word: str) -> float:
+def _degrees(word: str) -> float:
     number = float(word)
-    if not isfinite(number):
-        raise UnreadableError(f"{word!r} is not finite")
+    if not (isfinite(number) and abs(number) <= 36_000):
+        raise UnreadableError(f"{word!r} is no angle")
     return number
 
 
@@ -96,7 +96,7 @@ _LOADED = {
     "fibre-stiffness": Option(float, 1e4),
     "shear-stiffness": Option(float, 0.0),
     "shear-law": Option(one_of("linear", "sin2"), "linear"),
-    "rotate": Option(_finite, 0.0),
+    "rotate": Option(_degrees, 0.0),
     "steps": Option(int, 20),
     "strategy": Option(one_of("mixed", "descent", "newton"), ["mixed", "descent"], "+"),
     "warn-only": Option(one_of(*_CHECKS), ["work", "stabilisation", "corners"], "*"),
@@ -107,25 +107,25 @@ _LOADED = {
 }
 
 _TRELLIS = {
-    "warp": Option(_finite, 0.0),
-    "weft": Option(_finite, 90.0),
-    "shear-angle": Option(_finite, 45.0),
-    "bend": Option(_finite, 30.0),
+    "warp": Option(_degrees, 0.0),
+    "weft": Option(_degrees, 90.0),
+    "shear-angle": Option(_degrees, 45.0),
+    "bend": Option(_degrees, 30.0),
     "free": Option(one_of(*SIDES), [], "+", "all"),
     "roller": Option(_roller, [], "", "all"),
 }
 
 _BIAS = {
-    "warp": Option(_finite, 45.0),
-    "weft": Option(_finite, 135.0),
-    "shear-angle": Option(_finite, 40.0),
+    "warp": Option(_degrees, 45.0),
+    "weft": Option(_degrees, 135.0),
+    "shear-angle": Option(_degrees, 40.0),
     "part": Option(one_of("whole", "half"), "whole"),
 }
 
 #: The options of each scene.
 OPTIONS: Mapping[str, Mapping[str, Option]] = {
     "strip": {**_LOADED, "paper": Option(str, False, "0")},
-    "picture_frame": {**_LOADED, "shear-angle": Option(_finite, 45.0)},
+    "picture_frame": {**_LOADED, "shear-angle": Option(_degrees, 45.0)},
     "trellis": {**_LOADED, **_TRELLIS},
     "bias_extension": {**_LOADED, **_BIAS},
     "two_element": _PLAIN,
