@@ -426,5 +426,5 @@ def test_a_function_that_fails_on_the_way_stops_the_run():
         {"clamp": Condition("bottom"), "c": Condition("top", value, (0, -1))},
         steps=1,
     )
-    with pytest.raises(StepError, match="'c': the value fails: KeyError 'x.ny'$"):
+    with pytest.raises(StepError, match=r"'c': the value fails: KeyError 'x.ny'$"):
         stepper.run()
