@@ -68,12 +68,12 @@ def _complete(options: argparse.Namespace) -> None:
 
 def _fitting(mesh: Mesh, into: str | None, triangles: bool) -> Mesh:
     """The mesh cut and split as asked, and as triangles or quadrilaterals."""
+    if into == "quads" and isinstance(mesh, MeshTri | SplitMesh):
+        raise ValueError("--split quads: the mesh has triangles; leave it out")
     if isinstance(mesh, SplitMesh):
         return mesh
     if isinstance(mesh, MeshQuad) and (triangles or into == "triangles"):
         mesh = cut(mesh)
-    if into == "quads" and isinstance(mesh, MeshTri):
-        raise ValueError("--split quads: the mesh has triangles; leave it out")
     if into or (isinstance(mesh, MeshTri) and not triangles):
         mesh = split(mesh)
     return mesh

@@ -582,6 +582,14 @@ def test_quadratic_triangles_are_read_or_cut_from_a_file(tmp_path, cells):
     assert summary["n_dofs"] == 2 * 25
 
 
+def test_triangles_of_a_file_are_not_split_as_quadrilaterals(tmp_path, capsys):
+    mesh = saved_strip(tmp_path / "m.msh", [("triangle", FILE_TRIANGLES)])
+    out = ("--out", str(tmp_path / "out"))
+    said = refused(capsys, "run", "strip", *out, "--mesh", mesh, "--split", "quads")
+    assert "--split quads: the mesh has triangles" in said
+    assert not (tmp_path / "out").exists()
+
+
 def test_what_quadratic_triangles_cannot_be_made_of_is_refused(tmp_path, capsys):
     both = [("triangle", FILE_TRIANGLES[[0, 4]]), ("quad", FILE_QUADS[1:])]
     mesh = saved_strip(tmp_path / "m.msh", both)

@@ -35,19 +35,22 @@ _PREFIX = "skfem-textile: "
 
 def attempt(seed: int, folder: Path) -> Finding:
     """Try the line of a seed."""
-    random = Random(seed)
+    random, whole = Random(seed), folder
+    folder = whole / "here"  # that what is above it is no one else's
+    folder.mkdir()
+    os.chdir(folder)
     words = sound(random) if seed % _DRAWN == _DRAWN - 1 else line(random)
     _furnish(folder, words)
-    before = _content(folder)
+    before = _content(whole)
     expected, certain = _expected(words)
     code, out, err = _run(words, folder)
     shown = repr(words)[:1000]
     if code == 2:
-        return _judge_refusal(shown, expected, certain, err, before == _content(folder))
+        return _judge_refusal(shown, expected, certain, err, before == _content(whole))
     if isinstance(expected, str) and certain:
         return Finding(SILENT, shown, f"exit {code}, but {expected}")
     if code == 0 and not isinstance(expected, Read):
-        told = bool(out.strip()) and before == _content(folder)
+        told = bool(out.strip()) and before == _content(whole)
         return Finding(RIGHT if told else UNCLEAR, shown, out)
     if code not in (0, 1):
         return Finding(UNCLEAR, shown, f"exit code {code}")
