@@ -15,6 +15,7 @@ import numpy as np
 from . import __version__
 from .described import checkpoint_of, scene_of, stepper_of
 from .interruption import INTERRUPTED, held
+from .naming import printable
 from .output import OutputError, complain, say
 from .result import Iteration, Result, State, StepError
 from .scenes import Scene
@@ -86,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
     for key, value in summary.items():
         shown = f"{value:.6g}" if isinstance(value, float) else value
         say(f"{key:28}{shown}")
-    say(f"results in {options.out}")
+    say(f"results in {printable(options.out)}")
     if said:
         complain(said)
     return code
@@ -101,7 +102,7 @@ def paper(options: argparse.Namespace) -> int:
     with results as folder:
         rows = study.reproduce(folder, say)
     code = _render(options, study.PICTURES, partial(study.draw, rows))
-    say(f"results in {options.out}")
+    say(f"results in {printable(options.out)}")
     return code
 
 
@@ -116,7 +117,7 @@ def two_element(options: argparse.Namespace) -> int:
         text = json.dumps(systems.report(), indent=2, ensure_ascii=False)
         (folder / "systems.json").write_text(text + "\n")
     say(table, end="")
-    say(f"results in {options.out}")
+    say(f"results in {printable(options.out)}")
     return 0
 
 
@@ -136,7 +137,7 @@ def error_time(options: argparse.Namespace) -> int:
             with results as folder:
                 study.write(rows, folder)
     code = _render(options, study.PICTURES, partial(study.draw, rows))
-    say(f"results in {options.out}")
+    say(f"results in {printable(options.out)}")
     return code
 
 
@@ -170,7 +171,7 @@ def study(options: argparse.Namespace) -> int:
     if code != INTERRUPTED:
         draw = partial(study.draw, rows)
         code = _render(options, study.PICTURES, draw, code)
-    say(f"results in {options.out}")
+    say(f"results in {printable(options.out)}")
     if said:
         complain(said)
     return code
@@ -197,8 +198,8 @@ def _examine(
 
 def _inputs(options: argparse.Namespace) -> Mapping[str, Any]:
     """The options that decide the result."""
-    others = ("command", "task", "out", "no_render", "checkpoint", "resume", "verbose")
-    return {k: v for k, v in vars(options).items() if k not in others}
+    others = "command", "task", "out", "no_render", "made", "checkpoint", "resume"
+    return {k: v for k, v in vars(options).items() if k not in (*others, "verbose")}
 
 
 def _load(stepper: LoadStepper, options: argparse.Namespace) -> tuple[int, str]:
@@ -278,9 +279,9 @@ def _render(
         with io.ResultFolder(options.out, pictures) as folder:
             draw(folder)
     except ImportError as error:
-        say(f"no pictures: {error}; pip install 'skfem-textile[plot]'")
+        say(f"no pictures: {printable(error)}; pip install 'skfem-textile[plot]'")
     except Exception as error:
-        say(f"no pictures: {error}")
+        say(f"no pictures: {printable(error)}")
     except KeyboardInterrupt:
         complain("interrupted; the numbers are written, pictures are not")
         return INTERRUPTED

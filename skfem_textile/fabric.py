@@ -8,6 +8,8 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from .asking import asked, real_numbers
+
 Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray]
 
 # Fibre families closer than this (radians) leave the fabric no second family.
@@ -145,7 +147,7 @@ class Fabric:
     def __post_init__(self) -> None:
         _ = self.families, self.shear_law
         given = [f for f in self.families if not callable(f.direction)]
-        sizes = [np.asarray(f.direction).size // 2 for f in given]
+        sizes = [real_numbers(f.name, f.direction).size // 2 for f in given]
         x = np.zeros((2, max(sizes, default=1), 1))
         for family in given:
             unit_vectors(family.name, family.direction, x)
@@ -249,7 +251,8 @@ def unit_vectors(
     ValueError
         If the direction has a wrong shape, or is zero or not finite somewhere.
     """
-    a = np.asarray(direction(x) if callable(direction) else direction, dtype=float)
+    given = asked(name, direction, x) if callable(direction) else direction
+    a = real_numbers(name, given)
     if element is not None and a.ndim == 2 and a.shape[1] > element.max():
         a = a[:, element]
     a = a.reshape(a.shape + (1,) * (x.ndim - a.ndim))
@@ -262,7 +265,8 @@ def unit_vectors(
             f"{name} must be a vector, a function of position or one vector per "
             f"element, shape (2, n_elements); {a.shape} does not fit points {x.shape}"
         )
-    length = np.linalg.norm(a, axis=0)
-    if not np.all(np.isfinite(length) & (length > 0)):
+    largest = np.abs(a).max(axis=0)
+    if not np.all(np.isfinite(largest) & (largest > 0)):
         raise ValueError(f"{name} must be a non-zero finite vector everywhere")
-    return a / length
+    a = np.ldexp(a, -np.frexp(largest)[1])  # no square of it overflows or vanishes
+    return a / np.linalg.norm(a, axis=0)

@@ -63,8 +63,9 @@ class Ply:
     MeshError
         If the mesh is not sound, or not of the cells of the formulation.
     ValueError
-        If the fabric has no stiffness at all, a fibre direction is not valid somewhere
-        on the mesh, or the parts of a law contradict each other (`check_laws`).
+        If the fabric or the formulation is none, the fabric has no stiffness at all, a
+        fibre direction is not valid somewhere on the mesh, or the parts of a law
+        contradict each other (`check_laws`).
 
     Examples
     --------
@@ -77,6 +78,14 @@ class Ply:
     """
 
     def __init__(self, mesh: Mesh, fabric: Fabric, formulation: Formulation) -> None:
+        if not isinstance(fabric, Fabric):
+            raise ValueError(
+                f"fabric must be a Fabric, like Fabric(1e4), not {fabric!r}"
+            )
+        if isinstance(formulation, type) or not hasattr(formulation, "tension_term"):
+            raise ValueError(
+                f"formulation must be like Full() or OnePoint(), not {formulation!r}"
+            )
         self.mesh = mesh
         self.fabric = fabric
         self.formulation = formulation

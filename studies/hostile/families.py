@@ -1,5 +1,6 @@
 """The families of trials."""
 
+from . import condition_trials, mesh_trials, option_trials
 from .mesh_files import family as mesh_files
 from .trial import Family
 
@@ -9,4 +10,7 @@ FAMILIES: tuple[Family, ...] = (
     mesh_files("inp", 2500),
     mesh_files("vtu", 1500),
     mesh_files("vtk", 1500),
+    option_trials.FAMILY,
+    mesh_trials.FAMILY,
+    condition_trials.FAMILY,
 )
