@@ -15,7 +15,7 @@ from numpy import ndarray
 from skfem import ElementQuad1, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.helpers import cross
 
-from .mesh.checks import MeshError
+from .mesh.checks import MeshError, refuse_nodes
 from .mesh.naming import NamedNodes, edge_numbers, named_nodes, with_named_nodes
 
 
@@ -69,7 +69,7 @@ def split(mesh: Mesh) -> SplitMesh:
     Raises
     ------
     ValueError
-        If it is another mesh.
+        If it is another mesh, or its positions or node numbers are none.
 
     Examples
     --------
@@ -77,11 +77,12 @@ def split(mesh: Mesh) -> SplitMesh:
     >>> quads.nelements, sorted(quads.boundaries), quads.parent
     (6, ['bottom', 'left', 'right', 'top'], array([0, 1, 0, 1, 0, 1]))
     """
-    if mesh.elem not in (ElementTriP1, ElementQuad1):
+    if getattr(mesh, "elem", None) not in (ElementTriP1, ElementQuad1):
         raise ValueError(
             "only triangles and quadrilaterals with straight edges can be split, not "
             f"{type(mesh).__name__}"
         )
+    refuse_nodes(mesh.p, [mesh.t])
     edges = {k: mesh.facets[:, f] for k, f in (mesh.boundaries or {}).items()}
     subdomains, nodes = dict(mesh.subdomains or {}), named_nodes(mesh)
     if isinstance(mesh, MeshTri):
@@ -103,12 +104,20 @@ def cut(mesh: MeshQuad) -> MeshTri:
     lies outside a quadrilateral that is not convex.  Boundaries, subdomains and named
     nodes keep their names.
 
+    Raises
+    ------
+    ValueError
+        If it is another mesh, or its positions or node numbers are none.
+
     Examples
     --------
     >>> triangles = cut(MeshQuad().with_defaults())
     >>> triangles.nelements, sorted(triangles.boundaries)
     (2, ['bottom', 'left', 'right', 'top'])
     """
+    if getattr(mesh, "elem", None) != ElementQuad1:
+        raise ValueError(f"only a skfem.MeshQuad can be cut, not {type(mesh).__name__}")
+    refuse_nodes(mesh.p, [mesh.t])
     triangles = replace(mesh, t=_turned(mesh)).to_meshtri()
     return with_named_nodes(triangles, named_nodes(mesh))
 
@@ -160,8 +169,10 @@ def split_cells(
     Raises
     ------
     MeshError
-        If an edge of a named boundary is no edge of the cells.
+        If positions or node numbers are none, or an edge of a named boundary is no
+        edge of the cells.
     """
+    refuse_nodes(points, cells)
     pairs, inverse = _pairs(cells)
     centres = np.hstack([points[:, cell].mean(axis=1) for cell in cells])
     t, parent = _quads(cells, points.shape[1], pairs, inverse)

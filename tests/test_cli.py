@@ -367,6 +367,7 @@ def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypat
         (("--jitter", "2"), "jitter must be in"),
         (("--seed", "-1"), "seed must be"),
         (("--rotate", "nan"), "--rotate: 'nan' is no finite number"),
+        (("--rotate", "1e17"), "--rotate: '1e17' is more than a hundred turns"),
         (("--mesh", "curly"), "--mesh curly: neither a file nor aligned"),
         (("--formulation", "fuller"), "--formulation"),
         (("--stabilisation", "magic"), "--stabilisation"),
@@ -581,6 +582,14 @@ def test_quadratic_triangles_are_read_or_cut_from_a_file(tmp_path, cells):
     assert summary["n_dofs"] == 2 * 25
 
 
+def test_triangles_of_a_file_are_not_split_as_quadrilaterals(tmp_path, capsys):
+    mesh = saved_strip(tmp_path / "m.msh", [("triangle", FILE_TRIANGLES)])
+    out = ("--out", str(tmp_path / "out"))
+    said = refused(capsys, "run", "strip", *out, "--mesh", mesh, "--split", "quads")
+    assert "--split quads: the mesh has triangles" in said
+    assert not (tmp_path / "out").exists()
+
+
 def test_what_quadratic_triangles_cannot_be_made_of_is_refused(tmp_path, capsys):
     both = [("triangle", FILE_TRIANGLES[[0, 4]]), ("quad", FILE_QUADS[1:])]
     mesh = saved_strip(tmp_path / "m.msh", both)
@@ -647,3 +656,74 @@ def test_a_second_run_into_a_folder_is_told_before_any_work(
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert f"another run is writing to {tmp_path / 'out'}" in said
+
+
+@pytest.mark.parametrize("option", ["--out", "--checkpoint", "--resume"])
+def test_a_folder_without_a_name_is_refused(tmp_path, capsys, monkeypatch, option):
+    monkeypatch.chdir(tmp_path)
+    said = refused(capsys, "run", "strip", *QUICK, "--out", "o", option, "")
+    assert f"argument {option}: a folder must have a name" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("option", ["--size=3x4", "--jitter=0.1", "--seed=2"])
+def test_options_of_a_mesh_to_make_are_refused_beside_a_file(tmp_path, capsys, option):
+    out = ("--out", str(tmp_path / "o"))
+    said = refused(capsys, "run", "strip", *out, "--mesh", str(MESH), option)
+    assert f"{option.partition('=')[0]} is of a mesh to make" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_inputs_are_those_of_the_mesh_that_is_used(tmp_path):
+    quick = ("--formulation", "full", "--steps", "1", "--no-render")
+    for mesh, made in (("aligned", ([2, 2], 0.3, 1)), (str(MESH), (None, None, None))):
+        size = ("--size", "2x2") if made[0] else ()
+        assert run(tmp_path, *quick, "--mesh", mesh, *size) == 0
+        inputs = json.loads((tmp_path / "out" / "summary.json").read_text())["inputs"]
+        assert (inputs["size"], inputs["jitter"], inputs["seed"]) == made
+
+
+def test_what_is_refused_at_rest_leaves_no_checkpoint(tmp_path, capsys):
+    quick = ("--size", "2x2", "--steps", "1", "--no-render", "--checkpoint")
+    for stiffness in ("--fibre-stiffness", "--shear-stiffness"):
+        command = ("run", "strip", "--out", str(tmp_path / "o"), *quick)
+        said = refused(capsys, *command, stiffness, "1e308")
+        assert "no finite energy or force at rest" in said
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    out, folder = str(tmp_path / "o"), str(tmp_path / "file" / "c")
+    said = refused(capsys, "run", "strip", "--out", out, *QUICK, "--resume", folder)
+    assert "cannot write checkpoint" in said
+
+
+@pytest.mark.parametrize("name", ["a\nb", "\udcff", "ü"])
+def test_a_folder_of_any_name_is_told_in_one_line(tmp_path, name):
+    command = [sys.executable, "-m", "skfem_textile", "run", "strip", *QUICK]
+    child = subprocess.run(
+        [*command, "--out", str(tmp_path / name)],
+        capture_output=True,
+        check=True,
+        env=os.environ | {"PYTHONIOENCODING": "ascii"},
+    )
+    assert (tmp_path / name / "summary.json").exists()
+    assert child.stderr == b""
+    assert child.stdout.splitlines()[-1].startswith(b"results in ")
+
+
+def test_of_a_long_line_the_middle_is_left_out(tmp_path, capsys):
+    out = ("--out", str(tmp_path / "o"))
+    said = refused(capsys, "run", "strip", *out, "--size", "9" * 5000)
+    assert len(said) < 500
+    assert "argument --size: '999" in said
+    assert " ... " in said
+    assert said.endswith("' is not like 10x15\n")
+
+
+def test_jumps_between_the_elements_of_one_are_none(tmp_path, capfd):
+    more = ("--size", "1x1", "--stabilisation", "continuity", "--cs", "3")
+    out = ("--out", str(tmp_path / "out"), "--steps", "1", "--no-render")
+    assert cli.main(["run", "picture_frame", *out, *more]) == 0
+    assert "JumpBasis" not in capfd.readouterr().err

@@ -142,6 +142,16 @@ def test_conditions_that_disagree_on_the_way_are_refused_before_the_run():
         (Condition("top", 3.0), r"must have shape \(2, 5\)"),
         (Condition("top", lambda X, t: X[0]), r"must have shape \(2, 5\)"),
         (Condition("top", (1, 2), direction=(1, 0)), r"must have shape \(5,\)"),
+        (Condition([[1], [2, 3]]), "where must be"),
+        (Condition(lambda: True), "where fails: TypeError"),
+        (Condition("top", 1, lambda X: 1 / 0), "direction fails: ZeroDivisionError"),
+        (Condition("top", 1, "up"), "direction must be real numbers, got 'up'"),
+        (Condition("top", 1, (1j, 0)), "direction must be real numbers"),
+        (Condition("top", (1, 1j)), "value must be real numbers"),
+        (Condition("top", "far", (0, 1)), "value must be real numbers, got 'far'"),
+        (Condition("top", lambda X, t: 1j * X), "value must be real numbers"),
+        (Condition("top", lambda X: X), "value fails: TypeError"),
+        (Condition("top", -np.inf, (0, 1)), "not finite at load factor 1"),
     ],
 )
 def test_bad_conditions_are_refused(condition, message):
@@ -233,3 +243,11 @@ def test_any_condition_turns_with_the_problem(condition):
         result = LoadStepper(ply, {"clamp": Condition("bottom"), "c": c}, 2).run()
         energies.append(result.summary()["energy"])
     assert energies[1] == pytest.approx(energies[0], rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("length", [1e-300, 1e200])
+def test_a_direction_may_have_any_length(length):
+    (n,) = Condition("top", direction=(3 * length, 4 * length)).directions(
+        "c", MESH.p[:, :2]
+    )
+    np.testing.assert_allclose(n, [[0.6, 0.6], [0.8, 0.8]], rtol=1e-15)

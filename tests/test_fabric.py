@@ -68,3 +68,16 @@ def test_one_direction_per_element_must_count_the_elements():
     fabric = Fabric(warp=np.tile([[1.0], [0.0]], 5))
     with pytest.raises(ValueError, match="one vector per element"):
         Ply(MeshQuad().refined(1), fabric, Full())
+
+
+@pytest.mark.parametrize(
+    ("warp", "message"),
+    [
+        ("right", "warp must be real numbers, got 'right'"),
+        ((1j, 0), "warp must be real numbers"),
+        ([[1], [1, 2]], "warp must be real numbers"),
+    ],
+)
+def test_directions_that_are_no_numbers_are_named(warp, message):
+    with pytest.raises(ValueError, match=message):
+        Fabric(1.0, warp=warp)

@@ -136,6 +136,16 @@ def test_a_path_is_saved_and_taken_up_again():
     assert Path.of(kept) == path
 
 
+def test_a_drift_without_end_of_what_holds_nothing_is_no_error():
+    path = Path(1.0, 8)
+    path.drifted(state(0.5, 1.0, 1.0), rise=0.0, drift=np.inf, held=0.0)
+    assert path.energy_error == 0.0
+    assert path.unresolved == []
+    path.drifted(state(1.0, 1.0, 1.0), rise=1e-9, drift=np.inf, held=1.0)
+    assert path.energy_error == np.inf
+    assert path.unresolved == [1.0]
+
+
 def test_the_summary_and_one_line_tell_of_a_path_that_forks(tmp_path, caplog):
     options = "run strip --size 6x9 --cs 0.1 --seed 0 --steps 1 --no-render --out"
     with caplog.at_level(logging.WARNING, logger="skfem_textile"):

@@ -152,3 +152,18 @@ def test_nearly_flat_corners_and_thin_elements_are_fine():
     flat = np.array([[0.0, 2.0, 1.0, 0.0], [0.0, 0.0, 1.0 + 1e-2, 2.0]])
     Ply(MeshQuad(flat, np.arange(4)[:, None]), Fabric(), Full())
     Ply(SQUARES.scaled((100.0, 1.0)), Fabric(), Full())
+
+
+@pytest.mark.parametrize(
+    ("fabric", "formulation", "message"),
+    [
+        (1e4, Full(), "fabric must be a Fabric, like .*, not 10000.0"),
+        (Fabric, Full(), "fabric must be a Fabric"),
+        (Fabric(), "full", "formulation must be like .*, not 'full'"),
+        (Fabric(), OnePoint, "formulation must be like"),
+        (Fabric(), None, "formulation must be like"),
+    ],
+)
+def test_what_is_no_fabric_and_no_formulation_is_refused(fabric, formulation, message):
+    with pytest.raises(ValueError, match=message):
+        Ply(SQUARES, fabric, formulation)

@@ -235,3 +235,20 @@ def test_a_strip_of_triangles_does_not_lock(seed, E):
     assert abs(summary["reaction_x"]) < 1e-5 * E
     assert summary["max_fibre_strain"] < 1e-4
     assert summary["displacement_error_rms"] < 0.01
+
+
+@pytest.mark.parametrize("number", [-1, 9, 2**30])
+def test_cells_of_nodes_that_are_not_there_are_not_split(number):
+    plain = MeshQuad().refined(1)
+    t = plain.t.copy()
+    t[1, 2] = number
+    message = "1 cell.* name a node that is not there: 2"
+    for split_it in (split, cut, lambda mesh: split_cells(mesh.p, [mesh.t])):
+        with pytest.raises(MeshError, match=message):
+            split_it(replace(plain, t=t))
+
+
+@pytest.mark.parametrize("mesh", [MeshTri(), None])
+def test_what_has_no_quadrilaterals_is_not_cut(mesh):
+    with pytest.raises(ValueError, match=r"only a skfem.MeshQuad can be cut"):
+        cut(mesh)

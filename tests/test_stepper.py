@@ -236,7 +236,7 @@ def test_steps_that_nobody_can_mean_are_refused(steps):
         ({"strategies": ["mixd"]}, "unknown strategy 'mixd': choose of mixed, descent"),
         ({"strategies": []}, "name at least one strategy"),
         ({"warn_only": ["stable"]}, "unknown check 'stable': choose of folding"),
-        ({"max_halvings": -1}, "max_halvings must be at least 0"),
+        ({"max_halvings": -1}, "max_halvings must be a whole number from 0"),
         ({"strategies": [Mixed]}, "neither a strategy nor the name of one"),
         ({"strategies": [Mixed(most=0)]}, "at least one iteration"),
     ],
@@ -385,3 +385,46 @@ def test_an_interrupted_run_keeps_its_states():
         stepper.run()
     assert load_factors(stepper.result) == [0.0, 0.25, 0.5]
     assert not stepper.result.converged
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"strategies": "mixed"}, "strategies must be given as a list, of mixed, "),
+        ({"strategies": None}, "strategies must be given as a list"),
+        ({"warn_only": "work"}, "checks in warn_only must be given as a list"),
+        ({"warn_only": None}, "checks in warn_only must be given as a list"),
+        ({"warn_only": [[]]}, r"unknown check \[\]"),
+        ({"solver": ["auto"]}, "unknown solver"),
+        ({"max_halvings": 1.5}, "max_halvings must be a whole number from 0 to 30"),
+        ({"max_halvings": np.nan}, "max_halvings must be a whole number"),
+        ({"max_halvings": 10**6}, "max_halvings must be a whole number"),
+        ({"max_halvings": None}, "max_halvings must be a whole number"),
+        ({"on_step": 3}, "on_step must be a function, not 3"),
+        ({"on_iteration": "print"}, "on_iteration must be a function"),
+        ({"checkpoint": 3}, "checkpoint must be a folder, not 3"),
+        ({"checkpoint": "a\0b"}, "checkpoint 'a.x00b' is no path"),
+        ({"ply": None}, "ply must be a Ply, not NoneType"),
+    ],
+)
+def test_settings_of_another_kind_are_refused_before_the_run(setting, message):
+    mesh = MeshQuad().refined(1).with_defaults()
+    given = {"ply": Ply(mesh, Fabric(1e4, 1.0), Full())} | setting
+    with pytest.raises(ValueError, match=message):
+        LoadStepper(conditions={"clamp": Condition("bottom")}, **given)
+
+
+def test_a_function_that_fails_on_the_way_stops_the_run():
+    """At a load factor that only halving reaches."""
+
+    def value(X, t):
+        return np.full(X.shape[1], 1.5 * t if t in (0, 1) else {}["x\ny"])
+
+    mesh = MeshQuad().refined(1).with_defaults()
+    stepper = LoadStepper(
+        Ply(mesh, Fabric(1e4, 1.0), Full()),
+        {"clamp": Condition("bottom"), "c": Condition("top", value, (0, -1))},
+        steps=1,
+    )
+    with pytest.raises(StepError, match=r"'c': the value fails: KeyError 'x.ny'$"):
+        stepper.run()

@@ -15,6 +15,7 @@ import numpy as np
 from .. import __version__
 from ..files.interruption import INTERRUPTED, held
 from ..files.output import OutputError, complain, say
+from ..mesh.naming import printable
 from ..scenes import Scene
 from ..solve.result import Iteration, Result, State, StepError
 from ..solve.stepper import LoadStepper
@@ -83,7 +84,7 @@ def run(options: argparse.Namespace, scene: Scene, stepper: LoadStepper) -> int:
     for key, value in summary.items():
         shown = f"{value:.6g}" if isinstance(value, float) else value
         say(f"{key:28}{shown}")
-    say(f"results in {options.out}")
+    say(f"results in {printable(options.out)}")
     if said:
         complain(said)
     return code
@@ -99,7 +100,7 @@ def paper(options: argparse.Namespace) -> int:
     with results as folder:
         rows = study.reproduce(folder, say)
     code = _render(options, study.PICTURES, partial(study.draw, rows))
-    say(f"results in {options.out}")
+    say(f"results in {printable(options.out)}")
     return code
 
 
@@ -115,7 +116,7 @@ def two_element(options: argparse.Namespace) -> int:
         text = json.dumps(systems.report(), indent=2, ensure_ascii=False)
         (folder / "systems.json").write_text(text + "\n")
     say(table, end="")
-    say(f"results in {options.out}")
+    say(f"results in {printable(options.out)}")
     return 0
 
 
@@ -136,7 +137,7 @@ def error_time(options: argparse.Namespace) -> int:
             with results as folder:
                 study.write(rows, folder)
     code = _render(options, study.PICTURES, partial(study.draw, rows))
-    say(f"results in {options.out}")
+    say(f"results in {printable(options.out)}")
     return code
 
 
@@ -170,7 +171,7 @@ def study(options: argparse.Namespace) -> int:
     if code != INTERRUPTED:
         draw = partial(study.draw, rows)
         code = _render(options, study.PICTURES, draw, code)
-    say(f"results in {options.out}")
+    say(f"results in {printable(options.out)}")
     if said:
         complain(said)
     return code
@@ -202,8 +203,8 @@ def _examine(
 
 def _inputs(options: argparse.Namespace) -> Mapping[str, Any]:
     """The options that decide the result."""
-    others = ("command", "task", "out", "no_render", "checkpoint", "resume", "verbose")
-    return {k: v for k, v in vars(options).items() if k not in others}
+    others = "command", "task", "out", "no_render", "made", "checkpoint", "resume"
+    return {k: v for k, v in vars(options).items() if k not in (*others, "verbose")}
 
 
 def _load(stepper: LoadStepper, options: argparse.Namespace) -> tuple[int, str]:
@@ -283,9 +284,9 @@ def _render(
         with io.ResultFolder(options.out, pictures) as folder:
             draw(folder)
     except ImportError as error:
-        say(f"no pictures: {error}; pip install 'skfem-textile[plot]'")
+        say(f"no pictures: {printable(error)}; pip install 'skfem-textile[plot]'")
     except Exception as error:
-        say(f"no pictures: {error}")
+        say(f"no pictures: {printable(error)}")
     except KeyboardInterrupt:
         complain("interrupted; the numbers are written, pictures are not")
         return INTERRUPTED

@@ -31,6 +31,11 @@ def scene_of(options: argparse.Namespace) -> Scene:
             "--split makes quadrilaterals, --formulation quadratic takes triangles: "
             "leave one of them out"
         )
+    if mesh not in KINDS and not Path(mesh).is_file():
+        raise ValueError(
+            f"--mesh {printable(mesh)}: neither a file nor {', '.join(KINDS)}"
+        )
+    _complete(options)
     if mesh not in KINDS:
         if not Path(mesh).is_file():
             raise ValueError(
@@ -52,14 +57,28 @@ def scene_of(options: argparse.Namespace) -> Scene:
     return scene.rotated(np.radians(options.rotate))
 
 
+def _complete(options: argparse.Namespace) -> None:
+    """Fill in what is not given of a mesh to make, and refuse it beside a file."""
+    for name, default in options.made.items():
+        given = getattr(options, name)
+        if options.mesh not in KINDS:
+            if given is not None:
+                raise ValueError(
+                    f"--{name} is of a mesh to make, but --mesh names a file: leave "
+                    "one of them out"
+                )
+        elif given is None:
+            setattr(options, name, default)
+
+
 def _fitting(mesh: Mesh, into: str | None, triangles: bool) -> Mesh:
     """The mesh cut and split as asked, and as triangles or quadrilaterals."""
+    if into == "quads" and isinstance(mesh, MeshTri | SplitMesh):
+        raise ValueError("--split quads: the mesh has triangles; leave it out")
     if isinstance(mesh, SplitMesh):
         return mesh
     if isinstance(mesh, MeshQuad) and (triangles or into == "triangles"):
         mesh = cut(mesh)
-    if into == "quads" and isinstance(mesh, MeshTri):
-        raise ValueError("--split quads: the mesh has triangles; leave it out")
     if into or (isinstance(mesh, MeshTri) and not triangles):
         mesh = split(mesh)
     return mesh

@@ -27,6 +27,9 @@ _EXIT_CODES = (
     "130, interrupted by Ctrl-C or SIGTERM and the last good state written"
 )
 
+# So far from zero an angle still has ten decimals; at 1e17 a turn by 45 is lost.
+_MOST_DEGREES = 36_000.0
+
 _SHOWN = " (default: %(default)s)"
 
 
@@ -99,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _output(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--out", type=Path, required=True, metavar="DIR", help="where results go")
+    add("--out", type=_folder, required=True, metavar="DIR", help="where results go")
     add("--no-render", action="store_true", help="write no pictures")
 
 
@@ -143,8 +146,7 @@ def _picture_frame(parser: argparse.ArgumentParser) -> None:
 
 
 def _bias_extension(parser: argparse.ArgumentParser) -> None:
-    _loaded(parser, "16x32")
-    parser.set_defaults(jitter=0.25)
+    _loaded(parser, "16x32", jitter=0.25)
     _angle(parser, "warp", 45.0, "inclination of the warp, below 90")
     _angle(parser, "weft", 135.0, "inclination of the weft, 180 less the warp's")
     _angle(parser, "shear-angle", 40.0, "shear angle of the middle at the end")
@@ -200,13 +202,14 @@ def _angle(
     parser: argparse.ArgumentParser, name: str, default: float, what: str
 ) -> None:
     parser.add_argument(
-        f"--{name}", type=_finite, default=default, metavar="DEG", help=what + _SHOWN
+        f"--{name}", type=_degrees, default=default, metavar="DEG", help=what + _SHOWN
     )
 
 
-def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
+def _loaded(parser: argparse.ArgumentParser, size: str, jitter: float = 0.3) -> None:
     """Options of every scene in which a ply is loaded."""
-    parser.set_defaults(task=_run_scene)
+    made = {"size": _size(size), "jitter": jitter, "seed": 1}
+    parser.set_defaults(task=_run_scene, made=made)
     add = parser.add_argument
     add(
         "--mesh",
@@ -214,8 +217,16 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
         metavar="KIND|FILE",
         help=f"{', '.join(KINDS)}, or a file of quadrilaterals or triangles" + _SHOWN,
     )
-    add("--size", type=_size, default=size, help="elements along x and y" + _SHOWN)
-    add("--jitter", type=float, default=0.3, help="node moves per spacing" + _SHOWN)
+    add(
+        "--size",
+        type=_size,
+        help=f"elements along x and y of a mesh to make (default: {size})",
+    )
+    add(
+        "--jitter",
+        type=float,
+        help=f"its node moves per spacing (default: {jitter:g})",
+    )
     add(
         "--split",
         nargs="?",
@@ -224,7 +235,7 @@ def _loaded(parser: argparse.ArgumentParser, size: str) -> None:
         help="cut the quadrilaterals in triangles, and these in three each; or quads: "
         "cut them in four",
     )
-    add("--seed", type=int, default=1, help="seed of the node moves" + _SHOWN)
+    add("--seed", type=int, help="seed of its node moves (default: 1)")
     add(
         "--formulation",
         choices=("one-point", "macro", "full", "quadratic"),
@@ -295,7 +306,7 @@ def _stepping(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--checkpoint",
-        type=Path,
+        type=_folder,
         nargs="?",
         const=True,
         metavar="FOLDER",
@@ -303,7 +314,7 @@ def _stepping(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--resume",
-        type=Path,
+        type=_folder,
         nargs="?",
         const=True,
         metavar="FOLDER",
@@ -318,14 +329,22 @@ def _stepping(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _finite(text: str) -> float:
+def _degrees(text: str) -> float:
     try:
         number = float(text)
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
         raise argparse.ArgumentTypeError(f"{text!r} is no finite number")
+    if abs(number) > _MOST_DEGREES:
+        raise argparse.ArgumentTypeError(f"{text!r} is more than a hundred turns")
     return number
+
+
+def _folder(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError("a folder must have a name")
+    return Path(text)
 
 
 def _positive(text: str) -> int:

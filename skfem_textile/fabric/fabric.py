@@ -8,11 +8,16 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from .asking import asked, real_numbers
+
 
 class Varied(Protocol):
     """Directions that are given in another way from one region to the next."""
 
-    region: ndarray
+    @property
+    def region(self) -> ndarray:
+        """Which of the regions each element is in."""
+        ...
 
     def at(self, name: str, x: ndarray, element: ndarray | None) -> ndarray:
         """Unit vectors at points, given as for `unit_vectors`."""
@@ -180,7 +185,7 @@ class Fabric:
         if any(hasattr(f.direction, "region") for f in self.families):
             return  # each of the fabrics that it is made of is valid
         given = [f for f in self.families if not callable(f.direction)]
-        sizes = [np.asarray(f.direction).size // 2 for f in given]
+        sizes = [real_numbers(f.name, f.direction).size // 2 for f in given]
         x = np.zeros((2, max(sizes, default=1), 1))
         for family in given:
             unit_vectors(family.name, family.direction, x)
@@ -290,17 +295,17 @@ def domain_of(law: Law) -> tuple[Any, Any]:
 
 
 def _law(name: str, law: Stiffness) -> Law:
-    if isinstance(law, ndarray) and law.ndim == 1 and law.dtype.kind in "iuf":
-        return Linear(law.astype(float))
-    if not isinstance(law, int | float | np.number):
+    by_element = isinstance(law, ndarray) and law.ndim == 1
+    if not by_element and not isinstance(law, int | float | np.number):
         parts = ("energy", "value", "tangent")
         if isinstance(law, type) or not all(hasattr(law, part) for part in parts):
             raise ValueError(
                 f"{name} must be a number or a law with energy, value and tangent"
             )
-        return law
+        return law  # type: ignore[return-value]
     try:
-        return Linear(float(law))
+        stiffness = real_numbers(name, law)
+        return Linear(stiffness if by_element else float(stiffness))
     except ValueError as error:
         raise ValueError(f"{name} {error}") from None
 
@@ -318,7 +323,8 @@ def unit_vectors(
     field: Any = direction
     if hasattr(field, "region"):
         return field.at(name, x, element)
-    a = np.asarray(direction(x) if callable(direction) else direction, dtype=float)
+    given = asked(name, direction, x) if callable(direction) else direction
+    a = real_numbers(name, given)
     if element is not None and a.ndim == 2 and a.shape[1] > element.max():
         a = a[:, element]
     a = a.reshape(a.shape + (1,) * (x.ndim - a.ndim))
@@ -331,7 +337,8 @@ def unit_vectors(
             f"{name} must be a vector, a function of position or one vector per "
             f"element, shape (2, n_elements); {a.shape} does not fit points {x.shape}"
         )
-    length = np.linalg.norm(a, axis=0)
-    if not np.all(np.isfinite(length) & (length > 0)):
+    largest = np.abs(a).max(axis=0)
+    if not np.all(np.isfinite(largest) & (largest > 0)):
         raise ValueError(f"{name} must be a non-zero finite vector everywhere")
-    return a / length
+    a = np.ldexp(a, -np.frexp(largest)[1])  # no square of it overflows or vanishes
+    return a / np.linalg.norm(a, axis=0)

@@ -102,7 +102,11 @@ def fabric_on(mesh: Mesh, fabric: Fabric) -> Fabric:
         if n in (None, mesh.nelements):
             return thing
         if parent is None or n != parent.max() + 1:
-            raise ValueError(f"{name}: {n} values for {mesh.nelements} elements")
+            each = "value" if hasattr(thing, "energy") else "vector"
+            raise ValueError(
+                f"{name}: {n} {each}s for {mesh.nelements} elements; give one {each} "
+                "per element"
+            )
         if isinstance(thing, RegionalDirection):
             return RegionalDirection(thing.directions, thing.region[parent])
         return thing[:, parent] if isinstance(thing, ndarray) else law_at(thing, parent)

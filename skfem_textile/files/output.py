@@ -4,13 +4,16 @@ import os
 import sys
 from typing import TextIO
 
+# Characters of a line on stderr: a word of the command line may have any number.
+_LONGEST = 400
+
 
 class OutputError(OSError):
     """What was found cannot be written or printed."""
 
 
 def say(text: str, end: str = "\n") -> None:
-    """Print to stdout at once.
+    """Print to stdout at once; characters that it does not have by their codes.
 
     Raises
     ------
@@ -19,8 +22,10 @@ def say(text: str, end: str = "\n") -> None:
     OutputError
         If it cannot be printed for another reason.
     """
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    shown = text.encode(encoding, "backslashreplace").decode(encoding)
     try:
-        print(text, end=end, flush=True)
+        print(shown, end=end, flush=True)
     except BrokenPipeError:
         raise
     except OSError as error:
@@ -29,8 +34,10 @@ def say(text: str, end: str = "\n") -> None:
 
 
 def complain(text: str) -> None:
-    """Print one line to stderr, if that can be written."""
+    """Print one line to stderr, if that can be written; without a long one's middle."""
     shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    if len(shown) > _LONGEST:
+        shown = f"{shown[: _LONGEST // 2]} ... {shown[-_LONGEST // 2 :]}"
     if sys.stderr is None:
         return
     try:

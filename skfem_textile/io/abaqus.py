@@ -1,142 +1,256 @@
-"""What meshio's reader of Abaqus files leaves out or would misread."""
+"""Files of Abaqus: nodes, elements and sets."""
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import Any, NamedTuple
 
 import meshio
 import numpy as np
-from meshio.abaqus._abaqus import abaqus_to_meshio_type
+from numpy import ndarray
 
 from ..mesh.checks import MeshError
+from ..mesh.naming import printable
+from .file_numbers import from_words, places, refuse_twice
 
-# Membranes, which meshio does not know; added to its own table.
-_MEMBRANES = {"M3D3": "triangle", "M3D4": "quad", "M3D4R": "quad"}
-abaqus_to_meshio_type.update(_MEMBRANES)
-
-# Keywords that are read, or say nothing of the mesh.
-_KNOWN = {
-    *("NODE", "ELEMENT", "NSET", "ELSET", "HEADING", "PREPRINT", "PART", "END PART"),
-    *("ASSEMBLY", "END ASSEMBLY", "INSTANCE", "END INSTANCE"),
+# Cells and their numbers of nodes, by the types of elements that have them.
+_TYPES = {
+    ("line", 2): "T2D2 T2D2H T3D2 T3D2H B21 B21H B31 B31H",
+    ("triangle", 3): "CPS3 STRI3 S3 S3R S3RS R3D3 M3D3",
+    ("quad", 4): "CPS4 CPS4R S4 S4R S4RS S4RSW S4R5 CAX4P M3D4 M3D4R",
 }
+_CELLS = {name: cell for cell, names in _TYPES.items() for name in names.split()}
+
+# What may be said in a line with a keyword.
+_WORDS = {
+    "NODE": {"NSET"},
+    "ELEMENT": {"TYPE", "ELSET"},
+    "NSET": {"NSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
+    "ELSET": {"ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
+}
+
+# Keywords that say nothing of the mesh, and those that would change it.
+_SILENT = ("HEADING", "PREPRINT", "PART", "ASSEMBLY", "INSTANCE")
+_CHANGING = ("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY")
+
+
+class _Block(NamedTuple):
+    """A line with a keyword, what it says, and the words of its lines of data."""
+
+    keyword: str
+    given: dict[str, str]
+    data: list[list[bytes]]
+
+    def __str__(self) -> str:
+        name = self.given.get(self.keyword)
+        return f"*{printable(self.keyword)}" + (f" {name!r}" if name else "")
 
 
 @dataclass
-class Deck:
-    """The keywords of an Abaqus file.
+class _Deck:
+    """Nodes, elements and sets.
 
     Attributes
     ----------
+    tags, points
+        Numbers and positions of the nodes, shapes (n,) and (n, 2) or (n, 3).
+    blocks
+        Of each ``*ELEMENT``: kind of cell, numbers, nodes and set.
+    sets
+        Members by keyword and name.
     ignored
         Keywords that are not read.
-    blocks
-        The element set that each ``*ELEMENT`` names, or none.
-    all_nodes
-        The node set that ``*NODE`` names, or none.
-    sizes
-        Number of elements of each ``*ELSET``.
+    most
+        As many members a set may have.
     """
 
+    tags: ndarray | None = None
+    points: ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    blocks: list[tuple[str, ndarray, ndarray, str | None]] = field(default_factory=list)
+    sets: dict[tuple[str, str], ndarray] = field(default_factory=dict)
     ignored: list[str] = field(default_factory=list)
-    blocks: list[str | None] = field(default_factory=list)
-    all_nodes: str | None = None
-    sizes: dict[str, int] = field(default_factory=dict)
+    most: int = 0
+    _spelled: dict[tuple[str, str], str] = field(default_factory=dict)
+
+    def spelled(self, keyword: str, given: dict[str, str]) -> str:
+        """The name of a set as it was spelled first: it may be in capitals or not."""
+        name = given.get(keyword, "")
+        if not name or "\ufffd" in name:
+            raise MeshError(f"{keyword} must have a name, in UTF-8")
+        return self._spelled.setdefault((keyword, name.upper()), name)
 
 
-def scan(path: Path) -> Deck:
-    """Read the keywords of an Abaqus file.
+def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
+    """Read a file of Abaqus.
 
-    Raises
-    ------
-    MeshError
-        If there are keywords that meshio would misread.
-    """
-    lines = path.read_text(errors="replace").splitlines()
-    starts = [i for i, line in enumerate(lines) if line.startswith("*")]
-    starts = [i for i in starts if not lines[i].startswith("**")]
-    deck = Deck()
-    sets: set[tuple[str, str]] = set()
-    for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
-        keyword, *words = lines[start][1:].split(",")
-        keyword = " ".join(keyword.upper().split())
-        pairs = (word.partition("=") for word in words)
-        given = {key.strip().upper(): value.strip() for key, _, value in pairs}
-        data = [x for x in lines[start + 1 : end] if x.strip() and x[:2] != "**"]
-        if keyword == "INCLUDE":
-            raise MeshError("*INCLUDE is not followed; put the mesh in one file")
-        if keyword == "NODE":
-            _read_node(deck, given, ("NODE", "") in sets)
-            sets.add(("NODE", ""))
-        elif keyword == "ELEMENT":
-            deck.blocks.append(given.get("ELSET"))
-        elif keyword in ("NSET", "ELSET"):
-            name = given.get(keyword, "")
-            if (keyword, name) in sets:
-                raise MeshError(f"*{keyword} {name!r} is given twice; name them apart")
-            sets.add((keyword, name))
-            size = _size(f"*{keyword} {name!r}", keyword, given, data, len(lines))
-            if keyword == "ELSET":
-                deck.sizes[name] = size
-        elif keyword not in _KNOWN or (keyword == "INSTANCE" and data):
-            deck.ignored.append(f"*{keyword}")
-    if both := set(deck.sizes) & set(deck.blocks):
-        name = min(map(str, both))
-        raise MeshError(f"*ELSET {name!r} is a set of *ELEMENT too; name them apart")
-    return deck
-
-
-def _read_node(deck: Deck, given: dict[str, str], again: bool) -> None:
-    if again:
-        raise MeshError("there is more than one *NODE block; put all nodes in one")
-    if other := set(given) - {"NSET"}:
-        raise MeshError(
-            f"*NODE with {min(other)!r} is not read; give plain coordinates"
-        )
-    deck.all_nodes = given.get("NSET")
-
-
-def _size(
-    what: str, keyword: str, given: dict[str, str], data: list[str], most: int
-) -> int:
-    """Number of members of a set."""
-    words = [
-        word.strip() for line in data for word in line.strip().strip(",").split(",")
-    ]
-    others = {"NSET", "ELSET"} - {keyword}
-    if others & set(given) or not all(word.isdecimal() for word in words):
-        raise MeshError(f"{what} is given by other sets; give it by numbers")
-    numbers = list(map(int, words))
-    if "GENERATE" in given:
-        if len(numbers) != 3 or numbers[2] < 1:
-            raise MeshError(f"{what}: GENERATE takes one line: first, last, step")
-        first, last, step = numbers
-        if (last - first) // step > most:
-            raise MeshError(f"{what} has more members than the file has lines")
-        return len(range(first, last + 1, step))
-    return len(set(numbers))
-
-
-def mend(raw: meshio.Mesh, deck: Deck) -> None:
-    """Put right the sets of a mesh that meshio has read.
-
-    meshio takes it that every ``*ELEMENT`` names a set of its own, leaves out the set
-    of ``*NODE``, and cuts an ``*ELSET`` to the elements that it knows.
+    Returns
+    -------
+    tuple
+        The mesh, and keywords that are not read.
 
     Raises
     ------
     MeshError
-        If a set names elements that are not there.
+        If the file departs from its format, or has other elements than edges,
+        triangles and four-node quadrilaterals.
     """
-    for name, size in deck.sizes.items():
-        there = sum(np.size(members) for members in raw.cell_sets[name])
-        if there != size:
+    deck, seen = _Deck(most=content.count(b"\n") + content.count(b"\r")), set()
+    for block in _blocks(content):
+        if block.keyword in ("NODE", "PART", "INSTANCE") and block.keyword in seen:
             raise MeshError(
-                f"*ELSET {name!r} names {size} elements, and {there} of these numbers "
-                "stand before it; give each element a number of its own"
+                f"there is more than one *{block.keyword} block; put the whole mesh in "
+                "one"
             )
-    for name in {name for name in deck.blocks if name is not None}:
-        raw.cell_sets[name] = [
-            np.arange(len(block.data) if own == name else 0)
-            for own, block in zip(deck.blocks, raw.cells, strict=True)
+        seen.add(block.keyword)
+        try:
+            _read_block(deck, block)
+        except MeshError as error:
+            raise MeshError(f"{block}: {error}") from None
+    return _mesh(deck), deck.ignored
+
+
+def _blocks(content: bytes) -> Iterator[_Block]:
+    """The keywords, each with its data."""
+    lines = re.split(rb"\r\n|\n|\r", content)
+    lines = [x for line in lines if (x := line.strip()) and x[:2] != b"**"]
+    starts = [i for i, line in enumerate(lines) if line.startswith(b"*")]
+    if starts[:1] != [0]:
+        raise MeshError("it does not begin with a keyword of Abaqus")
+    for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+        first, head = start + 1, lines[start][1:]
+        while head.endswith(b",") and first < end:
+            head, first = head + lines[first], first + 1
+        keyword, *words = head.decode(errors="replace").split(",")
+        pairs = [word.partition("=") for word in words if word.strip()]
+        given = {key.strip().upper(): value.strip() for key, _, value in pairs}
+        data = [[x.strip() for x in line.split(b",")] for line in lines[first:end]]
+        block = _Block(" ".join(keyword.upper().split()), given, data)
+        if len(given) < len(pairs):
+            raise MeshError(f"{block} says a thing twice")
+        yield block
+
+
+def _read_block(deck: _Deck, block: _Block) -> None:
+    keyword, given, data = block
+    if keyword == "INCLUDE":
+        raise MeshError("is not followed; put the mesh in one file")
+    if keyword in _CHANGING:
+        raise MeshError("is not read; list nodes and elements one by one")
+    if other := set(given) - _WORDS.get(keyword, set(given)):
+        raise MeshError(
+            f"{printable(min(other))!r} is not read; give plain numbers without it"
+        )
+    if keyword == "NODE":
+        deck.tags, deck.points = _nodes(data)
+        if "NSET" in given:
+            deck.sets["NSET", deck.spelled("NSET", given)] = deck.tags
+    elif keyword == "ELEMENT":
+        kind, corners = _cell(given.get("TYPE", ""))
+        rows = _elements(data, 1 + corners)
+        name = deck.spelled("ELSET", given) if "ELSET" in given else None
+        deck.blocks.append((kind, rows[:, 0], rows[:, 1:], name))
+    elif keyword in ("NSET", "ELSET"):
+        name = deck.spelled(keyword, given)
+        if (keyword, name) in deck.sets:
+            raise MeshError("is given twice; name them apart")
+        deck.sets[keyword, name] = _members(data, "GENERATE" in given, deck.most)
+    elif keyword.removeprefix("END ") not in _SILENT or (
+        keyword == "INSTANCE" and data
+    ):
+        deck.ignored.append(f"*{keyword}")
+
+
+def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
+    """Numbers and positions."""
+    tags = from_words([words[0] for words in data], "i8")
+    width = len(data[0]) - 1 if data else 3
+    for words in data:
+        if len(words) - 1 != width or width not in (2, 3):
+            shown = printable(b", ".join(words)[:60].decode(errors="replace"))
+            raise MeshError(f"{shown!r} must be a number and two or three coordinates")
+    x = from_words([word for words in data for word in words[1:]], "f8")
+    return tags, x.reshape(-1, width)
+
+
+def _cell(element: str) -> tuple[str, int]:
+    """The cell of an element and its number of nodes."""
+    try:
+        return _CELLS[element.upper()]
+    except KeyError:
+        raise MeshError(
+            "only triangles and four-node quadrilaterals are supported, found "
+            f"{printable(element[:30]) or 'no TYPE'}; CPS3 and CPS4 are such"
+        ) from None
+
+
+def _elements(data: list[list[bytes]], width: int) -> ndarray:
+    """Number and nodes of each element, which may take several lines."""
+    rows: list[list[bytes]] = []
+    open_row = False
+    for words in data:
+        goes_on = words[-1] == b""
+        words = words[:-1] if goes_on else words
+        if open_row:
+            rows[-1] += words
+        else:
+            rows.append(words)
+        open_row = goes_on and len(rows[-1]) < width
+        if len(rows[-1]) != width and not open_row:
+            shown = printable(b", ".join(rows[-1])[:60].decode(errors="replace"))
+            raise MeshError(f"{shown!r} must be {width} numbers")
+    if open_row:
+        raise MeshError("its last element is cut off")
+    return from_words([word for row in rows for word in row], "i8").reshape(-1, width)
+
+
+def _members(data: list[list[bytes]], generate: bool, most: int) -> ndarray:
+    """Numbers of the members of a set."""
+    lines = [words[:-1] if words[-1] == b"" else words for words in data]
+    words = [word for line in lines for word in line]
+    if not all(word.isdigit() for word in words):
+        raise MeshError("is given by other sets; give it by numbers")
+    numbers = from_words(words, "i8")
+    if not generate:
+        return np.unique(numbers)
+    if len(numbers) != 3 or numbers[2] < 1 or (numbers[1] - numbers[0]) % numbers[2]:
+        raise MeshError("GENERATE takes one line: first, last, step, which end at last")
+    first, last, step = numbers.tolist()
+    if not 0 <= (last - first) // step < most:
+        raise MeshError("has more members than the file has lines, or none")
+    return np.arange(first, last + 1, step)
+
+
+def _mesh(deck: _Deck) -> meshio.Mesh:
+    if deck.tags is None or not deck.blocks:
+        raise MeshError(f"it has no *{'NODE' if deck.tags is None else 'ELEMENT'}")
+    refuse_twice(deck.tags, "node")
+    numbers = np.concatenate([numbers for _, numbers, _, _ in deck.blocks])
+    refuse_twice(numbers, "element")
+    cells: list[Any] = [
+        (kind, places(deck.tags, nodes, "node")) for kind, _, nodes, _ in deck.blocks
+    ]
+    nodes: dict[str, Any] = {}
+    elements: dict[str, Any] = {}
+    for name in dict.fromkeys(name for *_, name in deck.blocks if name is not None):
+        if ("ELSET", name) in deck.sets:
+            raise MeshError(
+                f"*ELSET {name!r} is a set of *ELEMENT too; name them apart"
+            )
+        elements[name] = [
+            np.arange(len(block) if own == name else 0)
+            for _, block, _, own in deck.blocks
         ]
-    if deck.all_nodes is not None:
-        raw.point_sets[deck.all_nodes] = np.arange(len(raw.points))
+    first = np.cumsum([0, *(len(block) for _, block, _, _ in deck.blocks)])
+    for (keyword, name), members in deck.sets.items():
+        try:
+            if keyword == "NSET":
+                nodes[name] = places(deck.tags, members, "node")
+            else:
+                at = np.sort(places(numbers, members, "element"))
+                ends = np.searchsorted(at, first)
+                elements[name] = [
+                    at[a:b] - n for a, b, n in zip(ends, ends[1:], first, strict=False)
+                ]
+        except MeshError as error:
+            raise MeshError(f"*{keyword} {name!r}: {error}") from None
+    return meshio.Mesh(deck.points, cells, point_sets=nodes, cell_sets=elements)

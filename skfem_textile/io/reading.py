@@ -1,4 +1,4 @@
-"""Meshes from files, in any format that meshio knows."""
+"""Meshes from files: of Gmsh, Abaqus and VTK, and others that meshio knows."""
 
 import contextlib
 import io
@@ -14,17 +14,19 @@ import meshio
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
-from skfem.io.meshio import from_meshio
 
 from ..mesh.checks import MeshError, check_mesh, check_quads, refuse, refuse_positions
 from ..mesh.naming import printable, with_named_nodes
 from ..splitting import boundary_edges, named_edges, split_cells
-from . import abaqus
+from . import abaqus, gmsh, vtk, vtu
 
 log = logging.getLogger(__name__)
 
 _CELLS: dict[str, type[Mesh]] = {"quad": MeshQuad, "triangle": MeshTri}
 _CORNERS = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}
+# Formats that are read here; meshio passes over much that is wrong in them.
+_OWN = {".msh": gmsh.read, ".inp": abaqus.read, ".vtu": vtu.read, ".vtk": vtk.read}
+
 _WORDS = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
 
 
@@ -66,15 +68,21 @@ def read_mesh(path: str | os.PathLike[str], split: bool = True) -> Mesh:
 
 
 def _read(path: Path) -> tuple[meshio.Mesh, list[str]]:
-    """Read with meshio, which prints and exits where it cannot; what is left out."""
-    said, deck = io.StringIO(), None
+    """What a file holds, and names of what is not read."""
     try:
         if not path.is_file():
             raise MeshError("no such file")
-        if path.suffix.lower() == ".inp":
-            deck = abaqus.scan(path)
-        if path.suffix.lower() == ".msh":
-            _refuse_same_names(path.read_bytes())
+        if own := _OWN.get(path.suffix.lower()):
+            return own(path.read_bytes())
+    except OSError as error:
+        raise MeshError(printable(error.strerror or error)) from None
+    return _read_with_meshio(path)
+
+
+def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
+    """Read with meshio, which prints and exits where it cannot; what is left out."""
+    said = io.StringIO()
+    try:
         with (
             contextlib.redirect_stdout(said),
             contextlib.redirect_stderr(said),
@@ -83,8 +91,6 @@ def _read(path: Path) -> tuple[meshio.Mesh, list[str]]:
         ):
             warnings.simplefilter("ignore")
             raw = meshio.read(path)
-    except MeshError:
-        raise
     except OSError as error:
         raise MeshError(printable(error.strerror or error)) from None
     except KeyError as error:
@@ -94,26 +100,11 @@ def _read(path: Path) -> tuple[meshio.Mesh, list[str]]:
         said_or_error = (said.getvalue() or str(error)).strip()
         reason = printable(said_or_error.partition("\n")[0][:100])
         raise MeshError(f"meshio cannot read it. {reason}".strip()) from None
-    if deck is not None:
-        abaqus.mend(raw, deck)
     fields = [n for n in raw.point_data if not n.startswith("gmsh:")]
     fields += [n for n in raw.cell_data if not n.startswith(("gmsh:", "skfem:"))]
     if not any(name.startswith("gmsh:") for name in raw.cell_data):
         fields += raw.field_data
-    periodic = ["$Periodic"] if raw.gmsh_periodic else []
-    return raw, (deck.ignored if deck else []) + fields + periodic
-
-
-def _refuse_same_names(content: bytes) -> None:
-    """Refuse a file of Gmsh of which meshio would keep one of two groups."""
-    section = content.partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0]
-    names = [
-        line.partition('"')[2] for line in section.decode(errors="replace").split("\n")
-    ]
-    for name in set(filter(None, names)):
-        if names.count(name) > 1:
-            shown = name.rpartition('"')[0]
-            raise MeshError(f"two groups are named {shown!r}; name them apart")
+    return raw, fields
 
 
 @dataclass
@@ -153,7 +144,7 @@ def _content(raw: meshio.Mesh) -> _Content:
     _name_groups(content, raw, plane)
     _name_node_sets(content, raw)
     _name_as_skfem(content, raw, plane)
-    return _merged(content) if "gmsh:physical" in raw.cell_data else content
+    return content
 
 
 def _refuse_numbers(raw: meshio.Mesh, blocks: list[int]) -> None:
@@ -192,8 +183,7 @@ def _name_groups(content: _Content, raw: meshio.Mesh, plane: list[int]) -> None:
 def _groups(raw: meshio.Mesh) -> Iterator[tuple[str, int, ndarray]]:
     """Named groups of cells: name, block of cells, numbers in the block.
 
-    Of Gmsh's files of version 4.1 meshio gives them as sets, and the first of each
-    cell once more as tags.
+    Of files that were made from Gmsh's, as .xdmf, meshio gives them as tags.
     """
     sets: Any = {n: s for n, s in raw.cell_sets.items() if not n.startswith("gmsh:")}
     tags: Any = raw.cell_data.get("gmsh:physical", [])
@@ -235,46 +225,28 @@ def _name_node_sets(content: _Content, raw: meshio.Mesh) -> None:
 
 
 def _name_as_skfem(content: _Content, raw: meshio.Mesh, plane: list[int]) -> None:
-    """Names that scikit-fem writes as data of the cells."""
-    data = {k: v for k, v in raw.cell_data.items() if k.startswith("skfem:")}
+    """Names that scikit-fem writes as data of the cells.
+
+    Of a boundary, bit i of a cell's number says that its edge i is part of it.
+    """
+    data = {k: v for k, v in raw.cell_data.items() if k.startswith(vtk.SKFEM)}
     if not data:
         return
     if len(raw.cells) > 1:
         raise MeshError("names that scikit-fem wrote are read of one block of cells")
-    try:
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            mesh = from_meshio(meshio.Mesh(raw.points, [*raw.cells], cell_data=data))
-    except Exception:
-        raise MeshError("names that scikit-fem wrote cannot be read") from None
-    for name, edges in (mesh.boundaries or {}).items():
-        _add(content.edges, name, mesh.facets[:, np.asarray(edges)])
-    for name, cells in (mesh.subdomains or {}).items():
-        _add(content.subdomains, name, cells)
-
-
-def _merged(content: _Content) -> _Content:
-    """Each cell once, which Gmsh's files of version 2.2 repeat for each of its groups.
-
-    Cells that are repeated otherwise are left for `check_mesh` to refuse.
-    """
-    cells, origin, n = [], [], 0
-    for cell in content.cells:
-        _, first, copy = np.unique(cell, axis=1, return_index=True, return_inverse=True)
-        origin.append(n + np.argsort(np.argsort(first))[copy.ravel()])
-        cells.append(cell[:, np.sort(first)])
-        n += len(first)
-    new = np.concatenate(origin)
-    named = np.zeros(len(new), dtype=bool)
-    subdomains = {}
-    for name, members in content.subdomains.items():
-        named[members] = True
-        subdomains[name] = np.unique(new[members])
-        if len(subdomains[name]) < len(members):
-            return content
-    if not named[np.bincount(new)[new] > 1].all():
-        return content
-    return replace(content, cells=cells, subdomains=subdomains)
+    (cells,) = content.cells
+    for key, (values,) in data.items():
+        kind, _, name = key.removeprefix(vtk.SKFEM).partition(":")
+        most = {"s": 1, "b": 2 ** len(cells) - 1}.get(kind, -1)
+        marks = np.ravel(values)
+        if len(marks) != cells.shape[1] or not np.isin(marks, range(most + 1)).all():
+            raise MeshError(f"name {name!r} that scikit-fem wrote cannot be read")
+        if kind == "s":
+            _add(content.subdomains, name, np.flatnonzero(marks))
+            continue
+        bits = marks.astype(int) >> np.arange(len(cells))[:, None] & 1
+        ends = np.stack([cells, np.roll(cells, -1, axis=0)])
+        _add(content.edges, name, np.sort(ends[:, bits > 0], axis=0))
 
 
 def _mesh(content: _Content, split: bool) -> Mesh:

@@ -1,6 +1,6 @@
 """What a mesh must fulfil before anything is computed on it."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -18,6 +18,9 @@ _NEGLIGIBLE = 1e-9
 
 # Areas of cells further out than this overflow.
 _FAR = 1e100
+
+# Areas of cells with shorter edges vanish, or overflow when they divide.
+_SHORT = 1e-100
 
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
@@ -72,9 +75,7 @@ def check_mesh(mesh: Mesh) -> None:
     """
     _refuse_cells(mesh, _CELLS)
     _, cell = _CELLS[mesh.elem]
-    refuse_positions(mesh.p)
-    listed = (mesh.t >= 0) & (mesh.t < mesh.p.shape[1])
-    refuse(f"{cell}(s) name a node that is not there", ~listed.all(axis=0))
+    refuse_nodes(mesh.p, [mesh.t], cell)
     gauss, _ = GAUSS
     used = np.zeros(mesh.p.shape[1], dtype=bool)
     used[mesh.t] = True
@@ -109,6 +110,28 @@ def refuse_positions(p: ndarray) -> None:
     refuse("node(s) not finite", ~np.isfinite(p).all(axis=0))
     far = f"node(s) further than {_FAR:g} from the origin"
     refuse(far, (np.abs(p) > _FAR).any(axis=0))
+
+
+def refuse_nodes(p: ndarray, cells: Sequence[ndarray], what: str = "cell") -> None:
+    """Refuse positions as `refuse_positions`, and cells of nodes that are not there.
+
+    Parameters
+    ----------
+    p
+        Positions, shape (2, n).
+    cells
+        Node numbers, arrays of shape (n_corners, n); counted through them all.
+    what
+        What to call a cell.
+
+    Raises
+    ------
+    MeshError
+        If there are any.
+    """
+    refuse_positions(p)
+    listed = [((t >= 0) & (t < p.shape[1])).all(axis=0) for t in cells]
+    refuse(f"{what}(s) name a node that is not there", ~np.concatenate(listed))
 
 
 def with_edges(mesh: _Mesh) -> _Mesh:
@@ -196,7 +219,7 @@ def _inverted(mesh: Mesh, jacobian: ndarray) -> ndarray:
 def _collapsed(mesh: Mesh) -> ndarray:
     """Elements with an edge of no length."""
     length = _edge_lengths(mesh)
-    return length.min(axis=0) <= _NEGLIGIBLE * length.max(axis=0)
+    return length.min(axis=0) <= np.maximum(_NEGLIGIBLE * length.max(axis=0), _SHORT)
 
 
 def _edge_lengths(mesh: Mesh) -> ndarray:

@@ -123,11 +123,13 @@ class OnePoint(_Quadrilaterals):
         return f"one point, Cs = {C_s if C_s == 'auto' else f'{C_s:g}'}{kind}"
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """The hourglass term, unless C_s is zero."""
+        """The hourglass term, unless C_s is zero, or jumps are of no edge."""
         C_s = None if self.stabilisation == "auto" else float(self.stabilisation)
         if C_s == 0:
             return []
         if C_s is not None and self.kind == "continuity":
+            if basis.mesh.f2t[1].max() < 0:
+                return []
             edges = JumpBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
             return [_stabilisation(forms.shear_continuity(fabric, C_s), edges)]
         corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
@@ -172,7 +174,7 @@ class Macro(_Quadrilaterals):
 
     def __post_init__(self) -> None:
         _refuse("stabilisation", self.stabilisation, " or 'auto'")
-        if np.shape(self.deviation) != (2,):
+        if np.shape(np.asarray(self.deviation, dtype=object)) != (2,):
             raise ValueError(
                 "deviation must be a pair (triangles, quadrilaterals), got "
                 f"{self.deviation}"
@@ -210,7 +212,7 @@ class Macro(_Quadrilaterals):
         return _mean_tension_term(fabric, deviation[:, None], macro)
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """The hourglass term, unless C_s is zero."""
+        """The hourglass term, unless C_s is zero, or jumps are of no edge."""
         return OnePoint(self.stabilisation).stabilising_terms(basis, fabric)
 
 
@@ -296,7 +298,7 @@ def _mean_tension_term(
 
 def _refuse(name: str, value: float | str, also: str = "") -> None:
     """Refuse what is no stiffness, nor ``auto`` where that may be."""
-    if also and value == "auto":
+    if also and isinstance(value, str) and value == "auto":
         return
     if not isinstance(value, Real) or not (np.isfinite(value) and value >= 0):
         raise ValueError(f"{name} must be a finite number >= 0{also}, got {value}")

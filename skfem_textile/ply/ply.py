@@ -104,9 +104,18 @@ class Ply(Measures):
         formulation: Formulation,
         terms: Iterable[Term | Load] = (),
     ) -> None:
-        self.mesh = mesh
         if isinstance(fabric, Mapping):
             fabric = fabric_of_regions(mesh, fabric)
+        if not isinstance(fabric, Fabric):
+            raise ValueError(
+                f"fabric must be a Fabric, like Fabric(1e4), not {fabric!r}"
+            )
+        if isinstance(formulation, type) or not hasattr(formulation, "tension_term"):
+            raise ValueError(
+                "formulation must be one, like Full() or OnePoint(), not "
+                f"{formulation!r}"
+            )
+        self.mesh = mesh
         self.fabric = fabric = fabric_on(mesh, fabric)
         self.formulation = formulation
         self.basis = formulation.basis(mesh)

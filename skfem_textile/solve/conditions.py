@@ -12,6 +12,7 @@ from scipy.sparse.linalg import splu
 from skfem import CellBasis, Mesh
 
 from ..fabric import Direction, unit_vectors
+from ..fabric.asking import asked, real_numbers
 from ..mesh.bases import node_dofs, node_positions
 from ..mesh.naming import named_nodes
 
@@ -69,8 +70,7 @@ class Condition:
         if isinstance(self.where, str):
             nodes = self._named(name, mesh, n_nodes > n_vertices)
         else:
-            where = self.where(X) if callable(self.where) else self.where
-            chosen = np.asarray(where)
+            chosen = self._chosen(name, X)
             if chosen.dtype == bool and chosen.shape == (n_nodes,):
                 nodes = np.flatnonzero(chosen)
             elif chosen.dtype.kind in "iu" and not callable(self.where):
@@ -87,6 +87,16 @@ class Condition:
                 f"condition {name!r}: there are nodes 0 to {n_nodes - 1} only"
             )
         return nodes
+
+    def _chosen(self, name: str, X: ndarray) -> ndarray:
+        """What ``where`` says of the nodes; no bools nor whole numbers if nothing."""
+        where: Any = self.where
+        if callable(where):
+            where = asked(f"condition {name!r}: where", where, X)
+        try:
+            return np.asarray(where)
+        except ValueError:  # lists of different lengths
+            return np.empty(0)
 
     def _named(self, name: str, mesh: Mesh, with_middles: bool) -> ndarray:
         """Nodes of the boundary and those named so, ascending."""
@@ -115,16 +125,15 @@ class Condition:
 
     def values(self, name: str, X: ndarray, t: float) -> ndarray:
         """Displacements along the fixed directions, shape (k, n)."""
-        if callable(self.value):
-            value = np.asarray(self.value(X, t), dtype=float)
-        else:
-            value = t * np.asarray(self.value, dtype=float)
+        what, function = f"condition {name!r}: the value", self.value
+        given = asked(what, function, X, t) if callable(function) else function
+        value = real_numbers(what, given)
+        if not np.all(np.isfinite(value)):
+            raise ValueError(f"{what} is not finite at load factor {t:g}")
+        if not callable(function):
+            value = t * value
             if value.shape == (2,) and self.direction is None:
                 value = np.broadcast_to(value[:, None], X.shape)
-        if not np.all(np.isfinite(value)):
-            raise ValueError(
-                f"condition {name!r}: the value is not finite at load factor {t:g}"
-            )
         shape = X.shape if self.direction is None else X.shape[1:]
         one_for_all = value.ndim == 0 and (self.direction is not None or value == 0)
         if value.shape != shape and not one_for_all:

@@ -188,7 +188,7 @@ class Path:
         drift, held
             ½ |ΔC| d² and ½ C d² at its end, as `Ply.drift` gives them.
         """
-        if drift > 0:
+        if drift > 0 and rise:  # which may be without end, times nothing
             self.energy_error += 0.5 * drift * min(1.0, abs(rise) / max(held, _TINY))
         if self.energy_error > _SAME * abs(sum(state.energies.values())):
             self._mark(state.load_factor)

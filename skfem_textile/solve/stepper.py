@@ -31,6 +31,9 @@ _EASY_SOLVES = 6
 
 _MOST_STEPS = 1_000_000
 
+# A load factor near 1 has 53 binary digits, and 20 of them are for the steps.
+_MOST_HALVINGS = 30
+
 
 class LoadStepper:
     """Load a ply, in steps that shrink where they fail and grow where they are easy.
@@ -65,8 +68,8 @@ class LoadStepper:
     ------
     ValueError
         If a condition is not valid at some load factor, ``steps`` is no whole number
-        from 1 to a million, ``max_halvings`` is negative, a strategy or check unknown,
-        or the solver unknown or not installed.
+        from 1 to a million, ``max_halvings`` none from 0 to 30, a strategy or check
+        unknown, the solver unknown or not installed, or something is of another kind.
 
     Examples
     --------
@@ -102,19 +105,20 @@ class LoadStepper:
         checkpoint: str | os.PathLike[str] | None = None,
         solver: str = "auto",
     ) -> None:
-        if not _is_whole(steps) or steps > _MOST_STEPS:
-            raise ValueError(
-                "steps must be at least 1, and whole, and no more than "
-                f"{_MOST_STEPS}; got {steps}"
-            )
+        if isinstance(ply, type) or not hasattr(ply, "stiffness"):
+            raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
+        _refuse_numbers(steps, max_halvings)
+        _refuse_no_list("strategies", strategies, STRATEGIES)
+        _refuse_no_list("checks in warn_only", warn_only, CHECKS)
         if not strategies:
             raise ValueError(f"name at least one strategy of {', '.join(STRATEGIES)}")
-        if max_halvings < 0:
-            raise ValueError(f"max_halvings must be at least 0, got {max_halvings}")
         for name in warn_only:
-            if name not in CHECKS:
+            if name not in [*CHECKS]:
                 known = ", ".join(CHECKS)
                 raise ValueError(f"unknown check {name!r}: choose of {known}")
+        for name, function in (("on_iteration", on_iteration), ("on_step", on_step)):
+            if function is not None and not callable(function):
+                raise ValueError(f"{name} must be a function, not {function!r}")
         check_solver(solver)
         self.problem = Problem(ply, Constraints(ply.basis, conditions), solver)
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
@@ -202,23 +206,30 @@ class LoadStepper:
         if saved:
             self._go_on(saved)
             return
-        if resume:
-            log.warning("nothing to resume: the run starts from the undeformed ply")
         problem.ply.reset()
-        if checkpoint:
-            checkpoint.begin()
+        u = problem.ply.basis.zeros()
         with np.errstate(all="ignore"):  # what is not finite is caught
-            self._rest()
+            f, (energies, potentials) = problem.residual(u), problem.energies(u)
+            if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
+                raise ValueError("a law has no finite energy or force at rest: mend it")
+            if checkpoint:
+                checkpoint.begin()
+            if resume:
+                log.warning("nothing to resume: the run starts from the undeformed ply")
+            self._rest(u, f, energies, potentials)
 
-    def _rest(self) -> None:
+    def _rest(
+        self,
+        u: ndarray,
+        f: ndarray,
+        energies: Mapping[str, float],
+        potentials: Mapping[str, float],
+    ) -> None:
         """Keep the state at the load factor 0: balanced, and held as conditions ask.
 
         A ply at rest may have motions without stiffness, but none that gains energy.
         """
-        problem, u = self.problem, self.problem.ply.basis.zeros()
-        f, (energies, potentials) = problem.residual(u), problem.energies(u)
-        if not (np.isfinite(f).all() and np.isfinite(list(energies.values())).all()):
-            raise ValueError("a law has no finite energy or force at rest: mend it")
+        problem = self.problem
         tangent, unbalanced = tangent_at(problem, u), problem.unbalanced(f)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
         undeformed = Equilibrium(u, f, (unbalanced,), tolerance)
@@ -389,11 +400,32 @@ class LoadStepper:
         }
 
 
-def _is_whole(number: Any) -> bool:
+def _refuse_numbers(steps: Any, max_halvings: Any) -> None:
+    if not _is_whole(steps, 1, _MOST_STEPS):
+        raise ValueError(
+            "steps must be at least 1, and whole, and no more than "
+            f"{_MOST_STEPS}; got {steps!r}"
+        )
+    if not _is_whole(max_halvings, 0, _MOST_HALVINGS):
+        raise ValueError(
+            f"max_halvings must be a whole number from 0 to {_MOST_HALVINGS}, got "
+            f"{max_halvings!r}"
+        )
+
+
+def _is_whole(number: Any, least: int, most: int) -> bool:
     try:
-        return int(number) == number >= 1
+        return least <= int(number) == number <= most
     except (TypeError, ValueError, OverflowError):
         return False
+
+
+def _refuse_no_list(what: str, given: Any, known: Collection[str]) -> None:
+    """Refuse a name alone, whose letters would be taken for names, and what is none."""
+    if isinstance(given, str) or not isinstance(given, Collection):
+        raise ValueError(
+            f"{what} must be given as a list, of {', '.join(known)}; got {given!r}"
+        )
 
 
 def _among(elements: ndarray) -> str:

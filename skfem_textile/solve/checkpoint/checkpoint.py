@@ -72,7 +72,14 @@ class Checkpoint:
         problem: Problem,
         settings: Mapping[str, Any],
     ) -> None:
-        self.folder, self._problem = Path(folder), problem
+        try:
+            self.folder, self._problem = Path(folder), problem
+        except TypeError:
+            raise CheckpointError(
+                f"checkpoint must be a folder, not {folder!r}"
+            ) from None
+        if "\0" in str(folder):
+            raise CheckpointError(f"checkpoint {str(folder)!r} is no path")
         given = {"format": _FORMAT, **settings, **fingerprint.settings(problem)}
         self._settings = json.loads(json.dumps(given))
         self._run, self._last = "", ""

@@ -67,7 +67,7 @@ def check_solver(name: str) -> None:
     """Refuse a name that is unknown or needs what is not installed."""
     if name == "auto":
         return
-    if name not in SOLVERS:
+    if name not in [*SOLVERS]:  # which a list may be asked, that is no name
         raise ValueError(
             f"unknown solver {name!r}: choose of auto, {', '.join(SOLVERS)}"
         )
