@@ -7,7 +7,7 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
 from .conditions import Constraints
-from .linear import nested_dissection, solver_named
+from .linear import ChosenSolver, nested_dissection
 from .pattern import Pattern, where
 
 
@@ -44,7 +44,7 @@ class System:
     constraints
         What fixes the other unknowns.
     solver
-        Name of a linear solver.
+        Name of a linear solver, or ``auto``.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class System:
         )
         turn = constraints.turn
         self._turn = None if turn is None else _Turn(pattern, turn)
-        self.solver = solver_named(solver, n)(_lower(self._upper))
+        self.solver = ChosenSolver(solver, _lower(self._upper))
 
     def reduced(self, blocks: ndarray) -> Reduced:
         """The blocks of a tangent as the free unknowns see it."""
