@@ -54,7 +54,9 @@ def test_a_solver_is_taken_by_name_or_refused_in_one_line(
 ):
     assert run(tmp_path, *QUICK, "--solver", "superlu") == 0
     capsys.readouterr()
-    monkeypatch.setattr("skfem_textile.solve.linear.find_spec", lambda name: None)
+    monkeypatch.setattr(
+        "skfem_textile.solve.linear.choice.find_spec", lambda name: None
+    )
     again = ("run", "strip", "--out", str(tmp_path / "b"), *QUICK)
     said = refused(capsys, *again, "--solver", "cholmod")
     assert "solver 'cholmod' needs cvxopt: pip install cvxopt" in said
@@ -74,7 +76,7 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
         *("min_det_F", "wall_time_s", "assembly_time_s", "solve_time_s", "reaction_x"),
         *("reaction_y", "displacement_error_rms", "displacement_error_max"),
         *("shear_angle_error_rms_deg", "inputs", "negative_pivots", "stable"),
-        *("steps_cut", "factorisations"),
+        *("steps_cut", "factorisations", "solver", "solver_reason"),
     }
     assert summary["inputs"]["cs"] == 10.0
     assert summary["inputs"]["size"] == [3, 4]

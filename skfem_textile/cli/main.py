@@ -302,7 +302,7 @@ def _stepping(parser: argparse.ArgumentParser) -> None:
         choices=("auto", *SOLVERS),
         default="auto",
         help="linear solver: cholmod needs cvxopt, pardiso pypardiso; auto takes the "
-        "fastest that is there" + _SHOWN,
+        "fastest that is there, which it measures for large systems" + _SHOWN,
     )
     add(
         "--checkpoint",

@@ -7,6 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from .body import Body
+from .linear import Choice
 
 # States that a printed result lists at most.
 _LINES = 11
@@ -133,7 +134,10 @@ class Result:
     unresolved
         Load factors at which another number of steps may lead to another equilibrium.
     wall_time_s, assembly_time_s, solve_time_s
-        Time of the run and its two largest parts.
+        Time of the run and its two largest parts; solutions include what ``auto`` took
+        to find the fastest solver.
+    solver
+        Name of the linear solver, and why it was chosen.
     """
 
     ply: Body
@@ -146,6 +150,7 @@ class Result:
     wall_time_s: float
     assembly_time_s: float
     solve_time_s: float
+    solver: Choice
 
     @property
     def path_resolved(self) -> bool:
@@ -219,6 +224,8 @@ class Result:
             "wall_time_s": self.wall_time_s,
             "assembly_time_s": self.assembly_time_s,
             "solve_time_s": self.solve_time_s,
+            "solver": self.solver.name,
+            "solver_reason": self.solver.reason,
         }
 
     def __repr__(self) -> str:

@@ -62,7 +62,8 @@ class LoadStepper:
         A folder to which every converged state is written.
     solver
         Linear solver: ``superlu``, ``cholmod`` (needs cvxopt), ``pardiso`` (needs
-        pypardiso), or ``auto`` for the fastest that is installed.
+        pypardiso), or ``auto`` for the fastest that is installed, which large systems
+        measure once in a process.
 
     Raises
     ------
@@ -192,6 +193,7 @@ class LoadStepper:
             wall_time_s=perf_counter() - self._began,
             assembly_time_s=clock.seconds["assembly"],
             solve_time_s=clock.seconds["solve"],
+            solver=self.problem.system.solver.choice,
         )
 
     def _begin(self, resume: bool) -> None:

@@ -1,6 +1,7 @@
 """What the load stepper asks of a linear solver."""
 
 from typing import Any, Protocol
+from weakref import ref
 
 import numpy as np
 from numpy import ndarray
@@ -99,12 +100,13 @@ class OneAtATime:
     Factors of large matrices are most of the memory of a run.
     """
 
-    _held: Any = None
+    # Weak, or memory would not be free before Python looks for cycles.
+    _held: ref | None = None
 
     def hold(self, factors: Any) -> None:
         """Have the factors of this matrix, and of no other."""
-        if self._held is not factors:
+        if self._held is None or self._held() is not factors:
             self._held = None  # in case this fails
             factors.refactorise()
             factors.factorisations += 1
-            self._held = factors
+            self._held = ref(factors)

@@ -8,7 +8,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from ...kernels.pattern import Pattern, where
 from ..conditions import Constraints
-from . import nested_dissection, solver_named
+from . import ChosenSolver, nested_dissection
 
 
 class Reduced(NamedTuple):
@@ -44,7 +44,7 @@ class System:
     constraints
         What fixes the other unknowns.
     solver
-        Name of a linear solver.
+        Name of a linear solver, or ``auto``.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class System:
         )
         turn = constraints.turn
         self._turn = None if turn is None else _Turn(pattern, turn)
-        self.solver = solver_named(solver, n)(_lower(self._upper))
+        self.solver = ChosenSolver(solver, _lower(self._upper))
 
     def reduced(self, blocks: ndarray) -> Reduced:
         """The blocks of a tangent as the free unknowns see it."""
