@@ -12,8 +12,8 @@ PACKAGE = Path(skfem_textile.__file__).parent
 LAYERS = {
     "kinematics": (),
     "files": (),
-    "fabric": (),
     "mesh": (),
+    "fabric": ("mesh",),
     "splitting": ("mesh",),
     "forms": ("kinematics", "fabric", "mesh"),
     "kernels": ("forms", "fabric", "mesh"),

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from ..fabric import Fabric, Law, Sin2
 from ..mesh.naming import printable
 from ..ply import Ply
 from ..ply.formulations import Full, Macro, OnePoint, Quadratic
+from ..ply.loads import Force
 from ..ply.terms import Formulation
 from ..scenes import Scene, bias_extension, picture_frame, strip, trellis
 from ..scenes.rectangle import KINDS
@@ -54,6 +56,8 @@ def scene_of(options: argparse.Namespace) -> Scene:
     fitting = _fitting(scene.mesh, options.split, triangles)
     if fitting is not scene.mesh:
         scene = build(mesh=fitting)
+    if options.force:
+        scene = replace(scene, misfit="forces act beside the scene's conditions")
     return scene.rotated(np.radians(options.rotate))
 
 
@@ -128,8 +132,9 @@ def stepper_of(scene: Scene, options: argparse.Namespace) -> LoadStepper:
     except ValueError as error:
         raise ValueError(f"shear {error}") from None
     fabric = Fabric(options.fibre_stiffness, shear, scene.warp, scene.weft)
+    forces = [Force(name, scene.turn @ total) for name, total in options.force]
     return LoadStepper(
-        Ply(scene.mesh, fabric, _formulation(options, scene.mesh)),
+        Ply(scene.mesh, fabric, _formulation(options, scene.mesh), forces),
         scene.conditions,
         options.steps,
         strategies=options.strategy,

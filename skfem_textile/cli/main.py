@@ -273,6 +273,15 @@ def _loaded(parser: argparse.ArgumentParser, size: str, jitter: float = 0.3) -> 
         default="linear",
         help="M_s = G gamma, or sin2: w = G sin^2 gamma / 2" + _SHOWN,
     )
+    add(
+        "--force",
+        type=_force,
+        action="append",
+        default=[],
+        metavar="NAME=FX,FY",
+        help="a force in N in all, spread over a named boundary beside the scene's "
+        "conditions, in proportion to the load factor; may be repeated",
+    )
     _angle(parser, "rotate", 0.0, "turn it all")
     _stepping(parser)
 
@@ -359,6 +368,17 @@ def _roller(text: str) -> tuple[str, float]:
         return side, float(degrees)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not like left=30") from None
+
+
+def _force(text: str) -> tuple[str, tuple[float, float]]:
+    name, _, components = text.partition("=")
+    try:
+        x, y = (float(component) for component in components.split(","))
+    except ValueError:
+        x = math.nan
+    if not (name and math.isfinite(x) and math.isfinite(y)):
+        raise argparse.ArgumentTypeError(f"{text!r} is not like top=0,100")
+    return name, (x, y)
 
 
 def _stabilisation(text: str) -> float | str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from .asking import asked, real_numbers
+from ..mesh.asking import asked, real_numbers
 
 
 class Varied(Protocol):

@@ -1,13 +1,14 @@
 """Nodes of a mesh by name, by number or by position."""
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import CellBasis, Mesh
 
+from .asking import asked
 from .bases import node_positions
 from .naming import named_nodes
 
@@ -38,7 +39,7 @@ def selected_nodes(what: str, where: Where, basis: CellBasis) -> ndarray:
     if isinstance(where, str):
         nodes = _named(what, where, mesh, n_nodes > n_vertices)
     else:
-        chosen = np.asarray(where(X) if callable(where) else where)
+        chosen = _chosen(what, where, X)
         if chosen.dtype == bool and chosen.shape == (n_nodes,):
             nodes = np.flatnonzero(chosen)
         elif chosen.dtype.kind in "iu" and not callable(where):
@@ -53,6 +54,16 @@ def selected_nodes(what: str, where: Where, basis: CellBasis) -> ndarray:
     if nodes.min() < 0 or nodes.max() >= n_nodes:
         raise ValueError(f"{what}: there are nodes 0 to {n_nodes - 1} only")
     return nodes
+
+
+def _chosen(what: str, where: Any, X: ndarray) -> ndarray:
+    """What is said of the nodes; no bools nor whole numbers if nothing."""
+    if callable(where):
+        where = asked(f"{what}: where", where, X)
+    try:
+        return np.asarray(where)
+    except ValueError:  # lists of different lengths
+        return np.empty(0)
 
 
 def _named(what: str, where: str, mesh: Mesh, with_middles: bool) -> ndarray:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from skfem import CellBasis, FacetBasis, LinearForm, asm
 from skfem.helpers import dot
 
+from ..mesh.asking import asked, real_numbers
 from ..mesh.bases import node_dofs
 from ..mesh.selection import Where, selected_nodes
 from .terms import Factor, VectorTerm, dimension, proportional
@@ -148,9 +149,10 @@ def _spread(name: str, value: Vector, basis: Any) -> ndarray:
     """Nodal forces of a force per length or area, given at the points of a basis."""
     x = np.asarray(basis.global_coordinates())
     shape = (dimension(basis), *x.shape[1:])
-    given: Any = value(x) if callable(value) else np.asarray(value)
-    if not callable(value) and given.ndim == 1:
-        given = np.broadcast_to(given[:, None, None], (len(given), *x.shape[1:]))
+    given: Any = asked(f"load {name!r}", value, x) if callable(value) else value
+    if not callable(value):
+        vector = _finite(f"load {name!r}", value, shape[:1])
+        given = np.broadcast_to(vector[:, None, None], shape)
     given = _finite(f"load {name!r}", given, shape)
 
     @LinearForm
@@ -162,14 +164,10 @@ def _spread(name: str, value: Vector, basis: Any) -> ndarray:
 
 def _finite(what: str, value: Any, shape: tuple[int, ...]) -> ndarray:
     """A finite real array of a shape."""
-    array = np.asarray(value)
-    if (
-        array.shape != shape
-        or array.dtype.kind not in "iuf"
-        or not np.isfinite(array).all()
-    ):
+    array = real_numbers(what, value)
+    if array.shape != shape or not np.isfinite(array).all():
         raise ValueError(
             f"{what}: its value must be finite numbers, shape {shape[:1]}, or a "
             f"function of position that gives these; got shape {array.shape}"
         )
-    return array.astype(float)
+    return array

@@ -92,16 +92,21 @@ class Scene:
             rotation=self.rotation + angle,
         )
 
+    @property
+    def turn(self) -> ndarray:
+        """Rotation matrix of the whole problem."""
+        return _rotation(self.rotation)
+
     def reaction(self, state: State) -> ndarray:
         """Force on the driven edge in N, shape (2,), along the unrotated axes."""
-        return _rotation(self.rotation).T @ state.reactions[self.driven]
+        return self.turn.T @ state.reactions[self.driven]
 
     def driven_displacement(self, state: State) -> ndarray:
         """Mean displacement of the nodes of the driven edge in mm, shape (2,).
 
         Along the unrotated axes.
         """
-        return _rotation(self.rotation).T @ state.displacements[self.driven]
+        return self.turn.T @ state.displacements[self.driven]
 
     def errors(self, result: Result) -> dict[str, float]:
         """Distance of the last converged state from the exact answer.

@@ -2,21 +2,20 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix, identity
 from scipy.sparse.linalg import splu
-from skfem import CellBasis, Mesh
+from skfem import CellBasis
 
 from ..fabric import Direction, unit_vectors
-from ..fabric.asking import asked, real_numbers
+from ..mesh.asking import asked, real_numbers
 from ..mesh.bases import node_dofs, node_positions
-from ..mesh.naming import named_nodes
+from ..mesh.selection import Where, selected_nodes
 
-Where: TypeAlias = str | ArrayLike | Callable[[ndarray], ndarray]
 Value: TypeAlias = ArrayLike | Callable[[ndarray, float], ndarray]
 
 # Two directions at a node closer than this (radians) are one.
@@ -65,56 +64,7 @@ class Condition:
         ValueError
             If the boundary is unknown, the nodes are not valid, or there are none.
         """
-        mesh, X = basis.mesh, node_positions(basis)
-        n_vertices, n_nodes = mesh.p.shape[1], X.shape[1]
-        if isinstance(self.where, str):
-            nodes = self._named(name, mesh, n_nodes > n_vertices)
-        else:
-            chosen = self._chosen(name, X)
-            if chosen.dtype == bool and chosen.shape == (n_nodes,):
-                nodes = np.flatnonzero(chosen)
-            elif chosen.dtype.kind in "iu" and not callable(self.where):
-                nodes = chosen.ravel()
-            else:
-                raise ValueError(
-                    f"condition {name!r}: where must be a boundary's name, node "
-                    "numbers, or true or false for each node"
-                )
-        if nodes.size == 0:
-            raise ValueError(f"condition {name!r} acts on no node")
-        if nodes.min() < 0 or nodes.max() >= n_nodes:
-            raise ValueError(
-                f"condition {name!r}: there are nodes 0 to {n_nodes - 1} only"
-            )
-        return nodes
-
-    def _chosen(self, name: str, X: ndarray) -> ndarray:
-        """What ``where`` says of the nodes; no bools nor whole numbers if nothing."""
-        where: Any = self.where
-        if callable(where):
-            where = asked(f"condition {name!r}: where", where, X)
-        try:
-            return np.asarray(where)
-        except ValueError:  # lists of different lengths
-            return np.empty(0)
-
-    def _named(self, name: str, mesh: Mesh, with_middles: bool) -> ndarray:
-        """Nodes of the boundary and those named so, ascending."""
-        edges, nodes = mesh.boundaries or {}, named_nodes(mesh)
-        where: Any = self.where
-        if where not in edges and where not in nodes:
-            names = ", ".join(
-                map(repr, [*edges, *(n for n in nodes if n not in edges)])
-            )
-            raise ValueError(
-                f"condition {name!r}: the mesh has no boundary {where!r} "
-                f"(it has: {names or 'none'})"
-            )
-        named = np.asarray(edges.get(where, ()), dtype=int)
-        found = np.union1d(mesh.facets[:, named], nodes.get(where, ())).astype(int)
-        if with_middles:
-            found = np.concatenate([found, mesh.p.shape[1] + np.unique(named)])
-        return found
+        return selected_nodes(f"condition {name!r}", self.where, basis)
 
     def directions(self, name: str, X: ndarray) -> ndarray:
         """Fixed directions at the nodes, shape (k, 2, n), with k = 1 or 2."""

@@ -114,13 +114,13 @@ class Path:
     def _short(self) -> float:
         return self.longest / 2.0 ** min(_PATH_HALVINGS, max(self.halvings - 2, 0))
 
-    def most_altered(self, step: float, t: float) -> float:
-        """How many altered tangents a step to ``t`` may take before it is halved."""
-        return (
-            _MOST_ALTERED
-            if step > 1.5 * self._short and t > self.not_followed_until
-            else np.inf
-        )
+    def most_altered(self, step: float, t: float, loaded: bool) -> float:
+        """How many altered tangents a step to ``t`` may take before it is halved.
+
+        Past a limit point of a load, ``loaded``, there is no path to follow.
+        """
+        followed = step > 1.5 * self._short and t > self.not_followed_until
+        return _MOST_ALTERED if followed or loaded else np.inf
 
     def must_repeat(
         self, step: float, state: State, altered: int, followed_path: bool

@@ -17,6 +17,10 @@ from .linear.system import System
 
 _ROUND_OFF = 2.0**-53
 
+# Largest force that may be left, as a share of the largest there is; of loads what
+# comes back in the reactions is to be seen to ten digits.
+_BALANCED, _BALANCED_LOADS = 1e-8, 1e-12
+
 _MORE_STIFFNESS = (
     "holding the ply in more places, or more stabilisation or shear stiffness"
 )
@@ -96,6 +100,8 @@ class Problem:
         Load factor.
     corners_resist
         Whether corners resist; not on the way to a state in which all are open.
+    loaded
+        Whether there are loads.
     """
 
     def __init__(
@@ -108,6 +114,7 @@ class Problem:
         self._solver = solver
         self.clock = Clock()
         self.element_size = ply.element_size
+        self.loaded = "load" in ply.roles.values()
 
     @cached_property
     def system(self) -> System:
@@ -331,7 +338,8 @@ class Tangent:
         2⁻⁵³; the stiffness turns both into forces.
         """
         rounding = _ROUND_OFF * (np.abs(u).max() + self._problem.element_size)
-        return float(1e-8 * np.abs(f).max() + rounding * self.stiffness)
+        share = _BALANCED_LOADS if self._problem.loaded else _BALANCED
+        return float(share * np.abs(f).max() + rounding * self.stiffness)
 
 
 def tangent_at(problem: Problem, u: ndarray) -> Tangent | None:

@@ -31,6 +31,10 @@ _EASY_SOLVES = 6
 
 _MOST_STEPS = 1_000_000
 
+# How well a limit load is to be known, as a share of it, and the shortest step on the
+# way to it, as a share of the load.
+_LIMIT_KNOWN, _SHORTEST = 0.005, 1e-6
+
 # A load factor near 1 has 53 binary digits, and 20 of them are for the steps.
 _MOST_HALVINGS = 30
 
@@ -125,11 +129,13 @@ class LoadStepper:
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         for t in (0.0, *self.load_factors):
             self.problem.constraints.fixed_values(t)  # refuses what is not valid
+        chosen = [strategy_of(strategy) for strategy in strategies]
+        self._follows = any(map(follows_path, chosen))
+        # Loads that grow may jump to another equilibrium: there work must agree.
+        self._loaded = self._follows and self._loads_grow()
+        refusing = {"work"} if self._loaded else set()
         self._search = Search(
-            self.problem,
-            [strategy_of(strategy) for strategy in strategies],
-            frozenset(warn_only),
-            self._tell,
+            self.problem, chosen, frozenset(warn_only) - refusing, self._tell
         )
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
@@ -201,8 +207,8 @@ class LoadStepper:
         problem, checkpoint = self.problem, self.checkpoint
         problem.clock, self._began = Clock(), perf_counter()
         self._length, self._steps_cut, self._states = self.load_factors[0], 0, []
-        follows = any(map(follows_path, self._search.strategies))
-        self._path = Path(self._length, self.max_halvings if follows else 0)
+        halvings = self.max_halvings if self._follows else 0
+        self._path = Path(self._length, halvings)
         self._warned: set[str] = set()
         saved = checkpoint.load() if checkpoint and resume else None
         if saved:
@@ -219,6 +225,13 @@ class LoadStepper:
             if resume:
                 log.warning("nothing to resume: the run starts from the undeformed ply")
             self._rest(u, f, energies, potentials)
+
+    def _loads_grow(self) -> bool:
+        """Whether the load factor drives loads, and not only displacements."""
+        ply, u = self.problem.ply, self.problem.ply.basis.zeros()
+        if "load" not in ply.roles.values():
+            return False
+        return not np.array_equal(ply.load(u, 0.0), ply.load(u, 1.0))
 
     def _rest(
         self,
@@ -271,9 +284,12 @@ class LoadStepper:
                 try:
                     kept = self._advance(ahead)
                 except NoEquilibriumError as failure:
-                    if ahead - t > 1.5 * shortest:
+                    step = ahead - t
+                    if step > 1.5 * shortest or self._brackets(step, t):
                         log.info("step to %g failed, halved: %s", ahead, failure)
                         kept = False
+                    elif self._loaded:
+                        raise _limit(failure, t, ahead) from None
                     elif self._path.stop_following(goal):
                         log.info("step to %g failed, however short: %s", ahead, failure)
                         self._length, kept = longest, True
@@ -291,7 +307,7 @@ class LoadStepper:
             raise self._stopped(error) from None
         before = self._states[-1]
         step, energy = t - before.load_factor, sum(before.energies.values())
-        most_altered = self._path.most_altered(step, t)
+        most_altered = self._path.most_altered(step, t, self._loaded and t > 0)
         goal = Goal(t, step, values, self._start, energy, most_altered)
         trial, followed_path = self._search(goal)
         state, altered = self._state(t, trial), trial.found.altered
@@ -303,6 +319,10 @@ class LoadStepper:
         self._path.reached(state)
         self._keep(state, trial)
         return True
+
+    def _brackets(self, step: float, t: float) -> bool:
+        """Whether a limit load is not yet known well enough."""
+        return self._loaded and step > max(_LIMIT_KNOWN * t, _SHORTEST)
 
     def _tell(self, iteration: Iteration) -> None:
         log.debug("%s", iteration)
@@ -413,6 +433,16 @@ def _refuse_numbers(steps: Any, max_halvings: Any) -> None:
             f"max_halvings must be a whole number from 0 to {_MOST_HALVINGS}, got "
             f"{max_halvings!r}"
         )
+
+
+def _limit(failure: NoEquilibriumError, t: float, beyond: float) -> NoEquilibriumError:
+    """What to say where a load cannot grow."""
+    return NoEquilibriumError(
+        f"between the load factors {t:.6g} and {beyond:.6g} the load passes a limit: "
+        f"no stable equilibrium near the last one carries more of it ({failure})",
+        failure.elements,
+        "displacements in place of the load, or a smaller load",
+    )
 
 
 def _is_whole(number: Any, least: int, most: int) -> bool:
