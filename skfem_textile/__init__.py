@@ -22,7 +22,8 @@ from .ply import Ply
 from .ply.formulations import Full, Macro, OnePoint, Quadratic
 from .ply.loads import BodyForce, Force, Traction
 from .ply.memory import AccumulatedMoment, HeldStabilisation
-from .ply.terms import FormTerm, MatrixTerm, Term, VectorTerm
+from .ply.term import Term
+from .ply.terms import FormTerm, MatrixTerm, VectorTerm
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition
 from .solve.result import Iteration, Result, State, StepError, Verdict

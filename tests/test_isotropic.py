@@ -8,7 +8,7 @@ from skfem_textile.scenes import bias_extension
 
 def only_stabilised(kind, seed=1):
     ply = Ply(distorted(seed), Fabric(1.0), OnePoint(3.0, kind))
-    ply.terms = [term for term in ply.terms if term.name == "stabilisation"]
+    ply._terms = tuple(t for t in ply.terms if t.name == "stabilisation")
     return ply
 
 

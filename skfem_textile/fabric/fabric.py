@@ -71,11 +71,9 @@ class _OneStiffness:
     domain: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
 
     def __post_init__(self) -> None:
-        stiffness = np.asarray(self.stiffness)
-        if not np.all(np.isfinite(stiffness) & (stiffness >= 0)):
-            raise ValueError(
-                f"stiffness must be a finite number >= 0, got {self.stiffness}"
-            )
+        stiffness = np.ravel(self.stiffness)
+        if (wrong := stiffness[~(np.isfinite(stiffness) & (stiffness >= 0))]).size:
+            raise ValueError(f"stiffness must be a finite number >= 0, got {wrong[0]}")
 
     def at(self, element: ndarray | None = None) -> Self:
         """The law at points, by the numbers of their elements; see `Law`."""

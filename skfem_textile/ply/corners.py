@@ -11,7 +11,7 @@ from skfem import CellBasis, asm
 from ..fabric import Fabric
 from ..forms.corners import RESISTING, corner_resistance
 from ..mesh.corners import CornerBasis, Corners
-from .terms import Term
+from .term import Term
 
 # κ as a share of the fibre stiffness, where this is more than the shear stiffness.
 _OF_FIBRES = 1e-5

@@ -28,7 +28,8 @@ from ..mesh.jumps import JumpBasis
 from ..mesh.macro import MacroBasis
 from ..splitting import was_split
 from .memory import AccumulatedMoment, HeldStabilisation
-from .terms import FormTerm, Memory, TensionTerm, Term
+from .term import Memory, Term
+from .terms import FormTerm, TensionTerm
 
 Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
 

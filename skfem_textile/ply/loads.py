@@ -13,7 +13,8 @@ from skfem.helpers import dot
 from ..mesh.asking import asked, real_numbers
 from ..mesh.bases import node_dofs
 from ..mesh.selection import Where, selected_nodes
-from .terms import Factor, VectorTerm, dimension, proportional
+from .term import dimension
+from .terms import Factor, VectorTerm, proportional
 
 #: A vector, or a function of reference position (2, ...) -> (d, ...).
 Vector: TypeAlias = ArrayLike | Callable[[ndarray], ndarray]

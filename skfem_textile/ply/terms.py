@@ -1,9 +1,9 @@
-"""Terms: the one way in for whatever has an energy or a force."""
+"""Terms given by scikit-fem forms, by a matrix, and by a vector."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Literal, Protocol, TypeAlias, get_args
+from typing import Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -17,81 +17,7 @@ from ..kernels.assembly import pairs_of
 from ..kernels.fused import knows, with_kernel
 from ..kernels.kernel import Kernel, Parameters
 from ..mesh.bases import element_numbers
-
-#: What a term stands for: ``internal`` forces and ``stabilisation`` make the internal
-#: energy, and a ``load`` works on the ply.
-Role: TypeAlias = Literal["internal", "stabilisation", "load"]
-
-# How far a tangent may be from symmetric, as a share of its largest entry.
-_SYMMETRIC = 1e-8
-
-
-class Memory(Protocol):
-    """What a term remembers of the last converged state.
-
-    ``parameters`` are passed to its forms, ``work`` is what it has stored so far in
-    N·mm: the term's energy form gives the rest.  ``drift`` is by how much that form
-    changed when the term last changed what it remembers, ``held`` its value before.
-    """
-
-    parameters: dict[str, ndarray]
-    work: float
-    drift: float
-    held: float
-
-    def begin(self) -> None:
-        """Return to the undeformed state."""
-        ...
-
-    def commit(self, u: ndarray) -> bool:
-        """Make ``u`` the last converged displacement; tell if that changes forces."""
-        ...
-
-    def restore(self, parameters: dict[str, ndarray], work: float) -> None:
-        """Remember what another run did."""
-        ...
-
-
-class Term(Protocol):
-    """Something with an energy: of the ply, of what it lies on, or of a load.
-
-    ``u`` is a displacement of all nodes and ``t`` the load factor.  What has these
-    members is a term; a class of one's own that derives from `Term` needs to define no
-    more than ``name``, ``role`` and the three methods.
-
-    Attributes
-    ----------
-    name
-        Tells it from the other terms of a ply.
-    role
-        One of `Role`.
-    memory
-        What it remembers of the last converged state; None if nothing.
-    """
-
-    name: str
-    role: Role
-    memory: Memory | None = None
-
-    def energy(self, u: ndarray, t: float) -> float:
-        """Energy in N·mm; of a load its potential, −F·u of a constant force F."""
-        ...
-
-    def residual(self, u: ndarray, t: float) -> ndarray:
-        """Derivative of the energy: nodal forces in N, shape (n_unknowns,)."""
-        ...
-
-    def tangent(self, u: ndarray, t: float) -> csr_matrix | None:
-        """Derivative of the residual in N/mm, symmetric; None where it vanishes."""
-        ...
-
-    def couples(self) -> Sequence[ndarray] | None:
-        """Nodes that the tangent couples, beside those of each of the ply's elements.
-
-        Arrays of shape (n_nodes, n): the nodes of a column all couple.  None for those
-        that the tangent at rest couples.
-        """
-        return None
+from .term import Memory, Role, Term, dimension, refuse_unsymmetric
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,41 +129,6 @@ class TensionTerm(FormTerm):
     arrange: Callable[[ndarray], ndarray] = lambda tension: tension
 
 
-class Formulation(Protocol):
-    """Element and points of tension and shear, and the stabilising terms.
-
-    ``centre`` is that of the reference element, ``fine_points`` are those in it at
-    which folding and strain are judged, shape (2, n_points).
-    """
-
-    name: ClassVar[str]
-    centre: ClassVar[ndarray]
-    fine_points: ClassVar[ndarray]
-
-    @property
-    def title(self) -> str:
-        """What to call it in a picture."""
-        ...
-
-    def basis(self, mesh: Mesh) -> CellBasis:
-        """Basis of the displacement, with the points of tension and shear.
-
-        Raises
-        ------
-        MeshError
-            If the mesh is not sound, or has not the cells of this formulation.
-        """
-        ...
-
-    def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
-        """The term of the fibres; ``basis`` is that of the displacement."""
-        ...
-
-    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """Terms beyond tension and shear."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class MatrixTerm(Term):
     """A constant stiffness: springs, or a structure condensed to its matrix.
@@ -317,107 +208,39 @@ class VectorTerm(Term):
         return factor
 
 
-class Load(Protocol):
-    """Something that becomes a term on the basis of a ply's displacement."""
+class Formulation(Protocol):
+    """Element and points of tension and shear, and the stabilising terms.
 
-    def on(self, basis: CellBasis) -> Term:
-        """The term."""
+    ``centre`` is that of the reference element, ``fine_points`` are those in it at
+    which folding and strain are judged, shape (2, n_points).
+    """
+
+    name: ClassVar[str]
+    centre: ClassVar[ndarray]
+    fine_points: ClassVar[ndarray]
+
+    @property
+    def title(self) -> str:
+        """What to call it in a picture."""
         ...
 
+    def basis(self, mesh: Mesh) -> CellBasis:
+        """Basis of the displacement, with the points of tension and shear.
 
-def checked(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term, ...]:
-    """Terms of a ply, loads among them put on its basis.
+        Raises
+        ------
+        MeshError
+            If the mesh is not sound, or has not the cells of this formulation.
+        """
+        ...
 
-    Parameters
-    ----------
-    terms
-        Terms and loads.
-    basis
-        Basis of the displacement.
+    def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
+        """The term of the fibres; ``basis`` is that of the displacement."""
+        ...
 
-    Raises
-    ------
-    ValueError
-        If one is no term, or not of this ply, or has the name of another.
-    """
-    found = tuple(x.on(basis) if hasattr(x, "on") else x for x in terms)
-    names = []
-    for term in found:
-        missing = [m for m in _MEMBERS if not hasattr(term, m)]
-        if missing or isinstance(term, type):
-            raise ValueError(f"{term!r} is no term: it has no {', '.join(missing)}")
-        if term.role not in get_args(Role):
-            raise ValueError(
-                f"term {term.name!r}: role must be one of {', '.join(get_args(Role))}, "
-                f"got {term.role!r}"
-            )
-        if term.name in names:
-            raise ValueError(f"two terms are named {term.name!r}; name them apart")
-        names.append(term.name)
-        _refuse_other_ply(term, basis)
-    return found
-
-
-_MEMBERS = "name", "role", "memory", "energy", "residual", "tangent", "couples"
-
-
-def _refuse_other_ply(term: Term, basis: CellBasis) -> None:
-    """Refuse a term of other unknowns than those of a basis."""
-    N = basis.N
-    if isinstance(term, FormTerm):
-        fits = (term.basis.N, dimension(term.basis)) == (N, dimension(basis))
-        what = "its basis is not one of the displacement: build it on ply.basis.mesh"
-    elif isinstance(term, MatrixTerm):
-        fits, what = np.shape(term.matrix) == (N, N), f"its matrix must be {N} × {N}"
-    elif isinstance(term, VectorTerm):
-        fits = np.shape(term.vector) == (N,) and bool(np.isfinite(term.vector).all())
-        what = f"its vector must be {N} finite numbers"
-    else:
-        return
-    if not fits:
-        raise ValueError(f"term {term.name!r}: {what}")
-
-
-def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
-    """Nodes that a term couples beside those of elements: as it says, or does at rest.
-
-    Arrays of shape (n_nodes, n): the nodes of a column all couple.
-    """
-    if isinstance(term, FormTerm):
-        return ()
-    if (named := term.couples()) is not None:
-        return named
-    K = term.tangent(basis.zeros(), 1.0)
-    return () if K is None else (np.array(K.nonzero()) // dimension(basis),)
-
-
-def refuse_unsymmetric(name: str, difference: Any, matrix: Any) -> None:
-    """Refuse a tangent that is no second derivative.
-
-    Parameters
-    ----------
-    name
-        Name of the term.
-    difference
-        The tangent less its transpose.
-    matrix
-        The tangent.
-
-    Raises
-    ------
-    ValueError
-        If it is not symmetric.
-    """
-    if abs(difference).max() > _SYMMETRIC * abs(matrix).max():
-        raise ValueError(
-            f"term {name!r}: its tangent is not symmetric, so it is not the second "
-            "derivative of an energy; mend its forms, or leave out what has no energy"
-        )
-
-
-def dimension(basis: AbstractBasis) -> int:
-    """Number of components of the displacement, d."""
-    return len(basis.nodal_dofs)
+    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
+        """Terms beyond tension and shear."""
+        ...
 
 
 def _elements(basis: Any) -> Parameters:

@@ -4,6 +4,7 @@ Whether CHOLMOD or PARDISO is faster depends on the processor: it is measured.
 """
 
 import logging
+from collections.abc import Callable
 from importlib import import_module
 from importlib.util import find_spec
 from threading import Lock
@@ -78,6 +79,8 @@ class ChosenSolver:
     ----------
     choice
         The `Choice`.
+    factorise
+        As of `Solver`; measures before, if that is due.
 
     Raises
     ------
@@ -99,20 +102,21 @@ class ChosenSolver:
             self.choice = Choice(_known(n), "fastest known of those installed")
             self._rivals = rivals if len(rivals) > 1 else ()
         self._solver = solver_named(self.choice.name)(lower)
+        self.factorise: Callable[[ndarray], Factors] = self._measure_before
         if not self._rivals:
-            self._tell()
+            self._take(self.choice)
 
-    def factorise(self, data: ndarray) -> Factors:
-        """As of `Solver`; measures before, if that is due."""
-        if self._rivals and (choice := _measured(self._rivals, self._lower, data)):
-            if choice.name != self.choice.name:
-                self._solver = solver_named(choice.name)(self._lower)
-            self.choice, self._rivals = choice, ()
-            self._tell()
+    def _measure_before(self, data: ndarray) -> Factors:
+        """Factors of a matrix, after it has told which solver is the fastest."""
+        if choice := _measured(self._rivals, self._lower, data):
+            self._take(choice)
         return self._solver.factorise(data)
 
-    def _tell(self) -> None:
-        log.info("linear solver %s: %s", *self.choice)
+    def _take(self, choice: Choice) -> None:
+        if choice.name != self.choice.name:
+            self._solver = solver_named(choice.name)(self._lower)
+        self.choice, self.factorise = choice, self._solver.factorise
+        log.info("linear solver %s: %s", *choice)
 
 
 def solver_named(name: str) -> type[Solver]:

@@ -1,0 +1,77 @@
+"""Terms as a ply takes them: on its basis, and refused where they do not fit."""
+
+from collections.abc import Iterable, Sequence
+from typing import get_args
+
+import numpy as np
+from numpy import ndarray
+from skfem import CellBasis
+
+from .term import Load, Role, Term, dimension
+from .terms import FormTerm, MatrixTerm, VectorTerm
+
+# What a term must have.
+_MEMBERS = "name", "role", "memory", "energy", "residual", "tangent", "couples"
+
+
+def checked(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term, ...]:
+    """Terms of a ply, loads among them put on its basis.
+
+    Parameters
+    ----------
+    terms
+        Terms and loads.
+    basis
+        Basis of the displacement.
+
+    Raises
+    ------
+    ValueError
+        If one is no term, or not of this ply, or has the name of another.
+    """
+    found = tuple(x.on(basis) if hasattr(x, "on") else x for x in terms)
+    names = []
+    for term in found:
+        missing = [m for m in _MEMBERS if not hasattr(term, m)]
+        if missing or isinstance(term, type):
+            raise ValueError(f"{term!r} is no term: it has no {', '.join(missing)}")
+        if term.role not in get_args(Role):
+            raise ValueError(
+                f"term {term.name!r}: role must be one of {', '.join(get_args(Role))}, "
+                f"got {term.role!r}"
+            )
+        if term.name in names:
+            raise ValueError(f"two terms are named {term.name!r}; name them apart")
+        names.append(term.name)
+        _refuse_other_ply(term, basis)
+    return found
+
+
+def _refuse_other_ply(term: Term, basis: CellBasis) -> None:
+    """Refuse a term of other unknowns than those of a basis."""
+    N = basis.N
+    if isinstance(term, FormTerm):
+        fits = (term.basis.N, dimension(term.basis)) == (N, dimension(basis))
+        what = "its basis is not one of the displacement: build it on ply.basis.mesh"
+    elif isinstance(term, MatrixTerm):
+        fits, what = np.shape(term.matrix) == (N, N), f"its matrix must be {N} × {N}"
+    elif isinstance(term, VectorTerm):
+        fits = np.shape(term.vector) == (N,) and bool(np.isfinite(term.vector).all())
+        what = f"its vector must be {N} finite numbers"
+    else:
+        return
+    if not fits:
+        raise ValueError(f"term {term.name!r}: {what}")
+
+
+def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
+    """Nodes that a term couples beside those of elements: as it says, or does at rest.
+
+    Arrays of shape (n_nodes, n): the nodes of a column all couple.
+    """
+    if isinstance(term, FormTerm):
+        return ()
+    if (named := term.couples()) is not None:
+        return named
+    K = term.tangent(basis.zeros(), 1.0)
+    return () if K is None else (np.array(K.nonzero()) // dimension(basis),)

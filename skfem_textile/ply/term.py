@@ -1,0 +1,122 @@
+"""What a term is: the one way in for whatever has an energy or a force."""
+
+from collections.abc import Sequence
+from typing import Any, Literal, Protocol, TypeAlias
+
+from numpy import ndarray
+from scipy.sparse import csr_matrix
+from skfem import CellBasis
+from skfem.assembly.basis import AbstractBasis
+
+#: What a term stands for: ``internal`` forces and ``stabilisation`` make the internal
+#: energy, and a ``load`` works on the ply.
+Role: TypeAlias = Literal["internal", "stabilisation", "load"]
+
+
+# How far a tangent may be from symmetric, as a share of its largest entry.
+_SYMMETRIC = 1e-8
+
+
+class Memory(Protocol):
+    """What a term remembers of the last converged state.
+
+    ``parameters`` are passed to its forms, ``work`` is what it has stored so far in
+    N·mm: the term's energy form gives the rest.  ``drift`` is by how much that form
+    changed when the term last changed what it remembers, ``held`` its value before.
+    """
+
+    parameters: dict[str, ndarray]
+    work: float
+    drift: float
+    held: float
+
+    def begin(self) -> None:
+        """Return to the undeformed state."""
+        ...
+
+    def commit(self, u: ndarray) -> bool:
+        """Make ``u`` the last converged displacement; tell if that changes forces."""
+        ...
+
+    def restore(self, parameters: dict[str, ndarray], work: float) -> None:
+        """Remember what another run did."""
+        ...
+
+
+class Term(Protocol):
+    """Something with an energy: of the ply, of what it lies on, or of a load.
+
+    ``u`` is a displacement of all nodes and ``t`` the load factor.  What has these
+    members is a term; a class of one's own that derives from `Term` needs to define no
+    more than ``name``, ``role`` and the three methods.
+
+    Attributes
+    ----------
+    name
+        Tells it from the other terms of a ply.
+    role
+        One of `Role`.
+    memory
+        What it remembers of the last converged state; None if nothing.
+    """
+
+    name: str
+    role: Role
+    memory: Memory | None = None
+
+    def energy(self, u: ndarray, t: float) -> float:
+        """Energy in N·mm; of a load its potential, −F·u of a constant force F."""
+        ...
+
+    def residual(self, u: ndarray, t: float) -> ndarray:
+        """Derivative of the energy: nodal forces in N, shape (n_unknowns,)."""
+        ...
+
+    def tangent(self, u: ndarray, t: float) -> csr_matrix | None:
+        """Derivative of the residual in N/mm, symmetric; None where it vanishes."""
+        ...
+
+    def couples(self) -> Sequence[ndarray] | None:
+        """Nodes that the tangent couples, beside those of each of the ply's elements.
+
+        Arrays of shape (n_nodes, n): the nodes of a column all couple.  None for those
+        that the tangent at rest couples.
+        """
+        return None
+
+
+class Load(Protocol):
+    """Something that becomes a term on the basis of a ply's displacement."""
+
+    def on(self, basis: CellBasis) -> Term:
+        """The term."""
+        ...
+
+
+def refuse_unsymmetric(name: str, difference: Any, matrix: Any) -> None:
+    """Refuse a tangent that is no second derivative.
+
+    Parameters
+    ----------
+    name
+        Name of the term.
+    difference
+        The tangent less its transpose.
+    matrix
+        The tangent.
+
+    Raises
+    ------
+    ValueError
+        If it is not symmetric.
+    """
+    if abs(difference).max() > _SYMMETRIC * abs(matrix).max():
+        raise ValueError(
+            f"term {name!r}: its tangent is not symmetric, so it is not the second "
+            "derivative of an energy; mend its forms, or leave out what has no energy"
+        )
+
+
+def dimension(basis: AbstractBasis) -> int:
+    """Number of components of the displacement, d."""
+    return len(basis.nodal_dofs)

@@ -1,0 +1,155 @@
+"""Loads: what they amount to, what balances them, and where they end."""
+
+import numpy as np
+import pytest
+from helpers import distorted
+from skfem import MeshQuad
+
+from skfem_textile import (
+    BodyForce,
+    Condition,
+    Fabric,
+    Force,
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    Traction,
+    split,
+)
+from skfem_textile.splitting import cut
+
+CLAMP = {"clamp": Condition("bottom")}
+
+
+def square(formulation):
+    mesh = distorted(1).with_defaults()
+    if isinstance(formulation, Macro):
+        mesh = split(mesh)
+    if isinstance(formulation, Quadratic):
+        mesh = cut(mesh)
+    return Ply(mesh, Fabric(1e3, 1.0), formulation)
+
+
+EVERY = [Full(), OnePoint(), Macro(), Quadratic()]
+every_formulation = pytest.mark.parametrize("formulation", EVERY, ids=repr)
+
+
+@every_formulation
+@pytest.mark.parametrize(
+    "load",
+    [
+        Force("top", (0.3, 2.0)),
+        Traction("top", (0.1, 0.4)),
+        Traction("right", lambda x: np.stack([0 * x[0], 0.1 * x[1]])),
+        BodyForce((0.0, 0.05)),
+        Force(lambda x: x[1] > 1.99, (0.2, 1.0)),
+    ],
+    ids=["force", "traction", "linear", "body", "nodes"],
+)
+def test_a_load_comes_back_as_the_reaction(formulation, load):
+    """To ten digits, in every formulation; supports alone are counted."""
+    ply = square(formulation).with_terms(load)
+    state = LoadStepper(ply, CLAMP, 3).run().states[-1]
+    applied = ply.nodal(ply.load(state.u, 1.0)).sum(axis=1)
+    assert np.linalg.norm(applied) > 0.01
+    off = np.abs(state.reactions["clamp"] + applied).max()
+    assert off < 1e-10 * np.abs(applied).max()
+
+
+@every_formulation
+def test_a_force_is_spread_by_length_and_a_traction_by_position(formulation):
+    ply = square(formulation)
+    top = ply.mesh.facets[:, ply.mesh.boundaries["top"]]
+    length = np.linalg.norm(np.diff(ply.mesh.p[:, top], axis=1), axis=0).sum()
+    force = ply.with_terms(Force("top", (3.0, -1.0)))
+    traction = ply.with_terms(Traction("top", np.array([3.0, -1.0]) / length))
+    u = ply.basis.zeros()
+    np.testing.assert_allclose(force.load(u, 0.5), traction.load(u, 0.5), atol=1e-12)
+    assert force.nodal(force.load(u, 0.5)).sum(axis=1) == pytest.approx([1.5, -0.5])
+
+
+def test_a_weight_and_a_pre_tension_are_in_balance_before_the_load_grows():
+    weight = BodyForce((0.0, -0.02), factor=1.0)
+    ply = square(OnePoint()).with_terms(weight, Traction("top", (0.0, 1.0), factor=1.0))
+    right = Condition(lambda x: (x[0] > 2.99) & (x[1] > 0), 0.1, direction=(1, 0))
+    pulled = CLAMP | {"pull": right}
+    states = LoadStepper(ply, pulled, 4).run().states
+    first = states[0]
+    assert first.load_factor == 0.0
+    assert first.residuals[-1] <= first.tolerance
+    assert first.verdict.stable
+    assert np.abs(first.u).max() > 1e-4
+    total = first.reactions["clamp"] + first.reactions["pull"]
+    area, edges = ply.basis.dx.sum(), 3.0
+    assert total[1] == pytest.approx(0.02 * area - edges, rel=1e-9)
+
+
+def test_a_load_may_be_any_function_of_the_load_factor():
+    ply = square(Full()).with_terms(Force("top", (0.0, 4.0), factor=lambda t: t**3))
+    for state in LoadStepper(ply, CLAMP, 4).run().states:
+        expected = -4.0 * state.load_factor**3
+        assert state.reactions["clamp"][1] == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_work_of_a_load_is_the_energy_that_it_stores():
+    ply = square(Full()).with_terms(Force("top", (0.0, 4.0)))
+    result = LoadStepper(ply, CLAMP, 40).run()
+    row = result.history()[-1]
+    assert row["work"] == pytest.approx(row["energy"], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("load", "complaint"),
+    [
+        (Force("tpo", (1, 0)), "no boundary 'tpo'"),
+        (Traction("tpo", (1, 0)), "no boundary 'tpo'"),
+        (Force("top", (1, 0, 0)), "finite numbers"),
+        (Force("top", (1, np.nan)), "finite numbers"),
+        (Traction("top", "much"), "must be real numbers"),
+        (Traction("top", lambda x: 1 / 0), "fails: ZeroDivisionError"),
+        (BodyForce(lambda x: x[0]), "finite numbers"),
+        (Force([999], (1, 0)), "there are nodes 0 to"),
+    ],
+)
+def test_loads_that_nobody_can_mean_are_refused(load, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        square(Full()).with_terms(load)
+
+
+def test_a_factor_that_is_not_finite_is_refused():
+    ply = square(Full()).with_terms(Force("top", (0, 1), factor=lambda t: 1 / (1 - t)))
+    with pytest.raises((ValueError, ZeroDivisionError)):
+        LoadStepper(ply, CLAMP, 2)
+
+
+@pytest.mark.parametrize("steps", [1, 7])
+def test_fibres_are_pulled_no_further_than_they_bear(steps):
+    """A law with a peak of T/λ: exact, on one element."""
+
+    class Softening:
+        def energy(self, x):
+            return 1e3 * 0.1 * (0.1 - (0.1 + x) * np.exp(-x / 0.1))
+
+        def value(self, x):
+            return 1e3 * x * np.exp(-x / 0.1)
+
+        def tangent(self, x):
+            return 1e3 * (1 - x / 0.1) * np.exp(-x / 0.1)
+
+    peak = 1 / (1 / 0.1 + 1)
+    limit = 1e3 * peak * np.exp(-1.0)
+    ply = Ply(MeshQuad().with_defaults(), Fabric(Softening(), 1.0), Full())
+    ply = ply.with_terms(Force("right", (3 * limit, 0.0)))
+    rollers = {
+        "held": Condition("left", 0.0, direction=(1, 0)),
+        "below": Condition("bottom", 0.0, direction=(0, 1)),
+        "above": Condition("top", 0.0, direction=(0, 1)),
+    }
+    stepper = LoadStepper(ply, rollers, steps)
+    with pytest.raises(RuntimeError, match="the load passes a limit") as stopped:
+        stepper.run()
+    found = 3 * stopped.value.result.states[-1].load_factor
+    assert 0.99 < found <= 1.0

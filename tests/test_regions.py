@@ -1,0 +1,149 @@
+"""Fabrics by element and by subdomain: one ply is the sum of its parts."""
+
+import numpy as np
+import pytest
+from helpers import wobble
+from skfem import MeshQuad, asm
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    FormTerm,
+    Full,
+    Linear,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    Sin2,
+    split,
+)
+from skfem_textile.splitting import cut
+
+LEFT = Fabric((1e3, 500.0), Sin2(1.0), warp=(1, 0.3), weft=(-0.2, 1))
+RIGHT = Fabric((2e3, 100.0), Linear(3.0), warp=(1, 0.6), weft=(-0.5, 1))
+
+
+def halves(mesh):
+    left = mesh.p[0, mesh.t].mean(axis=0) < 5
+    halves = {"left": np.flatnonzero(left), "right": np.flatnonzero(~left)}
+    return mesh.with_subdomains(halves)
+
+
+def rectangle():
+    mesh = MeshQuad.init_tensor(np.linspace(0, 10, 7), np.linspace(0, 8, 6))
+    return halves(mesh.with_defaults())
+
+
+PLIES = {
+    "full": (Full(), rectangle),
+    "one point": (OnePoint(), rectangle),
+    "rate": (OnePoint(1.0, "rate"), rectangle),
+    "continuity": (OnePoint(1.0, "continuity"), rectangle),
+    "isotropic": (OnePoint(1.0, "isotropic"), rectangle),
+    "macro": (Macro(), lambda: split(rectangle())),
+    "macro triangles": (Macro(), lambda: split(halves(cut(rectangle())))),
+    "quadratic": (Quadratic(), lambda: halves(cut(rectangle()))),
+    "mean": (Quadratic(20.0), lambda: halves(cut(rectangle()))),
+}
+every_ply = pytest.mark.parametrize(
+    ("formulation", "mesh"), PLIES.values(), ids=list(PLIES)
+)
+
+
+def values(chosen, left, right):
+    """Values for the elements of either half, the last axis theirs."""
+    return np.where(chosen, np.reshape(left, (-1, 1)), np.reshape(right, (-1, 1)))
+
+
+@every_ply
+def test_a_fabric_for_each_subdomain_is_that_of_its_elements(formulation, mesh):
+    mesh = mesh()
+    ply = Ply(mesh, {"left": LEFT, "right": RIGHT}, formulation)
+    u = 0.3 * wobble(ply, 1)
+    in_left = np.isin(np.arange(mesh.nelements), mesh.subdomains["left"])
+    for name, alone, own in (("left", LEFT, in_left), ("right", RIGHT, ~in_left)):
+        tension = Ply(mesh, alone, formulation).fibre_tension(u)
+        seen = ply.fibre_tension(u)
+        np.testing.assert_allclose(seen[:, own], tension[:, own], rtol=1e-9)
+
+
+@every_ply
+def test_forms_and_kernels_agree_and_are_derivatives(formulation, mesh):
+    ply = Ply(mesh(), {"left": LEFT, "right": RIGHT}, formulation)
+    u, du, h = 0.3 * wobble(ply, 1), wobble(ply, 2), 1e-6
+    for term in ply.terms:
+        if isinstance(term, FormTerm):
+            stored = term.memory.work if term.memory else 0.0
+            pure = asm(term.forms.energy, term.basis, u=u, **term.parameters(1.0))
+            assert ply.energies(u)[term.name] == pytest.approx(pure + stored, rel=1e-10)
+    if getattr(formulation, "kind", "") == "rate":
+        return  # which has no energy, and an approximate tangent
+    slope = (ply.energy(u + h * du) - ply.energy(u - h * du)) / (2 * h)
+    assert slope == pytest.approx(ply.residual(u) @ du, rel=1e-6)
+    change = (ply.residual(u + h * du) - ply.residual(u - h * du)) / (2 * h)
+    np.testing.assert_allclose(
+        change, ply.tangent(u) @ du, atol=1e-6 * np.abs(change).max()
+    )
+
+
+@pytest.mark.parametrize("parts", [False, True])
+def test_values_of_the_users_elements_reach_their_parts(parts):
+    mesh = rectangle()
+    x = mesh.p[:, mesh.t].mean(axis=1)
+    left = x[0] < 5
+    fabric = Fabric(
+        (values(left, 1e3, 2e3)[0], values(left, 500.0, 100.0)[0]),
+        values(left, 1.0, 3.0)[0],
+        values(left, (1, 0.3), (1, 0.6)),
+        values(left, (-0.2, 1), (-0.5, 1)),
+    )
+    regions = {
+        "left": Fabric((1e3, 500.0), 1.0, (1, 0.3), (-0.2, 1)),
+        "right": Fabric((2e3, 100.0), 3.0, (1, 0.6), (-0.5, 1)),
+    }
+    formulation = Macro() if parts else OnePoint()
+    mesh = split(mesh) if parts else mesh
+    one, other = (Ply(mesh, given, formulation) for given in (fabric, regions))
+    u = 0.3 * wobble(one, 1)
+    assert one.energies(u) == pytest.approx(other.energies(u), rel=1e-12)
+    np.testing.assert_allclose(one.residual(u), other.residual(u), atol=1e-9)
+
+
+def test_a_run_with_two_fabrics_is_resumed_and_told_from_others(tmp_path):
+    conditions = {"clamp": Condition("left"), "pull": Condition("right", (0.2, 0.1))}
+    regions = {"left": LEFT, "right": RIGHT}
+
+    def stepper(regions, on_step=None):
+        ply = Ply(rectangle(), regions, OnePoint())
+        options = {"checkpoint": tmp_path, "on_step": on_step}
+        return LoadStepper(ply, conditions, 3, **options)
+
+    def stop(state):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stepper(regions, stop).run()
+    with pytest.raises(ValueError, match="of another run"):
+        stepper({"left": RIGHT, "right": LEFT}).run(resume=True)
+    assert stepper(regions).run(resume=True).converged
+
+
+@pytest.mark.parametrize(
+    ("fabric", "complaint"),
+    [
+        ({"left": LEFT}, "are in no subdomain that has a fabric"),
+        ({"left": LEFT, "rigth": RIGHT}, "no subdomain 'rigth'"),
+        ({"left": LEFT, "right": 1e4}, "'right' needs a Fabric"),
+        (Fabric(np.ones(7)), "7 values for 30 elements; give one value per element"),
+    ],
+)
+def test_fabrics_that_do_not_fit_are_refused(fabric, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Ply(rectangle(), fabric, Full())
+
+
+def test_a_stiffness_per_element_is_told_in_one_line():
+    with pytest.raises(ValueError, match=r"^shear stiffness must be .*, got -1\.0$"):
+        Fabric(1e3, -np.ones(30))
