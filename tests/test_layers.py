@@ -1,10 +1,21 @@
-"""The layers of the package: what may import what, and how high they stand."""
+"""The layers of the package: what may import what, and how high they stand.
+
+As a script it prints the longest chain of imports and the files of a Newton iteration.
+"""
 
 import ast
+import sys
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 import skfem_textile
+from skfem_textile import Fabric, Macro, OnePoint, Ply, split
+from skfem_textile.scenes import strip
+from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.problem import Problem
+from skfem_textile.solve.strategies import Mixed
 
 PACKAGE = Path(skfem_textile.__file__).parent
 
@@ -131,6 +142,40 @@ def test_folders_are_small():
         assert len([e for e in entries if e.name != "__pycache__"]) <= 12, folder
 
 
-if __name__ == "__main__":  # prints the longest chain
+def files_of_an_iteration(formulation, mesh):
+    """Files of the package that one Newton iteration enters, corners all open."""
+    scene = strip(size=(6, 9))
+    ply = Ply(mesh(scene.mesh), Fabric(1e4, 0.5), formulation)
+    constraints = Constraints(ply.basis, scene.conditions)
+    problem = Problem(ply, constraints).at(0.1).without_corners()
+    start, values = problem.start(ply.basis.zeros()), constraints.fixed_values(0.1)
+    iterates, entered = Mixed().iterates(problem, start, values), set()
+    next(iterates), next(iterates)
+
+    def enter(frame, event, _):
+        file = Path(frame.f_code.co_filename)
+        if event == "call" and file.is_relative_to(PACKAGE):
+            entered.add(str(file.relative_to(PACKAGE)))
+
+    sys.setprofile(enter)
+    try:
+        next(iterates)
+    finally:
+        sys.setprofile(None)
+    return sorted(entered)
+
+
+ITERATIONS = {"one point": (OnePoint(), lambda m: m), "macro": (Macro(), split)}
+
+
+@pytest.mark.parametrize("iteration", ITERATIONS.values(), ids=ITERATIONS)
+def test_a_newton_iteration_is_followed_through_few_files(iteration):
+    assert len(files_of_an_iteration(*iteration)) <= 12
+
+
+if __name__ == "__main__":
     longest = max(map(chain, WORKING), key=len)
     print(len(longest), "floors:", " > ".join(longest))
+    for name, iteration in ITERATIONS.items():
+        entered = files_of_an_iteration(*iteration)
+        print(f"Newton iteration, {name}: {len(entered)} files:", *entered)

@@ -63,7 +63,7 @@ def test_a_fabric_for_each_subdomain_is_that_of_its_elements(formulation, mesh):
     ply = Ply(mesh, {"left": LEFT, "right": RIGHT}, formulation)
     u = 0.3 * wobble(ply, 1)
     in_left = np.isin(np.arange(mesh.nelements), mesh.subdomains["left"])
-    for name, alone, own in (("left", LEFT, in_left), ("right", RIGHT, ~in_left)):
+    for alone, own in ((LEFT, in_left), (RIGHT, ~in_left)):
         tension = Ply(mesh, alone, formulation).fibre_tension(u)
         seen = ply.fibre_tension(u)
         np.testing.assert_allclose(seen[:, own], tension[:, own], rtol=1e-9)
