@@ -1,3 +1,5 @@
+import errno
+import os
 import signal
 import subprocess
 import sys
@@ -358,6 +360,31 @@ def test_a_new_run_that_is_killed_as_it_takes_the_place_of_the_old(
         assert_same(resumed, whole if at < 7 else stepper(None, C_s=2.0).run())
     else:
         stepper(tmp_path / "c", C_s=2.0).run(resume=True)
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_the_next_run_removes_what_a_killed_one_left_half_done(tmp_path, resume):
+    folder = tmp_path / "c"
+    if resume:
+        interrupted_at(folder, 0.5)
+    folder.mkdir(exist_ok=True)
+    for name in (".run.npz", ".state_000009.npz", "own.npz"):
+        (folder / name).write_bytes(b"half a fi")
+    assert stepper(folder).run(resume=resume).converged
+    assert not list(folder.glob(".*"))
+    assert (folder / "own.npz").exists()
+
+
+def test_a_full_disk_is_left_no_half_of_a_file(tmp_path, monkeypatch):
+    def full(descriptor):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def fill(state):
+        monkeypatch.setattr("os.fsync", full)
+
+    with pytest.raises(StepError, match="No space left on device"):
+        stepper(tmp_path / "c", on_step=fill).run()
+    assert not list((tmp_path / "c").glob(".*"))
 
 
 def test_two_runs_do_not_write_to_one_checkpoint(tmp_path):

@@ -262,6 +262,24 @@ def test_a_full_disk_leaves_the_result_of_a_run_to_its_caller(tmp_path, monkeypa
     assert again.run(resume=True).converged
 
 
+def test_the_next_run_removes_what_a_killed_one_left_unfinished(tmp_path):
+    left, own = tmp_path / ".unfinished-left", tmp_path / "own"
+    for path in (left / "fields", own):
+        path.mkdir(parents=True)
+        (path / "file").write_text("half a fi")
+    with ResultFolder(tmp_path, ["a"]) as folder:
+        (folder / "a").write_text("a")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "own"]
+
+
+def test_what_a_living_run_has_not_finished_is_left_to_it(tmp_path):
+    with ResultFolder(tmp_path, ["a"]) as folder:
+        (folder / "a").write_text("a")
+        with pytest.raises(BlockingIOError, match="another run is writing to"):
+            ResultFolder(tmp_path, ["a"])
+    assert (tmp_path / "a").read_text() == "a"
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 @pytest.mark.parametrize("arguments", [("list",), ("--help",), ("run", "strip")])
 def test_what_cannot_be_printed_is_told_in_one_line(tmp_path, arguments):

@@ -44,6 +44,11 @@ class Lock:
         except OSError:  # no such lock on this drive
             self.release()
 
+    @property
+    def is_held(self) -> bool:
+        """Whether nobody else can hold it: not where the system has no such lock."""
+        return self._descriptor >= 0
+
     def release(self) -> None:
         """Lift the lock; again if it is lifted, to no effect."""
         descriptor, self._descriptor = self._descriptor, -1

@@ -28,6 +28,9 @@ from .fields import cell_fields, on_parents, point_fields
 #: What `write_fields` may write.
 FIELDS = ("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd")
 
+# How the name of a folder begins that holds a result until it is whole.
+_SCRATCH = ".unfinished-"
+
 
 def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
     """Write every state as ``step_0000.vtu``, ... and ``steps.pvd`` into a folder.
@@ -124,7 +127,8 @@ class ResultFolder:
     """A folder that receives the whole result of a run at once, and of no other run.
 
     It is locked until the result is in it, or this object is no more; it is then
-    removed if it was made for this and is empty.
+    removed if it was made for this and is empty.  What a run that was killed has left
+    unfinished in it is removed.
 
     ``summary.json`` goes first and comes last, so that it never speaks of files that
     are not there, whenever the process is killed.
@@ -161,12 +165,16 @@ class ResultFolder:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OSError(self._unwritable(error)) from None
-        self._leave = finalize(self, _leave, Lock(self.path), made)
+        lock = Lock(self.path)
+        self._leave = finalize(self, _leave, lock, made)
+        if lock.is_held:  # what is there is of runs that are no more
+            for scratch in self.path.glob(f"{_SCRATCH}*"):
+                shutil.rmtree(scratch, ignore_errors=True)
 
     def __enter__(self) -> Path:
         """Give a scratch folder to write into."""
         try:
-            scratch = tempfile.mkdtemp(prefix=".unfinished-", dir=self.path)
+            scratch = tempfile.mkdtemp(prefix=_SCRATCH, dir=self.path)
         except OSError as error:
             raise OutputError(self._unwritable(error)) from None
         self._scratch = Path(scratch)

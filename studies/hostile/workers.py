@@ -1,10 +1,12 @@
 """Forked workers that try seeds one by one, with a time limit each."""
 
 import contextlib
+import ctypes
 import os
 import resource
 import shutil
 import signal
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from multiprocessing import get_context
@@ -19,6 +21,9 @@ from .trial import DIED, HANG, Family, Finding, surprised
 MEMORY = 6 * 2**30
 
 _FORK = get_context("fork")
+
+# Of Linux' prctl: the signal that a process gets when its parent is no more.
+_PR_SET_PDEATHSIG = 1
 
 
 class Tried(NamedTuple):
@@ -63,7 +68,7 @@ class _Worker:
     def _start(self) -> None:
         self.pipe, theirs = _FORK.Pipe()
         self._process = _FORK.Process(
-            target=_serve, args=(self._family, theirs), daemon=True
+            target=_serve, args=(self._family, theirs, os.getpid()), daemon=True
         )
         self._process.start()
         theirs.close()
@@ -97,8 +102,17 @@ class _Worker:
         self.pipe.close()
 
 
-def _serve(family: Family, pipe: Connection) -> None:
-    """Try seeds until the process is ended."""
+def end_with_parent(parent: int) -> None:
+    """Let this process be killed when its parent is, as far as the system can."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it is no more
+        os._exit(1)
+
+
+def _serve(family: Family, pipe: Connection, parent: int) -> None:
+    """Try seeds until the process is ended, or the suite is."""
+    end_with_parent(parent)
     os.setpgid(0, 0)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     with contextlib.suppress(EOFError):

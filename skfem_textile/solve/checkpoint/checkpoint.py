@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -52,9 +52,10 @@ class Checkpoint:
     """The states of a run in a folder.
 
     Every file is written beside its place and then renamed, so a run may be killed at
-    any moment.  ``run.npz`` tells runs apart: by their settings as given, and by mesh,
-    laws, conditions and forces (`fingerprint`).  Every state has the name of the run,
-    its own number, and a digest of its content and of all files before it.
+    any moment; the next removes what it left there.  ``run.npz`` tells runs apart: by
+    their settings as given, and by mesh, laws, conditions and forces (`fingerprint`).
+    Every state has the name of the run, its own number, and a digest of its content and
+    of all files before it.
 
     Parameters
     ----------
@@ -271,9 +272,16 @@ class Checkpoint:
         return progress
 
     def _hold(self) -> None:
-        if self._lock is None:
-            with self._writing():
-                self._lock = Lock(self.folder)
+        """Let no other run write to the folder, and remove what one left half done."""
+        if self._lock is not None:
+            return
+        with self._writing():
+            self._lock = Lock(self.folder)
+        if self._lock.is_held:
+            for beside in (f".{_RUN}", f".{_STATES}"):
+                for file in self.folder.glob(beside):
+                    with suppress(OSError):  # in a folder that can only be read
+                        file.unlink()
 
     @contextmanager
     def _writing(self) -> Iterator[None]:

@@ -10,6 +10,7 @@ import json
 import os
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -65,11 +66,16 @@ def write(
     buffer = io.BytesIO()
     np.savez(buffer, text=np.array(json.dumps(text)), **arrays)  # type: ignore[arg-type]
     digest = _digest(before, run, name, buffer.getvalue())
-    with open(path, "wb") as file:
-        file.write(buffer.getvalue())
-        file.write(f"\n{run} {name} {digest}".encode())
-        file.flush()
-        os.fsync(file.fileno())
+    try:
+        with open(path, "wb") as file:
+            file.write(buffer.getvalue())
+            file.write(f"\n{run} {name} {digest}".encode())
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError:  # half a file must not take the room of results on a full disk
+        with suppress(OSError):
+            path.unlink()
+        raise
     return digest
 
 

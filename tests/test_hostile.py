@@ -1,0 +1,107 @@
+"""The suite of hostile inputs: its short form, and that it can tell bad from good."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="it forks")
+
+ROOT = Path(__file__).parents[1]
+
+#: Prints what comes of a family whose attempts are bad in every way, by seeds.
+JUDGES = """
+import os, time
+from studies.hostile.trial import Family, Finding, refused
+from studies.hostile.workers import findings
+
+def attempt(seed, folder):
+    acts = [
+        lambda: Finding("right", ""),
+        lambda: refused("", "mesh.msh: there is no node 7"),
+        lambda: refused("", "two" + chr(10) + "lines"),
+        lambda: refused("", ""),
+        lambda: [].pop(),
+        lambda: time.sleep(60),
+        lambda: os._exit(3),
+        lambda: os.kill(os.getpid(), 9),
+        lambda: exit(1),
+        lambda: Finding("silent", ""),
+    ]
+    return acts[seed]()
+
+found = findings(Family("fake", attempt, 10, 10, seconds=1.0), range(10), 2)
+print(*(one.finding.outcome for one in sorted(found, key=lambda one: one.seed)))
+"""
+
+#: Says the number of a worker that hangs.
+HANGS = """
+import os, time
+from studies.hostile.trial import Family
+from studies.hostile.workers import findings
+
+def attempt(seed, folder):
+    print(os.getpid(), flush=True)
+    time.sleep(60)
+
+list(findings(Family("fake", attempt, 1, 1, seconds=60.0), [0], 1))
+"""
+
+
+def started(*words, **options):
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(
+        [sys.executable, *words],
+        cwd=ROOT,
+        env=environment,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        **options,
+    )
+
+
+def test_no_hostile_input_ends_badly(tmp_path):
+    options = "--short", "--workers", "2", "--out", str(tmp_path)
+    with started("-m", "studies.hostile", *options) as suite:
+        told, bad = suite.communicate()
+    assert suite.returncode == 0, told + bad
+    assert (tmp_path / "hostile.md").exists()
+
+
+def test_the_judge_tells_bad_outcomes():
+    with started("-c", JUDGES) as judge:
+        told, said = judge.communicate()
+    assert told.split() == [
+        *("right", "refused", "unclear", "unclear", "traceback"),
+        *("hang", "died", "died", "traceback", "silent"),
+    ], said
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="prctl is Linux'")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+def test_a_suite_that_is_killed_leaves_no_worker(number):
+    with started("-c", HANGS) as suite:
+        worker = int(suite.stdout.readline())
+        suite.send_signal(number)
+        suite.wait(timeout=30)
+        assert gone(worker)
+
+
+def gone(process, seconds=10.0):
+    """Whether a process ends in time, or is left for others to take note of."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        with suppress(FileNotFoundError):
+            state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2]
+            if state.split()[0] != "Z":
+                time.sleep(0.05)
+                continue
+        return True
+    os.kill(process, signal.SIGKILL)
+    return False
