@@ -60,7 +60,9 @@ def _body(text: Any, arrays: Mapping[str, ndarray]) -> bytes:
 
 
 def _edit(rng: Generator, text: Any, arrays: dict[str, ndarray]) -> str:
-    return _edit_array(rng, arrays) if rng.random() < 0.3 else _edit_text(rng, text)
+    if arrays and rng.random() < 0.3:
+        return _edit_array(rng, arrays)
+    return _edit_text(rng, text)
 
 
 def _edit_text(rng: Generator, text: Any) -> str:

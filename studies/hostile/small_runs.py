@@ -133,8 +133,8 @@ def figures(states: list[State]) -> list[dict[str, np.ndarray]]:
             "load factor": np.array(s.load_factor),
             "displacement": s.u,
             "energies": np.array(list(s.energies.values())),
-            "reactions": np.array(list(s.reactions.values())),
-            "means": np.array(list(s.displacements.values())),
+            "reactions": _together(s.reactions),
+            "means": _together(s.displacements),
             "det F": np.array(s.verdict.min_det_F),
             "strains": np.array(
                 [s.verdict.max_fibre_strain, s.verdict.mesh_fibre_strain]
@@ -143,6 +143,11 @@ def figures(states: list[State]) -> list[dict[str, np.ndarray]]:
         }
         for s in states
     ]
+
+
+def _together(vectors: dict[str, np.ndarray]) -> np.ndarray:
+    """All components, whatever shapes a forger has given them."""
+    return np.concatenate([np.ravel(v) for v in vectors.values()])
 
 
 def differing(
