@@ -1,6 +1,6 @@
 """The families of trials."""
 
-from . import condition_trials, mesh_trials, option_trials
+from . import checkpoint_trials, condition_trials, mesh_trials, option_trials
 from .mesh_files import family as mesh_files
 from .trial import Family
 
@@ -13,4 +13,5 @@ FAMILIES: tuple[Family, ...] = (
     option_trials.FAMILY,
     mesh_trials.FAMILY,
     condition_trials.FAMILY,
+    checkpoint_trials.FAMILY,
 )

@@ -172,8 +172,8 @@ class Checkpoint:
         for file, content in zip(files, contents, strict=True):
             with self._using(file):
                 states.append(_state(content, states))
+        self._check(files, states, contents)
         with self._using(files[-1]):
-            self._check_last(states, contents)
             progress = self._progress(contents[-1].text["progress"], states)
         self._last = contents[-1].digest
         return Saved(states, progress)
@@ -224,20 +224,26 @@ class Checkpoint:
                     f"checkpoint {self.folder} is of another run: its {name} differ"
                 )
 
-    def _check_last(self, states: list[State], contents: list[Content]) -> None:
-        """Find anew what the last state's forces are, and what the ply remembers."""
-        problem, start = self._problem.at(states[-1].load_factor), None
-        problem.ply.reset()
-        if len(states) > 1:
-            self._remember(contents[-2])
-            u, before = states[-2].u, self._problem.at(states[-2].load_factor)
-            start = Start(u, before.residual(u), before.load(u), None)
-        check_state(problem, states[-1], start)
-        problem.ply.commit(states[-1].u)
+    def _check(
+        self, files: list[Path], states: list[State], contents: list[Content]
+    ) -> None:
+        """Find anew what each state's forces are, and what the ply remembers of it."""
+        self._problem.ply.reset()
+        start = None
+        for file, state, content in zip(files, states, contents, strict=True):
+            with self._using(file):
+                start = self._check_state(state, content, start)
+
+    def _check_state(self, state: State, content: Content, start: Start | None) -> Start:
+        """Check a state that follows another; returns the start of the next."""
+        problem, u = self._problem.at(state.load_factor), state.u
+        check_state(problem, state, start)
+        problem.ply.commit(u)
         found = self._memories()
-        self._remember(contents[-1])
+        self._remember(content)
         if not all(_same(a, b) for a, b in zip(self._memories(), found, strict=True)):
             raise ValueError("what its ply remembers is not of its displacement")
+        return Start(u, problem.residual(u), problem.load(u), None)
 
     def _memories(self) -> list[ndarray]:
         memories = self._problem.ply.memories.values()
@@ -247,7 +253,8 @@ class Checkpoint:
         for term, memory in self._problem.ply.memories.items():
             found = {k: content.arrays[f"{term} {k}"] for k in memory.parameters}
             for name, value in memory.parameters.items():
-                if found[name].shape != np.shape(value):
+                old = np.asarray(value)
+                if found[name].shape != old.shape or found[name].dtype != old.dtype:
                     raise ValueError(f"its {name} is not of this ply")
             memory.restore(found, content.text["work"][term])
 

@@ -89,6 +89,8 @@ def read(path: Path, run: str, before: str) -> Content:
     ValueError
         If it is damaged, not of the run, or not what it was called or came after.
     """
+    if path.exists() and not path.is_file():  # a pipe or device would never end
+        raise ValueError("is no file")
     body, _, seal = path.read_bytes().rpartition(b"\n")
     if not (told := _SEAL.fullmatch(seal.decode(errors="replace"))):
         raise ValueError("is damaged: its last line is no seal")
