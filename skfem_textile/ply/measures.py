@@ -114,7 +114,7 @@ class Measures:
         return np.minimum(fine, self.corners.area_ratio(u).min(axis=0))
 
     def past_peak(self, u: ndarray) -> ndarray:
-        """Elements where T/λ falls with λ, or ε is not finite: there T′ < |T|.
+        """Elements where T/λ falls with λ, as T′ is below T there, or ε is not finite.
 
         Beyond the peak of T/λ, the force per reference width, a fibre tears.
         """

@@ -63,11 +63,6 @@ class Ply(Measures):
         six of quadratic triangles.
     corners
         Det F at the nodes of the elements, at which folding is judged too.
-    terms
-        All terms: of the fibres, of shear, of corners, of the formulation, and further
-        ones.  With a memory (`OnePoint` of kind ``rate``) energy, residual and tangent
-        are those of a step from the last committed state, and the residual is no
-        derivative of the energy.
 
     Raises
     ------
@@ -279,7 +274,12 @@ class Ply(Measures):
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """All terms; `with_terms` adds others."""
+        """Of the fibres, of shear, of corners, of the formulation, and further ones.
+
+        With a memory (`OnePoint` of kind ``rate``) energy, residual and tangent are
+        those of a step from the last committed state, and the residual is no derivative
+        of the energy.
+        """
         return self._terms
 
     @property

@@ -54,6 +54,11 @@ _ROLLERS = (
     *("top=-20", "bottom=1e308", "right=90", "left=3=4"),
 )
 
+_FORCES = (
+    *("top=1,2", "right=-0.5,0.1", "lid=1,2", "top=nan,0", "top=1e308,0", "=1,2"),
+    *("top", "top=1", "top=1,2,3", "left=inf,0", "right=0,0", "bottom=1_0,-0"),
+)
+
 
 def line(random: Random) -> list[str]:
     """A command line."""
@@ -121,6 +126,7 @@ def _sound_parts(scene: str, random: Random) -> list[list[str]]:
         ["--solver", random.choice(("superlu", "cholmod", "auto"))],
         random.choice((["--checkpoint"], ["--checkpoint", "kept"], ["--resume"])),
         [random.choice(("-v", "-vv", "--verbose"))],
+        ["--force", random.choice(("right=0.5,0.2", "top=-0.3,0.1"))],
     ]
     chosen = random.sample(parts, random.randint(0, 5))
     more = _mesh(random) + _formulation(scene, random) + _of_scene(scene, random)
@@ -215,6 +221,7 @@ _WORDS: dict[str, Callable[[Random], str]] = {
     "solver": lambda random: random.choice(("superlu", "magic", "cholmod")),
     "part": lambda random: random.choice(("half", "third", "whole")),
     "free": lambda random: random.choice(("top", "lid", "left")),
+    "force": lambda random: random.choice(_FORCES),
 }
 _ANGLED = ("warp", "weft", "bend", "shear-angle", "rotate")
 

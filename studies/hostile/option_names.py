@@ -70,6 +70,14 @@ def _roller(word: str) -> list[Any]:
     return [side, float(degrees)]
 
 
+def _force(word: str) -> list[Any]:
+    name, _, components = word.partition("=")
+    found = [float(component) for component in components.split(",")]
+    if not name or len(found) != 2:
+        raise UnreadableError(f"{word!r} is not like top=0,100")
+    return [name, found]
+
+
 def _folder(word: str) -> str:
     if not word:
         raise UnreadableError("a folder without a name")
@@ -96,6 +104,7 @@ _LOADED = {
     "fibre-stiffness": Option(float, 1e4),
     "shear-stiffness": Option(float, 0.0),
     "shear-law": Option(one_of("linear", "sin2"), "linear"),
+    "force": Option(_force, [], "", "all"),
     "rotate": Option(_degrees, 0.0),
     "steps": Option(int, 20),
     "strategy": Option(one_of("mixed", "descent", "newton"), ["mixed", "descent"], "+"),

@@ -55,6 +55,7 @@ def check_results(read: Read, converged: bool) -> None:
     _check_fields(read, first, last)
     _check_motion(read, last, summary["load_factor"])
     _check_energies(read, summary, last)
+    _check_forces(read, summary, last)
     _check_checkpoint(read, out, summary["load_steps"])
 
 
@@ -104,6 +105,23 @@ def _check_history(
     ending = "_reaction_x"
     names = {k.removesuffix(ending) for k in history[0] if k.endswith(ending)}
     _expect("conditions", names, option_motions.conditions(read))
+
+
+def _check_forces(read: Read, summary: dict[str, Any], last: meshio.Mesh) -> None:
+    """The potential −F·u of a force, by the mean displacement of a straight side."""
+    X, u = _turned(read, last.points), _turned(read, last.point_data["displacement"])
+    for side, total in read.values["force"]:
+        across, end = (0, 1) if side in ("left", "right") else (1, 0)
+        edge = X[across].max() if side in ("right", "top") else X[across].min()
+        on = np.flatnonzero(np.abs(X[across] - edge) < 1e-9 * np.ptp(X[across]))
+        on = on[np.argsort(X[end, on])]
+        length = np.diff(X[end, on])
+        mean = (u[:, on[1:]] + u[:, on[:-1]]) @ length / (2 * length.sum())
+        potential = -summary["load_factor"] * float(mean @ total)
+        found = summary[f"force on {side}_potential"]
+        size = np.abs(total).max() * np.abs(u).max()
+        if read.values["formulation"] != "quadratic":
+            _expect_near(f"force on {side}", found, potential, size)
 
 
 def _turned(read: Read, x: ndarray) -> ndarray:

@@ -108,6 +108,17 @@ def _refuse_numbers(v: dict[str, Any]) -> None:
         raise UnreadableError("no stiffness")
     if not 1 <= v["steps"] <= 1_000_000:
         raise UnreadableError("steps")
+    _refuse_forces(v)
+
+
+def _refuse_forces(v: dict[str, Any]) -> None:
+    names = [name for name, _ in v["force"]]
+    if not set(names) <= {"left", "bottom", "right", "top"}:
+        raise UnreadableError("no such boundary")
+    if len(set(names)) < len(names):
+        raise UnreadableError("two forces on one boundary")
+    if not all(isfinite(x) for _, total in v["force"] for x in total):
+        raise UnreadableError("force")
 
 
 def _refuse_stiffness(number: float) -> None:
