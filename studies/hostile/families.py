@@ -1,6 +1,6 @@
 """The families of trials."""
 
-from . import condition_trials, mesh_trials, option_trials
+from . import condition_trials, disk_trials, kill_trials, mesh_trials, option_trials
 from .mesh_files import family as mesh_files
 from .trial import Family
 
@@ -13,4 +13,7 @@ FAMILIES: tuple[Family, ...] = (
     option_trials.FAMILY,
     mesh_trials.FAMILY,
     condition_trials.FAMILY,
+    kill_trials.FAMILY,
+    disk_trials.FULL,
+    disk_trials.READ_ONLY,
 )
