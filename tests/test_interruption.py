@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -94,6 +95,24 @@ def test_sigterm_is_ctrl_c_while_signals_are_raised():
     with pytest.raises(KeyboardInterrupt), raised():
         os.kill(os.getpid(), signal.SIGTERM)
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+def test_a_signal_while_an_object_is_removed_is_not_lost():
+    """Python prints and forgets what is raised there."""
+
+    class Removed:
+        def __del__(self):
+            os.kill(os.getpid(), signal.SIGTERM)
+            done.append(True)
+
+    def remove():
+        Removed()
+        time.sleep(10)
+
+    done = []
+    with pytest.raises(KeyboardInterrupt), raised():
+        remove()
+    assert done == [True]
 
 
 def hold(signals, steps):

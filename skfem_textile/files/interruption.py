@@ -18,6 +18,9 @@ from typing import Any
 #: Exit code after an interruption.
 INTERRUPTED = 130
 
+# Seconds until a signal is sent again that came where nothing can be raised.
+_LATER = 0.01
+
 _SIGNALS = signal.SIGINT, signal.SIGTERM
 
 
@@ -64,7 +67,20 @@ def _answered(answer: Callable[[int, Any], None]) -> Iterator[dict[int, Any]]:
 
 
 def _interrupt(number: int, frame: Any) -> None:
-    raise KeyboardInterrupt
+    if _is_ignored(frame):
+        threading.Timer(_LATER, os.kill, (os.getpid(), number)).start()
+    else:
+        raise KeyboardInterrupt
+
+
+def _is_ignored(frame: Any) -> bool:
+    """Whether Python prints and forgets what is raised: where objects are removed."""
+    while frame is not None:
+        module = frame.f_globals.get("__name__")
+        if frame.f_code.co_name == "__del__" or module in ("weakref", "_weakrefset"):
+            return True
+        frame = frame.f_back
+    return False
 
 
 def _end(number: int, frame: Any) -> None:

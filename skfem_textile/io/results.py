@@ -7,7 +7,7 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from weakref import finalize
@@ -32,6 +32,17 @@ FIELDS = ("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd"
 _SCRATCH = ".unfinished-"
 
 
+@contextlib.contextmanager
+def _naming(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Let an error name what is written, which that of a full disk does not."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None and error.errno is not None:
+            error.filename = os.fspath(path)
+        raise
+
+
 def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
     """Write every state as ``step_0000.vtu``, ... and ``steps.pvd`` into a folder.
 
@@ -43,17 +54,18 @@ def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
     on the original elements.  Steps that the folder already holds are removed.
     """
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    for pattern in FIELDS:
-        for stale in folder.glob(pattern):
-            stale.unlink()
-    ply, mesh = result.ply, result.ply.mesh
-    _write_series(result, folder, "", [mesh.t], lambda u: cell_fields(ply, u))
-    if was_split(mesh):
-        _write_series(
-            *(result, folder, "own_", mesh.cells),
-            lambda u: on_parents(mesh, cell_fields(ply, u)),
-        )
+    with _naming(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for pattern in FIELDS:
+            for stale in folder.glob(pattern):
+                stale.unlink()
+        ply, mesh = result.ply, result.ply.mesh
+        _write_series(result, folder, "", [mesh.t], lambda u: cell_fields(ply, u))
+        if was_split(mesh):
+            _write_series(
+                *(result, folder, "own_", mesh.cells),
+                lambda u: on_parents(mesh, cell_fields(ply, u)),
+            )
 
 
 def _write_series(
@@ -103,7 +115,7 @@ def _write_state(
 def write_history(result: Result, path: str | os.PathLike[str]) -> None:
     """Write the history of a run as CSV, one row per converged state."""
     rows = result.history()
-    with open(path, "w", newline="") as file:
+    with _naming(path), open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
@@ -111,7 +123,8 @@ def write_history(result: Result, path: str | os.PathLike[str]) -> None:
 
 def write_summary(summary: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
     """Write a summary as JSON; null stands for a number that is not finite."""
-    Path(path).write_text(json.dumps(_finite(summary), indent=2) + "\n")
+    with _naming(path):
+        Path(path).write_text(json.dumps(_finite(summary), indent=2) + "\n")
 
 
 def _finite(value: Any) -> Any:

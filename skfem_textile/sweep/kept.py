@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..files.lock import Lock
+from ..files.output import OutputError
 
 log = logging.getLogger(__name__)
 
@@ -82,10 +83,22 @@ class Kept:
         return name in self.found
 
     def add(self, name: str, found: Any) -> Any:
-        """Write a result; returns what a later sweep will read."""
+        """Write a result; returns what a later sweep will read.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
         said, line = _line(name, found)
-        with open(self._out, "ab") as file:
-            file.write(line)
+        try:
+            with open(self._out, "ab") as file:
+                file.write(line)
+        except OSError as error:
+            raise OutputError(
+                f"cannot write results to {self._out}: {error.strerror or error}; "
+                "what it holds remains, and a sweep goes on from there"
+            ) from None
         return json.loads(said)
 
 

@@ -89,6 +89,8 @@ def sweep(
         If ``out`` is no file of a sweep, or two of its cases have one name.
     BlockingIOError
         If another sweep writes to ``out``.
+    OutputError
+        If a result cannot be written, as on a full disk; what ``out`` holds remains.
     TypeError
         If JSON cannot say what is to be kept.
     """

@@ -1,6 +1,14 @@
 """The families of trials."""
 
-from . import checkpoint_trials, condition_trials, mesh_trials, option_trials
+from . import (
+    checkpoint_trials,
+    condition_trials,
+    disk_trials,
+    kill_trials,
+    mesh_trials,
+    option_trials,
+    sweep_trials,
+)
 from .mesh_files import family as mesh_files
 from .trial import Family
 
@@ -14,4 +22,8 @@ FAMILIES: tuple[Family, ...] = (
     mesh_trials.FAMILY,
     condition_trials.FAMILY,
     checkpoint_trials.FAMILY,
+    sweep_trials.FAMILY,
+    kill_trials.FAMILY,
+    disk_trials.FULL,
+    disk_trials.READ_ONLY,
 )

@@ -297,9 +297,10 @@ class Checkpoint:
         try:
             yield
         except OSError as error:
-            raise CheckpointError(
-                f"cannot write checkpoint {self.folder}: {error.strerror or error}"
-            ) from None
+            said = f"cannot write checkpoint {self.folder}: {error.strerror or error}"
+            if error.strerror and self._files():  # not where another run writes to it
+                said += "; what it holds remains"
+            raise CheckpointError(said) from None
 
     @contextmanager
     def _using(self, file: Path) -> Iterator[None]:
