@@ -16,7 +16,6 @@ from skfem_textile import (
     OnePoint,
     Ply,
     Sin2,
-    sealed,
 )
 
 STEPS = 6

@@ -15,6 +15,9 @@ from .conditions import Constraints
 from .linear import SingularMatrixError
 from .linear.system import System
 
+#: Share of the largest force that an equilibrium may leave unbalanced.
+CONVERGED = 1e-8
+
 _ROUND_OFF = 2.0**-53
 
 _MORE_STIFFNESS = (
@@ -331,7 +334,7 @@ class Tangent:
         2⁻⁵³; the stiffness turns both into forces.
         """
         rounding = _ROUND_OFF * (np.abs(u).max() + self._problem.element_size)
-        return float(1e-8 * np.abs(f).max() + rounding * self.stiffness)
+        return float(CONVERGED * np.abs(f).max() + rounding * self.stiffness)
 
 
 def tangent_at(problem: Problem, u: ndarray) -> Tangent | None:

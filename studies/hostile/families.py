@@ -1,6 +1,12 @@
 """The families of trials."""
 
-from . import checkpoint_trials, condition_trials, mesh_trials, option_trials
+from . import (
+    checkpoint_trials,
+    condition_trials,
+    mesh_trials,
+    option_trials,
+    sweep_trials,
+)
 from .mesh_files import family as mesh_files
 from .trial import Family
 
@@ -14,4 +20,5 @@ FAMILIES: tuple[Family, ...] = (
     mesh_trials.FAMILY,
     condition_trials.FAMILY,
     checkpoint_trials.FAMILY,
+    sweep_trials.FAMILY,
 )
