@@ -17,6 +17,7 @@ from skfem_textile import (
     Ply,
     Sin2,
 )
+from skfem_textile.solve.checkpoint import sealed
 
 STEPS = 6
 

@@ -65,7 +65,7 @@ def _entry(text: bytes) -> tuple[str, str] | None:
         return None
     try:
         entry = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     if not isinstance(entry, dict) or list(entry) != ["case", "found", "digest"]:
         return None

@@ -30,7 +30,8 @@ def attempt(seed: int, folder: Path) -> Finding:
     for _ in range(rng.choice([1, 1, 2, 3])):
         name, content = _damaged(rng, content)
         damages.append(name)
-    out = folder / "out.jsonl"
+    out = folder / "kept" / "out.jsonl"
+    out.parent.mkdir()
     out.write_bytes(content)
     if rng.random() < 0.1:
         damages.append(replaced(rng, out))

@@ -236,7 +236,9 @@ class Checkpoint:
             with self._using(file):
                 start = self._check_state(state, content, start)
 
-    def _check_state(self, state: State, content: Content, start: Start | None) -> Start:
+    def _check_state(
+        self, state: State, content: Content, start: Start | None
+    ) -> Start:
         """Check a state that follows another; returns the start of the next."""
         problem, u = self._problem.at(state.load_factor), state.u
         check_state(problem, state, start)
