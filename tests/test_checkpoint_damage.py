@@ -16,8 +16,8 @@ from skfem_textile import (
     OnePoint,
     Ply,
     Sin2,
-    sealed,
 )
+from skfem_textile.solve.checkpoint import sealed
 
 STEPS = 6
 

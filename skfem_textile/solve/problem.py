@@ -15,11 +15,11 @@ from .conditions import Constraints
 from .linear import SingularMatrixError
 from .linear.system import System
 
-_ROUND_OFF = 2.0**-53
-
-# Largest force that may be left, as a share of the largest there is; of loads what
+# Share of the largest force that an equilibrium may leave unbalanced; under loads what
 # comes back in the reactions is to be seen to ten digits.
-_BALANCED, _BALANCED_LOADS = 1e-8, 1e-12
+_CONVERGED, _CONVERGED_LOADED = 1e-8, 1e-12
+
+_ROUND_OFF = 2.0**-53
 
 _MORE_STIFFNESS = (
     "holding the ply in more places, or more stabilisation or shear stiffness"
@@ -100,8 +100,8 @@ class Problem:
         Load factor.
     corners_resist
         Whether corners resist; not on the way to a state in which all are open.
-    loaded
-        Whether there are loads.
+    converged
+        Share of the largest force that an equilibrium may leave unbalanced.
     """
 
     def __init__(
@@ -114,7 +114,8 @@ class Problem:
         self._solver = solver
         self.clock = Clock()
         self.element_size = ply.element_size
-        self.loaded = "load" in ply.roles.values()
+        loaded = "load" in ply.roles.values()
+        self.converged = _CONVERGED_LOADED if loaded else _CONVERGED
 
     @cached_property
     def system(self) -> System:
@@ -338,8 +339,8 @@ class Tangent:
         2⁻⁵³; the stiffness turns both into forces.
         """
         rounding = _ROUND_OFF * (np.abs(u).max() + self._problem.element_size)
-        share = _BALANCED_LOADS if self._problem.loaded else _BALANCED
-        return float(share * np.abs(f).max() + rounding * self.stiffness)
+        largest = np.abs(f).max()
+        return float(self._problem.converged * largest + rounding * self.stiffness)
 
 
 def tangent_at(problem: Problem, u: ndarray) -> Tangent | None:

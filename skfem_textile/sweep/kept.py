@@ -13,6 +13,9 @@ from ..files.output import OutputError
 
 log = logging.getLogger(__name__)
 
+# What a line holds, in this order.
+_ENTRIES = ["case", "found", "digest"]
+
 # How many lines a message names.
 _NAMED = 5
 
@@ -115,8 +118,14 @@ def _entry(line: bytes) -> tuple[str, str] | None:
     start, digest, end = line[:-18], line[-18:-2], line[-2:]
     if end != b'"}' or digest != _digest(start):
         return None
-    entry = json.loads(line)
-    return entry["case"], json.dumps(entry["found"])
+    try:
+        entry = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(entry, dict) or list(entry) != _ENTRIES:
+        return None
+    case = entry["case"]
+    return (case, json.dumps(entry["found"])) if isinstance(case, str) else None
 
 
 def _foreign(out: Path) -> ValueError:

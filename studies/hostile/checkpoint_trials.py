@@ -11,6 +11,7 @@ from skfem_textile import CheckpointError
 from .file_damage import changed, emptied, exchanged, removed, replaced
 from .forger import forged
 from .small_runs import (
+    Files,
     BASES,
     Settings,
     checkpoint,
@@ -55,6 +56,11 @@ def attempt(seed: int, folder: Path) -> Finding:
     return _judged(damage, settings, place)
 
 
+def kept(found: Files) -> Files:
+    """Files that are none of a run that was killed, which the next run removes."""
+    return {name: what for name, what in found.items() if not name.startswith(".")}
+
+
 def _judged(damage: str, settings: Settings, place: Path) -> Finding:
     before = files(place)
     try:
@@ -64,7 +70,7 @@ def _judged(damage: str, settings: Settings, place: Path) -> Finding:
     try:
         result = run.run(resume=True)
     except CheckpointError as error:
-        if files(place) != before:
+        if kept(files(place)) != kept(before):
             return Finding(SILENT, damage, f"the folder has changed after: {error}")
         if str(place) not in str(error):
             return Finding(UNCLEAR, damage, str(error))

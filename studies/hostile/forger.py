@@ -123,6 +123,6 @@ def _edit_array(rng: Generator, arrays: dict[str, ndarray]) -> str:
 
 def _with_one_changed(rng: Generator, x: ndarray) -> ndarray:
     some = np.array(x)
-    if some.size:
+    if some.size and some.dtype.kind in "fc":
         some.flat[rng.integers(some.size)] += rng.choice([1.0, -1.0, 1e-4])
     return some

@@ -23,6 +23,9 @@ from .sealed import Content
 _FORMAT = 5
 _RUN, _STATES = "run.npz", "state_*.npz"
 
+# Characters of a setting that a message shows.
+_SHOWN = 100
+
 # What a state has of each condition.
 _VECTORS = ("reactions", "displacements")
 
@@ -213,7 +216,7 @@ class Checkpoint:
             if settings.get(name) != value:
                 raise CheckpointError(
                     f"checkpoint {self.folder} is of another run: {name} was "
-                    f"{settings.get(name)}, is {value}"
+                    f"{_shown(settings.get(name))}, is {_shown(value)}"
                 )
         self._run = run.run
         identity = fingerprint.arrays(self._problem, self._settings["steps"])
@@ -316,10 +319,15 @@ class Checkpoint:
             TypeError,
             ValueError,
         ) as e:
-            reason = str(e).partition("\n")[0]
             raise CheckpointError(
-                f"checkpoint file {file} is damaged: {reason}"
+                f"checkpoint file {file} is damaged: {_shown(e)}"
             ) from None
+
+
+def _shown(value: object) -> str:
+    """What a file may hold, short and on one line."""
+    text = "".join(c if c.isprintable() else " " for c in str(value))
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
 
 
 def _state(content: Content, before: Sequence[State]) -> State:
