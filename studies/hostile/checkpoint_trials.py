@@ -11,8 +11,8 @@ from skfem_textile import CheckpointError
 from .file_damage import changed, emptied, exchanged, removed, replaced
 from .forger import forged
 from .small_runs import (
-    Files,
     BASES,
+    Files,
     Settings,
     checkpoint,
     differing,

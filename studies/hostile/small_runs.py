@@ -1,5 +1,6 @@
 """Runs of a tiny ply, by their settings: what checkpoints are made of."""
 
+import contextlib
 import os
 from functools import cache
 from pathlib import Path
@@ -119,10 +120,8 @@ def checkpoint(settings: Settings, states: int, number: int = 0) -> Files:
 
     with TemporaryDirectory() as top:
         run = stepper(settings, Path(top, "c"), on_step=interrupt)
-        try:
+        with contextlib.suppress(KeyboardInterrupt):
             run.run()
-        except KeyboardInterrupt:
-            pass
         return files(Path(top, "c"))
 
 
