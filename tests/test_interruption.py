@@ -17,7 +17,7 @@ import pytest
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, StepError, cli
 from skfem_textile.files.interruption import INTERRUPTED, held, raised
 from skfem_textile.files.output import OutputError
-from skfem_textile.io import ResultFolder
+from skfem_textile.io import ResultFolder, write_fields, write_history
 from skfem_textile.scenes import strip
 from skfem_textile.sweep.processes import Processes
 
@@ -254,6 +254,19 @@ def test_a_full_disk_is_named_and_what_is_left(
     assert not list(out.glob(".unfinished-*"))
     if options:
         assert cli.main([*command, "--resume"]) == 0
+
+
+@pytest.mark.parametrize("write", [write_fields, write_history])
+def test_who_writes_one_thing_to_a_full_disk_is_told_where(
+    tmp_path, monkeypatch, write
+):
+    scene = strip(size=(3, 4))
+    ply = Ply(scene.mesh, Fabric(), OnePoint(10.0))
+    result = LoadStepper(ply, scene.conditions, 1).run()
+    monkeypatch.setattr("meshio.Mesh.write", full)
+    monkeypatch.setattr("csv.DictWriter.writeheader", full)
+    with pytest.raises(OSError, match=r"No space left on device: '.*/out'"):
+        write(result, tmp_path / "out")
 
 
 def test_a_disk_that_fills_while_files_are_moved_in_is_named(tmp_path, monkeypatch):

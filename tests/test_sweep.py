@@ -1,3 +1,4 @@
+import errno
 import hashlib
 import itertools
 import json
@@ -25,6 +26,7 @@ import pytest
 import sweep_cases
 from threadpoolctl import threadpool_limits
 
+from skfem_textile.files.output import OutputError
 from skfem_textile.sweep import Processes, SweepError, sweep
 
 ROOT = Path(__file__).parents[1]
@@ -331,6 +333,24 @@ def test_of_two_sweeps_on_one_file_the_second_is_told(tmp_path):
             with pytest.raises(BlockingIOError, match="another run is writing to"):
                 next(sweep(sweep_cases.square, range(3), executor, out=out))
         assert len(list(sweep(sweep_cases.square, range(3), executor, out=out))) == 3
+
+
+def test_a_full_disk_is_told_and_the_next_sweep_goes_on(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    out, cases = tmp_path / "out", [1, 2, 3]
+    told = r"cannot write results to .*/out: No space left on device; .* remains"
+    with ThreadPoolExecutor(1) as executor:
+        some = sweep(abs, cases, executor, out=out)
+        next(some)
+        with monkeypatch.context() as patch:
+            patch.setattr("skfem_textile.sweep.kept.open", full, raising=False)
+            with pytest.raises(OutputError, match=told):
+                next(some)
+    assert out.read_bytes().count(b"\n") == 1
+    with ThreadPoolExecutor(1) as executor:
+        assert len(list(sweep(abs, cases, executor, out=out))) == 3
 
 
 def test_what_is_no_file_is_refused(tmp_path):

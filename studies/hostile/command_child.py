@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import tempfile
+import traceback
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -27,6 +28,9 @@ SAME = 1e-9
 
 #: What the log says of a run that has no checkpoint to go on from.
 LOG = "nothing to resume"
+
+# Exit code of a child that has raised an error.
+_DIED = 70
 
 _COMPARED = "energy", "reaction_x", "reaction_y"
 
@@ -64,15 +68,17 @@ def run(
 
 def _become(command: Sequence[str], said: int, parent: int) -> None:
     """Be the command line."""
-    code = INTERRUPTED  # by a signal before it begins
+    code = _DIED
     try:
         end_with_parent(parent)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         os.dup2(said, 2)
         sys.stdout, sys.stderr = open(1, "w"), open(2, "w")  # noqa: SIM115
         code = cli.main(command)
-    except SystemExit as end:
-        code = int(end.code or 0)
+    except KeyboardInterrupt:  # before it begins, or after its end
+        code = INTERRUPTED
+    except BaseException:
+        print(traceback.format_exc(), file=sys.stderr, flush=True)
     finally:
         os._exit(code)
 

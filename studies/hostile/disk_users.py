@@ -213,9 +213,9 @@ def _stepper(folder: Path | None, steps: int) -> LoadStepper:
 
 
 def _content(folder: Path) -> dict[Path, bytes]:
-    """What the files hold that are no run's scratch."""
-    files = [p for p in folder.rglob("*") if p.is_file()]
-    shown = [p for p in files if ".unfinished-" not in str(p)]
+    """What the files hold that are not half done, as hidden ones are."""
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    shown = [p for p in files if "/." not in f"/{p.relative_to(folder)}"]
     return {path: path.read_bytes() for path in shown}
 
 
