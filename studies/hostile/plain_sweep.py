@@ -60,7 +60,7 @@ def sealed(start: bytes) -> bytes:
 
 def _entry(text: bytes) -> tuple[str, str] | None:
     """Case and result of a line; None of one that is not as a sweep writes it."""
-    start, mark, end = text.rpartition(_DIGEST.encode())
+    start, mark, _ = text.rpartition(_DIGEST.encode())
     if not mark or sealed(start) != text + b"\n":
         return None
     try:
