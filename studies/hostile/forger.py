@@ -105,7 +105,7 @@ def _edit_array(rng: Generator, arrays: dict[str, ndarray]) -> str:
         "without an entry": lambda x: x.ravel()[:-1],
         "one axis more": lambda x: x[None],
         "complex": lambda x: x.astype(complex),
-        "of single precision": lambda x: x.astype(np.float32),
+        "of single precision": lambda x: x.real.astype(np.float32),
         "of the other byte order": lambda x: x.astype(x.dtype.newbyteorder()),
         "of whole numbers": lambda x: np.rint(np.nan_to_num(x.real)).astype(int),
         "text": lambda x: x.astype(str),
