@@ -325,6 +325,35 @@ def test_what_was_added_to_a_file_is_not_cut_off(tmp_path, caplog):
     assert "line(s) 7" in caplog.text
 
 
+@pytest.mark.parametrize(
+    "start",
+    [
+        b"",
+        b"null",
+        b'{"case": "0"',
+        b'{"case": ["0"], "found": 1',
+        b'{"case": 1, "found": 1',
+        b"\xff",
+        b'{"case": "0", "found": ' + b"[" * 50_000,
+    ],
+)
+def test_a_line_that_makes_no_sense_is_told_whatever_its_digest(
+    tmp_path, caplog, start
+):
+    out = tmp_path / "out.jsonl"
+    right = swept(out)
+    start += b', "digest": "'
+    digest = hashlib.sha256(start).hexdigest()[:16].encode()
+    forged = start + digest + b'"}\n'
+    out.write_bytes(out.read_bytes() + forged)
+    assert swept(out) == right
+    assert "run again: line(s) 7" in caplog.text
+    out.write_bytes(forged)
+    with pytest.raises(ValueError, match="not what a sweep wrote"):
+        swept(out)
+    assert out.read_bytes() == forged
+
+
 def test_of_two_sweeps_on_one_file_the_second_is_told(tmp_path):
     out = tmp_path / "out.jsonl"
     with ThreadPoolExecutor(1) as executor:

@@ -105,16 +105,16 @@ def _edit_array(rng: Generator, arrays: dict[str, ndarray]) -> str:
         "without an entry": lambda x: x.ravel()[:-1],
         "one axis more": lambda x: x[None],
         "complex": lambda x: x.astype(complex),
-        "of single precision": lambda x: x.astype(np.float32),
+        "of single precision": lambda x: x.real.astype(np.float32),
         "of the other byte order": lambda x: x.astype(x.dtype.newbyteorder()),
-        "of whole numbers": lambda x: np.rint(x).astype(int),
+        "of whole numbers": lambda x: np.rint(np.nan_to_num(x.real)).astype(int),
         "text": lambda x: x.astype(str),
         "not a number": lambda x: x * np.nan,
         "empty": lambda x: x.ravel()[:0],
         "with one entry changed": lambda x: _with_one_changed(rng, x),
     }
     change = str(rng.choice(list(changes)))
-    if rng.random() < 0.1:
+    if arrays[name].dtype.kind not in "fiuc" or rng.random() < 0.1:
         del arrays[name]
         return f"{name} removed"
     arrays[name] = changes[change](arrays[name])
@@ -123,6 +123,7 @@ def _edit_array(rng: Generator, arrays: dict[str, ndarray]) -> str:
 
 def _with_one_changed(rng: Generator, x: ndarray) -> ndarray:
     some = np.array(x)
-    if some.size and some.dtype.kind in "fc":
-        some.flat[rng.integers(some.size)] += rng.choice([1.0, -1.0, 1e-4])
+    if some.size:
+        i = rng.integers(some.size)
+        some.flat[i] = some.flat[i] + rng.choice([1.0, -1.0, 1e-4])
     return some

@@ -1,18 +1,22 @@
 """Runs of a tiny ply, by their settings: what checkpoints are made of."""
 
-import contextlib
 import os
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
-from skfem import Mesh
+from skfem import BilinearForm, Functional, LinearForm, Mesh
+from skfem.helpers import dot
 
 from skfem_textile import (
+    BodyForce,
     Condition,
     Fabric,
+    Forms,
+    FormTerm,
     Full,
     LoadStepper,
     OnePoint,
@@ -51,6 +55,8 @@ class Settings(NamedTuple):
     max_halvings: int = 8
     warn_only: tuple[str, ...] = ("work", "stabilisation", "corners")
     solver: str = "superlu"
+    weight: float = 0.0
+    foundation: float = 0.0
 
 
 #: The runs that are interrupted: their plies remember different things, or nothing.
@@ -59,6 +65,7 @@ BASES = (
     Settings(cs=1.0, kind="rate", shear_law="linear"),
     Settings("full", steps=4, pull=0.1),
     Settings("quadratic", steps=2, size=(2, 2), pull=0.1, shear=1.0),
+    Settings(steps=2, size=(2, 2), weight=1e-3, foundation=1e-2),
 )
 
 
@@ -78,7 +85,7 @@ def stepper(settings: Settings, folder: Path | None, **options: Any) -> LoadStep
         "quadratic": Quadratic,
     }[s.formulation]()
     return LoadStepper(
-        Ply(_mesh(s), fabric, formulation),
+        _with_further_terms(Ply(_mesh(s), fabric, formulation), s),
         conditions,
         s.steps,
         strategies=s.strategies,
@@ -88,6 +95,20 @@ def stepper(settings: Settings, folder: Path | None, **options: Any) -> LoadStep
         checkpoint=folder,
         **options,
     )
+
+
+def _with_further_terms(ply: Ply, settings: Settings) -> Ply:
+    s = settings
+    if s.weight:
+        ply = ply.with_terms(BodyForce((0.0, -s.weight)))
+    if s.foundation:
+        forms = Forms(
+            Functional(lambda w: 0.5 * s.foundation * dot(w["u"], w["u"])),
+            LinearForm(lambda v, w: s.foundation * dot(w["u"], v)),
+            BilinearForm(lambda u, v, w: s.foundation * dot(u, v)),
+        )
+        ply = ply.with_terms(FormTerm("foundation", forms, ply.basis))
+    return ply
 
 
 def _mesh(settings: Settings) -> Mesh:
@@ -120,7 +141,7 @@ def checkpoint(settings: Settings, states: int, number: int = 0) -> Files:
 
     with TemporaryDirectory() as top:
         run = stepper(settings, Path(top, "c"), on_step=interrupt)
-        with contextlib.suppress(KeyboardInterrupt):
+        with suppress(KeyboardInterrupt):
             run.run()
         return files(Path(top, "c"))
 

@@ -1,5 +1,6 @@
 """A run on disk, to go on from after an interruption."""
 
-from .checkpoint import Checkpoint, CheckpointError, Progress, Saved
+from .checkpoint import Checkpoint, CheckpointError, Saved
+from .contents import Progress
 
 __all__ = ["Checkpoint", "CheckpointError", "Progress", "Saved"]

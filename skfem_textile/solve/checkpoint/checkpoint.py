@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -13,11 +13,11 @@ import numpy as np
 from numpy import ndarray
 
 from ...files.lock import Lock
-from ..path import Path as LoadPath
-from ..problem import Clock, Problem, Start
-from ..result import State, Verdict
+from ..problem import Problem, Start
+from ..result import State
 from . import fingerprint, sealed
-from .consistency import SAME, check_state
+from .consistency import check_state, same
+from .contents import VECTORS, Progress, progress_of, state_of
 from .sealed import Content
 
 _FORMAT = 5
@@ -26,22 +26,9 @@ _RUN, _STATES = "run.npz", "state_*.npz"
 # Characters of a setting that a message shows.
 _SHOWN = 100
 
-# What a state has of each condition.
-_VECTORS = ("reactions", "displacements")
-
 
 class CheckpointError(ValueError):
     """A checkpoint that cannot be used; the message says why and what to do."""
-
-
-class Progress(NamedTuple):
-    """Where the stepper is: length of its next step, steps cut, path, clock, time."""
-
-    length: float
-    steps_cut: int
-    path: LoadPath
-    clock: Clock
-    elapsed: float
 
 
 class Saved(NamedTuple):
@@ -137,7 +124,7 @@ class Checkpoint:
         path, clock = progress.path.saved(), asdict(progress.clock)
         text["progress"] = progress._asdict() | {"path": path, "clock": clock}
         arrays = {"u": text.pop("u")}
-        for key in _VECTORS:
+        for key in VECTORS:
             text[key] = {name: v.tolist() for name, v in text[key].items()}
         for term, memory in self._problem.ply.memories.items():
             text["work"][term] = float(memory.work)
@@ -174,10 +161,11 @@ class Checkpoint:
         contents = list(self._states(run))
         for file, content in zip(files, contents, strict=True):
             with self._using(file):
-                states.append(_state(content, states))
+                states.append(state_of(content, states))
         self._check(files, states, contents)
         with self._using(files[-1]):
-            progress = self._progress(contents[-1].text["progress"], states)
+            told = contents[-1].text["progress"]
+            progress = progress_of(told, states, self._settings)
         self._last = contents[-1].digest
         return Saved(states, progress)
 
@@ -222,7 +210,7 @@ class Checkpoint:
         identity = fingerprint.arrays(self._problem, self._settings["steps"])
         for name in identity | arrays:
             new, old = (some.get(name, np.empty(0)) for some in (identity, arrays))
-            if not _same(old, new):
+            if not same(old, new):
                 raise CheckpointError(
                     f"checkpoint {self.folder} is of another run: its {name} differ"
                 )
@@ -246,7 +234,7 @@ class Checkpoint:
         problem.ply.commit(u)
         found = self._memories()
         self._remember(content)
-        if not all(_same(a, b) for a, b in zip(self._memories(), found, strict=True)):
+        if not all(same(a, b) for a, b in zip(self._memories(), found, strict=True)):
             raise ValueError("what its ply remembers is not of its displacement")
         return Start(u, problem.residual(u), problem.load(u), None)
 
@@ -262,26 +250,6 @@ class Checkpoint:
                 if found[name].shape != old.shape or found[name].dtype != old.dtype:
                     raise ValueError(f"its {name} is not of this ply")
             memory.restore(found, content.text["work"][term])
-
-    def _progress(self, text: Mapping[str, Any], states: Sequence[State]) -> Progress:
-        path, clock = LoadPath.of(text["path"]), Clock(**text["clock"])
-        progress = Progress(**{**text, "path": path, "clock": clock})
-        longest = 1.0 / self._settings["steps"]
-        if not 0 < progress.length <= longest * (1 + SAME):
-            raise ValueError(f"the length of its step is {progress.length}")
-        told = list(path.unresolved)
-        told += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
-        if not np.isfinite([progress.elapsed, *clock.seconds.values(), *told]).all():
-            raise ValueError("its times or load factors are not finite")
-        if (
-            path.longest != longest
-            or not path.energy_error >= 0  # without end under the paper's rates
-            or path.halvings not in (0, self._settings["max_halvings"])
-            or clock.solves != sum(state.linear_solves for state in states)
-            or not (clock.factorisations >= 0 and progress.steps_cut >= 0)
-        ):
-            raise ValueError("its counts are not those of its states")
-        return progress
 
     def _hold(self) -> None:
         """Let no other run write to the folder, and remove what one left half done."""
@@ -328,25 +296,3 @@ def _shown(value: object) -> str:
     """What a file may hold, short and on one line."""
     text = "".join(c if c.isprintable() else " " for c in str(value))
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
-
-
-def _state(content: Content, before: Sequence[State]) -> State:
-    text = {k: v for k, v in content.text.items() if k not in ("progress", "work")}
-    for key in _VECTORS:
-        text[key] = {name: np.array(v) for name, v in text[key].items()}
-    text["residuals"] = tuple(text["residuals"])
-    text["verdict"] = Verdict(**text["verdict"])
-    state = State(u=content.arrays["u"], **text)
-    last = before[-1].load_factor if before else -1.0
-    if not last < state.load_factor <= 1:
-        raise ValueError(f"its load factor is {state.load_factor}, after {last}")
-    return state
-
-
-def _same(old: ndarray, new: ndarray) -> bool:
-    """Whether arrays are those of one problem on two machines; laws may have poles."""
-    finite = np.isfinite(new)
-    if old.shape != new.shape or not np.array_equal(np.isfinite(old), finite):
-        return False
-    allowed = SAME * np.abs(new[finite]).max(initial=0.0)
-    return bool(np.all(np.abs(old[finite] - new[finite]) <= allowed))

@@ -1,0 +1,75 @@
+"""States, and where the stepper is, as the files of a checkpoint hold them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..path import Path
+from ..problem import Clock
+from ..result import State, Verdict
+from .consistency import SAME
+from .sealed import Content
+
+#: What a state has of each condition.
+VECTORS = ("reactions", "displacements")
+
+
+class Progress(NamedTuple):
+    """Where the stepper is: length of its next step, steps cut, path, clock, time."""
+
+    length: float
+    steps_cut: int
+    path: Path
+    clock: Clock
+    elapsed: float
+
+
+def state_of(content: Content, before: Sequence[State]) -> State:
+    """The state in a file, after those before it.
+
+    Raises
+    ------
+    ValueError
+        If its load factor is not one after theirs.
+    """
+    text = {k: v for k, v in content.text.items() if k not in ("progress", "work")}
+    for key in VECTORS:
+        text[key] = {name: np.array(v) for name, v in text[key].items()}
+    text["residuals"] = tuple(text["residuals"])
+    text["verdict"] = Verdict(**text["verdict"])
+    state = State(u=content.arrays["u"], **text)
+    last = before[-1].load_factor if before else -1.0
+    if not last < state.load_factor <= 1:
+        raise ValueError(f"its load factor is {state.load_factor}, after {last}")
+    return state
+
+
+def progress_of(
+    text: Mapping[str, Any], states: Sequence[State], settings: Mapping[str, Any]
+) -> Progress:
+    """Where the stepper was at the last of the states.
+
+    Raises
+    ------
+    ValueError
+        If that is not a place of a run with these states and settings.
+    """
+    path, clock = Path.of(text["path"]), Clock(**text["clock"])
+    progress = Progress(**{**text, "path": path, "clock": clock})
+    longest = 1.0 / settings["steps"]
+    if not 0 < progress.length <= longest * (1 + SAME):
+        raise ValueError(f"the length of its step is {progress.length}")
+    told = list(path.unresolved)
+    told += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
+    if not np.isfinite([progress.elapsed, *clock.seconds.values(), *told]).all():
+        raise ValueError("its times or load factors are not finite")
+    if (
+        path.longest != longest
+        or not path.energy_error >= 0  # without end under the paper's rates
+        or path.halvings not in (0, settings["max_halvings"])
+        or clock.solves != sum(state.linear_solves for state in states)
+        or not (clock.factorisations >= 0 and progress.steps_cut >= 0)
+    ):
+        raise ValueError("its counts are not those of its states")
+    return progress

@@ -1,0 +1,125 @@
+"""Checkpoints edited by somebody who can compute digests, and what is no file."""
+
+import io
+import json
+import os
+import shutil
+
+import numpy as np
+import pytest
+from helpers import distorted
+
+from skfem_textile import (
+    CheckpointError,
+    Condition,
+    Fabric,
+    LoadStepper,
+    OnePoint,
+    Ply,
+    Sin2,
+)
+from skfem_textile.solve.checkpoint import sealed
+
+
+def stepper(folder, **options):
+    ply = Ply(distorted(1).with_defaults(), Fabric(1e3, Sin2(0.5)), OnePoint())
+    conditions = {
+        "clamp": Condition("bottom"),
+        "pull": Condition("top", 0.2, (1, 0)),
+        "level": Condition("top", 0.0, (0, 1)),
+    }
+    return LoadStepper(ply, conditions, 3, checkpoint=folder, **options)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """An interrupted run with at least three states."""
+    folder = tmp_path_factory.mktemp("run") / "c"
+
+    def interrupt(state):
+        if state.load_factor > 0.6:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stepper(folder, on_step=interrupt).run()
+    return folder
+
+
+@pytest.fixture
+def run(made, tmp_path):
+    return shutil.copytree(made, tmp_path / "c")
+
+
+def forge(folder, number, edit):
+    """Edit text and arrays of a file, and seal it and all after it anew."""
+    files = [folder / "run.npz", *sorted(folder.glob("state_*"))]
+    digest = ""
+    for i, file in enumerate(files):
+        body, _, seal = file.read_bytes().rpartition(b"\n")
+        of_run, name, _ = seal.decode().split()
+        with np.load(io.BytesIO(body)) as content:
+            arrays = dict(content)
+        text = json.loads(str(arrays.pop("text")))
+        if i == number:
+            edit(text, arrays)
+        digest = sealed.write(file, of_run, name, digest, text, arrays)
+
+
+def refusal(folder):
+    with pytest.raises(CheckpointError) as refused:
+        stepper(folder).run(resume=True)
+    line = str(refused.value)
+    assert line.isprintable()
+    assert len(line) < 500 + len(str(folder))
+    return line
+
+
+def test_sealing_anew_alone_changes_nothing(run):
+    forge(run, 1, lambda text, arrays: None)
+    assert stepper(run).run(resume=True).converged
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+@pytest.mark.parametrize("factor", [1.01, 1 + 3e-8])
+def test_every_state_must_agree_with_its_displacement(run, number, factor):
+    def edit(text, arrays):
+        text["reactions"]["pull"][0] = text["reactions"]["pull"][0] * factor + (
+            number == 1
+        )
+
+    forge(run, number, edit)
+    line = refusal(run)
+    assert f"state_{number - 1:06d}.npz" in line
+    assert "its reactions are not those of its displacement" in line
+
+
+@pytest.mark.parametrize("value", [0.0, [0.0], [[0.0, 0.0]]])
+def test_a_vector_of_another_shape_is_refused(run, value):
+    forge(run, 1, lambda text, arrays: text["displacements"].update(clamp=value))
+    assert "state_000000.npz" in refusal(run)
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_memories_of_complex_numbers_are_refused(run, number):
+    def edit(text, arrays):
+        arrays["stabilisation C_s"] = arrays["stabilisation C_s"].astype(complex)
+
+    forge(run, number, edit)
+    assert f"state_{number - 1:06d}.npz" in refusal(run)
+
+
+@pytest.mark.parametrize("said", ["two\nlines \x1b[31m", "long " * 2000, 10**400])
+def test_what_a_file_says_is_told_in_one_short_line(run, said):
+    forge(run, 0, lambda text, arrays: text.update(strategies=said))
+    assert "strategies was" in refusal(run)
+
+
+@pytest.mark.parametrize("name", ["run.npz", "state_000001.npz"])
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes on this system")
+def test_what_is_no_file_is_refused_and_not_waited_for(run, name):
+    (run / name).unlink()
+    os.mkfifo(run / name)
+    assert f"{name} is no file" in refusal(run)
+    (run / name).unlink()
+    (run / name).symlink_to("/dev/zero")
+    assert f"{name} is no file" in refusal(run)
