@@ -15,9 +15,9 @@ from skfem_textile import (
     OnePoint,
     Result,
     cli,
-    commands,
-    offscreen,
 )
+from skfem_textile.cli import commands
+from skfem_textile.plot import offscreen
 from skfem_textile.solve.problem import Problem
 from skfem_textile.studies import paper
 

@@ -13,9 +13,9 @@ from skfem_textile import (
     OnePoint,
     Ply,
     Quadratic,
-    corners,
 )
-from skfem_textile.ply.corners import RESISTING, resistance
+from skfem_textile.forms.corners import RESISTING, resistance
+from skfem_textile.ply import corners
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.splitting import split
 

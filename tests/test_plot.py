@@ -5,7 +5,8 @@ import sys
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, offscreen
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
+from skfem_textile.plot import offscreen
 from skfem_textile.scenes import strip
 
 pv = pytest.importorskip("pyvista")

@@ -3,7 +3,8 @@ import pytest
 from helpers import derivative, distorted, wobble
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import Fabric, Full, Linear, MeshError, OnePoint, Ply, formulations
+from skfem_textile import Fabric, Full, Linear, MeshError, OnePoint, Ply
+from skfem_textile.ply import formulations
 
 
 def term_names(fabric, formulation):

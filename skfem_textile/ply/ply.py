@@ -98,8 +98,7 @@ class Ply(Measures):
             )
         if isinstance(formulation, type) or not hasattr(formulation, "tension_term"):
             raise ValueError(
-                "formulation must be one, like Full() or OnePoint(), not "
-                f"{formulation!r}"
+                f"formulation must be like Full() or OnePoint(), not {formulation!r}"
             )
         self.mesh = mesh
         self.fabric = fabric = fabric_on(mesh, fabric)

@@ -8,9 +8,7 @@ from numpy import ndarray
 from ..problem import Equilibrium, Problem, Start
 from ..result import State
 from ..verdict import Trial
-
-# How far the forces of the same ply may differ between machines.
-SAME = 1e-9
+from .contents import SAME
 
 # What round-off leaves of strains and area ratios.
 _ROUND_OFF = 1e-13
