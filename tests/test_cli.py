@@ -13,12 +13,12 @@ from skfem_textile import (
     Full,
     LoadStepper,
     OnePoint,
+    Ply,
     Result,
     cli,
 )
 from skfem_textile.cli import commands
 from skfem_textile.plot import offscreen
-from skfem_textile.solve.problem import Problem
 from skfem_textile.studies import paper
 
 MESH = Path(__file__).parents[1] / "examples" / "strip.msh"
@@ -241,9 +241,11 @@ def test_steps_and_iterations_are_told_on_request(tmp_path, capsys):
         lines.append(capsys.readouterr().err.splitlines())
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert lines[0] == []
-    assert len(lines[1]) == summary["load_steps"] + 1
+    solver, *states = lines[1]
+    assert solver.startswith("linear solver ")
+    assert len(states) == summary["load_steps"] + 1
     assert len(lines[2]) == len(lines[1]) + summary["linear_solves"]
-    assert "N unbalanced, tolerance" in lines[2][1]
+    assert "N unbalanced, tolerance" in lines[2][2]
 
 
 def test_a_run_takes_strategies_and_checks_by_name(tmp_path):
@@ -339,10 +341,10 @@ def test_a_rotated_run_reports_the_unrotated_axes(tmp_path):
 
 
 def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypatch):
-    def area_ratio(problem, u):
-        return 10 - abs(u).max() * np.ones(problem.ply.mesh.nelements)
+    def area_ratio(ply, u):
+        return 10 - abs(u).max() * np.ones(ply.mesh.nelements)
 
-    monkeypatch.setattr(Problem, "area_ratio", area_ratio)
+    monkeypatch.setattr(Ply, "least_area_ratio", area_ratio)
     assert run(tmp_path, *QUICK) == 1
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["converged"] is False
@@ -729,3 +731,27 @@ def test_jumps_between_the_elements_of_one_are_none(tmp_path, capfd):
     out = ("--out", str(tmp_path / "out"), "--steps", "1", "--no-render")
     assert cli.main(["run", "picture_frame", *out, *more]) == 0
     assert "JumpBasis" not in capfd.readouterr().err
+
+
+def test_a_force_acts_beside_the_conditions_of_a_scene(tmp_path, capsys):
+    """Turned with the scene; the summary says that there is no exact answer then."""
+    energies = []
+    for more in (["--rotate", "0"], ["--rotate", "30"]):
+        sheared = ["--shear-stiffness", "1", "--force", "top=2,1", *more]
+        assert run(tmp_path, *QUICK, *sheared) == 0
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        assert summary["inputs"]["force"] == [["top", [2.0, 1.0]]]
+        assert "forces act" in summary["exact_answer"]
+        assert summary["force on top_potential"] < 0
+        energies.append(summary["energy"])
+    assert energies[0] == pytest.approx(energies[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "force", ["top", "top=1", "top=1,2,3", "=1,2", "top=nan,0", "lid=1,2"]
+)
+def test_a_force_that_nobody_can_mean_is_refused(tmp_path, capsys, force):
+    out = ["--out", str(tmp_path / "out")]
+    said = refused(capsys, "run", "strip", *QUICK, *out, "--force", force)
+    assert force.split("=")[0] in said
+    assert not (tmp_path / "out").exists()
