@@ -755,3 +755,15 @@ def test_a_force_that_nobody_can_mean_is_refused(tmp_path, capsys, force):
     said = refused(capsys, "run", "strip", *QUICK, *out, "--force", force)
     assert force.split("=")[0] in said
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("word", ["--size=--", "--cs=--", "--out=--"])
+def test_two_dashes_are_no_value(tmp_path, capsys, word):
+    said = refused(capsys, "run", "strip", "--out", str(tmp_path), word, *QUICK)
+    assert "is no value" in said
+
+
+def test_what_looks_like_an_option_is_no_folder(tmp_path, capsys):
+    out = ["--out", str(tmp_path / "out")]
+    said = refused(capsys, "run", "strip", *QUICK, *out, "--resume", "--paper x")
+    assert "'--paper x' is no option" in said

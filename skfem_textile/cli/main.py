@@ -5,7 +5,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn, get_args
+from typing import Any, NoReturn, get_args
 
 from .. import __version__
 from ..files.interruption import INTERRUPTED, raised
@@ -39,6 +39,13 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         complain(f"error: {message}")
         self.exit(commands.BAD_INPUT)
+
+    def parse_args(self, arguments: Any = None, namespace: Any = None) -> Any:
+        """The options; ``--name=--`` is no value, which argparse takes for none."""
+        for word in sys.argv[1:] if arguments is None else arguments:
+            if word.startswith("--") and word.endswith("=--"):
+                self.error(f"argument {word[:-3]}: '--' is no value")
+        return super().parse_args(arguments, namespace)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -353,6 +360,8 @@ def _degrees(text: str) -> float:
 def _folder(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("a folder must have a name")
+    if text.startswith("--"):  # which argparse takes for none of its options
+        raise argparse.ArgumentTypeError(f"{text!r} is no option; a folder is ./{text}")
     return Path(text)
 
 

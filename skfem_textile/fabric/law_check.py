@@ -89,7 +89,8 @@ def _domain(name: str, law: Law, reach: float) -> tuple[float, float]:
     if stated is None:
         return -reach, reach
     try:
-        low, high = float(np.max(stated[0])), float(np.min(stated[1]))
+        lowest, highest = stated
+        low, high = float(np.max(lowest)), float(np.min(highest))
         if not low < high:
             raise ValueError
     except (TypeError, ValueError):

@@ -112,8 +112,8 @@ def fabric_on(mesh: Mesh, fabric: Fabric) -> Fabric:
         return thing[:, parent] if isinstance(thing, ndarray) else law_at(thing, parent)
 
     warp, weft, shear = fabric.laws
-    tension = carried("warp law", warp), carried("weft law", weft)
-    found = tension, carried("shear law", shear)
+    tension = carried("tension of warp", warp), carried("tension of weft", weft)
+    found = tension, carried("shear", shear)
     directions = (carried(f.name, _as_given(f.direction)) for f in fabric.families)
     return Fabric(*found, *directions)
 

@@ -90,20 +90,20 @@ class Ply(Measures):
         formulation: Formulation,
         terms: Iterable[Term | Load] = (),
     ) -> None:
-        if isinstance(fabric, Mapping):
-            fabric = fabric_of_regions(mesh, fabric)
-        if not isinstance(fabric, Fabric):
-            raise ValueError(
-                f"fabric must be a Fabric, like Fabric(1e4), not {fabric!r}"
-            )
         if isinstance(formulation, type) or not hasattr(formulation, "tension_term"):
             raise ValueError(
                 f"formulation must be like Full() or OnePoint(), not {formulation!r}"
             )
+        if not isinstance(fabric, Fabric | Mapping):
+            raise ValueError(
+                f"fabric must be a Fabric, like Fabric(1e4), not {fabric!r}"
+            )
+        self.basis = formulation.basis(mesh)
+        if isinstance(fabric, Mapping):
+            fabric = fabric_of_regions(mesh, fabric)
         self.mesh = mesh
         self.fabric = fabric = fabric_on(mesh, fabric)
         self.formulation = formulation
-        self.basis = formulation.basis(mesh)
         check_laws(fabric.at(), self.basis.dx.shape)
         self.nodes = node_positions(self.basis)
         self.centre, self.fine_points = formulation.centre, formulation.fine_points

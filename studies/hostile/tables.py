@@ -2,23 +2,23 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 from .trial import OUTCOMES
 from .workers import Tried
 
-Counts = Mapping[str, Mapping[str, int]]
+#: How often each outcome was found.
+Counts: TypeAlias = dict[str, int]
 
 
-def counts_by_family(tried: Sequence[Tried]) -> Counts:
-    """How often each outcome was found, by family."""
-    found: dict[str, Counter[str]] = {}
-    for one in tried:
-        found.setdefault(one.family, Counter())[one.finding.outcome] += 1
-    return {family: {o: c[o] for o in OUTCOMES} for family, c in found.items()}
+def counts_of(tried: Sequence[Tried]) -> Counts:
+    """How often each outcome was found."""
+    found = Counter(one.finding.outcome for one in tried)
+    return {outcome: found[outcome] for outcome in OUTCOMES}
 
 
-def table(counts: Counts) -> str:
-    """The counts as a Markdown table."""
+def table(counts: Mapping[str, Counts]) -> str:
+    """The counts of each family as a Markdown table."""
     heads = ["family", "trials", *OUTCOMES]
     lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
     for family, found in counts.items():
