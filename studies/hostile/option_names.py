@@ -79,8 +79,8 @@ def _force(word: str) -> list[Any]:
 
 
 def _folder(word: str) -> str:
-    if not word:
-        raise UnreadableError("a folder without a name")
+    if not word or word.startswith("--"):
+        raise UnreadableError("a folder without a name, or an option")
     return word
 
 
