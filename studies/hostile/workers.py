@@ -20,6 +20,9 @@ from .trial import DIED, HANG, Family, Finding, surprised
 #: Memory that a worker may take, in bytes: bad input must not take the machine's.
 MEMORY = 6 * 2**30
 
+# Trials of one process: what they leave in memory goes with it.
+_TRIES = 300
+
 _FORK = get_context("fork")
 
 # Of Linux' prctl: the signal that a process gets when its parent is no more.
@@ -67,6 +70,7 @@ class _Worker:
 
     def _start(self) -> None:
         self.pipe, theirs = _FORK.Pipe()
+        self._tried = 0
         self._process = _FORK.Process(
             target=_serve, args=(self._family, theirs, os.getpid()), daemon=True
         )
@@ -74,7 +78,11 @@ class _Worker:
         theirs.close()
 
     def give(self, seed: int) -> None:
-        """Let the process try a seed."""
+        """Let the process try a seed; a fresh one, if it has tried many."""
+        if self._tried == _TRIES:
+            self.end()
+            self._start()
+        self._tried += 1
         self.seed, self.due = seed, monotonic() + self._family.seconds
         self.pipe.send(seed)
 
