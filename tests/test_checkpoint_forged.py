@@ -123,3 +123,11 @@ def test_what_is_no_file_is_refused_and_not_waited_for(run, name):
     (run / name).unlink()
     (run / name).symlink_to("/dev/zero")
     assert f"{name} is no file" in refusal(run)
+
+
+def test_times_of_other_parts_are_refused(run):
+    def edit(text, arrays):
+        del text["progress"]["clock"]["seconds"]["solve"]
+
+    forge(run, len(list(run.glob("state_*"))), edit)
+    assert "its times are not those of a run" in refusal(run)

@@ -59,3 +59,7 @@ def test_a_forked_process_does_not_keep_the_lock_of_its_parent(tmp_path):
     with started(FORKS, tmp_path) as process:
         _, said = process.communicate(timeout=60)
     assert (process.returncode, said) == (0, b"")
+
+
+def test_a_lock_that_was_interrupted_as_it_was_made_is_released_in_silence():
+    Lock.__new__(Lock).release()

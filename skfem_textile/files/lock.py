@@ -28,8 +28,9 @@ class Lock:
         If another run, or another part of this one, holds it.
     """
 
+    _descriptor = -1  # also of a lock that was interrupted as it was made
+
     def __init__(self, path: Path) -> None:
-        self._descriptor = -1
         if sys.platform == "win32":
             return
         self._descriptor = os.open(path, os.O_RDONLY)

@@ -66,6 +66,8 @@ def progress_of(
     told += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
     if not np.isfinite([progress.elapsed, *clock.seconds.values(), *told]).all():
         raise ValueError("its times or load factors are not finite")
+    if set(clock.seconds) != set(Clock().seconds):
+        raise ValueError("its times are not those of a run")
     if (
         path.longest != longest
         or not path.energy_error >= 0  # without end under the paper's rates
