@@ -63,9 +63,12 @@ def wobble(ply, seed: int, amplitude: float | None = None) -> np.ndarray:
 
 
 def derivative(function, x, direction, step=1e-5):
-    """Central difference of ``function`` at ``x`` along ``direction``."""
-    ahead, behind = function(x + step * direction), function(x - step * direction)
-    return (ahead - behind) / (2 * step)
+    """Central difference of fourth order of ``function`` along ``direction``."""
+
+    def difference(h):
+        return (function(x + h * direction) - function(x - h * direction)) / (2 * h)
+
+    return (4 * difference(step) - difference(2 * step)) / 3
 
 
 def graded_along_fibres(width, theta, n, smallest) -> MeshTri:

@@ -61,7 +61,7 @@ def test_residual_and_tangent_are_derivatives(formulation, fabric, seed):
     ply = Ply(distorted_for(formulation, seed), fabric, formulation)
     u, du = wobble(ply, seed), wobble(ply, seed + 1, 1.0)
     # Where a corner is all but closed differences are none of derivatives.
-    assume(ply.corners.area_ratio(u).min() > 0.05)
+    assume(ply.corners.area_ratio(u).min() > 0.1)
     work, f, K = derivative(ply.energy, u, du), ply.residual(u), ply.tangent(u)
     scale = np.abs(f).max() * np.abs(du).sum()
     assert work == pytest.approx(f @ du, abs=1e-7 * scale)
