@@ -3,13 +3,16 @@
 import numpy as np
 import pytest
 from helpers import distorted
-from skfem import MeshQuad
+from skfem import BilinearForm, Functional, LinearForm, MeshQuad
+from skfem.helpers import dot
 
 from skfem_textile import (
     BodyForce,
     Condition,
     Fabric,
     Force,
+    Forms,
+    FormTerm,
     Full,
     LoadStepper,
     Macro,
@@ -92,6 +95,18 @@ def test_a_load_may_be_any_function_of_the_load_factor():
     for state in LoadStepper(ply, CLAMP, 4).run().states:
         expected = -4.0 * state.load_factor**3
         assert state.reactions["clamp"][1] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_stiffness_that_grows_with_the_load_is_no_limit():
+    """Its energy changes with the load factor, and not by work alone."""
+    glue = Forms(
+        Functional(lambda w: 25 * w["t"] * dot(w["u"], w["u"])),
+        LinearForm(lambda v, w: 50 * w["t"] * dot(w["u"], v)),
+        BilinearForm(lambda u, v, w: 50 * w["t"] * dot(u, v)),
+    )
+    ply = square(Full())
+    ply = ply.with_terms(FormTerm("glue", glue, ply.basis), Force("top", (5.0, 1.0)))
+    assert LoadStepper(ply, CLAMP, 4).run().converged
 
 
 def test_the_work_of_a_load_is_the_energy_that_it_stores():

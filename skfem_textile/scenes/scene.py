@@ -154,7 +154,10 @@ class Scene:
     ) -> dict[str, float | str]:
         """The load as a share of the exact one, where that is known and not zero."""
         fabric, t = result.ply.fabric, result.states[-1].load_factor
-        if self.misfit or self.load is None or is_zero(fabric.shear_law) or t == 0:
+        uniform = fabric.at() is fabric  # the exact load is that of one law
+        if self.misfit or self.load is None or not uniform:
+            return {}
+        if is_zero(fabric.shear_law) or t == 0:
             return {}
         ratio = reaction_y / self.load(fabric.shear_law, t)
         found: dict[str, float | str] = {"load_over_exact": ratio}

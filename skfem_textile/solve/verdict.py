@@ -102,6 +102,20 @@ class Trial:
         before, after = (float(f @ self.move) for f in forces)
         return before, after
 
+    @property
+    def of_move(self) -> tuple[float, tuple[float, float]]:
+        """Rise of the energy and `works` of the move alone, the load factor held.
+
+        The energy of further terms may change with the load factor too.
+        """
+        problem, start = self.problem, self.start
+        if start is None or not problem.ply.further_terms:
+            return self.rise, self.works
+        before, _ = problem.energies(start.u)
+        f = problem.residual(start.u) + problem.load(start.u)
+        rise = sum(self.energies.values()) - sum(before.values())
+        return rise, (float(f @ self.move), self.works[1])
+
     def apply_checks(self, warn_only: Collection[str]) -> None:
         """Apply every check; ``warnings`` are what those in ``warn_only`` say.
 
@@ -181,12 +195,13 @@ def _stability(trial: Trial) -> None:
 def _work(trial: Trial) -> None:
     if trial.start is None:
         return
-    low, high = sorted(trial.works)
-    margin = _NEGLIGIBLE * max(abs(low), abs(high), abs(trial.rise))
+    rise, works = trial.of_move
+    low, high = sorted(works)
+    margin = _NEGLIGIBLE * max(abs(low), abs(high), abs(rise))
     margin += trial.found.tolerance * float(np.abs(trial.move).sum())
-    if not low - margin <= trial.rise <= high + margin:
+    if not low - margin <= rise <= high + margin:
         raise NoEquilibriumError(
-            f"the energy changed by {trial.rise:.3g} N·mm, where the forces at the "
+            f"the energy changed by {rise:.3g} N·mm, where the forces at the "
             f"two ends of the step do {low:.3g} to {high:.3g}: the step is long, or "
             "the ply went over to another equilibrium"
         )
