@@ -439,7 +439,7 @@ def _limit(failure: NoEquilibriumError, t: float, beyond: float) -> NoEquilibriu
     """What to say where a load cannot grow."""
     return NoEquilibriumError(
         f"between the load factors {t:.6g} and {beyond:.6g} the load passes a limit: "
-        f"no stable equilibrium near the last one carries more of it ({failure})",
+        f"no acceptable state near the last one carries more of it ({failure})",
         failure.elements,
         "displacements in place of the load, or a smaller load",
     )
