@@ -18,7 +18,7 @@ from skfem_textile import (
     Ply,
     forms,
 )
-from skfem_textile.kernels.kernel import ShearKernel
+from skfem_textile.ply.kernels.kernel import ShearKernel
 
 E, K = 1e3, 0.4  # fibre stiffness in N/mm, foundation in N/mm³
 LENGTH, MOVED = 100.0, 0.01  # mm

@@ -5,7 +5,6 @@ from .files import interruption as interruption  # isort: skip  # first: Ctrl-C
 from . import forms as forms
 from .fabric import Fabric, Law, Linear, Sin2
 from .forms import Forms, hourglass_rate, shear_continuity
-from .kernels.wrapped import hourglass, mean_tension, shear, tension
 from .mesh.bases import (
     CENTRE,
     GAUSS,
@@ -20,6 +19,7 @@ from .mesh.jumps import JumpBasis
 from .mesh.macro import MacroBasis
 from .ply import Ply
 from .ply.formulations import Full, Macro, OnePoint, Quadratic
+from .ply.kernels.wrapped import hourglass, mean_tension, shear, tension
 from .ply.loads import BodyForce, Force, Traction
 from .ply.memory import AccumulatedMoment, HeldStabilisation
 from .ply.term import Term

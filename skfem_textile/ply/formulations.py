@@ -13,7 +13,6 @@ from .. import forms
 from ..fabric import Fabric
 from ..forms.mean_tension import mean_fibre_tension, mean_strain
 from ..forms.tension import fibre_tension
-from ..kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
 from ..mesh.bases import (
     CENTRE,
     GAUSS,
@@ -27,6 +26,7 @@ from ..mesh.checks import MeshError, check_quads, check_triangles
 from ..mesh.jumps import JumpBasis
 from ..mesh.macro import MacroBasis
 from ..splitting import was_split
+from .kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
 from .memory import AccumulatedMoment, HeldStabilisation
 from .term import Memory, Term
 from .terms import FormTerm, TensionTerm

@@ -17,13 +17,13 @@ from ..fabric.law_check import check_laws
 from ..fabric.regions import fabric_of_regions, fabric_on
 from ..forms.corners import RESISTING
 from ..forms.form import directions
-from ..kernels.assembly import KernelSum
-from ..kernels.kernel import Parameters, ShearKernel
-from ..kernels.pattern import Pattern
 from ..mesh.bases import node_positions
 from ..mesh.corners import Corners
+from ..mesh.pattern import Pattern
 from .checked import checked, coupled_nodes
 from .corners import CornerTerm, corner_stiffness
+from .kernels.assembly import KernelSum
+from .kernels.kernel import Parameters, ShearKernel
 from .measures import Measures
 from .term import Load, Memory, Role, Term, dimension, refuse_unsymmetric
 from .terms import FormTerm, Formulation

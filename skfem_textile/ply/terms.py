@@ -13,10 +13,10 @@ from skfem.assembly.basis import AbstractBasis
 
 from ..fabric import Fabric
 from ..forms import Forms
-from ..kernels.assembly import pairs_of
-from ..kernels.fused import knows, with_kernel
-from ..kernels.kernel import Kernel, Parameters
 from ..mesh.bases import element_numbers
+from .kernels.assembly import pairs_of
+from .kernels.fused import knows, with_kernel
+from .kernels.kernel import Kernel, Parameters
 from .term import Memory, Role, Term, dimension, refuse_unsymmetric
 
 

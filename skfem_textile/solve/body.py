@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 from numpy import ndarray
 
-from ..kernels.pattern import Pattern
+from ..mesh.pattern import Pattern
 
 
 class Body(Protocol):

@@ -8,7 +8,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import SuperLU as Decomposition
 from scipy.sparse.linalg import splu
 
-from ...kernels.pattern import where
+from ...mesh.pattern import where
 from .solver import SingularMatrixError, refuse_round_off
 
 

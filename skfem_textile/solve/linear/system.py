@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
-from ...kernels.pattern import Pattern, where
+from ...mesh.pattern import Pattern, where
 from ..conditions import Constraints
 from . import ChosenSolver, nested_dissection
 

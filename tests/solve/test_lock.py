@@ -8,7 +8,7 @@ import pytest
 
 from skfem_textile.files.lock import Lock
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 HOLDS = """
 import sys, time
 from pathlib import Path

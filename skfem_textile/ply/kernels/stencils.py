@@ -10,9 +10,9 @@ import numpy as np
 from numpy import ndarray
 from skfem import ElementQuad1
 
-from ..fabric import Fabric
-from ..mesh.bases import CENTRE, HourglassBasis, centre_grad, element_numbers
-from ..mesh.macro import MacroBasis
+from ...fabric import Fabric
+from ...mesh.bases import CENTRE, HourglassBasis, centre_grad, element_numbers
+from ...mesh.macro import MacroBasis
 from .points import Motion, NodePoints, Points, QuadPoints, between
 
 # Elements at a time: what these need stays in the processor's cache.

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from functools import wraps
 from typing import ParamSpec
 
-from .. import forms
-from ..forms import Forms
+from ... import forms
+from ...forms import Forms
 from .fused import with_kernel
 from .kernel import (
     HourglassKernel,

@@ -103,3 +103,28 @@ def _growing(n, smallest):
         low, high = (low, ratio) if too_long else (ratio, high)
     steps = low ** np.arange(n)
     return 0.5 * steps / steps.sum()
+
+
+class Pretensioned:
+    """T = T₀ + E ε."""
+
+    domain = (-np.inf, np.inf)
+
+    def __init__(self, stiffness, tension):
+        self.E, self.T = stiffness, tension
+
+    def energy(self, x):
+        return self.T * x + 0.5 * self.E * x**2
+
+    def value(self, x):
+        return self.T + self.E * x
+
+    def tangent(self, x):
+        return np.full(np.shape(x), self.E)
+
+
+#: Points and cells of one triangle beside one quadrilateral.
+TRIANGLE_AND_QUAD = (
+    np.array([[0.0, 1.0, 1.0, 0.0, 2.0], [0.0, 0.0, 1.0, 1.0, 0.5]]),
+    [np.array([[1], [4], [2]]), np.array([[0], [1], [2], [3]])],
+)

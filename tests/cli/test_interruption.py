@@ -21,7 +21,7 @@ from skfem_textile.io import ResultFolder, write_fields, write_history
 from skfem_textile.scenes import strip
 from skfem_textile.sweep.processes import Processes
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 COMMAND = sys.executable, "-X", "importtime", "-m", "skfem_textile", "run", "strip"
 QUICK = "--size", "3x4", "--steps", "3", "--cs", "10", "--no-render"
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import meshio
 import numpy as np
 import pytest
-from helpers import distorted
+from helpers import TRIANGLE_AND_QUAD, distorted
 from scipy.spatial import Delaunay
 from skfem import MeshHex, MeshQuad, MeshTri
 
@@ -23,11 +23,6 @@ from skfem_textile.mesh.naming import named_nodes, with_named_nodes
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.splitting import cut, split, split_cells, was_split
-
-TRIANGLE_AND_QUAD = (
-    np.array([[0.0, 1.0, 1.0, 0.0, 2.0], [0.0, 0.0, 1.0, 1.0, 0.5]]),
-    [np.array([[1], [4], [2]]), np.array([[0], [1], [2], [3]])],
-)
 
 
 def areas(mesh):

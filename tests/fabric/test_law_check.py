@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from helpers import Locking, distorted
+from helpers import Locking, Pretensioned, distorted
 from skfem import MeshQuad
-from test_domain import Pretensioned
 
 from skfem_textile import Fabric, Full, Linear, Ply, Sin2
 from skfem_textile.fabric.law_check import check_laws

@@ -21,7 +21,7 @@ from skfem_textile.cli import commands
 from skfem_textile.plot import offscreen
 from skfem_textile.studies import paper
 
-MESH = Path(__file__).parents[1] / "examples" / "strip.msh"
+MESH = Path(__file__).parents[2] / "examples" / "strip.msh"
 QUICK = ["--size", "3x4", "--steps", "3", "--cs", "10", "--no-render"]
 
 

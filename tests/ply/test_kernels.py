@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import distorted, distorted_for, wobble
+from helpers import TRIANGLE_AND_QUAD, distorted, distorted_for, wobble
 from scipy.sparse import csr_matrix
 from skfem import (
     BilinearForm,
@@ -18,7 +18,6 @@ from skfem import (
     asm,
 )
 from skfem.element import ElementQuad2
-from test_splitting import TRIANGLE_AND_QUAD
 
 from skfem_textile import (
     Fabric,
@@ -37,11 +36,11 @@ from skfem_textile import (
     shear,
     tension,
 )
-from skfem_textile.kernels.fused import with_kernel
-from skfem_textile.kernels.pattern import Pattern
-from skfem_textile.kernels.points import QuadPoints
-from skfem_textile.kernels.stencils import stencils
 from skfem_textile.mesh import bases as elements
+from skfem_textile.mesh.pattern import Pattern
+from skfem_textile.ply.kernels.fused import with_kernel
+from skfem_textile.ply.kernels.points import QuadPoints
+from skfem_textile.ply.kernels.stencils import stencils
 from skfem_textile.splitting import split_cells
 
 FABRICS = {

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import Locking
+from helpers import Locking, Pretensioned
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -18,24 +18,6 @@ from skfem_textile import (
 )
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.splitting import cut, split
-
-
-class Pretensioned:
-    """T = T₀ + E ε."""
-
-    domain = (-np.inf, np.inf)
-
-    def __init__(self, stiffness, tension):
-        self.E, self.T = stiffness, tension
-
-    def energy(self, x):
-        return self.T * x + 0.5 * self.E * x**2
-
-    def value(self, x):
-        return self.T + self.E * x
-
-    def tangent(self, x):
-        return np.full(np.shape(x), self.E)
 
 
 def pulled(formulation, prepare, pull, law, steps, **options):

@@ -8,8 +8,8 @@ import pytest
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
-from skfem_textile.kernels import kernel as kernels
-from skfem_textile.kernels.pattern import Pattern
+from skfem_textile.mesh.pattern import Pattern
+from skfem_textile.ply.kernels import kernel as kernels
 from skfem_textile.scenes import picture_frame, strip
 from skfem_textile.solve.linear import superlu
 

@@ -33,7 +33,7 @@ from skfem_textile import (
     VectorTerm,
     forms,
 )
-from skfem_textile.kernels.kernel import ShearKernel
+from skfem_textile.ply.kernels.kernel import ShearKernel
 from skfem_textile.splitting import cut
 
 SPRINGS = Forms(

@@ -29,7 +29,7 @@ from threadpoolctl import threadpool_limits
 from skfem_textile.files.output import OutputError
 from skfem_textile.sweep import Processes, SweepError, sweep
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def process_pool(n):

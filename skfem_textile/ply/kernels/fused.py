@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import BilinearForm, CellBasis, ElementVector, Functional, LinearForm
 
-from ..forms import Forms
+from ...forms import Forms
 from .assembly import Part, element_forces, element_matrices, whole
 from .kernel import Kernel
 from .stencils import stencils

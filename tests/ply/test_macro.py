@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-from helpers import derivative, distorted, wobble
+from helpers import TRIANGLE_AND_QUAD, derivative, distorted, wobble
 from skfem import Functional, MeshQuad, MeshTri, asm
 from skfem.helpers import grad
-from test_splitting import TRIANGLE_AND_QUAD
 
 from skfem_textile import (
     Fabric,

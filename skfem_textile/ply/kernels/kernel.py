@@ -20,9 +20,9 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
-from ..fabric import Fabric, is_zero
-from ..forms.deviation import deviation_stiffness
-from ..mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
+from ...fabric import Fabric, is_zero
+from ...forms.deviation import deviation_stiffness
+from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
 from .points import Motion, Points
 from .stencils import Stencil
 
