@@ -22,7 +22,7 @@ from .ply.formulations import Full, Macro, OnePoint, Quadratic
 from .ply.kernels.wrapped import hourglass, mean_tension, shear, tension
 from .ply.loads import BodyForce, Force, Traction
 from .ply.memory import AccumulatedMoment, HeldStabilisation
-from .ply.term import Term
+from .ply.term import Load, Memory, Term
 from .ply.terms import FormTerm, MatrixTerm, VectorTerm
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition
@@ -53,11 +53,13 @@ __all__ = [
     "JumpBasis",
     "Law",
     "Linear",
+    "Load",
     "LoadStepper",
     "Macro",
     "MacroBasis",
     "MatrixTerm",
     "MeanBasis",
+    "Memory",
     "MeshError",
     "Mixed",
     "Newton",

@@ -1,7 +1,7 @@
 """What differs from one part of a ply to another: laws, and whole fabrics."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -58,7 +58,8 @@ class RegionalLaw:
 
     def _chosen(self, values: Sequence[Any]) -> ndarray:
         """Of one value or array for each law that of the law at each point."""
-        return np.choose(self.region, np.broadcast_arrays(*values))
+        region, *every = np.broadcast_arrays(self.region, *values)
+        return np.take_along_axis(np.stack(every), region[None], axis=0)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +80,19 @@ class RegionalDirection:
     def at(self, name: str, x: ndarray, element: ndarray | None) -> ndarray:
         """Unit vectors at points, given as for `unit_vectors`."""
         region = self.region[:, None] if element is None else self.region[element]
-        fields = [unit_vectors(name, d, x, element) for d in self.directions]
-        shape = np.broadcast_shapes(x.shape, (1, *region.shape))
-        return np.choose(region, [np.broadcast_to(field, shape) for field in fields])
+        shape = np.broadcast_shapes(x.shape[1:], region.shape)
+        x = np.broadcast_to(x, (2, *shape))
+        region = np.broadcast_to(region, shape)
+        chosen = np.empty((2, *shape))
+        for number, direction in enumerate(self.directions):
+            rows = np.flatnonzero((region == number).any(axis=1))
+            if not rows.size:
+                continue  # a field need not be defined where it is not asked for
+            numbers = rows[:, None] if element is None else element[rows]
+            field = unit_vectors(name, direction, x[:, rows], numbers)
+            own = region[rows] == number
+            chosen[:, rows] = np.where(own, field, chosen[:, rows])
+        return chosen
 
 
 def fabric_on(mesh: Mesh, fabric: Fabric) -> Fabric:
@@ -98,6 +109,11 @@ def fabric_on(mesh: Mesh, fabric: Fabric) -> Fabric:
     parent = getattr(mesh, "parent", None)
 
     def carried(name: str, thing: Any) -> Any:
+        if isinstance(thing, RegionalLaw):
+            thing = replace(thing, laws=[carried(name, law) for law in thing.laws])
+        if isinstance(thing, RegionalDirection):
+            fields = [carried(name, _as_given(field)) for field in thing.directions]
+            thing = replace(thing, directions=fields)
         n = _n_elements(thing)
         if n in (None, mesh.nelements):
             return thing
@@ -107,8 +123,8 @@ def fabric_on(mesh: Mesh, fabric: Fabric) -> Fabric:
                 f"{name}: {n} {each}s for {mesh.nelements} elements; give one {each} "
                 "per element"
             )
-        if isinstance(thing, RegionalDirection):
-            return RegionalDirection(thing.directions, thing.region[parent])
+        if hasattr(thing, "region"):
+            return replace(thing, region=thing.region[parent])
         return thing[:, parent] if isinstance(thing, ndarray) else law_at(thing, parent)
 
     warp, weft, shear = fabric.laws

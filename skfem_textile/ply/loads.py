@@ -143,7 +143,10 @@ def _boundary(what: str, name: str, basis: CellBasis) -> FacetBasis:
     if name not in (mesh.boundaries or {}):
         names = ", ".join(map(repr, mesh.boundaries or {})) or "none"
         raise ValueError(f"{what}: the mesh has no boundary {name!r} (it has: {names})")
-    return FacetBasis(mesh, basis.elem, basis.mapping, facets=name, dofs=basis.dofs)
+    edges = np.unique(mesh.boundaries[name])
+    if not edges.size:
+        raise ValueError(f"{what}: the boundary {name!r} has no edge")
+    return FacetBasis(mesh, basis.elem, basis.mapping, facets=edges, dofs=basis.dofs)
 
 
 def _spread(name: str, value: Vector, basis: Any) -> ndarray:

@@ -20,12 +20,13 @@ from ..forms.form import directions
 from ..mesh.bases import node_positions
 from ..mesh.corners import Corners
 from ..mesh.pattern import Pattern
-from .checked import checked, coupled_nodes
+from .checked import checked, coupled_nodes, remembering_apart
 from .corners import CornerTerm, corner_stiffness
 from .kernels.assembly import KernelSum
 from .kernels.kernel import Parameters, ShearKernel
 from .measures import Measures
 from .term import Load, Memory, Role, Term, dimension, refuse_unsymmetric
+from .term_check import check_term
 from .terms import FormTerm, Formulation
 
 
@@ -116,8 +117,10 @@ class Ply(Measures):
             if isinstance(term, FormTerm):
                 parameters = term.basis.default_parameters()
                 directions(fabric, FormExtraParams(parameters))
-        self._further = tuple(terms)
+        self._further = tuple(map(remembering_apart, terms))
         self._terms = checked((*own, *self._further), self.basis)
+        for term in self.further_terms:
+            check_term(term, self.basis, self.element_size)
 
     def _needed_terms(self) -> list[Term]:
         fabric, basis = self.fabric, self.basis
@@ -204,23 +207,21 @@ class Ply(Measures):
         return -self._forces(loads, u, t)
 
     def tangent(
-        self, u: ndarray, tension: ndarray | None = None, t: float = 1.0
+        self, u: ndarray, t: float = 1.0, *, tension: ndarray | None = None
     ) -> csr_matrix:
         """Derivative of the residual in N/mm.
 
         Parameters
         ----------
-        u
-            Displacement.
+        u, t
+            Displacement and load factor.
         tension
             Fibre tensions to use in the geometric stiffness instead of those of
             ``u``, shape (2, n_elements, n_points).
-        t
-            Load factor.
         """
         if self._tension and tension is not None:
             tension = self._tension.arrange(tension)
-        return self.pattern.matrix(self.stiffness(u, t, tension))
+        return self.pattern.matrix(self.stiffness(u, t, tension=tension))
 
     def stiffness(
         self,

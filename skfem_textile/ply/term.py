@@ -26,9 +26,9 @@ class Memory(Protocol):
     """
 
     parameters: dict[str, ndarray]
-    work: float
-    drift: float
-    held: float
+    work: float = 0.0
+    drift: float = 0.0
+    held: float = 0.0
 
     def begin(self) -> None:
         """Return to the undeformed state."""

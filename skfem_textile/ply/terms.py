@@ -13,6 +13,7 @@ from skfem.assembly.basis import AbstractBasis
 
 from ..fabric import Fabric
 from ..forms import Forms
+from ..mesh.asking import asked, real_numbers
 from ..mesh.bases import element_numbers
 from .kernels.assembly import pairs_of
 from .kernels.fused import knows, with_kernel
@@ -202,10 +203,12 @@ class VectorTerm(Term):
         """None."""
 
     def _at(self, t: float) -> float:
-        factor = float(self.factor(t) if callable(self.factor) else self.factor)
-        if not np.isfinite(factor):
-            raise ValueError(f"term {self.name!r}: its factor is {factor} at {t:g}")
-        return factor
+        told = f"term {self.name!r}: its factor"
+        answer = asked(told, self.factor, t) if callable(self.factor) else self.factor
+        factor = real_numbers(told, answer)
+        if factor.shape or not np.isfinite(factor):
+            raise ValueError(f"{told} must be a finite number, got {answer} at {t:g}")
+        return float(factor)
 
 
 class Formulation(Protocol):

@@ -21,6 +21,12 @@ _CONVERGED, _CONVERGED_LOADED = 1e-8, 1e-12
 
 _ROUND_OFF = 2.0**-53
 
+#: Load factors at which loads and further terms are compared, at no regular distances.
+PROBED = (
+    *(0.0, 0.0313, 0.1303, 0.2541, 0.3719, 0.5, 0.6237),
+    *(0.7177, 0.8119, 0.9091, 0.9707, 1.0),
+)
+
 _MORE_STIFFNESS = (
     "holding the ply in more places, or more stabilisation or shear stiffness"
 )

@@ -12,7 +12,10 @@ from .result import Iteration
 from .strategies import STRATEGIES, Strategy, balanced
 from .verdict import Trial
 
-_AT_REST = "less tension or compression at rest, or more shear stiffness"
+_AT_REST = (
+    "less tension, compression or load at rest, loads that grow with the load factor, "
+    "or more shear stiffness"
+)
 
 
 class Goal(NamedTuple):

@@ -14,7 +14,15 @@ from .checkpoint import Checkpoint, CheckpointError, Progress, Saved
 from .conditions import Condition, Constraints
 from .linear import check_solver
 from .path import Path
-from .problem import Clock, Equilibrium, NoEquilibriumError, Problem, Start, tangent_at
+from .problem import (
+    PROBED,
+    Clock,
+    Equilibrium,
+    NoEquilibriumError,
+    Problem,
+    Start,
+    tangent_at,
+)
 from .result import Iteration, Result, State, StepError
 from .search import Goal, Search, follows_path, strategy_of
 from .strategies import STRATEGIES, Strategy
@@ -33,7 +41,10 @@ _MOST_STEPS = 1_000_000
 
 # How well a limit load is to be known, as a share of it, and the shortest step on the
 # way to it, as a share of the load.
-_LIMIT_KNOWN, _SHORTEST = 0.005, 1e-6
+_LIMIT_KNOWN, _SHORTEST = 0.005, 1e-9
+
+# Share of the element size by which nodes are moved to see what loads depend on.
+_PROBE = 1e-3
 
 # A load factor near 1 has 53 binary digits, and 20 of them are for the steps.
 _MOST_HALVINGS = 30
@@ -133,6 +144,8 @@ class LoadStepper:
         self._follows = any(map(follows_path, chosen))
         # Loads that grow may jump to another equilibrium: there work must agree.
         self._loaded = self._follows and self._loads_grow()
+        at_rest = ply.load(ply.basis.zeros(), 0.0)
+        self._loaded_at_rest = self._follows and bool(np.any(at_rest))
         refusing = {"work"} if self._loaded else set()
         self._search = Search(
             self.problem, chosen, frozenset(warn_only) - refusing, self._tell
@@ -228,10 +241,16 @@ class LoadStepper:
 
     def _loads_grow(self) -> bool:
         """Whether the load factor drives loads, and not only displacements."""
-        ply, u = self.problem.ply, self.problem.ply.basis.zeros()
+        ply = self.problem.ply
         if "load" not in ply.roles.values():
             return False
-        return not np.array_equal(ply.load(u, 0.0), ply.load(u, 1.0))
+        moved = np.random.default_rng(0).uniform(-1.0, 1.0, ply.basis.N)
+        u = _PROBE * ply.element_size * moved  # some loads depend on it
+        at_rest = ply.load(u, 0.0)
+        return any(
+            not np.array_equal(ply.load(u, t), at_rest)
+            for t in (*PROBED, *self.load_factors)
+        )
 
     def _rest(
         self,
@@ -279,16 +298,16 @@ class LoadStepper:
         for goal in self.load_factors:
             while (t := self._states[-1].load_factor) < goal:
                 ahead, until = t + self._length, self._path.until(goal)
-                if ahead > until - 0.5 * shortest:
+                if ahead > until - 0.5 * min(shortest, self._length):
                     ahead = until
                 try:
                     kept = self._advance(ahead)
                 except NoEquilibriumError as failure:
                     step = ahead - t
-                    if step > 1.5 * shortest or self._brackets(step, t):
+                    if step > 1.5 * shortest or self._brackets(t, ahead):
                         log.info("step to %g failed, halved: %s", ahead, failure)
                         kept = False
-                    elif self._loaded:
+                    elif self._growth(t, ahead):
                         raise _limit(failure, t, ahead) from None
                     elif self._path.stop_following(goal):
                         log.info("step to %g failed, however short: %s", ahead, failure)
@@ -303,11 +322,13 @@ class LoadStepper:
         """Find a state at the load factor ``t``; whether it was kept."""
         try:
             values = self.problem.constraints.fixed_values(t)
+            self.problem.ply.load(self._start.u, t)  # whose factor is a user's function
         except ValueError as error:
             raise self._stopped(error) from None
         before = self._states[-1]
         step, energy = t - before.load_factor, sum(before.energies.values())
-        most_altered = self._path.most_altered(step, t, self._loaded and t > 0)
+        loaded = self._loaded if t else self._loaded_at_rest
+        most_altered = self._path.most_altered(step, t, loaded)
         goal = Goal(t, step, values, self._start, energy, most_altered)
         trial, followed_path = self._search(goal)
         state, altered = self._state(t, trial), trial.found.altered
@@ -320,9 +341,22 @@ class LoadStepper:
         self._keep(state, trial)
         return True
 
-    def _brackets(self, step: float, t: float) -> bool:
-        """Whether a limit load is not yet known well enough."""
-        return self._loaded and step > max(_LIMIT_KNOWN * t, _SHORTEST)
+    def _brackets(self, t: float, beyond: float) -> bool:
+        """Whether a limit between two load factors is not yet known well enough."""
+        return beyond - t > _SHORTEST and self._growth(t, beyond) > _LIMIT_KNOWN
+
+    def _growth(self, t: float, beyond: float) -> float:
+        """By how much loads grow between load factors, over their growth from 0 on.
+
+        Zero where some motion of the last good state meets no stiffness: whatever the
+        load, it finds no balance there.
+        """
+        if not self._loaded or self._states[-1].verdict.negative_pivots is None:
+            return 0.0
+        ply, u = self.problem.ply, self._states[-1].u
+        none, least, most = (ply.load(u, factor) for factor in (0.0, t, beyond))
+        largest = max(np.abs(least - none).max(), np.abs(most - none).max())
+        return float(np.abs(most - least).max() / largest) if largest else 0.0
 
     def _tell(self, iteration: Iteration) -> None:
         log.debug("%s", iteration)
@@ -372,7 +406,8 @@ class LoadStepper:
         before, tangent = self._states[-1], self._start.tangent
         drift, held = self.problem.ply.drift
         names = self.problem.ply.memories
-        rise = sum(state.energies[name] - before.energies[name] for name in names)
+        now, then = (s.energies | s.potentials for s in (state, before))
+        rise = sum(now[name] - then[name] for name in names)
         self._path.drifted(state, rise, drift, held)
         if state.load_factor == 1.0 and tangent and self._path.matters(state, drift):
             settled = self.problem.reactions(tangent.settled(self._start.f))

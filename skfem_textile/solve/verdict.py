@@ -28,6 +28,8 @@ _NEGLIGIBLE = 0.01
 # Share of the energy that the stabilisation of a sheared ply may hold unremarked.
 _ARTIFICIAL = 0.1
 
+# Of the energies of two states, what round-off leaves of their difference.
+_ROUND_OFF = 64 * 2.0**-53
 
 # Share of the energy that corners which resist may hold unremarked.
 _RESISTED = 0.01
@@ -199,6 +201,8 @@ def _work(trial: Trial) -> None:
     low, high = sorted(works)
     margin = _NEGLIGIBLE * max(abs(low), abs(high), abs(rise))
     margin += trial.found.tolerance * float(np.abs(trial.move).sum())
+    stored = (*trial.energies.values(), *trial.potentials.values())
+    margin += _ROUND_OFF * sum(map(abs, stored))
     if not low - margin <= rise <= high + margin:
         raise NoEquilibriumError(
             f"the energy changed by {rise:.3g} N·mm, where the forces at the "

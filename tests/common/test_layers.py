@@ -93,7 +93,7 @@ def origin(place, name):
         for other, own in named(place):
             if own == name and (other, own) != (place, name):
                 return origin(other, own)
-        return None
+        return inside if inside in MODULES else None
     return place
 
 
@@ -108,6 +108,24 @@ def chain(module):
     """The longest chain of imports down from a module."""
     below = (chain(other) for other in sorted(imports(module)))
     return (module, *max(below, key=len, default=()))
+
+
+def test_imports_of_the_package_are_relative():
+    """For only these are followed here."""
+    absolute = [
+        module
+        for module in MODULES
+        for node in ast.walk(tree(module))
+        for name in (
+            [alias.name for alias in node.names]
+            if isinstance(node, ast.Import)
+            else [node.module or ""]
+            if isinstance(node, ast.ImportFrom) and not node.level
+            else []
+        )
+        if name.partition(".")[0] == PACKAGE.name
+    ]
+    assert absolute == []
 
 
 WORKING = [module for module in MODULES if not hands_on(module)]

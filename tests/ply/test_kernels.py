@@ -106,7 +106,7 @@ def test_a_ply_is_the_sum_of_its_forms(fabric):
             K = K + asm(term.forms.tangent, term.basis, u=u, **w)
         assert ply.energy(u) == pytest.approx(energy, rel=1e-12)
         assert_same(ply.residual(u), f)
-        assert_same(ply.tangent(u, tensions), K)
+        assert_same(ply.tangent(u, tension=tensions), K)
 
 
 @pytest.mark.parametrize("C_s", [3.0, None])

@@ -1,5 +1,7 @@
 """Loads: what they amount to, what balances them, and where they end."""
 
+import re
+
 import numpy as np
 import pytest
 from helpers import distorted
@@ -19,6 +21,7 @@ from skfem_textile import (
     OnePoint,
     Ply,
     Quadratic,
+    Sin2,
     Traction,
     split,
 )
@@ -135,9 +138,9 @@ def test_loads_that_nobody_can_mean_are_refused(load, complaint):
 
 
 def test_a_factor_that_is_not_finite_is_refused():
-    ply = square(Full()).with_terms(Force("top", (0, 1), factor=lambda t: 1 / (1 - t)))
-    with pytest.raises((ValueError, ZeroDivisionError)):
-        LoadStepper(ply, CLAMP, 2)
+    for factor in (lambda t: 1 / (1 - t), lambda t: None, lambda t: "2", np.inf):
+        with pytest.raises(ValueError, match="'force on top': its"):
+            square(Full()).with_terms(Force("top", (0, 1), factor=factor))
 
 
 @pytest.mark.parametrize("steps", [1, 7])
@@ -168,3 +171,94 @@ def test_fibres_are_pulled_no_further_than_they_bear(steps):
         stepper.run()
     found = 3 * stopped.value.result.states[-1].load_factor
     assert 0.99 < found <= 1.0
+
+
+#: A square sheared by a force along its top: the largest force that sin² bears.
+SIDEWAYS = np.array([1.0, -1.0]) / np.sqrt(2)
+
+
+def sheared_by(total, factor):
+    mesh = MeshQuad().refined(2).scaled(10.0).with_defaults()
+    fabric = Fabric(1e3, Sin2(0.5))
+    return Ply(mesh, fabric, Full(), [Force("top", total * SIDEWAYS, factor)])
+
+
+@pytest.mark.parametrize(
+    "factor",
+    [lambda t: 1 - abs(2 * t - 1), lambda t: 4 * t * (1 - t), lambda t: t**8],
+    ids=["there and back", "parabola", "late"],
+)
+def test_a_limit_is_told_whatever_the_load_does_later(factor):
+    """And to a percent of the load, not of the load factor."""
+    ply = sheared_by(3.75, factor)
+    with pytest.raises(RuntimeError, match="the load passes a limit") as stopped:
+        LoadStepper(ply, CLAMP, 10).run()
+    low, high = map(
+        float, re.findall(r"factors (\S+) and (\S+) the", str(stopped.value))[0]
+    )
+    ramped = sheared_by(3.75, lambda t: t)
+    with pytest.raises(RuntimeError, match="the load passes a limit") as other:
+        LoadStepper(ramped, CLAMP, 10).run()
+    limit = other.value.result.states[-1].load_factor
+    assert factor(low) == pytest.approx(limit, rel=0.01)
+    assert factor(high) == pytest.approx(factor(low), rel=0.01)
+
+
+@pytest.mark.parametrize("halvings", [1, 2, 6])
+def test_a_limit_close_to_the_end_of_a_step_is_told(halvings):
+    ramped = sheared_by(3.75, lambda t: t)
+    with pytest.raises(RuntimeError) as stopped:
+        LoadStepper(ramped, CLAMP, 10).run()
+    limit = 3.75 * stopped.value.result.states[-1].load_factor
+    ply = sheared_by(1.01 * limit, lambda t: t)
+    with pytest.raises(RuntimeError, match="the load passes a limit"):
+        LoadStepper(ply, CLAMP, 2, max_halvings=halvings).run()
+
+
+@pytest.mark.parametrize("formulation", [Full(), OnePoint()], ids=repr)
+def test_a_load_that_is_held_is_no_limit(formulation):
+    """What it does while nothing moves is round-off."""
+    mesh = MeshQuad().refined(2).scaled(10.0).with_defaults()
+    ply = Ply(mesh, Fabric(1e3, 1.0), formulation)
+    held = Force("top", (1.0, 2.0), factor=lambda t: min(1.0, 2 * t))
+    assert LoadStepper(ply.with_terms(held), CLAMP, 4).run().converged
+    on_clamp = BodyForce((0.01, -0.02), factor=1.0), Traction("bottom", (0.0, 1.0))
+    assert LoadStepper(ply.with_terms(*on_clamp), CLAMP, 4).run().converged
+
+
+def test_a_load_beyond_the_limit_at_rest_is_refused():
+    with pytest.raises(RuntimeError, match="loads that grow with the load factor"):
+        LoadStepper(sheared_by(3.75, 1.0), CLAMP, 2).run()
+
+
+def test_no_stiffness_at_rest_is_no_limit():
+    class Cubic:
+        def energy(self, x):
+            return 250.0 * x**4
+
+        def value(self, x):
+            return 1e3 * x**3
+
+        def tangent(self, x):
+            return 3e3 * x**2
+
+    mesh = MeshQuad().refined(2).scaled(10.0).with_defaults()
+    ply = Ply(mesh, Fabric(1e3, Cubic()), Full(), [Force("top", (50.0, 0.0))])
+    with pytest.raises(RuntimeError) as stopped:
+        LoadStepper(ply, CLAMP, 2).run()
+    assert "limit" not in str(stopped.value)
+
+
+def test_a_boundary_without_an_edge_bears_no_load_and_one_counts_once():
+    mesh = distorted(1).with_defaults()
+    top = mesh.boundaries["top"]
+    mesh = mesh.with_boundaries({"none": top[:0], "twice": np.append(top, top)})
+    ply = Ply(mesh, Fabric(1e3, 1.0), Full())
+    for load in (Traction("none", (0, 1)), Force("none", (0, 1))):
+        with pytest.raises(ValueError, match="'none' has no edge"):
+            ply.with_terms(load)
+    once, twice = (
+        ply.with_terms(Traction(name, (0, 1))).load(ply.basis.zeros(), 1.0)
+        for name in ("top", "twice")
+    )
+    np.testing.assert_array_equal(once, twice)

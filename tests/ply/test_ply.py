@@ -64,9 +64,9 @@ def test_predicted_tension_is_the_first_order_of_tension():
 def test_tangent_takes_given_tensions():
     ply = Ply(distorted(2), Fabric(10.0), OnePoint(1.0))
     u = wobble(ply, 2)
-    own = ply.tangent(u, ply.fibre_tension(u))
+    own = ply.tangent(u, tension=ply.fibre_tension(u))
     assert abs(own - ply.tangent(u)).max() < 1e-12
-    assert abs(ply.tangent(u, 0 * ply.fibre_tension(u)) - own).max() > 1e-3
+    assert abs(ply.tangent(u, tension=0 * ply.fibre_tension(u)) - own).max() > 1e-3
 
 
 def test_a_direction_per_element_equals_the_constant_one():

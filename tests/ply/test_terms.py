@@ -162,9 +162,8 @@ def test_a_tangent_that_is_not_symmetric_is_refused():
         FormTerm("wind", lopsided, ply.basis),
         MatrixTerm("wind", np.triu(np.ones((ply.basis.N, ply.basis.N)))),
     ):
-        windy = ply.with_terms(term)
         with pytest.raises(ValueError, match="'wind': its tangent is not symmetric"):
-            windy.tangent(wobble(ply, 1))
+            ply.with_terms(term)
 
 
 def test_terms_of_another_ply_or_name_are_refused():
@@ -177,10 +176,92 @@ def test_terms_of_another_ply_or_name_are_refused():
         (VectorTerm("a", np.ones(N), role="force"), "role must be one of"),
         (VectorTerm("shear", np.ones(N)), "two terms are named 'shear'"),
         (3.0, "is no term: it has no name"),
-        (VectorTerm, "is no term"),
+        (VectorTerm, "is no term: it is a class"),
+        (VectorTerm("", np.ones(N)), "name must be some text"),
+        (FormTerm("a", SPRINGS, None), "its basis is not one of the displacement"),
+        (FormTerm("a", SPRINGS, ply.basis, memory=object()), "memory has no parameter"),
     ):
         with pytest.raises(ValueError, match=complaint):
             ply.with_terms(term)
+
+
+def test_a_basis_of_other_places_or_cells_is_refused():
+    """However many unknowns it has: the numbers of the nodes are what counts."""
+    ply = plain()
+    turned = MeshQuad(ply.mesh.p[:, ::-1], ply.mesh.nvertices - 1 - ply.mesh.t)
+    for mesh in (ply.mesh.scaled(10.0), turned):
+        term = FormTerm("springs", SPRINGS, CellBasis(mesh, ELEMENT))
+        with pytest.raises(ValueError, match="its basis is not one of"):
+            ply.with_terms(term)
+    copied = MeshQuad(ply.mesh.p.copy(), ply.mesh.t.copy())
+    ply.with_terms(FormTerm("springs", SPRINGS, CellBasis(copied, ELEMENT)))
+
+
+WRONG_PARTS = {
+    "energy of numbers": ("energy", lambda own, u: u, "its energy must be one real"),
+    "column": ("residual", lambda own, u: own[:, None], "its residual must be"),
+    "one number": ("residual", lambda own, u: 0.0, "its residual must be"),
+    "complex": ("residual", lambda own, u: own + 0j, "its residual must be"),
+    "small": ("tangent", lambda own, u: own[:-2, :-2], "its tangent must be"),
+    "not finite": ("residual", lambda own, u: own * np.nan, "its residual is not fin"),
+    "broken": ("energy", lambda own, u: u.nothing, "its energy fails: AttributeError"),
+    "ten times": ("energy", lambda own, u: 10 * own, "its energy changes by"),
+    "negative": ("tangent", lambda own, u: -own, "its residual changes by"),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG_PARTS.values(), ids=WRONG_PARTS)
+def test_parts_of_a_term_that_do_not_fit_are_refused_with_its_name(wrong):
+    part, change, complaint = wrong
+
+    class Wrong(Spring):
+        pass
+
+    own = getattr(Spring, part)
+    setattr(Wrong, part, lambda self, u, t: change(own(self, u, t), u))
+    ply = plain()
+    with pytest.raises(ValueError, match=f"term 'spring': {complaint}"):
+        ply.with_terms(Wrong(ply.basis.N))
+
+
+class Drag:
+    """A memory: drawn to the last converged displacement."""
+
+    work = drift = held = 0.0
+
+    def __init__(self, basis):
+        self.basis = basis
+        self.begin()
+
+    def begin(self):
+        self.parameters = {"last": self.basis.zeros()}
+
+    def commit(self, u):
+        self.parameters = {"last": u.copy()}
+        return True
+
+    def restore(self, parameters, work):
+        self.parameters = parameters
+
+
+@pytest.mark.parametrize("role", ["internal", "load"])
+def test_plies_that_share_a_term_remember_apart(role):
+    ply = plain()
+    forms_ = Forms(
+        Functional(lambda w: 0.5 * dot(w["u"] - w["last"], w["u"] - w["last"])),
+        LinearForm(lambda v, w: dot(w["u"] - w["last"], v)),
+        BilinearForm(lambda u, v, w: dot(u, v)),
+    )
+    term = FormTerm("drag", forms_, ply.basis, role=role, memory=Drag(ply.basis))
+    first, u = ply.with_terms(term), wobble(ply, 1)
+    first.commit(u)
+    for second in (
+        first.with_terms(MatrixTerm("none", 0 * Spring(ply.basis.N).K)),
+        ply.with_terms(term),
+    ):
+        assert np.abs(second.memories["drag"].parameters["last"]).max() == 0.0
+    np.testing.assert_array_equal(first.memories["drag"].parameters["last"], u)
+    assert LoadStepper(first, CONDITIONS, 2).run().converged
 
 
 def test_terms_of_a_ply_cannot_be_changed_behind_its_back():

@@ -7,13 +7,10 @@ import numpy as np
 from numpy import ndarray
 
 from ...fabric import Law
-from ..problem import Problem
+from ..problem import PROBED, Problem
 
 # Fibre strain and shear angle (radians) up to which laws are compared.
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)
-
-# Load factors at which further terms are asked, at no regular distances.
-_ASKED = 0.0, 0.1303, 0.3719, 0.5, 0.7177, 0.9091, 1.0
 
 
 def settings(problem: Problem) -> dict[str, Any]:
@@ -54,7 +51,7 @@ def arrays(problem: Problem, steps: int) -> dict[str, ndarray]:
         "fixed values": np.array([constraints.fixed_values(t) for t in at]),
         **{
             f"{k} forces at {t}": f
-            for t in (_ASKED if ply.further_terms else (1.0,))
+            for t in (PROBED if ply.further_terms else (1.0,))
             for k, f in ply.residuals(probe, t).items()
         },
     }
