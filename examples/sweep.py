@@ -13,7 +13,7 @@ import numpy as np
 from skfem_textile import Fabric, LoadStepper, Macro, Ply
 from skfem_textile.scenes import bias_extension
 from skfem_textile.splitting import split
-from skfem_textile.sweep import Processes, sweep
+from skfem_textile.sweep import WorkerProcesses, sweep
 
 G = 0.5  # N/mm
 RATIOS, ANGLES = (2e4, 2e5, 2e6), (10, 20, 30, 40)  # E/G, degrees
@@ -48,7 +48,7 @@ def main(dask="--dask" in sys.argv):
         ):
             found = study(client.get_executor())
     else:
-        with Processes(2) as executor:
+        with WorkerProcesses(2) as executor:
             found = study(executor)
     print("load over exact, by E/G and shear angle")
     print(" " * 8 + "".join(f"{degrees:7}°" for degrees in ANGLES))
