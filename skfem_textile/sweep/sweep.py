@@ -10,6 +10,7 @@ import pickle
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import closing, nullcontext
+from dataclasses import dataclass, field
 from multiprocessing import parent_process
 from pathlib import Path
 from queue import SimpleQueue
@@ -111,60 +112,56 @@ def sweep(
         raise calls.error()
 
 
+@dataclass
 class _Calls(Generic[Case, Result]):
     """The calls that an executor has, and the cases that have failed for good."""
 
-    def __init__(
-        self,
-        function: Callable[[Case], Result],
-        executor: Executor,
-        key: Callable[[Case], str],
-        retries: int,
-        file: ResultsFile | None,
-    ) -> None:
-        self._function, self._executor, self._key = function, executor, key
-        self._retries, self._file = retries, file
-        self._pending: dict[Future[Result], tuple[Case, int]] = {}
-        self._done: SimpleQueue[Future[Result]] = SimpleQueue()
-        self.failed: list[tuple[Case, Exception]] = []
-        self.is_broken = False
+    function: Callable[[Case], Result]
+    executor: Executor
+    key: Callable[[Case], str]
+    retries: int
+    file: ResultsFile | None
+    pending: dict[Future[Result], tuple[Case, int]] = field(default_factory=dict)
+    done: SimpleQueue[Future[Result]] = field(default_factory=SimpleQueue)
+    failed: list[tuple[Case, Exception]] = field(default_factory=list)
+    is_broken: bool = False
 
     def submit(self, case: Case, attempt: int = 0) -> None:
         """Give a case to the executor."""
         try:
-            future = self._executor.submit(_call, self._function, case, attempt)
+            future = self.executor.submit(_call, self.function, case, attempt)
         except BrokenExecutor as error:
             self.is_broken = True
             self.failed.append((case, error))
         else:
-            self._pending[future] = case, attempt
-            future.add_done_callback(self._done.put)
+            self.pending[future] = case, attempt
+            future.add_done_callback(self.done.put)
 
     def results(self, max_pending: int) -> Iterator[tuple[Case, Result]]:
         """Results as they come, until no more than so many calls are pending."""
-        while len(self._pending) > max_pending or not self._done.empty():
-            future = self._done.get()
-            case, attempt = self._pending.pop(future)
+        while len(self.pending) > max_pending or not self.done.empty():
+            future = self.done.get()
+            case, attempt = self.pending.pop(future)
             try:
                 result = future.result()
             except Exception as error:
-                if attempt == self._retries or self.is_broken:
+                if attempt == self.retries or self.is_broken:
                     self.failed.append((case, error))
                 else:
-                    log.warning("%s: %s; run again", self._key(case), _one_line(error))
+                    log.warning("%s: %s; run again", self.key(case), _one_line(error))
                     self.submit(case, attempt + 1)
             else:
-                if self._file:
-                    result = self._file.add(self._key(case), result)
+                if self.file:
+                    result = self.file.add(self.key(case), result)
                 yield case, result
 
     def error(self) -> SweepError:
         """The failed cases, in one line."""
-        listed = [f"{self._key(case)}: {_one_line(e)}" for case, e in self.failed]
+        listed = [f"{self.key(case)}: {_one_line(e)}" for case, e in self.failed]
         message = f"{len(listed)} case(s) failed: {shortened(listed, '; ')}"
         if self.is_broken:
             message += (
-                f"; {type(self._executor).__name__} broke as a worker died: "
+                f"; {type(self.executor).__name__} broke as a worker died: "
                 "skfem_textile.sweep.WorkerProcesses replaces it, and a sweep into "
                 "the same file resumes"
             )
@@ -172,7 +169,7 @@ class _Calls(Generic[Case, Result]):
 
     def close(self) -> None:
         """Take back the cases that have not begun."""
-        for future in self._pending:
+        for future in self.pending:
             future.cancel()
 
 

@@ -54,6 +54,7 @@ class WorkerProcesses(ThreadPoolExecutor):
         try:
             return pool.submit(function, *args, **kwargs).result()
         except BrokenExecutor:
+            pool.shutdown()  # waits until the process has ended
             pool = self._new_pool()
             raise
         finally:
