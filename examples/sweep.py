@@ -2,7 +2,7 @@
 
 Two worker processes share the cases, or with ``--dask`` the workers of a cluster, here
 one on this machine.  Every result is on file as soon as it comes: a study that was
-killed goes on where it was when it is started again.
+killed resumes when it is started again.
 """
 
 import sys
@@ -13,7 +13,7 @@ import numpy as np
 from skfem_textile import Fabric, LoadStepper, Macro, Ply
 from skfem_textile.scenes import bias_extension
 from skfem_textile.splitting import split
-from skfem_textile.sweep import Processes, sweep
+from skfem_textile.sweep import WorkerProcesses, sweep
 
 G = 0.5  # N/mm
 RATIOS, ANGLES = (2e4, 2e5, 2e6), (10, 20, 30, 40)  # E/G, degrees
@@ -30,11 +30,11 @@ def load(case):
 
 
 def study(executor):
-    cases, found = product(RATIOS, ANGLES), {}
+    cases, shares = product(RATIOS, ANGLES), {}
     for (ratio, degrees), share in sweep(load, cases, executor, out="loads.jsonl"):
         print(f"E/G = {ratio:.0e}, {degrees}°: {share:.3f}")
-        found[ratio, degrees] = share
-    return found
+        shares[ratio, degrees] = share
+    return shares
 
 
 def main(dask="--dask" in sys.argv):
@@ -46,16 +46,16 @@ def main(dask="--dask" in sys.argv):
             LocalCluster(n_workers=2, threads_per_worker=1) as cluster,
             Client(cluster) as client,
         ):
-            found = study(client.get_executor())
+            shares = study(client.get_executor())
     else:
-        with Processes(2) as executor:
-            found = study(executor)
+        with WorkerProcesses(2) as executor:
+            shares = study(executor)
     print("load over exact, by E/G and shear angle")
     print(" " * 8 + "".join(f"{degrees:7}°" for degrees in ANGLES))
     for ratio in RATIOS:
-        shares = (f"{found[ratio, degrees]:8.3f}" for degrees in ANGLES)
-        print(f"{ratio:8.0e}" + "".join(shares))
-    assert all(abs(share - 1) < 0.1 for share in found.values())
+        row = (f"{shares[ratio, degrees]:8.3f}" for degrees in ANGLES)
+        print(f"{ratio:8.0e}" + "".join(row))
+    assert all(abs(share - 1) < 0.1 for share in shares.values())
 
 
 if __name__ == "__main__":

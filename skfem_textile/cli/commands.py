@@ -190,10 +190,10 @@ def _examine(
     found: dict[str, list[dict[str, Any]]],
 ) -> None:
     """Find the rows of every case, by its name; they are on file as they come."""
-    from ..sweep import Processes, sweep
+    from ..sweep import WorkerProcesses, sweep
 
     kept.parent.mkdir(parents=True, exist_ok=True)
-    with Processes(min(workers, len(cases))) as executor:
+    with WorkerProcesses(min(workers, len(cases))) as executor:
         for case, rows in sweep(
             study.examined, cases, executor, out=kept, key=study.name
         ):

@@ -1,6 +1,6 @@
-"""Many cases side by side, kept on disk as they end."""
+"""Many cases side by side, each result on disk as soon as it comes."""
 
-from .processes import Processes
 from .sweep import SweepError, sweep
+from .workers import WorkerProcesses
 
-__all__ = ["Processes", "SweepError", "sweep"]
+__all__ = ["SweepError", "WorkerProcesses", "sweep"]

@@ -1,38 +1,37 @@
 """Parameter studies: a function of many cases, on any executor.
 
-Results are told as they come, and kept on file if one is named.  A case whose worker
-dies, or that fails, is run again; the others are none the worse.
+Results are given as they come, and kept on file if one is named.  A case that fails, or
+whose worker dies, is run again.
 """
 
 import logging
 import os
+import pickle
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import closing, nullcontext
+from dataclasses import dataclass, field
 from multiprocessing import parent_process
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Generic, TypeVar
 
-from .kept import Kept
-from .processes import portable
+from .results_file import ResultsFile, shortened
 
 Case = TypeVar("Case")
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 log = logging.getLogger(__name__)
 
-# Cases that an executor has at a time: more than it has workers, few enough to hold.
-_AT_ONCE = 4096
+# Number of cases that an executor has at a time: more than the workers of any cluster
+# that is likely, and few enough to hold in memory.
+_MAX_PENDING = 4096
 
 _THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
-# How many failed cases a message names.
-_NAMED = 5
-
 
 class SweepError(RuntimeError):
-    """A sweep that lacks cases; what it found before is not lost.
+    """A sweep that lacks cases; the results that it gave before are not lost.
 
     Attributes
     ----------
@@ -40,51 +39,49 @@ class SweepError(RuntimeError):
         Cases that failed, each with its last error.
     """
 
-    def __init__(
-        self, message: str, failed: list[tuple[Any, Exception]] | None = None
-    ) -> None:
+    def __init__(self, message: str, failed: list[tuple[Any, Exception]]) -> None:
         super().__init__(message)
-        self.failed = failed or []
+        self.failed = failed
 
 
 def sweep(
-    function: Callable[[Case], Found],
+    function: Callable[[Case], Result],
     cases: Iterable[Case],
     executor: Executor,
     *,
     out: str | os.PathLike[str] | None = None,
     key: Callable[[Case], str] = repr,
     retries: int = 1,
-) -> Iterator[tuple[Case, Found]]:
-    """Every case with what the function finds of it, as they come.
+) -> Iterator[tuple[Case, Result]]:
+    """Every case with the function's result, as they come.
 
     Every call has one thread of linear algebra, and so has the caller until the end, so
-    that they do not fight for the processors.  No more than some thousand cases are
-    taken from ``cases`` ahead of their results.
+    that they do not compete for the processors.  No more than 4096 cases are taken from
+    ``cases`` ahead of their results.
 
     Parameters
     ----------
     function
         Function of a case.  On processes it and the cases must be picklable.
     cases
-        The cases, as many as one likes.
+        The cases, any number of them.
     executor
-        `Processes`, the executor of a dask client, or any other one.
+        `WorkerProcesses`, the executor of a dask client, or any other one.
     out
         File to which every result is appended as it comes, as a line of JSON with a
-        digest.  Cases that it holds are not run again, so that a sweep goes on where it
-        was interrupted; lines that were changed are told and not taken for results.
-        What is told is then what JSON makes of a result: numbers, text, lists and
-        dicts.
+        digest.  Cases that it holds are not run again, so that a sweep resumes where it
+        was interrupted; lines that were changed are listed in a warning and not used.
+        Results are then given as JSON reads them back: numbers, text, lists and dicts.
     key
         Name of a case in ``out`` and in messages, the same in every run.
     retries
-        How often a case that fails is run again.
+        Number of times that a case that fails is run again.
 
     Raises
     ------
     SweepError
-        At the end, if cases have failed; earlier, if the executor breaks as a whole.
+        At the end, if cases have failed; no more cases are begun once the executor
+        breaks as a whole.
     ValueError
         If ``out`` is no file of a sweep, or two of its cases have one name.
     BlockingIOError
@@ -92,99 +89,95 @@ def sweep(
     OutputError
         If a result cannot be written, as on a full disk; what ``out`` holds remains.
     TypeError
-        If JSON cannot say what is to be kept.
+        If a result that is to be written has no form in JSON.
     """
     from threadpoolctl import threadpool_limits
 
-    kept = None if out is None else Kept(Path(out))
-    run = _Run(function, executor, key, retries, kept)
+    file = None if out is None else ResultsFile(Path(out))
+    calls = _Calls(function, executor, key, retries, file)
     # Workers load the libraries before they are told what to do, and variables such as
     # OMP_NUM_THREADS would come too late: hence threadpoolctl.  Where the workers are
     # threads of this process, the limit is the caller's to set and to lift.
-    on_file = nullcontext() if kept is None else closing(kept)
-    with threadpool_limits(1), closing(run), on_file:
-        try:
-            for case in cases:
-                if kept is not None and kept.begin(name := key(case)):
-                    yield case, kept.found.pop(name)
-                else:
-                    run.start(case)
-                    yield from run.results(_AT_ONCE - 1)
-            yield from run.results(0)
-        except BrokenExecutor as error:
-            yield from run.rest()
-            raise SweepError(
-                f"{type(executor).__name__} broke with one of its workers: take "
-                "skfem_textile.sweep.Processes, which replaces a worker that dies"
-            ) from error
-    if failed := run.failed:
-        some = "; ".join(f"{key(case)}: {_said(e)}" for case, e in failed[:_NAMED])
-        more = f"; and {len(failed) - _NAMED} more" if len(failed) > _NAMED else ""
-        raise SweepError(f"{len(failed)} case(s) failed: {some}{more}", failed)
+    with threadpool_limits(1), closing(calls), closing(file) if file else nullcontext():
+        for case in cases:
+            if file and file.check_name(name := key(case)) in file.earlier:
+                yield case, file.earlier.pop(name)
+            else:
+                calls.submit(case)
+                yield from calls.results(_MAX_PENDING - 1)
+            if calls.is_broken:
+                break
+        yield from calls.results(0)
+    if calls.failed:
+        raise calls.error()
 
 
-class _Run(Generic[Case, Found]):
-    """The cases that an executor has, and those that have failed for good."""
+@dataclass
+class _Calls(Generic[Case, Result]):
+    """The calls that an executor has, and the cases that have failed for good."""
 
-    def __init__(
-        self,
-        function: Callable[[Case], Found],
-        executor: Executor,
-        key: Callable[[Case], str],
-        retries: int,
-        kept: Kept | None,
-    ) -> None:
-        self._function, self._executor, self._key = function, executor, key
-        self._retries, self._kept = retries, kept
-        self._running: dict[Future[Found], tuple[Case, int]] = {}
-        self._ended: SimpleQueue[Future[Found]] = SimpleQueue()
-        self.failed: list[tuple[Case, Exception]] = []
+    function: Callable[[Case], Result]
+    executor: Executor
+    key: Callable[[Case], str]
+    retries: int
+    file: ResultsFile | None
+    pending: dict[Future[Result], tuple[Case, int]] = field(default_factory=dict)
+    done: SimpleQueue[Future[Result]] = field(default_factory=SimpleQueue)
+    failed: list[tuple[Case, Exception]] = field(default_factory=list)
+    is_broken: bool = False
 
-    def start(self, case: Case, attempt: int = 0) -> None:
+    def submit(self, case: Case, attempt: int = 0) -> None:
         """Give a case to the executor."""
-        future = self._executor.submit(_alone, self._function, case, attempt)
-        self._running[future] = case, attempt
-        future.add_done_callback(self._ended.put)
+        try:
+            future = self.executor.submit(_call, self.function, case, attempt)
+        except BrokenExecutor as error:
+            self.is_broken = True
+            self.failed.append((case, error))
+        else:
+            self.pending[future] = case, attempt
+            future.add_done_callback(self.done.put)
 
-    def results(self, still: int) -> Iterator[tuple[Case, Found]]:
-        """What has come, and what comes until no more than so many cases run."""
-        while len(self._running) > still or not self._ended.empty():
-            future = self._ended.get()
-            case, attempt = self._running.pop(future)
+    def results(self, max_pending: int) -> Iterator[tuple[Case, Result]]:
+        """Results as they come, until no more than so many calls are pending."""
+        while len(self.pending) > max_pending or not self.done.empty():
+            future = self.done.get()
+            case, attempt = self.pending.pop(future)
             try:
-                found = future.result()
+                result = future.result()
             except Exception as error:
-                if attempt == self._retries:
+                if attempt == self.retries or self.is_broken:
                     self.failed.append((case, error))
                 else:
-                    log.warning("%s: %s; run again", self._key(case), _said(error))
-                    self.start(case, attempt + 1)
+                    log.warning("%s: %s; run again", self.key(case), _one_line(error))
+                    self.submit(case, attempt + 1)
             else:
-                yield self._told(case, found)
+                if self.file:
+                    result = self.file.add(self.key(case), result)
+                yield case, result
 
-    def rest(self) -> Iterator[tuple[Case, Found]]:
-        """What came before the executor broke."""
-        for future, (case, _) in self._running.items():
-            if future.done() and not (future.cancelled() or future.exception()):
-                yield self._told(case, future.result())
+    def error(self) -> SweepError:
+        """The failed cases, in one line."""
+        listed = [f"{self.key(case)}: {_one_line(e)}" for case, e in self.failed]
+        message = f"{len(listed)} case(s) failed: {shortened(listed, '; ')}"
+        if self.is_broken:
+            message += (
+                f"; {type(self.executor).__name__} broke as a worker died: "
+                "skfem_textile.sweep.WorkerProcesses replaces it, and a sweep into "
+                "the same file resumes"
+            )
+        return SweepError(message, self.failed)
 
     def close(self) -> None:
         """Take back the cases that have not begun."""
-        for future in self._running:
+        for future in self.pending:
             future.cancel()
 
-    def _told(self, case: Case, found: Found) -> tuple[Case, Found]:
-        if self._kept is not None:
-            found = self._kept.add(self._key(case), found)
-        return case, found
 
-
-def _said(error: Exception) -> str:
-    """An error on one line."""
+def _one_line(error: Exception) -> str:
     return f"{type(error).__name__} {error}".strip().partition("\n")[0]
 
 
-def _alone(function: Callable[[Case], Found], case: Case, attempt: int) -> Found:
+def _call(function: Callable[[Case], Result], case: Case, attempt: int) -> Result:
     """Call the function; of equal attempts dask would take the first's error for all.
 
     A worker keeps to one thread: with several at work, none can tell when to lift that.
@@ -198,6 +191,8 @@ def _alone(function: Callable[[Case], Found], case: Case, attempt: int) -> Found
     try:
         return function(case)
     except Exception as error:
-        if (told := portable(error)) is not error:
-            raise told from error
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:
+            raise RuntimeError(_one_line(error)) from error
         raise

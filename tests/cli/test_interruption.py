@@ -19,7 +19,7 @@ from skfem_textile.files.interruption import INTERRUPTED, held, raised
 from skfem_textile.files.output import OutputError
 from skfem_textile.io import ResultFolder, write_fields, write_history
 from skfem_textile.scenes import strip
-from skfem_textile.sweep.processes import Processes
+from skfem_textile.sweep import WorkerProcesses
 
 ROOT = Path(__file__).parents[2]
 COMMAND = sys.executable, "-X", "importtime", "-m", "skfem_textile", "run", "strip"
@@ -192,7 +192,7 @@ def test_a_signal_while_a_picture_is_drawn_lets_that_one_end(
 
 def test_worker_processes_never_hear_ctrl_c():
     """A worker that did would print a traceback of its imports."""
-    with Processes(1) as executor:
+    with WorkerProcesses(1) as executor:
         blocked = executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()
     assert signal.SIGINT in blocked
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])

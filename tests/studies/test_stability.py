@@ -31,8 +31,8 @@ SMALL = partial(strip, size=(4, 6))
 def few_steps(monkeypatch):
     monkeypatch.setattr(stability, "STEPS", (1, 5))
     monkeypatch.setattr(stability, "_REFERENCE", 10)
-    # Processes would not know.
-    monkeypatch.setattr("skfem_textile.sweep.Processes", ThreadPoolExecutor)
+    # Other processes would not know.
+    monkeypatch.setattr("skfem_textile.sweep.WorkerProcesses", ThreadPoolExecutor)
 
 
 def rod() -> Scene:

@@ -1,37 +1,53 @@
-"""Functions that worker processes of the tests of sweeps can import."""
+"""What several tests of sweeps need; worker processes can import it."""
 
+import hashlib
+import json
+import multiprocessing
 import os
 import signal
 import time
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from processes import wait_until
 from threadpoolctl import threadpool_info
 
 from skfem_textile import StepError
+
+
+def process_pool(n):
+    return ProcessPoolExecutor(n, multiprocessing.get_context("spawn"))
+
+
+def lines(out):
+    """Cases and results on file; every line ends with the digest of what is before."""
+    entries = []
+    for line in out.read_bytes().splitlines():
+        entry = json.loads(line)
+        digest = hashlib.sha256(line[:-18]).hexdigest()[:16]
+        assert entry.pop("digest") == digest
+        assert line[-18:] == f'{digest}"}}'.encode()
+        entries.append(entry)
+    return entries
 
 
 def square(x):
     return x * x
 
 
-def wait_for(file):
-    while not Path(file).exists():
-        time.sleep(0.01)
-
-
 def dies_once(case):
-    """Case 1 kills its process the first time; case 0 runs as it does so."""
+    """Case 1 kills its process the first time, while case 0 runs."""
     folder, n = case
     with open(Path(folder, f"runs of {n}"), "a") as file:
         file.write(".")
     died = Path(folder, "died")
     if n == 1 and not died.exists():
-        wait_for(Path(folder, "runs of 0"))
+        wait_until(Path(folder, "runs of 0").exists)
         died.touch()
         os.kill(os.getpid(), signal.SIGKILL)
     if n == 0:
-        wait_for(died)
+        wait_until(died.exists)
     return n
 
 
@@ -40,12 +56,6 @@ def fails_once(file):
         Path(file).touch()
         raise OSError("busy")
     return "done"
-
-
-def dies(n):
-    if n == 2:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return n
 
 
 def refuses(n):

@@ -1,0 +1,219 @@
+import errno
+import hashlib
+import os
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+import pytest
+from sweep_cases import lines, square
+
+from skfem_textile.files.output import OutputError
+from skfem_textile.sweep import sweep
+
+FOREIGN = "not what a sweep wrote"
+
+
+def sevenths(n):
+    return {"value": n / 7}
+
+
+RESULTS = {n: sevenths(n) for n in range(6)}
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "out.jsonl"
+
+
+@pytest.fixture
+def swept(out, thread):
+    """A whole file; called, what a sweep into it gives."""
+
+    def swept():
+        return dict(sweep(sevenths, range(6), thread, out=out))
+
+    swept()
+    return swept
+
+
+def test_results_are_on_disk_as_soon_as_they_come(out, thread):
+    read = Event()
+
+    def waits(n):
+        return n if n < 2 or read.wait(60) else None
+
+    results = sweep(waits, range(3), thread, out=out)
+    assert [next(results), next(results)] == [(0, 0), (1, 1)]
+    assert lines(out) == [{"case": str(n), "found": n} for n in range(2)]
+    read.set()
+    assert list(results) == [(2, 2)]
+    assert len(lines(out)) == 3
+
+
+def test_an_interrupted_sweep_does_not_run_again_what_it_has(out):
+    calls, broken_off = Counter(), Event()
+
+    def counted(n):
+        calls[n] += 1
+        assert n < 5 or broken_off.wait(60)
+        return n
+
+    with ThreadPoolExecutor(1) as executor:
+        with closing(sweep(counted, range(9), executor, out=out)) as results:
+            assert [next(results)[0] for _ in range(5)] == list(range(5))
+        broken_off.set()
+    assert max(calls) <= 5  # the rest is taken back
+    assert [int(line["case"]) for line in lines(out)] == list(range(5))
+    calls.clear()
+    with ThreadPoolExecutor(1) as executor:
+        again = dict(sweep(counted, range(9), executor, out=out))
+    assert set(calls) == set(range(5, 9))
+    assert again == {n: n for n in range(9)}
+    assert len(lines(out)) == 9
+
+
+def test_a_torn_last_line_is_dropped_and_its_case_run_again(out, thread, swept):
+    whole, calls = out.read_bytes(), []
+
+    def called(n):
+        calls.append(n)
+        return sevenths(n)
+
+    for torn in (1, 4, len(whole.splitlines()[-1])):
+        out.write_bytes(whole[:-torn])
+        calls.clear()
+        assert dict(sweep(called, range(6), thread, out=out)) == RESULTS
+        assert calls == [5]
+        assert out.read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "load,N\n1,2\n",
+        "a note",
+        '{"a": 1}\n',
+        "[]\n{}",
+        "{",
+        '{"case": "of a lawyer", "found": 1',
+        '{"case": "0", "found": 1}\n',
+        "\n",
+    ],
+)
+def test_a_file_of_something_else_is_refused_and_left_alone(out, swept, text):
+    out.write_text(text)
+    with pytest.raises(ValueError, match=FOREIGN):
+        swept()
+    assert out.read_text() == text
+
+
+def test_the_line_that_is_damaged_is_told_and_its_case_run_again(out, swept, caplog):
+    whole = out.read_bytes().splitlines(keepends=True)
+    edited = whole[2].replace(b"0.28", b"0.29")
+    assert edited != whole[2]
+    out.write_bytes(b"".join([*whole[:2], edited, *whole[3:]]))
+    assert swept() == RESULTS
+    assert "run again: line(s) 3" in caplog.text
+    assert out.read_bytes().splitlines(keepends=True)[-1] == whole[2]
+
+
+def test_of_many_unused_lines_five_are_told(out, swept, caplog):
+    out.write_bytes(out.read_bytes() + b"a note\n" * 8)
+    assert swept() == RESULTS
+    assert caplog.text.endswith("line(s) 7, 8, 9, 10, 11, and 3 more\n")
+
+
+def test_two_results_of_one_case_are_told_and_neither_is_taken(
+    tmp_path, thread, out, swept, caplog
+):
+    other = tmp_path / "other.jsonl"
+    list(sweep(square, [2], thread, out=other))
+    first = out.read_bytes().splitlines(keepends=True)[0]
+    out.write_bytes(out.read_bytes() + other.read_bytes() + first)
+    assert swept() == RESULTS
+    assert "run again: line(s) 3, 7" in caplog.text
+
+
+def test_what_was_added_to_a_file_is_not_cut_off(out, swept, caplog):
+    whole = out.read_bytes()
+    out.write_bytes(whole + b"a note of mine")
+    assert swept() == RESULTS
+    assert out.read_bytes() == whole + b"a note of mine\n"
+    assert "line(s) 7" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        b"",
+        b"null",
+        b'{"case": "0"',
+        b'{"case": ["0"], "found": 1',
+        b'{"case": 1, "found": 1',
+        b"\xff",
+        b'{"case": "0", "found": ' + b"[" * 50_000,
+    ],
+)
+def test_a_line_that_makes_no_sense_is_told_whatever_its_digest(
+    out, swept, caplog, start
+):
+    start += b', "digest": "'
+    forged = start + hashlib.sha256(start).hexdigest()[:16].encode() + b'"}\n'
+    out.write_bytes(out.read_bytes() + forged)
+    assert swept() == RESULTS
+    assert "run again: line(s) 7" in caplog.text
+    out.write_bytes(forged)
+    with pytest.raises(ValueError, match=FOREIGN):
+        swept()
+    assert out.read_bytes() == forged
+
+
+def test_of_two_sweeps_on_one_file_the_second_is_told(out, thread):
+    with closing(sweep(square, range(3), thread, out=out)) as first:
+        assert next(first) == (0, 0)
+        with pytest.raises(BlockingIOError, match="another run is writing to"):
+            next(sweep(square, range(3), thread, out=out))
+    assert len(list(sweep(square, range(3), thread, out=out))) == 3
+
+
+def test_a_full_disk_is_told_and_the_next_sweep_goes_on(out, thread, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    told = r"cannot write results to .*/out.jsonl: No space left on device; .* remains"
+    results = sweep(square, range(3), thread, out=out)
+    next(results)
+    with monkeypatch.context() as patch:
+        patch.setattr("skfem_textile.sweep.results_file.open", full, raising=False)
+        with pytest.raises(OutputError, match=told):
+            next(results)
+    assert len(lines(out)) == 1
+    assert len(list(sweep(square, range(3), thread, out=out))) == 3
+
+
+def test_what_is_no_file_is_refused(tmp_path, thread):
+    for path in (tmp_path, Path("/dev/zero")):
+        with pytest.raises(ValueError, match=FOREIGN):
+            next(sweep(square, range(3), thread, out=path))
+
+
+def test_cases_on_file_have_names_of_their_own_that_last(out, thread):
+    with pytest.raises(ValueError, match="two cases are named 1"):
+        list(sweep(square, [1, 2, 1], thread, out=out))
+    with pytest.raises(ValueError, match="give a key that lasts"):
+        list(sweep(lambda _: 0, [square], thread, out=out))
+    named = sweep(lambda f: 0, [len], thread, out=out, key=lambda f: f.__name__)
+    assert list(named) == [(len, 0)]
+
+
+def test_arrays_are_written_as_lists_and_what_cannot_be_written_is_named(out, thread):
+    array = sweep(lambda n: {"u": np.arange(n), "n": n}, [np.int64(2)], thread)
+    assert isinstance(next(array)[1]["u"], np.ndarray)
+    on_file = sweep(lambda n: {"u": np.arange(n)}, [2], thread, out=out)
+    assert list(on_file) == [(2, {"u": [0, 1]})]
+    with pytest.raises(TypeError, match="cannot write a object"):
+        list(sweep(lambda _: object(), [3], thread, out=out))
