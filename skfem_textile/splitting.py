@@ -16,7 +16,8 @@ from skfem import ElementQuad1, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.helpers import cross
 
 from .mesh.checks import MeshError, refuse_nodes
-from .mesh.naming import NamedNodes, edge_numbers, named_nodes, with_named_nodes
+from .mesh.named_nodes import NamedNodes, edge_numbers, named_nodes, with_named_nodes
+from .mesh.scikit_fem import with_names
 
 
 @dataclass(repr=False)
@@ -242,15 +243,11 @@ def _named(
         middle = points.shape[1] + named_edges(name, points, pairs, ends)
         halves = [edge_numbers(mesh.facets, np.stack([end, middle])) for end in ends]
         boundaries[name] = np.stack(halves, axis=1).ravel()
-    return replace(
-        mesh,
-        _boundaries=boundaries or None,
-        _subdomains={
-            name: np.flatnonzero(np.isin(mesh.parent, elements))
-            for name, elements in subdomains.items()
-        }
-        or None,
-    )
+    parts = {
+        name: np.flatnonzero(np.isin(mesh.parent, elements))
+        for name, elements in subdomains.items()
+    }
+    return with_names(mesh, boundaries or None, parts or None)
 
 
 def named_edges(name: str, points: ndarray, edges: ndarray, ends: ndarray) -> ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.naming import printable
+from ..mesh.user_input import printable
 from .file_numbers import from_words, places, refuse_twice
 
 # Cells and their numbers of nodes, by the types of elements that have them.

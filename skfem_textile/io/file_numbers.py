@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.naming import printable
+from ..mesh.user_input import printable
 
 
 def from_words(words: list[bytes], dtype: Any) -> ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.naming import printable
+from ..mesh.user_input import printable
 from .file_numbers import Bytes, Words, places, refuse_twice
 from .gmsh_sections import (
     KINDS,

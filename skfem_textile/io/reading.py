@@ -6,7 +6,7 @@ import logging
 import os
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,9 @@ from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
 from ..mesh.checks import MeshError, check_mesh, check_quads, refuse, refuse_positions
-from ..mesh.naming import printable, with_named_nodes
+from ..mesh.named_nodes import with_named_nodes
+from ..mesh.scikit_fem import with_names
+from ..mesh.user_input import printable
 from ..splitting import boundary_edges, named_edges, split_cells
 from . import abaqus, gmsh, vtk, vtu
 
@@ -267,9 +269,6 @@ def _mesh(content: _Content, split: bool) -> Mesh:
         check_quads(mesh)
         return mesh
     boundaries = {k: named_edges(k, points, plain.facets, v) for k, v in edges.items()}
-    named = replace(
-        plain,
-        _boundaries={k: np.sort(v) for k, v in boundaries.items()} or None,
-        _subdomains=content.subdomains or None,
-    )
+    ascending = {k: np.sort(v) for k, v in boundaries.items()}
+    named = with_names(plain, ascending or None, content.subdomains or None)
     return with_named_nodes(named, content.nodes)

@@ -10,7 +10,7 @@ from meshio._vtk_common import vtk_to_meshio_type
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.naming import printable
+from ..mesh.user_input import printable
 from .file_numbers import Bytes, from_words
 
 #: Data of cells by which scikit-fem writes names begin so.

@@ -9,10 +9,10 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.naming import printable
-from .encoded import UNPACKERS, Base64, Raw, plain, unpacked
+from ..mesh.user_input import printable
 from .file_numbers import Words, from_words
 from .vtk import SKFEM, cells_of, mesh_of
+from .vtk_encoding import UNPACKERS, Base64, Raw, plain, unpacked
 
 _TYPES = {
     **{f"Int{n}": f"i{n // 8}" for n in (8, 16, 32, 64)},

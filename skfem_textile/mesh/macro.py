@@ -8,6 +8,7 @@ from numpy import ndarray
 from skfem import DiscreteField, ElementQuad1, ElementVector
 
 from .bases import CENTRE, MeanBasis
+from .scikit_fem import set_element_dofs, set_positions
 
 
 class MacroBasis(MeanBasis):
@@ -43,15 +44,14 @@ class MacroBasis(MeanBasis):
         self.nelems, n_points = self.parts.shape
         self.X = np.repeat(self.X, n_points, axis=1)
         self.dx = np.where(there, self.dx[self.parts, 0], 0.0)
-        self._global_coordinates = DiscreteField(x[:, self.parts, 0])
+        set_positions(self, x[:, self.parts, 0])
 
         # Nodes of an element, and for each node of its parts which of them it is.
         nodes = np.where(there, mesh.t[:, self.parts], mesh.t[:, self.parts[:, :1]])
         own, which = _distinct(nodes.transpose(0, 2, 1).reshape(-1, self.nelems))
         self.corners = which = which.reshape(4, n_points, self.nelems)
         dofs = self.nodal_dofs[:, own].transpose(1, 0, 2)
-        self._element_dofs = dofs.reshape(-1, self.nelems)
-        self.Nbfun = len(self._element_dofs)
+        set_element_dofs(self, dofs.reshape(-1, self.nelems))
 
         values = np.zeros((len(own), self.nelems, n_points))
         gradients = np.zeros((len(own), 2, self.nelems, n_points))

@@ -8,9 +8,9 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import CellBasis, Mesh
 
-from .asking import asked
 from .bases import node_positions
-from .naming import named_nodes
+from .named_nodes import named_nodes
+from .user_input import call_user_function
 
 Where: TypeAlias = str | ArrayLike | Callable[[ndarray], ndarray]
 
@@ -59,7 +59,7 @@ def selected_nodes(what: str, where: Where, basis: CellBasis) -> ndarray:
 def _chosen(what: str, where: Any, X: ndarray) -> ndarray:
     """What is said of the nodes; no bools nor whole numbers if nothing."""
     if callable(where):
-        where = asked(f"{what}: where", where, X)
+        where = call_user_function(f"{what}: where", where, X)
     try:
         return np.asarray(where)
     except ValueError:  # lists of different lengths

@@ -14,9 +14,9 @@ from skfem.assembly.basis import AbstractBasis
 from ..fabric import Fabric
 from ..forms import Forms
 from ..mesh.bases import element_numbers
-from .kernels.assembly import pairs_of
-from .kernels.fused import knows, with_kernel
+from .kernels.assembly import node_pair_blocks
 from .kernels.kernel import Kernel, Parameters
+from .kernels.kernel_forms import can_compute, with_kernel
 from .term import Memory, Role, Term, dimension, refuse_unsymmetric
 
 
@@ -99,12 +99,12 @@ class FormTerm(Term):
         K = form.elemental(basis, u=u, **self.parameters(t)).data
         K = K.reshape(size, size, -1)
         refuse_unsymmetric(self.name, K - K.swapaxes(0, 1), K)
-        return pairs_of(K, self.nodes, dimension(basis))
+        return node_pair_blocks(K, self.nodes, dimension(basis))
 
     @cached_property
     def fused(self) -> bool:
         """Whether the kernel knows the basis."""
-        return self.kernel is not None and knows(self.kernel, self.basis)
+        return self.kernel is not None and can_compute(self.kernel, self.basis)
 
     @cached_property
     def _forms(self) -> Forms:

@@ -20,7 +20,7 @@ Lines: TypeAlias = Mapping[str, Sequence[Cell]]
 _ROW, _CELL, _LABEL = 0.19, 0.42, 2.3  # inches
 
 
-def cells(
+def outcome_table(
     groups: Mapping[str, Lines],
     columns: Sequence[str],
     colours: Mapping[str, str],
@@ -54,7 +54,8 @@ def cells(
     --------
     >>> stiff = [({"good": 1}, "5"), ({"good": 2, "bad": 1}, "-")]
     >>> groups = {"fibres": {"stiff": stiff}}
-    >>> figure = cells(groups, ["1", "2"], {"good": "green", "bad": "red"}, "steps")
+    >>> colours = {"good": "green", "bad": "red"}
+    >>> figure = outcome_table(groups, ["1", "2"], colours, "steps")
     >>> [text.get_text() for text in figure.axes[0].texts]
     ['fibres', '1', '2', 'stiff', '5', '-']
     >>> [round(part.get_width() / _CELL, 2) for part in figure.axes[0].patches]

@@ -78,11 +78,3 @@ def edge_numbers(edges: ndarray, ends: ndarray) -> ndarray:
     wanted = a.astype(np.int64) * n + b
     at = np.searchsorted(keys[order], wanted).clip(max=len(keys) - 1)
     return np.where(keys[order[at]] == wanted, order[at], -1)
-
-
-def printable(text: object) -> str:
-    """Text of others in one line, control characters as their codes."""
-    return "".join(
-        c if c.isprintable() else c.encode("unicode_escape", "replace").decode()
-        for c in str(text)
-    )

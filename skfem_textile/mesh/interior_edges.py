@@ -12,6 +12,7 @@ from skfem import (
 )
 
 from .bases import CENTRE
+from .scikit_fem import set_element_dofs
 
 _MIDDLE = np.array([[0.5]]), np.array([1.0])
 
@@ -35,13 +36,12 @@ class JumpBasis(InteriorFacetBasis):
         element = ElementVector(ElementQuad1())
         super().__init__(mesh, element, quadrature=_MIDDLE, **kwargs)
         other = InteriorFacetBasis(mesh, element, quadrature=_MIDDLE, side=1, **kwargs)
-        self._element_dofs = np.vstack([self.element_dofs, other.element_dofs])
+        set_element_dofs(self, np.vstack([self.element_dofs, other.element_dofs]))
         self.basis = [
             (_at_point(i, field),)
             for i, side in enumerate((self, other))
             for (field,) in side.basis
         ]
-        self.Nbfun = len(self.basis)
         self._sides = np.array([self.tind, other.tind]).T
         self.X = np.repeat(self.X, 2, axis=1)
         centre, _ = CENTRE
