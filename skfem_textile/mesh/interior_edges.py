@@ -1,4 +1,4 @@
-"""The middles of the edges between elements, seen from either side."""
+"""Basis at the middles of the edges between elements, on both sides."""
 
 from typing import Any
 
@@ -18,11 +18,11 @@ _MIDDLE = np.array([[0.5]]), np.array([1.0])
 
 
 class JumpBasis(InteriorFacetBasis):
-    """Basis of the displacement at the middles of interior edges, from either side.
+    """Basis of the displacement at the middles of interior edges, on both sides.
 
-    The two points of an edge are one, its middle, seen from the elements on either
-    side: a jump is a difference between points.  Together they carry (A⁺ + A⁻)/4, from
-    the reference areas of the two elements.
+    Each edge has two points, both at its middle, one in the element on either side: a
+    jump is the difference between them.  Their weights add up to (A⁺ + A⁻)/4, with the
+    reference areas of the two elements.
 
     Parameters
     ----------
@@ -49,11 +49,11 @@ class JumpBasis(InteriorFacetBasis):
         self.dx = np.repeat(sum(areas) / 8, 2, axis=1)
 
     def default_parameters(self) -> dict[str, Any]:
-        """Position, and the element on that side."""
+        """Position, and the element of each point."""
         return {"x": self.global_coordinates(), "element": self._sides}
 
 
 def _at_point(i: int, field: DiscreteField) -> DiscreteField:
     """A field at the i-th of two points, zero at the other."""
-    where = np.arange(2) == i
-    return DiscreteField(np.asarray(field) * where, np.asarray(field.grad) * where)
+    factor = np.arange(2) == i
+    return DiscreteField(np.asarray(field) * factor, np.asarray(field.grad) * factor)

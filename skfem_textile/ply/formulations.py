@@ -293,7 +293,7 @@ def _mean_tension_term(
         MeanTensionKernel(fabric, deviation),
         law=partial(mean_fibre_tension, fabric, deviation, basis),
         seen=partial(mean_strain, basis),
-        arrange=basis.of_parts,
+        arrange=basis.from_ply_points,
     )
 
 
