@@ -76,9 +76,9 @@ def fibre_strain_dd(F: ndarray, A: ndarray) -> ndarray:
 def shear_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     """Shear angle Γ = ∠(A₁, A₂) − ∠(a₁, a₂) in radians.
 
-    It is positive when the families approach each other and negative when they open, if
-    the weft lies anticlockwise of the warp.  It is smooth until they coincide.  Its rate
-    is Γ̇ = f²·L·f₁ + f¹·L·f₂ (Hamila & Boisse 2013, §3.2).
+    It is positive when the families approach each other and negative when they open,
+    if the weft lies anticlockwise of the warp.  It is smooth until they coincide.  Its
+    rate is Γ̇ = f²·L·f₁ + f¹·L·f₂ (Hamila & Boisse 2013, §3.2).
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-# Characters of a value in a message.  Chosen: the message stays within two lines.
+# Characters of a value or of foreign text in a message.  Chosen: two lines in all.
 _LONGEST_TEXT = 60
 
 
@@ -50,6 +50,13 @@ def printable(text: object) -> str:
         else char.encode("unicode_escape", "replace").decode()
         for char in str(text)
     )
+
+
+def excerpt(text: bytes | str) -> str:
+    """The beginning of foreign text, printable in one line."""
+    if isinstance(text, bytes):
+        text = text[:_LONGEST_TEXT].decode(errors="replace")
+    return printable(text[:_LONGEST_TEXT])
 
 
 def _shortened(value: Any) -> str:

@@ -10,7 +10,7 @@ from skfem import MeshQuad, MeshTri
 
 from skfem_textile import MeshError
 from skfem_textile.io import read_mesh
-from skfem_textile.io.vtk_encoding import Base64, plain
+from skfem_textile.io.vtk_encoding import Base64Data, read_uncompressed
 
 MESHES = Path(__file__).parent / "meshes"
 
@@ -156,8 +156,10 @@ def test_one_byte_after_its_count_is_read():
     """Together they end with padding, as the count alone does."""
     header = np.dtype("<u4")
     one, count = b"\x09", np.array(1, header).tobytes()
-    assert plain(Base64(b64encode(count + one)), header) == one
-    assert plain(Base64(b64encode(count) + b64encode(one)), header) == one
+    assert read_uncompressed(Base64Data(b64encode(count + one)), header) == one
+    assert (
+        read_uncompressed(Base64Data(b64encode(count) + b64encode(one)), header) == one
+    )
 
 
 def test_appended_data_begin_with_their_mark(tmp_path):
