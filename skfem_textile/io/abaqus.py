@@ -94,14 +94,14 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
         If the file departs from its format, or has other elements than edges,
         triangles and four-node quadrilaterals.
     """
-    deck, seen = _Deck(n_lines=content.count(b"\n") + content.count(b"\r")), set()
+    deck, keywords = _Deck(n_lines=content.count(b"\n") + content.count(b"\r")), set()
     for block in _blocks(content):
-        if block.keyword in ("NODE", "PART", "INSTANCE") and block.keyword in seen:
+        if block.keyword in ("NODE", "PART", "INSTANCE") and block.keyword in keywords:
             raise MeshError(
                 f"there is more than one *{block.keyword} block; put the whole mesh in "
                 "one"
             )
-        seen.add(block.keyword)
+        keywords.add(block.keyword)
         try:
             _read_block(deck, block)
         except MeshError as error:
@@ -129,7 +129,7 @@ def _blocks(content: bytes) -> Iterator[_Block]:
         ]
         block = _Block(" ".join(keyword.upper().split()), parameters, data)
         if len(parameters) < len(pairs):
-            raise MeshError(f"{block} says a thing twice")
+            raise MeshError(f"{block} has a parameter twice")
         yield block
 
 

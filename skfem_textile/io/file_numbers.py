@@ -75,7 +75,7 @@ class TextNumbers:
     def refuse_rest(self) -> None:
         """Refuse further numbers."""
         if self.left:
-            raise MeshError(f"{self.left} more words than its counts say")
+            raise MeshError(f"{self.left} more words than its counts state")
 
 
 class BinaryNumbers:
@@ -106,7 +106,7 @@ class BinaryNumbers:
         """Refuse further bytes, except the end of a line."""
         rest = self._content[self._position :]
         if rest not in (b"", b"\n", b"\r\n"):
-            raise MeshError(f"{len(rest)} more bytes than its counts say")
+            raise MeshError(f"{len(rest)} more bytes than its counts state")
 
 
 def tag_positions(tags: ndarray, wanted: ndarray, what: str) -> ndarray:

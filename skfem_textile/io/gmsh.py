@@ -88,7 +88,7 @@ def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
         if not line:
             continue
         if not line.startswith(b"$") or line.startswith(b"$End"):
-            raise MeshError(f"{shown!r} stands where a section of Gmsh should begin")
+            raise MeshError(f"{shown!r} where a section of Gmsh should begin")
         last = b"$End" + line[1:]
         close = content.find(last, end)
         if close < 0:
@@ -154,9 +154,9 @@ def _merge_copies(cells: CellBlock, names: _Names) -> CellBlock:
     pairs = np.unique(np.stack([copy, cells.groups]), axis=1)
     if pairs.shape[1] < len(copy) or not np.isin(cells.groups[repeated], named).all():
         return cells
-    kept = np.sort(first)
-    members = np.searchsorted(kept, first[copy])
-    return cells._replace(nodes=cells.nodes[kept], members=members)
+    unique = np.sort(first)
+    members = np.searchsorted(unique, first[copy])
+    return cells._replace(nodes=cells.nodes[unique], members=members)
 
 
 def _mesh(

@@ -92,7 +92,7 @@ def _text_rows(numbers: TextNumbers, count: int) -> Iterator[tuple[int, Any]]:
             [number, words[first - n_tags] if n_tags else 0, *words[first:position]],
         )
     if position < len(words):
-        raise MeshError(f"{len(words) - position} more words than its counts say")
+        raise MeshError(f"{len(words) - position} more words than its counts state")
 
 
 def _binary_rows(numbers: BinaryNumbers, left: int) -> Iterator[tuple[int, Any]]:
@@ -152,7 +152,7 @@ def nodes_41(numbers: Numbers) -> tuple[ndarray, ndarray]:
 
 def _refuse_count(stated: int, actual: int) -> None:
     if stated != actual:
-        raise MeshError(f"{stated} are said to be there, and there are {actual}")
+        raise MeshError(f"it states {stated}, and has {actual}")
 
 
 def cells_41(
@@ -170,9 +170,11 @@ def cells_41(
         if groups is not None and (dimension, tag) not in groups:
             raise MeshError(f"entity {tag} of dimension {dimension} is not there")
         rows = numbers.take(count * width, "u8").reshape(count, width)
-        own = np.array((groups or {}).get((dimension, tag), []), dtype="i4")
-        members = np.repeat(np.arange(count), len(own))
-        block = CellBlock(kind, rows[:, 0], rows[:, 1:], members, np.tile(own, count))
+        own_groups = np.array((groups or {}).get((dimension, tag), []), dtype="i4")
+        members = np.repeat(np.arange(count), len(own_groups))
+        block = CellBlock(
+            kind, rows[:, 0], rows[:, 1:], members, np.tile(own_groups, count)
+        )
         blocks.append(block)
     _refuse_count(n_cells, sum(len(block.numbers) for block in blocks))
     return blocks

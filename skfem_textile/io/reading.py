@@ -226,11 +226,11 @@ def _name_node_sets(content: _Content, raw: meshio.Mesh) -> None:
         if nodes.size and (nodes.min() < 0 or nodes.max() >= n):
             raise MeshError(f"node set {name!r} names nodes that are not there")
         within = outer[:, np.isin(outer, nodes).all(axis=0)]
-        rest = np.setdiff1d(nodes, within)
+        other_nodes = np.setdiff1d(nodes, within)
         if within.size:
             _merge(content.edges, name, within)
-        if rest.size:
-            _merge(content.nodes, name, rest)
+        if other_nodes.size:
+            _merge(content.nodes, name, other_nodes)
 
 
 def _name_as_skfem(content: _Content, raw: meshio.Mesh, plane: list[int]) -> None:

@@ -180,7 +180,7 @@ class _File:
         except MeshError as error:
             raise MeshError(f"{shown}: {error}") from None
         except (ValueError, KeyError, IndexError):
-            raise MeshError(f"{shown!r} is no line of such a file") from None
+            raise MeshError(f"{shown!r} is not a valid line") from None
 
     def _read(self, keyword: str, arguments: list[str]) -> None:
         if keyword == "DATASET":
@@ -227,7 +227,7 @@ class _File:
         for part, count in (("OFFSETS", n), ("CONNECTIVITY", size)):
             keyword, kind = self.line() or ("", "")
             if keyword.upper() != part:
-                raise MeshError(f"{part} must stand here")
+                raise MeshError(f"{part} is missing here")
             arrays.append(self.numbers(count, _type(kind)).astype("i8"))
         offsets, connectivity = arrays
         if not n:
@@ -275,7 +275,9 @@ class _File:
         values = self.numbers(count * components, kind)
         if self._of_cells and name.startswith(SKFEM):
             if (count, components) != (self._count, 1) or name in self.data:
-                raise MeshError("it is not one number for each cell, or there twice")
+                raise MeshError(
+                    "it is not one number for each cell, or its name is not unique"
+                )
             self.data[name] = values
         else:
             self.ignored.append(name)

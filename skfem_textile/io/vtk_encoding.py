@@ -73,7 +73,7 @@ class Base64Data(RawData):
     def refuse_rest(self) -> None:
         """Refuse further data."""
         if self._position < len(self._content):
-            raise MeshError("it is longer than it says")
+            raise MeshError("it is longer than it states")
 
 
 def read_uncompressed(data: RawData, header: np.dtype) -> bytes:
@@ -108,6 +108,6 @@ def read_compressed(
         except (zlib.error, lzma.LZMAError):
             raise MeshError("it cannot be unpacked") from None
         if len(blocks[-1]) != length or not block.eof or block.unused_data:
-            raise MeshError("a block is not as long as it says")
+            raise MeshError("a block has another length than it states")
         start += size
     return b"".join(blocks)

@@ -46,6 +46,7 @@ class JumpBasis(InteriorFacetBasis):
         self.X = np.repeat(self.X, 2, axis=1)
         centre, _ = CENTRE
         areas = [np.abs(self.mapping.detDF(centre, s.tind)) for s in (self, other)]
+        # (A⁺ + A⁻)/4, half of it for each of the two points
         self.dx = np.repeat(sum(areas) / 8, 2, axis=1)
 
     def default_parameters(self) -> dict[str, Any]:

@@ -48,13 +48,13 @@ class MacroBasis(MeanBasis):
 
         # Nodes of an element, and for each corner of its parts which of them it is.
         nodes = np.where(exists, mesh.t[:, self.parts], mesh.t[:, self.parts[:, :1]])
-        own, which = _distinct(nodes.transpose(0, 2, 1).reshape(-1, self.nelems))
+        own_nodes, which = _distinct(nodes.transpose(0, 2, 1).reshape(-1, self.nelems))
         self.corners = corners = which.reshape(4, n_points, self.nelems)
-        dofs = self.nodal_dofs[:, own].transpose(1, 0, 2)
+        dofs = self.nodal_dofs[:, own_nodes].transpose(1, 0, 2)
         set_element_dofs(self, dofs.reshape(-1, self.nelems))
 
-        values = np.zeros((len(own), self.nelems, n_points))
-        gradients = np.zeros((len(own), 2, self.nelems, n_points))
+        values = np.zeros((len(own_nodes), self.nelems, n_points))
+        gradients = np.zeros((len(own_nodes), 2, self.nelems, n_points))
         for i, j in product(range(4), range(n_points)):
             elements = np.flatnonzero(exists[:, j])
             a, part = corners[i, j, elements], self.parts[elements, j]
@@ -106,6 +106,6 @@ def _distinct(nodes: ndarray) -> tuple[ndarray, ndarray]:
     rows = np.arange(len(nodes))[:, None]
     first = (nodes[:, None] == nodes).argmax(axis=1)
     which = np.take_along_axis((first == rows).cumsum(axis=0) - 1, first, axis=0)
-    own = np.repeat(nodes[:1], which.max() + 1, axis=0)
-    np.put_along_axis(own, which, nodes, axis=0)
-    return own, which
+    distinct = np.repeat(nodes[:1], which.max() + 1, axis=0)
+    np.put_along_axis(distinct, which, nodes, axis=0)
+    return distinct, which

@@ -8,6 +8,8 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
+from .scikit_fem import with_names
+
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
 
@@ -27,13 +29,13 @@ class NamedNodes:
         self, elements: Any, return_mapping: bool = False, *args: Any, **kwargs: Any
     ) -> Any:
         """Restrict as `skfem.Mesh.restrict`; names keep their remaining nodes."""
-        whole: Any = super()
-        mesh, kept = whole.restrict(elements, True, *args, **kwargs)
+        mesh_class: Any = super()
+        mesh, nodes_left = mesh_class.restrict(elements, True, *args, **kwargs)
         mesh.named_nodes = {
-            name: np.flatnonzero(np.isin(kept, nodes))
+            name: np.flatnonzero(np.isin(nodes_left, nodes))
             for name, nodes in self.named_nodes.items()
         }
-        return (mesh, kept) if return_mapping else mesh
+        return (mesh, nodes_left) if return_mapping else mesh
 
 
 @dataclass(repr=False)
@@ -53,8 +55,8 @@ def with_named_nodes(mesh: _Mesh, nodes: Mapping[str, ndarray]) -> _Mesh:
     if isinstance(mesh, NamedNodes):
         return replace(mesh, named_nodes={**mesh.named_nodes, **nodes})
     kind: Any = NamedTriangles if isinstance(mesh, MeshTri) else NamedQuads
-    names = mesh.boundaries, mesh.subdomains
-    return kind(mesh.p, mesh.t, *names, named_nodes=dict(nodes))
+    named = kind(mesh.p, mesh.t, named_nodes=dict(nodes))
+    return with_names(named, mesh.boundaries, mesh.subdomains)
 
 
 def named_nodes(mesh: Mesh) -> dict[str, ndarray]:

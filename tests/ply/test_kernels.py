@@ -112,11 +112,14 @@ def test_a_ply_is_the_sum_of_its_forms(fabric):
 @pytest.mark.parametrize("C_s", [3.0, None])
 def test_fields_other_bases_and_subsets_of_elements_are_assembled_too(C_s):
     fabric, mesh = FABRICS["even"], distorted(2)
-    some = HourglassBasis(mesh, elements=[1, 4])
+    basis_of_two = HourglassBasis(mesh, elements=[1, 4])
     w = {} if C_s else {"C_s": np.array([[2.0], [5.0]])}
     form = hourglass(fabric, C_s).tangent
-    u = np.random.default_rng(1).standard_normal(some.N) * 0.05
-    assert_same(asm(form, some, u=u, **w), asm(BilinearForm(form.form), some, u=u, **w))
+    u = np.random.default_rng(1).standard_normal(basis_of_two.N) * 0.05
+    assert_same(
+        asm(form, basis_of_two, u=u, **w),
+        asm(BilinearForm(form.form), basis_of_two, u=u, **w),
+    )
     form = tension(fabric).tangent
     nine = CellBasis(mesh, ElementVector(ElementQuad2()), intorder=4)
     u = np.random.default_rng(2).standard_normal(nine.N) * 0.05

@@ -225,8 +225,8 @@ def _stresses(
     """Deformation and the sum of the stresses of all kernels at each set of points."""
     sums: dict[IntegrationPoints, tuple[FibreDeformation, Stress]] = {}
     for kernel in kernels:
-        own = zip(kernel.points, kernel.fibres, kernel.stresses(), strict=True)
-        for points, fibres, stress in own:
+        sets = zip(kernel.points, kernel.fibres, kernel.stresses(), strict=True)
+        for points, fibres, stress in sets:
             _, others = sums.get(points, (fibres, Stress()))
             sums[points] = fibres, others.plus(stress)
     return sums

@@ -87,8 +87,8 @@ class ElementGroup:
 
         Shape (..., P, n) each.
         """
-        own = np.asarray(values)[..., self.elements, :]
-        return [np.moveaxis(own[..., i], -1, -2) for i in self.point_numbers]
+        in_group = np.asarray(values)[..., self.elements, :]
+        return [np.moveaxis(in_group[..., i], -1, -2) for i in self.point_numbers]
 
     def put_values(self, values: ndarray, own: Sequence[ndarray]) -> None:
         """Put values at these points among those of the basis, in place."""
@@ -220,7 +220,7 @@ def _macro(
     for i, pattern in enumerate(patterns.T):
         elements = np.flatnonzero(pattern_of.ravel() == i)
         corners = pattern.reshape(4, -1).T[basis.parts[elements[0]] >= 0]
-        own = nodes[: corners.max() + 1, elements]
+        group_nodes = nodes[: corners.max() + 1, elements]
         numbers = [slice(j, j + 1) for j in range(len(corners))]
         points: list[IntegrationPoints] = [
             GeneralPoints(
@@ -228,13 +228,15 @@ def _macro(
                 basis.dx[elements, j].T,
                 _products(A[..., elements, j], dN[four][..., elements, j]),
                 four,
-                len(own),
+                len(group_nodes),
             )
             for j, four in zip(numbers, corners, strict=True)
         ]
         fabrics = [fabric.at(basis.parts[elements, j]) for j in numbers]
         area, laws = basis.dx.sum(), fabrics[0]
-        yield ElementGroup(own, None, points, fabrics, laws, area, elements, numbers)
+        yield ElementGroup(
+            group_nodes, None, points, fabrics, laws, area, elements, numbers
+        )
 
 
 def _products(A: ndarray, dN: ndarray) -> ndarray:

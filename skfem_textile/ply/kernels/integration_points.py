@@ -207,10 +207,11 @@ class QuadPoints:
         """See `IntegrationPoints`."""
         eta, stiffness = self.eta[..., block], fibre_stiffness(v, *stress)
         mixed = eta[:, :, None] * stiffness
-        for own, coupled, fibre, product in zip(
+        # pairs of modes: 0, 3, 5 of one with itself, 2, 4 with the hourglass mode
+        for diagonal, coupled, fibre, product in zip(
             (0, 3), (2, 4), stiffness, mixed, strict=True
         ):
-            add_symmetric(K[own], fibre.sum(axis=0))
+            add_symmetric(K[diagonal], fibre.sum(axis=0))
             add_symmetric(K[coupled], product.sum(axis=0))
         add_symmetric(K[5], np.einsum("fpn,fpcn->cn", eta, mixed))
 
