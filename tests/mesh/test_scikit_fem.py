@@ -1,5 +1,8 @@
 """What the package uses of scikit-fem beyond its public interface is as expected."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from skfem import (
@@ -15,6 +18,7 @@ from skfem import (
 )
 from skfem.helpers import ddot, grad
 
+import skfem_textile
 from skfem_textile.mesh.scikit_fem import (
     OwnAssembly,
     matrix_entries,
@@ -98,3 +102,10 @@ def test_a_field_carries_a_third_gradient(basis):
     centre = np.ones((2, 4, 1))
     assert DiscreteField(np.ones((4, 1)), grad3=centre).grad3 is centre
     assert basis.interpolate(basis.zeros()).grad3 is None
+
+
+def test_no_other_module_uses_private_names_of_scikit_fem():
+    private = r"\b_(boundaries|subdomains|assemble|element_dofs|global_coordinates)\b"
+    files = Path(skfem_textile.__file__).parent.rglob("*.py")
+    using = {file.name for file in files if re.search(private, file.read_text())}
+    assert using == {"scikit_fem.py"}

@@ -19,10 +19,10 @@ import numpy as np
 from numpy import ndarray
 
 #: Values at points; None for zero.
-OptionalArray: TypeAlias = ndarray | None
+Values: TypeAlias = ndarray | None
 
 #: Tensions T, shear moments M and slopes E of the tensions.
-PointStresses: TypeAlias = tuple[OptionalArray, OptionalArray, OptionalArray]
+PointStresses: TypeAlias = tuple[Values, Values, Values]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +75,7 @@ class IntegrationPoints(Protocol):
         """z/λ² and λ² of the fibres, and the angle between them, for modes u."""
         ...
 
-    def forces(
-        self, v: ndarray, T: OptionalArray, M: OptionalArray, block: slice
-    ) -> ndarray:
+    def forces(self, v: ndarray, T: Values, M: Values, block: slice) -> ndarray:
         """Σ b_a (T v ± M Jv) over fibres and points, shape (n_modes, 2, n)."""
         ...
 
@@ -125,9 +123,7 @@ class GeneralPoints:
         squared = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
         return z / squared[:, :, None], squared, angle_between(z)
 
-    def forces(
-        self, v: ndarray, T: OptionalArray, M: OptionalArray, block: slice
-    ) -> ndarray:
+    def forces(self, v: ndarray, T: Values, M: Values, block: slice) -> ndarray:
         """See `IntegrationPoints`."""
         forces = fibre_forces(v, T, M)
         f = np.zeros((self.n_nodes, *forces.shape[2:]))
@@ -193,9 +189,7 @@ class QuadPoints:
         squared = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
         return z / squared[:, :, None], squared, angle_between(z)
 
-    def forces(
-        self, v: ndarray, T: OptionalArray, M: OptionalArray, block: slice
-    ) -> ndarray:
+    def forces(self, v: ndarray, T: Values, M: Values, block: slice) -> ndarray:
         """See `IntegrationPoints`."""
         forces = fibre_forces(v, T, M)
         hourglass = np.einsum("fpn,fpin->in", self.eta[..., block], forces)
@@ -241,7 +235,7 @@ def same_deformation(one: IntegrationPoints, other: IntegrationPoints) -> bool:
     return np.array_equal(*factors) and np.array_equal(one.A, other.A)
 
 
-def fibre_forces(v: ndarray, T: OptionalArray, M: OptionalArray) -> ndarray:
+def fibre_forces(v: ndarray, T: Values, M: Values) -> ndarray:
     """T v + M Jv of the warp, T v − M Jv of the weft: shape (2, P, 2, n)."""
     forces = np.zeros(v.shape) if T is None else T[:, :, None] * v
     if M is not None:
@@ -251,9 +245,7 @@ def fibre_forces(v: ndarray, T: OptionalArray, M: OptionalArray) -> ndarray:
     return forces
 
 
-def fibre_stiffness(
-    v: ndarray, T: OptionalArray, M: OptionalArray, E: OptionalArray
-) -> ndarray:
+def fibre_stiffness(v: ndarray, T: Values, M: Values, E: Values) -> ndarray:
     """E v vᵀ + T ∂²ε + M ∂²θ per b_a b_c as (xx, xy, yy), shape (2, P, 3, n)."""
     x, y = v[:, :, 0], v[:, :, 1]
     xx, xy, yy = x * x, x * y, y * y
