@@ -88,7 +88,7 @@ def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
         if not line:
             continue
         if not line.startswith(b"$") or line.startswith(b"$End"):
-            raise MeshError(f"{shown!r} where a section of Gmsh should begin")
+            raise MeshError(f"{shown!r} stands where a section of Gmsh should begin")
         last = b"$End" + line[1:]
         close = content.find(last, end)
         if close < 0:

@@ -8,8 +8,6 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
-from .scikit_fem import with_names
-
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
 
@@ -55,8 +53,8 @@ def with_named_nodes(mesh: _Mesh, nodes: Mapping[str, ndarray]) -> _Mesh:
     if isinstance(mesh, NamedNodes):
         return replace(mesh, named_nodes={**mesh.named_nodes, **nodes})
     kind: Any = NamedTriangles if isinstance(mesh, MeshTri) else NamedQuads
-    named = kind(mesh.p, mesh.t, named_nodes=dict(nodes))
-    return with_names(named, mesh.boundaries, mesh.subdomains)
+    names = mesh.boundaries, mesh.subdomains
+    return kind(mesh.p, mesh.t, *names, named_nodes=dict(nodes))
 
 
 def named_nodes(mesh: Mesh) -> dict[str, ndarray]:

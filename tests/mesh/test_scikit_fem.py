@@ -45,6 +45,9 @@ def test_boundaries_and_subdomains_are_replaced_and_dropped():
     assert with_names(mesh, None, MESH.subdomains).boundaries is None
     assert MESH.boundaries.keys() == {"left", "bottom", "right", "top"}
     assert mesh.restrict([0]).boundaries.keys() == {"edge"}
+    same = MeshQuad(MESH.p, MESH.t, MESH.boundaries, MESH.subdomains)  # in this order
+    assert same.boundaries is MESH.boundaries
+    assert same.subdomains is MESH.subdomains
 
 
 def test_elements_of_a_basis_take_other_unknowns_and_positions(basis):

@@ -38,24 +38,24 @@ Deformations: TypeAlias = list[FibreDeformation]
 
 @dataclass(frozen=True, eq=False)
 class ElementGroup:
-    """Elements of a basis with as many nodes, modes and points each.
+    """Elements of a basis with equal numbers of nodes, modes and points.
 
     Attributes
     ----------
     nodes
-        Numbers of their nodes, shape (n_nodes, n).
+        Node numbers, shape (n_nodes, n).
     modes
-        Their modes per displacement of the nodes, shape (n_modes, n_nodes, n); None
-        where the modes are the displacements.
+        Modes per displacement of the nodes, shape (n_modes, n_nodes, n); None if the
+        modes are the displacements.
     points
-        Their integration points, in sets that a kernel handles at once.
+        Integration points, in sets that a kernel handles at once.
     fabrics, fabric
         The fabric with its laws at the points, and at the elements (`Fabric.at`), for
         arguments in the order of the forms.
     mesh_area
         Area of all elements of the basis.
     elements, point_numbers
-        Their numbers, and those of the points, in the basis.
+        Numbers of the elements and of the points of each set in the basis.
     """
 
     nodes: ndarray
@@ -68,7 +68,7 @@ class ElementGroup:
     point_numbers: Sequence[Any]
 
     def blocks(self) -> Iterator[slice]:
-        """Slices of the elements that keep what is computed in the cache."""
+        """Slices of the elements whose values fit into the cache."""
         n = self.nodes.shape[1]
         return (slice(i, min(i + _BLOCK, n)) for i in range(0, n, _BLOCK))
 
@@ -83,9 +83,9 @@ class ElementGroup:
         return sum(points.dx.sum(axis=0) for points in self.points)
 
     def values_at_points(self, values: ndarray) -> list[ndarray]:
-        """Values at the points of the basis, (..., n_elements, n_points), at these.
+        """Values at each set of points, from those at all points of the basis.
 
-        Shape (..., P, n) each.
+        Shapes (..., P, n), from (..., n_elements, n_points).
         """
         in_group = np.asarray(values)[..., self.elements, :]
         return [np.moveaxis(in_group[..., i], -1, -2) for i in self.point_numbers]

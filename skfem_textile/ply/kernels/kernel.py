@@ -98,7 +98,7 @@ class TensionKernel:
     fabric: Fabric
 
     def takes(self, basis: CellBasis) -> bool:
-        """Any basis whose functions have their own gradients."""
+        """Accept bases whose functions have their own gradients."""
         return not isinstance(_scalar(basis), ElementQuad1Fluctuation)
 
     def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
@@ -147,7 +147,7 @@ class ShearKernel:
     fabric: Fabric
 
     def takes(self, basis: CellBasis) -> bool:
-        """Any basis whose functions have their own gradients."""
+        """Accept bases whose functions have their own gradients."""
         return not isinstance(_scalar(basis), ElementQuad1Fluctuation)
 
     def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
@@ -181,7 +181,7 @@ class HourglassKernel:
     C_s: float | None = None
 
     def takes(self, basis: CellBasis) -> bool:
-        """`HourglassBasis`."""
+        """Accept `HourglassBasis`."""
         return isinstance(basis, HourglassBasis)
 
     def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
@@ -226,7 +226,7 @@ class MeanTensionKernel:
     _known: WeakKeyDictionary = field(default_factory=WeakKeyDictionary, init=False)
 
     def takes(self, basis: CellBasis) -> bool:
-        """`MeanBasis`."""
+        """Accept `MeanBasis`."""
         return isinstance(basis, MeanBasis)
 
     def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
