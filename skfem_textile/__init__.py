@@ -15,11 +15,11 @@ from .mesh.bases import (
     triangle_basis,
 )
 from .mesh.checks import MeshError
-from .mesh.jumps import JumpBasis
+from .mesh.interior_edges import JumpBasis
 from .mesh.macro import MacroBasis
 from .ply import Ply
 from .ply.formulations import Full, Macro, OnePoint, Quadratic
-from .ply.kernels.wrapped import hourglass, mean_tension, shear, tension
+from .ply.kernels.exported_forms import hourglass, mean_tension, shear, tension
 from .ply.loads import BodyForce, Force, Traction
 from .ply.memory import AccumulatedMoment, HeldStabilisation
 from .ply.term import Load, Memory, Term

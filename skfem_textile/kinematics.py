@@ -1,7 +1,7 @@
 """Fibre strain and shear angle of a deformation gradient, with their derivatives.
 
-Pointwise formulas that know nothing of meshes.  Every tensor carries its
-components first and the points last, as in scikit-fem: a deformation gradient
+Pointwise formulas, without meshes.  Every tensor has its components first and the
+points last, as in scikit-fem: a deformation gradient
 ``F`` has shape ``(d, 2, ...)``, a reference fibre direction ``A`` shape
 ``(2, ...)``; first derivatives with respect to ``F`` have shape ``(d, 2, ...)``
 and second derivatives ``(d, 2, d, 2, ...)``.  The points may broadcast.
@@ -27,7 +27,7 @@ def deformation_gradient(grad_u: ndarray) -> ndarray:
 
 
 def area_ratio(F: ndarray) -> ndarray:
-    """Current area per reference area, det F; not positive where the ply folds."""
+    """Current area per reference area, det F; zero or negative where the ply folds."""
     return det(F)
 
 
@@ -69,16 +69,16 @@ def fibre_strain_dd(F: ndarray, A: ndarray) -> ndarray:
     a = fibre(F, A)
     e = a / dot(a, a)
     delta = np.eye(len(a)).reshape(len(a), len(a), *(1,) * (a.ndim - 1))
-    m = delta / dot(a, a) - 2 * np.einsum("i...,k...->ik...", e, e)
-    return np.einsum("ik...,J...,L...->iJkL...", m, A, A)
+    second = delta / dot(a, a) - 2 * np.einsum("i...,k...->ik...", e, e)
+    return np.einsum("ik...,J...,L...->iJkL...", second, A, A)
 
 
 def shear_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     """Shear angle Γ = ∠(A₁, A₂) − ∠(a₁, a₂) in radians.
 
-    Where the weft lies anticlockwise of the warp it is positive when they close up
-    and negative when they open; smooth until they fold onto one another.  Its rate
-    is Γ̇ = f²·L·f₁ + f¹·L·f₂ (Hamila & Boisse 2013, §3.2).
+    It is positive when the families approach each other and negative when they open,
+    if the weft lies anticlockwise of the warp.  It is smooth until they coincide.  Its
+    rate is Γ̇ = f²·L·f₁ + f¹·L·f₂ (Hamila & Boisse 2013, §3.2).
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def shear_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
 def shear_angle_d(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     """First derivative ∂Γ/∂F = ∂θ₁/∂F − ∂θ₂/∂F, shape (d, 2, ...).
 
-    θ_α is the inclination of a_α: ∂θ/∂F = p ⊗ A / λ² with p = a turned by 90°.
+    θ_α is the inclination of a_α: ∂θ/∂F = p ⊗ A / λ² with p = a rotated by 90°.
     """
     return _inclination_d(F, A1) - _inclination_d(F, A2)
 
@@ -108,19 +108,20 @@ def _angle(b: ndarray, c: ndarray) -> ndarray:
     return np.arctan2(cross(b, c), dot(b, c))
 
 
-def _turned(a: ndarray) -> ndarray:
-    """The vector a turned by +90°."""
+def _rotated(a: ndarray) -> ndarray:
+    """The vector a rotated by +90°."""
     return np.stack([-a[1], a[0]])
 
 
 def _inclination_d(F: ndarray, A: ndarray) -> ndarray:
     a = fibre(F, A)
-    return np.einsum("i...,J...->iJ...", _turned(a) / dot(a, a), A)
+    return np.einsum("i...,J...->iJ...", _rotated(a) / dot(a, a), A)
 
 
 def _inclination_dd(F: ndarray, A: ndarray) -> ndarray:
     """∂²θ/∂F² = −(p_i a_k + a_i p_k) A_J A_L / λ⁴."""
     a = fibre(F, A)
     e = a / dot(a, a)
-    m = np.einsum("i...,k...->ik...", _turned(e), e)
-    return -np.einsum("ik...,J...,L...->iJkL...", m + m.swapaxes(0, 1), A, A)
+    half = np.einsum("i...,k...->ik...", _rotated(e), e)
+    second = half + half.swapaxes(0, 1)
+    return -np.einsum("ik...,J...,L...->iJkL...", second, A, A)

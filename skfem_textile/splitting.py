@@ -1,9 +1,9 @@
-"""Any mesh of triangles, or of triangles and quadrilaterals, as one of quadrilaterals.
+"""Splitting of meshes of triangles and quadrilaterals into quadrilaterals.
 
 Every triangle becomes three quadrilaterals, with corners at the middles of its edges
-and at its centroid; beside triangles every quadrilateral becomes four.  There are then
-about as many unknowns as fibres to be kept from stretching, as in the continuum, where
-two triangles in place of a quadrilateral lock.
+and at its centroid; in a mesh with triangles every quadrilateral becomes four.  There
+are then about as many unknowns as constraints on the stretch of fibres, as in the
+continuum, while two triangles in place of a quadrilateral lock.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,12 +16,17 @@ from skfem import ElementQuad1, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.helpers import cross
 
 from .mesh.checks import MeshError, refuse_nodes
-from .mesh.naming import NamedNodes, edge_numbers, named_nodes, with_named_nodes
+from .mesh.named_nodes import NamedNodes, edge_numbers, named_nodes, with_named_nodes
+from .mesh.scikit_fem import with_names
+
+# Areas that differ by less than this share count as equal.  Chosen: above rounding, so
+# that the cut of a parallelogram does not depend on it.
+_EQUAL_AREAS = 1e-9
 
 
 @dataclass(repr=False)
 class SplitMesh(NamedNodes, MeshQuad):
-    """Quadrilaterals that were split off the elements of another mesh.
+    """Quadrilaterals into which the elements of another mesh were split.
 
     Attributes
     ----------
@@ -29,8 +34,8 @@ class SplitMesh(NamedNodes, MeshQuad):
         Triangles and quadrilaterals of the original mesh as node numbers, arrays of
         shape (3, n) and (4, n).  Its nodes are the first of this mesh.
     parent
-        For each quadrilateral the element that it was part of, counted through
-        ``cells``; shape (n_elements,).
+        For each quadrilateral the original element, counted through ``cells``;
+        shape (n_elements,).
     """
 
     cells: tuple[ndarray, ...] = ()
@@ -38,10 +43,10 @@ class SplitMesh(NamedNodes, MeshQuad):
 
 
 def was_split(mesh: Mesh) -> TypeGuard[SplitMesh]:
-    """Whether a mesh still is what `split` made of it.
+    """Whether a mesh is a result of `split` with its parents still valid.
 
-    Its nodes may have moved, and quadrilaterals may stand in another order together
-    with their parents; it was not refined, cut down or renumbered.
+    Nodes may have moved, and quadrilaterals may have another order, together with their
+    parents.  A mesh that was refined, restricted or renumbered is none.
     """
     if not isinstance(mesh, SplitMesh) or not mesh.cells:
         return False
@@ -50,9 +55,9 @@ def was_split(mesh: Mesh) -> TypeGuard[SplitMesh]:
     pairs, inverse = _pairs(mesh.cells)
     n_elements = sum(cell.shape[1] for cell in mesh.cells)
     n_points = mesh.p.shape[1] - pairs.shape[1] - n_elements
-    made, now = _quads(mesh.cells, n_points, pairs, inverse), (mesh.t, mesh.parent)
-    parts, expected = np.vstack(now), np.vstack(made)
-    return np.array_equal(_ordered(parts), _ordered(expected))
+    expected = np.vstack(_quads(mesh.cells, n_points, pairs, inverse))
+    actual = np.vstack([mesh.t, mesh.parent])
+    return np.array_equal(_ordered(actual), _ordered(expected))
 
 
 def split(mesh: Mesh) -> SplitMesh:
@@ -69,7 +74,7 @@ def split(mesh: Mesh) -> SplitMesh:
     Raises
     ------
     ValueError
-        If it is another mesh, or its positions or node numbers are none.
+        If it is another kind of mesh, or its positions or node numbers are invalid.
 
     Examples
     --------
@@ -100,14 +105,14 @@ def split(mesh: Mesh) -> SplitMesh:
 def cut(mesh: MeshQuad) -> MeshTri:
     """Cut every quadrilateral in two triangles.
 
-    Along the diagonal that leaves the larger of the smaller triangles, so that none
-    lies outside a quadrilateral that is not convex.  Boundaries, subdomains and named
+    The diagonal is the one whose smaller triangle is larger, so that no triangle lies
+    outside a quadrilateral that is not convex.  Boundaries, subdomains and named
     nodes keep their names.
 
     Raises
     ------
     ValueError
-        If it is another mesh, or its positions or node numbers are none.
+        If it is another kind of mesh, or its positions or node numbers are invalid.
 
     Examples
     --------
@@ -118,7 +123,7 @@ def cut(mesh: MeshQuad) -> MeshTri:
     if getattr(mesh, "elem", None) != ElementQuad1:
         raise ValueError(f"only a skfem.MeshQuad can be cut, not {type(mesh).__name__}")
     refuse_nodes(mesh.p, [mesh.t])
-    triangles = replace(mesh, t=_turned(mesh)).to_meshtri()
+    triangles = replace(mesh, t=_with_diagonal(mesh)).to_meshtri()
     return with_named_nodes(triangles, named_nodes(mesh))
 
 
@@ -129,17 +134,17 @@ def _corners(mesh: MeshQuad) -> ndarray:
     return corner * np.sign(corner.sum(axis=0))
 
 
-def _turned(mesh: MeshQuad) -> ndarray:
-    """Nodes of the quadrilaterals, the better diagonal from the second to the last."""
+def _with_diagonal(mesh: MeshQuad) -> ndarray:
+    """Nodes of the quadrilaterals, rotated: the diagonal joins second and last."""
     corner = _corners(mesh)
     ends_13, ends_02 = corner[::2].min(axis=0), corner[1::2].min(axis=0)
-    other = ends_02 > ends_13 + 1e-9 * np.abs(ends_13)
-    return np.where(other, np.roll(mesh.t, 1, axis=0), mesh.t)
+    switch = ends_02 > ends_13 + _EQUAL_AREAS * np.abs(ends_13)
+    return np.where(switch, np.roll(mesh.t, 1, axis=0), mesh.t)
 
 
 def _triangles(mesh: MeshQuad) -> ndarray:
-    """Nodes of the triangles, the first of every quadrilateral and then the second."""
-    t = _turned(mesh)
+    """Nodes of the triangles: the first of every quadrilateral, then the second."""
+    t = _with_diagonal(mesh)
     return np.hstack([t[[0, 1, 3]], t[[1, 2, 3]]])
 
 
@@ -169,7 +174,7 @@ def split_cells(
     Raises
     ------
     MeshError
-        If positions or node numbers are none, or an edge of a named boundary is no
+        If positions or node numbers are invalid, or an edge of a named boundary is no
         edge of the cells.
     """
     refuse_nodes(points, cells)
@@ -211,7 +216,7 @@ def _quads(
 
 
 def _ordered(columns: ndarray) -> ndarray:
-    """The columns in an order that is the same for the same columns."""
+    """The columns in lexical order."""
     return columns[:, np.lexsort(columns)]
 
 
@@ -233,28 +238,24 @@ def _named(
     edges: Mapping[str, ndarray],
     subdomains: Mapping[str, ndarray],
 ) -> SplitMesh:
-    """The mesh with the names of the original's boundaries and subdomains.
+    """Give a mesh the boundaries and subdomains of the original.
 
-    An edge became two, from its ends to its middle.
+    Each edge has become two, from its ends to its middle.
     """
     boundaries = {}
     for name, ends in edges.items():
         middle = points.shape[1] + named_edges(name, points, pairs, ends)
         halves = [edge_numbers(mesh.facets, np.stack([end, middle])) for end in ends]
         boundaries[name] = np.stack(halves, axis=1).ravel()
-    return replace(
-        mesh,
-        _boundaries=boundaries or None,
-        _subdomains={
-            name: np.flatnonzero(np.isin(mesh.parent, elements))
-            for name, elements in subdomains.items()
-        }
-        or None,
-    )
+    parts = {
+        name: np.flatnonzero(np.isin(mesh.parent, elements))
+        for name, elements in subdomains.items()
+    }
+    return with_names(mesh, boundaries or None, parts or None)
 
 
 def named_edges(name: str, points: ndarray, edges: ndarray, ends: ndarray) -> ndarray:
-    """Which of the edges have these ends, as the name of a boundary demands.
+    """Numbers of the edges of a named boundary, given by their ends.
 
     Parameters
     ----------
@@ -270,18 +271,20 @@ def named_edges(name: str, points: ndarray, edges: ndarray, ends: ndarray) -> nd
     MeshError
         If two of the nodes are not the ends of an edge.
     """
-    found = edge_numbers(edges, ends)
-    if (found < 0).any():
-        a, b = ends[:, found < 0][:, 0].tolist()
-        more = (found < 0).sum() - 1
+    numbers = edge_numbers(edges, ends)
+    missing = ends[:, numbers < 0]
+    if missing.size:
+        a, b = missing[:, 0].tolist()
+        more = missing.shape[1] - 1
         others = f", nor {more} more pair(s) of nodes that it names" if more else ""
         raise MeshError(
             f"boundary {name!r}: no edge of the mesh joins nodes {a} and {b} at "
-            f"{_place(points, a)} and {_place(points, b)}{others}; name edges of cells"
+            f"{_position(points, a)} and {_position(points, b)}{others}; name edges of "
+            "cells"
         )
-    return found
+    return numbers
 
 
-def _place(points: ndarray, node: int) -> str:
+def _position(points: ndarray, node: int) -> str:
     x, y = points[:, node].tolist()
     return f"({x:g}, {y:g})"

@@ -15,7 +15,7 @@ import numpy as np
 from .. import __version__
 from ..files.interruption import INTERRUPTED, held
 from ..files.output import OutputError, complain, say
-from ..mesh.naming import printable
+from ..mesh.user_input import printable
 from ..scenes import Scene
 from ..solve.result import Iteration, Result, State, StepError
 from ..solve.stepper import LoadStepper

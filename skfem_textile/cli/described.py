@@ -10,7 +10,7 @@ import numpy as np
 from skfem import Mesh, MeshQuad, MeshTri
 
 from ..fabric import Fabric, Law, Sin2
-from ..mesh.naming import printable
+from ..mesh.user_input import printable
 from ..ply import Ply
 from ..ply.formulations import Full, Macro, OnePoint, Quadratic
 from ..ply.loads import Force

@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..mesh.asking import asked, real_numbers
+from ..mesh.user_input import call_user_function, real_numbers
 
 
 class Varied(Protocol):
@@ -321,7 +321,7 @@ def unit_vectors(
     field: Any = direction
     if hasattr(field, "region"):
         return field.at(name, x, element)
-    given = asked(name, direction, x) if callable(direction) else direction
+    given = call_user_function(name, direction, x) if callable(direction) else direction
     a = real_numbers(name, given)
     if element is not None and a.ndim == 2 and a.shape[1] > element.max():
         a = a[:, element]

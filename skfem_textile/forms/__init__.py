@@ -1,4 +1,4 @@
-"""The definition: every term of the energy as plain scikit-fem forms."""
+"""Every term of the energy as plain scikit-fem forms: the definition."""
 
 from .continuity import shear_continuity
 from .corners import corner_resistance

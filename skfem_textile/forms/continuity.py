@@ -1,7 +1,7 @@
 """Stabilisation by the jump of the shear angle across the edges between elements.
 
-It vanishes wherever the shear angle is continuous, for one that is linear in position
-too, and reaches over the neighbours of an element.
+It vanishes where the shear angle is continuous, also where it varies linearly, and
+couples an element with its neighbours.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ def shear_continuity(fabric: Fabric, C_j: float) -> Forms:
     Parameters
     ----------
     fabric
-        Gives the fibre directions; its stiffnesses play no part.
+        Gives the fibre directions; its stiffnesses have no effect.
     C_j
         Stabilisation stiffness in N/mm.
     """

@@ -1,12 +1,13 @@
-"""The stiffness that meets what the strains in an element deviate from their mean."""
+"""Stiffness against deviations of the strains in an element from their mean."""
 
 import numpy as np
 from numpy import ndarray
 
 from ..fabric import Fabric
 
-# E_d as a share of the fibre stiffness, where there is no shear stiffness.
-_OF_FIBRES = 0.5
+# E_d as a share of the fibre stiffness, where there is no shear stiffness.  Chosen,
+# not measured.
+_SHARE_WITHOUT_SHEAR = 0.5
 
 
 def deviation_stiffness(
@@ -15,18 +16,18 @@ def deviation_stiffness(
     """E_d of warp and weft in N/mm, at most the fibre stiffness at rest, if any.
 
     Fibres of the stiffness E spread a jump of the shear angle over a width of L√(G/E)
-    along their length L: the finer a mesh, the stiffer the fibres that it can take.
-    The multiple and the exponent of the fineness are measured.  E_d depends on the area
-    of the whole mesh, and jumps where the shear stiffness vanishes.
+    along their length L: a finer mesh can represent stiffer fibres.  The multiple and
+    the exponent of the fineness are measured.  E_d depends on the area of the whole
+    mesh, and is not continuous where the shear stiffness vanishes.
 
     Parameters
     ----------
     fabric
         Gives the laws, at the elements (`Fabric.at`).
     deviation
-        E_d as a multiple of the shear stiffness at rest times the fineness: one, or
-        one per element, shape (n_elements, 1).  Where there is no shear stiffness E_d
-        is half of the fibre stiffness.
+        E_d over the product of shear stiffness at rest and fineness: one, or one per
+        element, shape (n_elements, 1).  Without shear stiffness E_d is half of the
+        fibre stiffness.
     fineness
         √(A/A_e), shape (n_elements, 1).
 
@@ -35,14 +36,14 @@ def deviation_stiffness(
     tuple of ndarray
         Each of shape (n_elements, 1).
     """
-    rest = np.zeros((1, 1))
-    warp, weft, G = (law.tangent(rest) for law in fabric.laws)
+    at_rest = np.zeros((1, 1))
+    warp, weft, G = (law.tangent(at_rest) for law in fabric.laws)
     E_d = deviation * G * fineness
     first, second = (
         np.where(
             G > 0,
             np.minimum(E_d, np.where(E > 0, E, np.inf)),
-            _OF_FIBRES * E + 0 * fineness,
+            _SHARE_WITHOUT_SHEAR * E + 0 * fineness,
         )
         for E in (warp, weft)
     )

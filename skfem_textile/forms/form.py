@@ -1,12 +1,12 @@
-"""What the forms of this library are made of.
+"""Parts that all forms share.
 
 The internal energy of a ply is
 
     Ψ(u) = ∫ Σ_α ψ(ε_α) dΩ + ∫ w(Γ) dΩ + stabilisation.
 
-Each module beside this one gives energy, residual (first derivative) and tangent
-(second derivative) of one of these terms, as scikit-fem forms that take the
-displacement as their parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
+Each other module of this folder gives energy, residual (first derivative) and tangent
+(second derivative) of one term, as scikit-fem forms that take the displacement as their
+parameter ``u``: ``asm(tension(fabric).residual, basis, u=u)``.
 """
 
 from collections.abc import Callable
@@ -49,7 +49,7 @@ def of_density(energy: Callable, stress: Callable, stiffness: Callable) -> Forms
 
 
 def once(w: FormExtraParams, function: Callable) -> Any:
-    """``function(w)``, evaluated once per assembly and not once per basis function."""
+    """``function(w)``, evaluated once per assembly, not once per basis function."""
     if function not in w:
         w[function] = function(w)
     return w[function]
@@ -66,7 +66,7 @@ def directions(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:
 
 
 def elements(w: FormExtraParams) -> ndarray | None:
-    """Numbers of the elements of the points; None if they are those of the rows."""
+    """Number of the element at each point; None if it is that of the row."""
     return np.asarray(w["element"]) if "element" in w else None
 
 

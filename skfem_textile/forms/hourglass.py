@@ -26,25 +26,25 @@ Pointwise: TypeAlias = Callable[[FormExtraParams], ndarray]
 def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
     """Stabilisation with the energy ½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))².
 
-    M̃_k = C_s (Γ(ξ_k) − Γ(0)) on the reference area A: independent of the path.
-    Both angles are those of the fibres at ξ_k: Γ(0) is what the gradient at the centre
-    makes of them, so that a homogeneous motion costs nothing where fibres are curved.
+    M̃_k = C_s (Γ(ξ_k) − Γ(0)) on the reference area A does not depend on the path.  Both
+    angles take the fibres at ξ_k, and Γ(0) the deformation gradient at the centre, so
+    that a homogeneous motion costs no energy where fibres are curved.
 
     Parameters
     ----------
     fabric
-        Gives the fibre directions; its stiffnesses play no part.
+        Gives the fibre directions; its stiffnesses have no effect.
     C_s
-        Stabilisation stiffness in N/mm.  Without it the forms take a parameter
-        ``C_s``, shape (n_elements, 1); `HeldStabilisation` keeps one.
+        Stabilisation stiffness in N/mm.  Without it the forms take a parameter ``C_s``,
+        shape (n_elements, 1), as `HeldStabilisation` stores it.
     """
 
     def difference(w):
-        (F, F0), A = _F(w), directions(fabric, w)
+        (F, F0), A = _gradients(w), directions(fabric, w)
         return kin.shear_angle(F, *A) - kin.shear_angle(F0, *A)
 
     def variation(w):
-        (F, F0), A = _F(w), directions(fabric, w)
+        (F, F0), A = _gradients(w), directions(fabric, w)
         return kin.shear_angle_d(F, *A), kin.shear_angle_d(F0, *A)
 
     def stiffness(w):
@@ -57,22 +57,22 @@ def hourglass(fabric: Fabric, C_s: float | None = None) -> Forms:
     def moment(w):
         return stiffness(w) * difference(w)
 
-    return Forms(energy, *_forms(fabric, variation, moment, stiffness))
+    return Forms(energy, *_residual_and_tangent(fabric, variation, moment, stiffness))
 
 
 def hourglass_rate(fabric: Fabric, C_s: float) -> Forms:
-    """Stabilisation by accumulated rates: the paper's own procedure.
+    """Stabilisation by accumulated rates, the procedure of the paper.
 
     M̃_k = M̃_k(last) + C_s f_k·(B_HGL,k Δu), with f_k, B_HGL,k and the element's area
     taken in the configuration ``u`` and Δu from the last converged one (Hamila &
     Boisse 2013, §3.2, where the rate must read B_HGL, not its transpose).  There is no
     energy: the first form gives the work of the step.  The tangent is symmetric and
-    approximate: it takes f_k, B_HGL,k and the area as constant, but for the curvature
+    approximate: f_k, B_HGL,k and the area count as constant, except for the curvature
     of the shear angle at the point and at the centre.
 
     The forms take two more parameters: ``last``, the last converged displacement, and
-    ``moment``, the moments M̃ there, shape (n_elements, 4); `AccumulatedMoment`
-    keeps them.
+    ``moment``, the moments M̃ there, shape (n_elements, 4), as `AccumulatedMoment`
+    stores them.
 
     Parameters
     ----------
@@ -97,12 +97,12 @@ def hourglass_rate(fabric: Fabric, C_s: float) -> Forms:
     def stiffness(w):
         return _area(w) * C_s
 
-    return Forms(work, *_forms(fabric, variation, moment, stiffness))
+    return Forms(work, *_residual_and_tangent(fabric, variation, moment, stiffness))
 
 
 def _rate_variation(fabric: Fabric, w: FormExtraParams) -> tuple[ndarray, ndarray]:
     """f·B_HGL as the pair (f·F⁻ᵀ, f·F(0)⁻ᵀ) that works on ∇u(ξ) and ∇u(0)."""
-    F, F0 = _F(w)
+    F, F0 = _gradients(w)
     d = kin.shear_angle_d(F, *directions(fabric, w))
     return d, np.einsum("iJ...,jJ...,Kj...->iK...", d, F, inv(F0))
 
@@ -113,13 +113,13 @@ def rate_increment(fabric: Fabric, w: FormExtraParams) -> ndarray:
     return _along(d, w["u"]) - _along(d, w["last"])
 
 
-def _forms(
+def _residual_and_tangent(
     fabric: Fabric, variation: Callable, moment: Pointwise, stiffness: Pointwise
 ) -> tuple[LinearForm, BilinearForm]:
     """Residual and tangent of a moment that works on δΓ̃ = d : δ∇u(ξ) − d₀ : δ∇u(0)."""
 
     def curvature(w):
-        (F, F0), A = _F(w), directions(fabric, w)
+        (F, F0), A = _gradients(w), directions(fabric, w)
         return kin.shear_angle_dd(F, *A), kin.shear_angle_dd(F0, *A)
 
     @LinearForm
@@ -137,7 +137,7 @@ def _forms(
     return residual, tangent
 
 
-def _F(w: FormExtraParams) -> tuple[ndarray, ndarray]:
+def _gradients(w: FormExtraParams) -> tuple[ndarray, ndarray]:
     """Deformation gradients at the point and at the element's centre."""
     u = w["u"]
     at_centre = centre_grad(u)

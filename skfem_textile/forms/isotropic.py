@@ -1,7 +1,7 @@
-"""Isotropic hourglass control, the rival of the shear-only stabilisation.
+"""Isotropic hourglass control, to compare with the stabilisation of shear alone.
 
-Flanagan & Belytschko (1981) resist hourglass motions along and across the fibres alike,
-Hamila & Boisse (2013) as far as they change the shear angle.
+Flanagan & Belytschko (1981) resist all hourglass modes equally, Hamila & Boisse (2013)
+only as far as they change the shear angle.
 """
 
 from skfem import BilinearForm, Functional, LinearForm

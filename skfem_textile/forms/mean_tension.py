@@ -1,11 +1,11 @@
-"""Fibre tension of the mean strain: no more constraints than an element can bear.
+"""Fibre tension of the mean strain of an element, which avoids tension locking.
 
-Every point at which nearly inextensible fibres are kept from stretching takes away an
-unknown.  One point in every quadrilateral leaves as many unknowns as there are
-constraints, three in a quadratic triangle fewer: where the shear angle jumps, along
-fibres as stiff as those of real fabrics, both lock.  Here the fibres' own law holds for
-the mean ε̄ of the strains at the points of an element, and what deviates from it meets
-a stiffness E_d that does not grow with that of the fibres,
+Each point at which nearly inextensible fibres must not stretch adds a constraint.  With
+one point in every quadrilateral there are as many constraints as unknowns, with three
+in a quadratic triangle more: where the shear angle jumps along fibres as stiff as those
+of real fabrics, both lock.  Here the fibre law holds for the mean ε̄ of the strains at
+the points of an element, and deviations from it meet a stiffness E_d that does not grow
+with that of the fibres,
 
     ψ(ε̄) + ½ E_d (ε − ε̄)².
 
@@ -24,7 +24,7 @@ from ..fabric import Fabric
 from ..mesh.bases import MeanBasis
 from .deviation import deviation_stiffness
 from .form import Forms, contract, deformation, directions, elements, once
-from .tension import fibre_tension, resisting
+from .tension import families_with_law, fibre_tension
 
 
 def mean_tension(fabric: Fabric, deviation: float | ndarray) -> Forms:
@@ -38,15 +38,15 @@ def mean_tension(fabric: Fabric, deviation: float | ndarray) -> Forms:
     fabric, deviation
         As for `deviation_stiffness`.
     """
-    families = resisting(fabric)
+    families = families_with_law(fabric)
 
     def laws(w):
         """Tension laws T(ε) of the means."""
         return of_elements(fabric, elements(w)).laws
 
     def E_d(w):
-        own = of_elements(fabric, elements(w))
-        return deviation_stiffness(own, deviation, w["fineness"])
+        elementwise = of_elements(fabric, elements(w))
+        return deviation_stiffness(elementwise, deviation, w["fineness"])
 
     def strain(w):
         F, A = deformation(w), directions(fabric, w)
@@ -66,7 +66,7 @@ def mean_tension(fabric: Fabric, deviation: float | ndarray) -> Forms:
         return sum(T[i] * d_eps[i] for i in families)
 
     def local_stiffness(w):
-        """What couples the motion at one point with itself."""
+        """Stiffness of each point on its own."""
         F, A = deformation(w), directions(fabric, w)
         d_eps, E = once(w, variation), once(w, E_d)
         geometric = w["tension"] if "tension" in w else tension(w)
@@ -121,20 +121,23 @@ def mean_fibre_tension(
     basis
         That of the forms.
     strain, change
-        Fibre strains at the ply's own points and a change of them, to first order in
-        which the tensions are given; shape (2, n_elements, n_points).
+        Fibre strains at the ply's own points, and their change, to first order;
+        shape (2, n_elements, n_points).
     """
     w = basis.default_parameters()
-    eps, d_eps = (basis.of_parts(x + np.zeros_like(strain)) for x in (strain, change))
+    eps, d_eps = (
+        basis.from_ply_points(x + np.zeros_like(strain)) for x in (strain, change)
+    )
     means, d_means = mean(w, eps), mean(w, d_eps)
-    own = of_elements(fabric, w.get("element"))
-    E_d = np.array(deviation_stiffness(own, deviation, w["fineness"]))
-    off = eps + d_eps - means - d_means
-    return basis.on_parts(fibre_tension(own, means, d_means) + E_d * off)
+    elementwise = of_elements(fabric, w.get("element"))
+    E_d = np.array(deviation_stiffness(elementwise, deviation, w["fineness"]))
+    deviations = eps + d_eps - means - d_means
+    tension = fibre_tension(elementwise, means, d_means) + E_d * deviations
+    return basis.to_ply_points(tension)
 
 
 def of_elements(fabric: Fabric, element: ndarray | None) -> Fabric:
-    """The fabric with the laws of whole elements, given by those of their points."""
+    """The fabric with one law per element, that of its first point."""
     return fabric.at(None if element is None else element[:, :1])
 
 
@@ -146,12 +149,12 @@ def mean_strain(basis: MeanBasis, strain: ndarray) -> ndarray:
     basis
         That of the forms.
     strain
-        Fibre strains at the ply's own points, shape (2, n_elements, n_points), which
-        is that of the means too.
+        Fibre strains at the ply's own points, shape (2, n_elements, n_points); the
+        means have the same shape.
     """
-    eps = basis.of_parts(strain)
+    eps = basis.from_ply_points(strain)
     means = mean(basis.default_parameters(), eps)
-    return basis.on_parts(np.broadcast_to(means, eps.shape))
+    return basis.to_ply_points(np.broadcast_to(means, eps.shape))
 
 
 def mean(w: Any, x: ndarray) -> ndarray:

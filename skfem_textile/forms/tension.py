@@ -31,13 +31,13 @@ def tension(fabric: Fabric) -> Forms:
     >>> bool(np.isclose(energy, 1e4 * np.log(1.01) ** 2))
     True
     """
-    if not resisting(fabric):
+    if not families_with_law(fabric):
         raise ValueError("the fabric has no tension stiffness: leave this term out")
 
     def families(w):
         """Index and tension law T(ε) of each family that has one."""
         laws = fabric.at(elements(w)).laws
-        return [(i, laws[i]) for i in resisting(fabric)]
+        return [(i, laws[i]) for i in families_with_law(fabric)]
 
     def energy(w):
         F, A = deformation(w), directions(fabric, w)
@@ -63,8 +63,8 @@ def tension(fabric: Fabric) -> Forms:
     return of_density(energy, stress, stiffness)
 
 
-def resisting(fabric: Fabric) -> list[int]:
-    """The families that have a tension law: 0 for the warp, 1 for the weft."""
+def families_with_law(fabric: Fabric) -> list[int]:
+    """Families with a tension law: 0 for the warp, 1 for the weft."""
     return [i for i, f in enumerate(fabric.families) if not is_zero(f.tension)]
 
 
@@ -78,7 +78,7 @@ def fibre_tension(
     fabric
         Gives the tension laws, at the points of the strains (`Fabric.at`).
     strain, change
-        Fibre strains and a change of them, of warp and weft, shape (2, ...).
+        Fibre strains of warp and weft and their change, shape (2, ...).
     """
     laws = fabric.laws[:2]
     value = np.array([T.value(e) for T, e in zip(laws, strain, strict=True)])

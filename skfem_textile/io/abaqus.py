@@ -1,4 +1,4 @@
-"""Files of Abaqus: nodes, elements and sets."""
+"""Input files of Abaqus: nodes, elements and sets."""
 
 import re
 from collections.abc import Iterator
@@ -10,10 +10,10 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.naming import printable
-from .file_numbers import from_words, places, refuse_twice
+from ..mesh.user_input import excerpt, printable
+from .file_numbers import from_words, refuse_duplicates, tag_positions
 
-# Cells and their numbers of nodes, by the types of elements that have them.
+# Types of elements, by cell and its number of nodes.
 _TYPES = {
     ("line", 2): "T2D2 T2D2H T3D2 T3D2H B21 B21H B31 B31H",
     ("triangle", 3): "CPS3 STRI3 S3 S3R S3RS R3D3 M3D3",
@@ -21,47 +21,47 @@ _TYPES = {
 }
 _CELLS = {name: cell for cell, names in _TYPES.items() for name in names.split()}
 
-# What may be said in a line with a keyword.
-_WORDS = {
+# Parameters that are read, by keyword.
+_PARAMETERS = {
     "NODE": {"NSET"},
     "ELEMENT": {"TYPE", "ELSET"},
     "NSET": {"NSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
     "ELSET": {"ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
 }
 
-# Keywords that say nothing of the mesh, and those that would change it.
-_SILENT = ("HEADING", "PREPRINT", "PART", "ASSEMBLY", "INSTANCE")
-_CHANGING = ("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY")
+# Keywords without effect on the mesh, and those that generate or change parts of it.
+_WITHOUT_EFFECT = ("HEADING", "PREPRINT", "PART", "ASSEMBLY", "INSTANCE")
+_GENERATING = ("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY")
 
 
 class _Block(NamedTuple):
-    """A line with a keyword, what it says, and the words of its lines of data."""
+    """A keyword, its parameters, and the words of its data lines."""
 
     keyword: str
-    given: dict[str, str]
+    parameters: dict[str, str]
     data: list[list[bytes]]
 
     def __str__(self) -> str:
-        name = self.given.get(self.keyword)
+        name = self.parameters.get(self.keyword)
         return f"*{printable(self.keyword)}" + (f" {name!r}" if name else "")
 
 
 @dataclass
 class _Deck:
-    """Nodes, elements and sets.
+    """An input deck: nodes, elements and sets.
 
     Attributes
     ----------
     tags, points
         Numbers and positions of the nodes, shapes (n,) and (n, 2) or (n, 3).
     blocks
-        Of each ``*ELEMENT``: kind of cell, numbers, nodes and set.
+        Of each ``*ELEMENT``: type of cell, numbers, nodes and set.
     sets
         Members by keyword and name.
     ignored
         Keywords that are not read.
-    most
-        As many members a set may have.
+    n_lines
+        Number of lines of the file, and so the most members of a set.
     """
 
     tags: ndarray | None = None
@@ -69,12 +69,12 @@ class _Deck:
     blocks: list[tuple[str, ndarray, ndarray, str | None]] = field(default_factory=list)
     sets: dict[tuple[str, str], ndarray] = field(default_factory=dict)
     ignored: list[str] = field(default_factory=list)
-    most: int = 0
+    n_lines: int = 0
     _spelled: dict[tuple[str, str], str] = field(default_factory=dict)
 
-    def spelled(self, keyword: str, given: dict[str, str]) -> str:
-        """The name of a set as it was spelled first: it may be in capitals or not."""
-        name = given.get(keyword, "")
+    def spelled(self, keyword: str, parameters: dict[str, str]) -> str:
+        """The name of a set in its first spelling, as case does not matter."""
+        name = parameters.get(keyword, "")
         if not name or "\ufffd" in name:
             raise MeshError(f"{keyword} must have a name, in UTF-8")
         return self._spelled.setdefault((keyword, name.upper()), name)
@@ -94,14 +94,14 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
         If the file departs from its format, or has other elements than edges,
         triangles and four-node quadrilaterals.
     """
-    deck, seen = _Deck(most=content.count(b"\n") + content.count(b"\r")), set()
+    deck, keywords = _Deck(n_lines=content.count(b"\n") + content.count(b"\r")), set()
     for block in _blocks(content):
-        if block.keyword in ("NODE", "PART", "INSTANCE") and block.keyword in seen:
+        if block.keyword in ("NODE", "PART", "INSTANCE") and block.keyword in keywords:
             raise MeshError(
                 f"there is more than one *{block.keyword} block; put the whole mesh in "
                 "one"
             )
-        seen.add(block.keyword)
+        keywords.add(block.keyword)
         try:
             _read_block(deck, block)
         except MeshError as error:
@@ -110,9 +110,10 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
 
 
 def _blocks(content: bytes) -> Iterator[_Block]:
-    """The keywords, each with its data."""
+    """All keywords, each with its data."""
     lines = re.split(rb"\r\n|\n|\r", content)
-    lines = [x for line in lines if (x := line.strip()) and x[:2] != b"**"]
+    stripped = (line.strip() for line in lines)
+    lines = [line for line in stripped if line and not line.startswith(b"**")]
     starts = [i for i, line in enumerate(lines) if line.startswith(b"*")]
     if starts[:1] != [0]:
         raise MeshError("it does not begin with a keyword of Abaqus")
@@ -122,39 +123,43 @@ def _blocks(content: bytes) -> Iterator[_Block]:
             head, first = head + lines[first], first + 1
         keyword, *words = head.decode(errors="replace").split(",")
         pairs = [word.partition("=") for word in words if word.strip()]
-        given = {key.strip().upper(): value.strip() for key, _, value in pairs}
-        data = [[x.strip() for x in line.split(b",")] for line in lines[first:end]]
-        block = _Block(" ".join(keyword.upper().split()), given, data)
-        if len(given) < len(pairs):
-            raise MeshError(f"{block} says a thing twice")
+        parameters = {key.strip().upper(): value.strip() for key, _, value in pairs}
+        data = [
+            [word.strip() for word in line.split(b",")] for line in lines[first:end]
+        ]
+        block = _Block(" ".join(keyword.upper().split()), parameters, data)
+        if len(parameters) < len(pairs):
+            raise MeshError(f"{block} has a parameter twice")
         yield block
 
 
 def _read_block(deck: _Deck, block: _Block) -> None:
-    keyword, given, data = block
+    keyword, parameters, data = block
     if keyword == "INCLUDE":
         raise MeshError("is not followed; put the mesh in one file")
-    if keyword in _CHANGING:
+    if keyword in _GENERATING:
         raise MeshError("is not read; list nodes and elements one by one")
-    if other := set(given) - _WORDS.get(keyword, set(given)):
+    if other := set(parameters) - _PARAMETERS.get(keyword, set(parameters)):
         raise MeshError(
             f"{printable(min(other))!r} is not read; give plain numbers without it"
         )
     if keyword == "NODE":
         deck.tags, deck.points = _nodes(data)
-        if "NSET" in given:
-            deck.sets["NSET", deck.spelled("NSET", given)] = deck.tags
+        if "NSET" in parameters:
+            deck.sets["NSET", deck.spelled("NSET", parameters)] = deck.tags
     elif keyword == "ELEMENT":
-        kind, corners = _cell(given.get("TYPE", ""))
+        kind, corners = _cell(parameters.get("TYPE", ""))
         rows = _elements(data, 1 + corners)
-        name = deck.spelled("ELSET", given) if "ELSET" in given else None
+        name = deck.spelled("ELSET", parameters) if "ELSET" in parameters else None
         deck.blocks.append((kind, rows[:, 0], rows[:, 1:], name))
     elif keyword in ("NSET", "ELSET"):
-        name = deck.spelled(keyword, given)
+        name = deck.spelled(keyword, parameters)
         if (keyword, name) in deck.sets:
             raise MeshError("is given twice; name them apart")
-        deck.sets[keyword, name] = _members(data, "GENERATE" in given, deck.most)
-    elif keyword.removeprefix("END ") not in _SILENT or (
+        deck.sets[keyword, name] = _members(
+            data, "GENERATE" in parameters, deck.n_lines
+        )
+    elif keyword.removeprefix("END ") not in _WITHOUT_EFFECT or (
         keyword == "INSTANCE" and data
     ):
         deck.ignored.append(f"*{keyword}")
@@ -166,7 +171,7 @@ def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
     width = len(data[0]) - 1 if data else 3
     for words in data:
         if len(words) - 1 != width or width not in (2, 3):
-            shown = printable(b", ".join(words)[:60].decode(errors="replace"))
+            shown = excerpt(b", ".join(words))
             raise MeshError(f"{shown!r} must be a number and two or three coordinates")
     x = from_words([word for words in data for word in words[1:]], "f8")
     return tags, x.reshape(-1, width)
@@ -179,7 +184,7 @@ def _cell(element: str) -> tuple[str, int]:
     except KeyError:
         raise MeshError(
             "only triangles and four-node quadrilaterals are supported, found "
-            f"{printable(element[:30]) or 'no TYPE'}; CPS3 and CPS4 are such"
+            f"{excerpt(element) or 'no TYPE'}; CPS3 and CPS4 are such"
         ) from None
 
 
@@ -188,22 +193,22 @@ def _elements(data: list[list[bytes]], width: int) -> ndarray:
     rows: list[list[bytes]] = []
     open_row = False
     for words in data:
-        goes_on = words[-1] == b""
-        words = words[:-1] if goes_on else words
+        continues = words[-1] == b""
+        words = words[:-1] if continues else words
         if open_row:
             rows[-1] += words
         else:
             rows.append(words)
-        open_row = goes_on and len(rows[-1]) < width
+        open_row = continues and len(rows[-1]) < width
         if len(rows[-1]) != width and not open_row:
-            shown = printable(b", ".join(rows[-1])[:60].decode(errors="replace"))
+            shown = excerpt(b", ".join(rows[-1]))
             raise MeshError(f"{shown!r} must be {width} numbers")
     if open_row:
         raise MeshError("its last element is cut off")
     return from_words([word for row in rows for word in row], "i8").reshape(-1, width)
 
 
-def _members(data: list[list[bytes]], generate: bool, most: int) -> ndarray:
+def _members(data: list[list[bytes]], generate: bool, n_lines: int) -> ndarray:
     """Numbers of the members of a set."""
     lines = [words[:-1] if words[-1] == b"" else words for words in data]
     words = [word for line in lines for word in line]
@@ -215,7 +220,7 @@ def _members(data: list[list[bytes]], generate: bool, most: int) -> ndarray:
     if len(numbers) != 3 or numbers[2] < 1 or (numbers[1] - numbers[0]) % numbers[2]:
         raise MeshError("GENERATE takes one line: first, last, step, which end at last")
     first, last, step = numbers.tolist()
-    if not 0 <= (last - first) // step < most:
+    if not 0 <= (last - first) // step < n_lines:
         raise MeshError("has more members than the file has lines, or none")
     return np.arange(first, last + 1, step)
 
@@ -223,11 +228,12 @@ def _members(data: list[list[bytes]], generate: bool, most: int) -> ndarray:
 def _mesh(deck: _Deck) -> meshio.Mesh:
     if deck.tags is None or not deck.blocks:
         raise MeshError(f"it has no *{'NODE' if deck.tags is None else 'ELEMENT'}")
-    refuse_twice(deck.tags, "node")
+    refuse_duplicates(deck.tags, "node")
     numbers = np.concatenate([numbers for _, numbers, _, _ in deck.blocks])
-    refuse_twice(numbers, "element")
+    refuse_duplicates(numbers, "element")
     cells: list[Any] = [
-        (kind, places(deck.tags, nodes, "node")) for kind, _, nodes, _ in deck.blocks
+        (kind, tag_positions(deck.tags, nodes, "node"))
+        for kind, _, nodes, _ in deck.blocks
     ]
     nodes: dict[str, Any] = {}
     elements: dict[str, Any] = {}
@@ -244,12 +250,13 @@ def _mesh(deck: _Deck) -> meshio.Mesh:
     for (keyword, name), members in deck.sets.items():
         try:
             if keyword == "NSET":
-                nodes[name] = places(deck.tags, members, "node")
+                nodes[name] = tag_positions(deck.tags, members, "node")
             else:
-                at = np.sort(places(numbers, members, "element"))
-                ends = np.searchsorted(at, first)
+                positions = np.sort(tag_positions(numbers, members, "element"))
+                ends = np.searchsorted(positions, first)
                 elements[name] = [
-                    at[a:b] - n for a, b, n in zip(ends, ends[1:], first, strict=False)
+                    positions[a:b] - n
+                    for a, b, n in zip(ends, ends[1:], first, strict=False)
                 ]
         except MeshError as error:
             raise MeshError(f"*{keyword} {name!r}: {error}") from None

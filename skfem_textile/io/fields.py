@@ -15,9 +15,9 @@ def point_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
 def cell_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
     """Fibre strains, tensions and directions, and the shear angle, per element.
 
-    Strains are those that the law of tension sees (`Ply.law_strain`).  Of several
-    points in an element the value of largest magnitude is given, so that the extremes
-    of a field are those of the ply; directions are those at the centre, in the current
+    Strains are those that the law of tension sees (`Ply.law_strain`).  Of the
+    points in an element, that with the largest magnitude counts, so that the extremes
+    of a field are those of the ply.  Directions are those at the centre, in the current
     configuration.
 
     Returns
@@ -40,21 +40,20 @@ def cell_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
 def on_parents(mesh: SplitMesh, fields: dict[str, ndarray]) -> dict[str, ndarray]:
     """Fields of a split mesh on the elements of the original.
 
-    Of the parts of an element the value of largest magnitude, and of directions the
-    mean direction.
+    An element has the value of largest magnitude of its parts, and the mean direction.
     """
     n = sum(cell.shape[1] for cell in mesh.cells)
-    given = {}
+    parent_fields = {}
     for name, x in fields.items():
         if x.ndim == 1:
             order = np.lexsort((np.abs(x), mesh.parent))
             last = np.searchsorted(mesh.parent[order], np.arange(n), "right")
-            given[name] = x[order[last - 1]]
+            parent_fields[name] = x[order[last - 1]]
         else:
             total = np.zeros((n, x.shape[1]))
             np.add.at(total, mesh.parent, x)
-            given[name] = total / np.linalg.norm(total, axis=1, keepdims=True)
-    return given
+            parent_fields[name] = total / np.linalg.norm(total, axis=1, keepdims=True)
+    return parent_fields
 
 
 def _extreme(x: ndarray) -> ndarray:

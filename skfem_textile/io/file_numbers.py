@@ -1,4 +1,4 @@
-"""Numbers in files, as text or as bytes: all that are due, and nothing else."""
+"""Numbers in files, as text or binary, read with all checks of their count."""
 
 import contextlib
 from typing import Any, NoReturn
@@ -7,16 +7,16 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.naming import printable
+from ..mesh.user_input import excerpt
 
 
 def from_words(words: list[bytes], dtype: Any) -> ndarray:
-    """Numbers of a type from words, shape (n,).
+    """Convert words to numbers of a type, shape (n,).
 
     Raises
     ------
     MeshError
-        If a word is no such number, or it is too large for the type.
+        If a word is no such number, or too large for the type.
     """
     dtype = np.dtype(dtype)
     parse: Any = float if dtype.kind == "f" else int
@@ -27,12 +27,12 @@ def from_words(words: list[bytes], dtype: Any) -> ndarray:
     if b"_" in b"".join(words):  # Python's own way to write long numbers
         _refuse_words(words, parse)
     if parse is float:
-        with np.errstate(over="ignore"):  # then infinite, and refused as such
+        with np.errstate(over="ignore"):  # infinite numbers are refused later
             return np.array(numbers, dtype=float).astype(dtype)
     bounds = np.iinfo(dtype)
     for number in (max(numbers, default=0), min(numbers, default=0)):
         if not bounds.min <= number <= bounds.max:
-            raise MeshError(f"the number {str(number)[:30]} is too large")
+            raise MeshError(f"the number {excerpt(str(number))} is too large")
     return np.array(numbers, dtype=dtype)
 
 
@@ -45,95 +45,97 @@ def _refuse_words(words: list[bytes], parse: Any) -> NoReturn:
                 continue
         break
     kind = "number" if parse is float else "whole number"
-    shown = printable(word[:30].decode(errors="replace"))
+    shown = excerpt(word)
     raise MeshError(f"{shown!r} is no {kind}")
 
 
-class Words:
-    """Numbers that are written as words."""
+class TextNumbers:
+    """Numbers that are written as text."""
 
     def __init__(self, text: bytes) -> None:
-        self._words, self._at = text.split(), 0
+        self._words, self._position = text.split(), 0
 
     @property
     def left(self) -> int:
-        """How many words are left."""
-        return len(self._words) - self._at
+        """Number of words that are left."""
+        return len(self._words) - self._position
 
     def words(self, count: int) -> list[bytes]:
         """The next words."""
         if not 0 <= count <= self.left:
             raise MeshError(f"{count} numbers are due where {self.left} are left")
-        words = self._words[self._at : self._at + count]
-        self._at += count
+        words = self._words[self._position : self._position + count]
+        self._position += count
         return words
 
     def take(self, count: int, dtype: Any) -> ndarray:
-        """The next numbers, of a type, shape (count,)."""
+        """The next numbers of a type, shape (count,)."""
         return from_words(self.words(count), dtype)
 
-    def end(self) -> None:
-        """Refuse that there are more numbers."""
+    def refuse_rest(self) -> None:
+        """Refuse further numbers."""
         if self.left:
-            raise MeshError(f"{self.left} more words than its counts say")
+            raise MeshError(f"{self.left} more words than its counts state")
 
 
-class Bytes:
-    """Numbers that are written as bytes."""
+class BinaryNumbers:
+    """Numbers that are written as binary data."""
 
     def __init__(self, content: bytes) -> None:
-        self._content, self._at = content, 0
+        self._content, self._position = content, 0
 
     def take(self, count: int, dtype: Any) -> ndarray:
-        """The next numbers, of a type, shape (count,)."""
-        size, left = count * np.dtype(dtype).itemsize, len(self._content) - self._at
+        """The next numbers of a type, shape (count,)."""
+        size = count * np.dtype(dtype).itemsize
+        left = len(self._content) - self._position
         if not 0 <= size <= left:
             raise MeshError(f"{size} bytes are due where {left} are left")
-        taken = np.frombuffer(self._content, dtype, count, self._at)
-        self._at += size
+        taken = np.frombuffer(self._content, dtype, count, self._position)
+        self._position += size
         return taken
 
     def line(self) -> bytes:
         """The rest of this line."""
-        end = self._content.find(b"\n", self._at)
+        end = self._content.find(b"\n", self._position)
         end = len(self._content) if end < 0 else end
-        line = self._content[self._at : end]
-        self._at = end + 1
+        line = self._content[self._position : end]
+        self._position = end + 1
         return line
 
-    def end(self) -> None:
-        """Refuse that there are more bytes than an end of a line."""
-        left = self._content[self._at :]
-        if left not in (b"", b"\n", b"\r\n"):
-            raise MeshError(f"{len(left)} more bytes than its counts say")
+    def refuse_rest(self) -> None:
+        """Refuse further bytes, except the end of a line."""
+        rest = self._content[self._position :]
+        if rest not in (b"", b"\n", b"\r\n"):
+            raise MeshError(f"{len(rest)} more bytes than its counts state")
 
 
-def places(tags: ndarray, wanted: ndarray, what: str) -> ndarray:
-    """Where wanted tags stand among tags, shape of those wanted.
+def tag_positions(tags: ndarray, wanted: ndarray, what: str) -> ndarray:
+    """Positions of wanted tags among tags, in the shape of the wanted ones.
 
     Raises
     ------
     MeshError
-        If one that is wanted is not there.
+        If a wanted tag is missing.
     """
     if not len(tags):
         raise MeshError(f"it has no {what}")
     order = np.argsort(tags, kind="stable")
-    at = np.searchsorted(tags[order], wanted).clip(max=len(tags) - 1)
-    there = tags[order[at]] == wanted
-    if not there.all():
-        raise MeshError(f"it names {what} {wanted[~there][0]}, which is not there")
-    return order[at]
+    rank = np.searchsorted(tags[order], wanted).clip(max=len(tags) - 1)
+    position = order[rank]
+    missing = wanted[tags[position] != wanted]
+    if missing.size:
+        raise MeshError(f"it names {what} {missing[0]}, which is not there")
+    return position
 
 
-def refuse_twice(tags: ndarray, what: str) -> None:
-    """Refuse that a tag is there twice.
+def refuse_duplicates(tags: ndarray, what: str) -> None:
+    """Refuse duplicate tags.
 
     Raises
     ------
     MeshError
-        If there is one.
+        If there are any.
     """
     tags = np.sort(tags)
-    if (twice := tags[1:][tags[1:] == tags[:-1]]).size:
-        raise MeshError(f"there are two of {what} {twice[0]}; number them apart")
+    if (duplicates := tags[1:][tags[1:] == tags[:-1]]).size:
+        raise MeshError(f"there are two of {what} {duplicates[0]}; number them apart")

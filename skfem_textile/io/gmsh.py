@@ -1,4 +1,4 @@
-"""Files of Gmsh, versions 2.2 and 4.1, as text or as bytes."""
+"""Files of Gmsh, versions 2.2 and 4.1, as text or binary."""
 
 import re
 from collections.abc import Iterator
@@ -9,11 +9,11 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.naming import printable
-from .file_numbers import Bytes, Words, places, refuse_twice
+from ..mesh.user_input import excerpt
+from .file_numbers import BinaryNumbers, TextNumbers, refuse_duplicates, tag_positions
 from .gmsh_sections import (
-    KINDS,
-    Cells,
+    CELL_TYPES,
+    CellBlock,
     cells_22,
     cells_41,
     entities,
@@ -21,13 +21,13 @@ from .gmsh_sections import (
     nodes_41,
 )
 
-# Sections that are read.
+# Sections that are read, others than comments.
 _READ = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
 
-# Of a group: dimension, number, and its name.
+# A line of a group: dimension, number and name.
 _GROUP = re.compile(r'[ \t]*([0-9]{1,9})[ \t]+([0-9]{1,9})[ \t]+"([^"]+)"[ \t\r]*')
 
-# What may stand around a line.
+# Characters that may surround a line.
 _BLANK = b" \t\r\n"
 
 _Names = dict[tuple[int, int], str]
@@ -55,14 +55,14 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
     for name in ("MeshFormat", "Nodes", "Elements"):
         if name not in sections:
             raise MeshError(f"it has no ${name}")
-    version, as_bytes = _format(sections["MeshFormat"])
+    version, binary = _format(sections["MeshFormat"])
     names = _group_names(sections.get("PhysicalNames", b"0"))
 
     def parsed(name: str, parse: Any, *more: Any) -> Any:
         try:
-            numbers = (Bytes if as_bytes else Words)(sections[name])
+            numbers = (BinaryNumbers if binary else TextNumbers)(sections[name])
             result = parse(numbers, *more)
-            numbers.end()
+            numbers.refuse_rest()
         except MeshError as error:
             raise MeshError(f"${name}: {error}") from None
         return result
@@ -73,18 +73,18 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
         cells = parsed("Elements", cells_41, groups)
     else:
         tags, points = parsed("Nodes", nodes_22)
-        cells = [_once(block, names) for block in parsed("Elements", cells_22)]
+        cells = [_merge_copies(block, names) for block in parsed("Elements", cells_22)]
     ignored = [f"${name}" for name in sections if name not in (*_READ, "Comments")]
     return _mesh(names, tags, points, cells), ignored
 
 
 def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
-    """The name of each section and what it holds."""
-    at = 0
-    while at < len(content):
-        end = content.find(b"\n", at) + 1 or len(content)
-        line, at = content[at:end].strip(_BLANK), end
-        shown = printable(line[:30].decode(errors="replace"))
+    """Name and content of each section."""
+    position = 0
+    while position < len(content):
+        end = content.find(b"\n", position) + 1 or len(content)
+        line, position = content[position:end].strip(_BLANK), end
+        shown = excerpt(line)
         if not line:
             continue
         if not line.startswith(b"$") or line.startswith(b"$End"):
@@ -93,26 +93,26 @@ def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
         close = content.find(last, end)
         if close < 0:
             raise MeshError(f"the end of {shown} is missing")
-        at = content.find(b"\n", close) + 1 or len(content)
-        if content[close:at].strip(_BLANK) != last:
+        position = content.find(b"\n", close) + 1 or len(content)
+        if content[close:position].strip(_BLANK) != last:
             raise MeshError(f"{shown} does not end with its line")
         yield line[1:].decode(errors="replace"), content[end:close]
 
 
 def _format(body: bytes) -> tuple[str, bool]:
-    """The version, and whether numbers are written as bytes."""
-    head, _, one = body.partition(b"\n")
+    """The version, and whether numbers are binary."""
+    head, _, marker = body.partition(b"\n")
     version, kind, size, *more = [*head.decode(errors="replace").split(), "", "", ""]
     if version not in ("2", "2.2", "4.1"):
         raise MeshError(
-            f"version {printable(version[:9])!r} of Gmsh's files is not read; save it "
+            f"version {excerpt(version)!r} of Gmsh's files is not read; save it "
             "as 2.2 or 4.1"
         )
     if kind not in ("0", "1") or size != "8" or any(more):
         raise MeshError("$MeshFormat must name a version, 0 or 1, and the size 8")
-    if kind == "1" and one[:4] != np.array(1, "i4").tobytes():
+    if kind == "1" and marker[:4] != np.array(1, "i4").tobytes():
         raise MeshError("its bytes are in the order of another machine")
-    if one[4 if kind == "1" else 0 :].strip():
+    if marker[4 if kind == "1" else 0 :].strip():
         raise MeshError("$MeshFormat holds more than a format")
     return version, kind == "1"
 
@@ -120,61 +120,62 @@ def _format(body: bytes) -> tuple[str, bool]:
 def _group_names(body: bytes) -> _Names:
     """Names of groups by dimension and number."""
     try:
-        lines = [x for x in body.decode().split("\n") if x.strip()]
+        lines = [line for line in body.decode().split("\n") if line.strip()]
     except UnicodeDecodeError:
         raise MeshError("a name in $PhysicalNames is not in UTF-8") from None
     names: _Names = {}
     if not lines or lines[0].strip() != str(len(lines) - 1):
         raise MeshError(f"$PhysicalNames must count its {len(lines[1:])} names")
     for line in lines[1:]:
-        found = _GROUP.fullmatch(line)
-        if found is None or int(found[1]) > 3:
-            shown = printable(line[:60].strip())
+        match = _GROUP.fullmatch(line)
+        if match is None or int(match[1]) > 3:
+            shown = excerpt(line.strip())
             raise MeshError(f"$PhysicalNames: {shown} is no dimension, number and name")
-        if found[3] in names.values():
-            raise MeshError(f"two groups are named {found[3]!r}; name them apart")
-        if (key := (int(found[1]), int(found[2]))) in names:
-            raise MeshError(f"group {found[3]!r} has the number of another")
-        names[key] = found[3]
+        if match[3] in names.values():
+            raise MeshError(f"two groups are named {match[3]!r}; name them apart")
+        if (key := (int(match[1]), int(match[2]))) in names:
+            raise MeshError(f"group {match[3]!r} has the number of another")
+        names[key] = match[3]
     return names
 
 
-def _once(cells: Cells, names: _Names) -> Cells:
-    """Each cell once, which files of version 2.2 repeat for each of its groups.
+def _merge_copies(cells: CellBlock, names: _Names) -> CellBlock:
+    """Merge the copies of a cell that version 2.2 writes for each of its groups.
 
-    Cells that are repeated otherwise are left for `check_mesh` to refuse.
+    Other copies stay, so that `check_mesh` refuses them.
     """
     _, first, copy = np.unique(
         cells.nodes, axis=0, return_index=True, return_inverse=True
     )
     copy = copy.ravel()
     repeated = np.bincount(copy)[copy] > 1
-    dimension = KINDS[cells.kind][1]
-    named = [number for of, number in names if of == dimension]
+    dimension = CELL_TYPES[cells.kind][1]
+    named = [number for dim, number in names if dim == dimension]
     pairs = np.unique(np.stack([copy, cells.groups]), axis=1)
     if pairs.shape[1] < len(copy) or not np.isin(cells.groups[repeated], named).all():
         return cells
-    kept = np.sort(first)
-    members = np.searchsorted(kept, first[copy])
-    return cells._replace(nodes=cells.nodes[kept], members=members)
+    unique = np.sort(first)
+    members = np.searchsorted(unique, first[copy])
+    return cells._replace(nodes=cells.nodes[unique], members=members)
 
 
 def _mesh(
-    names: _Names, tags: ndarray, points: ndarray, cells: list[Cells]
+    names: _Names, tags: ndarray, points: ndarray, cells: list[CellBlock]
 ) -> meshio.Mesh:
-    refuse_twice(tags, "node")
+    refuse_duplicates(tags, "node")
     if cells:
-        refuse_twice(np.concatenate([block.numbers for block in cells]), "element")
+        refuse_duplicates(np.concatenate([block.numbers for block in cells]), "element")
     sets: dict[str, Any] = {
         name: [
             np.unique(block.members[block.groups == number])
-            if KINDS[block.kind][1] == dimension
+            if CELL_TYPES[block.kind][1] == dimension
             else np.empty(0, dtype=int)
             for block in cells
         ]
         for (dimension, number), name in names.items()
     }
     blocks: list[Any] = [
-        (KINDS[block.kind][0], places(tags, block.nodes, "node")) for block in cells
+        (CELL_TYPES[block.kind][0], tag_positions(tags, block.nodes, "node"))
+        for block in cells
     ]
     return meshio.Mesh(points, blocks, cell_sets=sets)

@@ -1,4 +1,4 @@
-"""Nodes, elements and entities of Gmsh's files, as text or as bytes."""
+"""Nodes, elements and entities of files of Gmsh, as text or binary."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -8,24 +8,24 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from .file_numbers import Bytes, Words, from_words
+from .file_numbers import BinaryNumbers, TextNumbers, from_words
 
-#: By Gmsh's number: what the cells are, their dimension and number of nodes.
-KINDS = {
+#: Name, dimension and number of nodes of a cell, by Gmsh's number of its type.
+CELL_TYPES = {
     15: ("vertex", 0, 1),
     1: ("line", 1, 2),
     2: ("triangle", 2, 3),
     3: ("quad", 2, 4),
 }
 
-Numbers = Words | Bytes
+Numbers = TextNumbers | BinaryNumbers
 
 
-class Cells(NamedTuple):
-    """Cells of one kind, and which of them belong to groups.
+class CellBlock(NamedTuple):
+    """Cells of one type, and their groups.
 
-    Gmsh's number of the kind, numbers, shape (n,), and nodes, shape (n, corners).
-    Members of groups among these cells, and the number of the group of each.
+    ``kind`` is Gmsh's number of the type; ``numbers`` has shape (n,), ``nodes`` (n,
+    corners).  ``members`` are positions in the block, ``groups`` the group of each.
     """
 
     kind: int
@@ -38,7 +38,7 @@ class Cells(NamedTuple):
 def nodes_22(numbers: Numbers) -> tuple[ndarray, ndarray]:
     """Tags, shape (n,), and positions, shape (n, 3)."""
     count = _count_22(numbers)
-    if isinstance(numbers, Bytes):
+    if isinstance(numbers, BinaryNumbers):
         nodes = numbers.take(count, [("tag", "i4"), ("x", "f8", 3)])
         return nodes["tag"], nodes["x"]
     words = numbers.words(4 * count)
@@ -47,54 +47,59 @@ def nodes_22(numbers: Numbers) -> tuple[ndarray, ndarray]:
 
 
 def _count_22(numbers: Numbers) -> int:
-    """How many nodes or elements there are; always as text."""
-    words = Words(numbers.line()) if isinstance(numbers, Bytes) else numbers
+    """Number of nodes or elements, which is always text."""
+    words = (
+        TextNumbers(numbers.line()) if isinstance(numbers, BinaryNumbers) else numbers
+    )
     (count,) = words.take(1, "i4").tolist()
     if words is not numbers:
-        words.end()
+        words.refuse_rest()
     return count
 
 
-def cells_22(numbers: Numbers) -> list[Cells]:
-    """Cells by kind, each a member of a group."""
+def cells_22(numbers: Numbers) -> list[CellBlock]:
+    """Cells by type, each a member of a group."""
     count = _count_22(numbers)
-    if isinstance(numbers, Bytes):
-        rows = _packed_rows(numbers, count)
+    if isinstance(numbers, BinaryNumbers):
+        rows = _binary_rows(numbers, count)
     else:
-        rows = _written_rows(numbers, count)
-    found: dict[int, list[Any]] = {}
-    for kind, some in rows:
-        found.setdefault(kind, []).append(some)
+        rows = _text_rows(numbers, count)
+    by_kind: dict[int, list[Any]] = {}
+    for kind, values in rows:
+        by_kind.setdefault(kind, []).append(values)
     blocks = []
-    for kind, parts in found.items():
+    for kind, parts in by_kind.items():
         cells = np.vstack(parts)
         members = np.arange(len(cells))
         groups = np.abs(cells[:, 1])
-        blocks.append(Cells(kind, cells[:, 0], cells[:, 2:], members, groups))
+        blocks.append(CellBlock(kind, cells[:, 0], cells[:, 2:], members, groups))
     return blocks
 
 
-def _written_rows(numbers: Words, count: int) -> Iterator[tuple[int, Any]]:
+def _text_rows(numbers: TextNumbers, count: int) -> Iterator[tuple[int, Any]]:
     """Kind of each element, and its number, group and nodes."""
     words = numbers.take(numbers.left, "i4").tolist()
-    at = 0
+    position = 0
     for _ in range(count):
-        head = words[at : at + 3]
+        head = words[position : position + 3]
         number, kind, n_tags = head if len(head) == 3 else (0, 1, 0)
-        first = at + 3 + n_tags
-        at = first + _corners(kind)
-        if n_tags < 0 or at > len(words):
+        first = position + 3 + n_tags
+        position = first + _n_corners(kind)
+        if n_tags < 0 or position > len(words):
             raise MeshError(f"{count} elements are due, and it is cut off")
-        yield kind, [number, words[first - n_tags] if n_tags else 0, *words[first:at]]
-    if at < len(words):
-        raise MeshError(f"{len(words) - at} more words than its counts say")
+        yield (
+            kind,
+            [number, words[first - n_tags] if n_tags else 0, *words[first:position]],
+        )
+    if position < len(words):
+        raise MeshError(f"{len(words) - position} more words than its counts state")
 
 
-def _packed_rows(numbers: Bytes, left: int) -> Iterator[tuple[int, Any]]:
-    """Kind of elements that stand together, and their numbers, groups and nodes."""
+def _binary_rows(numbers: BinaryNumbers, left: int) -> Iterator[tuple[int, Any]]:
+    """Kind of consecutive elements, and their numbers, groups and nodes."""
     while left > 0:
         kind, count, n_tags = numbers.take(3, "i4").tolist()
-        width = 1 + n_tags + _corners(kind)
+        width = 1 + n_tags + _n_corners(kind)
         if not 0 < count <= left or n_tags < 0:
             raise MeshError(f"{count} elements with {n_tags} tags, {left} are due")
         rows = numbers.take(count * width, "i4").reshape(count, width)
@@ -103,14 +108,14 @@ def _packed_rows(numbers: Bytes, left: int) -> Iterator[tuple[int, Any]]:
         left -= count
 
 
-def _corners(kind: int) -> int:
+def _n_corners(kind: int) -> int:
     """Number of nodes of a cell."""
-    if kind not in KINDS:
-        found = meshio.gmsh.common._gmsh_to_meshio_type.get(kind, f"type {kind}")
+    if kind not in CELL_TYPES:
+        name = meshio.gmsh.common._gmsh_to_meshio_type.get(kind, f"type {kind}")
         raise MeshError(
-            f"only triangles and four-node quadrilaterals are supported, found {found}"
+            f"only triangles and four-node quadrilaterals are supported, found {name}"
         )
-    return KINDS[kind][2]
+    return CELL_TYPES[kind][2]
 
 
 def entities(numbers: Numbers) -> dict[tuple[int, int], list[int]]:
@@ -119,13 +124,13 @@ def entities(numbers: Numbers) -> dict[tuple[int, int], list[int]]:
     for dimension, count in enumerate(numbers.take(4, "u8").tolist()):
         for _ in range(count):
             (tag,) = numbers.take(1, "i4").tolist()
-            numbers.take(3 if dimension == 0 else 6, "f8")  # where it lies
+            numbers.take(3 if dimension == 0 else 6, "f8")  # its position
             if (dimension, tag) in groups:
                 raise MeshError(f"two entities {tag} of dimension {dimension}")
-            some = numbers.take(numbers.take(1, "u8").item(), "i4")
-            groups[dimension, tag] = np.unique(np.abs(some)).tolist()
+            tags = numbers.take(numbers.take(1, "u8").item(), "i4")
+            groups[dimension, tag] = np.unique(np.abs(tags)).tolist()
             if dimension > 0:
-                numbers.take(numbers.take(1, "u8").item(), "i4")  # what bounds it
+                numbers.take(numbers.take(1, "u8").item(), "i4")  # its boundary
     return groups
 
 
@@ -145,29 +150,31 @@ def nodes_41(numbers: Numbers) -> tuple[ndarray, ndarray]:
     return np.concatenate(tags), np.concatenate(points)
 
 
-def _refuse_count(said: int, found: int) -> None:
-    if said != found:
-        raise MeshError(f"{said} are said to be there, and there are {found}")
+def _refuse_count(stated: int, actual: int) -> None:
+    if stated != actual:
+        raise MeshError(f"it states {stated}, and has {actual}")
 
 
 def cells_41(
     numbers: Numbers, groups: dict[tuple[int, int], list[int]] | None
-) -> list[Cells]:
+) -> list[CellBlock]:
     """Cells by entity, members of its groups."""
     n_blocks, n_cells, _, _ = numbers.take(4, "u8").tolist()
     blocks = []
     for _ in range(n_blocks):
         dimension, tag, kind = numbers.take(3, "i4").tolist()
         (count,) = numbers.take(1, "u8").tolist()
-        width = 1 + _corners(kind)
-        if dimension != KINDS[kind][1]:
-            raise MeshError(f"a {KINDS[kind][0]} in an entity of {dimension}D")
+        width = 1 + _n_corners(kind)
+        if dimension != CELL_TYPES[kind][1]:
+            raise MeshError(f"a {CELL_TYPES[kind][0]} in an entity of {dimension}D")
         if groups is not None and (dimension, tag) not in groups:
             raise MeshError(f"entity {tag} of dimension {dimension} is not there")
         rows = numbers.take(count * width, "u8").reshape(count, width)
-        own = np.array((groups or {}).get((dimension, tag), []), dtype="i4")
-        members = np.repeat(np.arange(count), len(own))
-        block = Cells(kind, rows[:, 0], rows[:, 1:], members, np.tile(own, count))
+        own_groups = np.array((groups or {}).get((dimension, tag), []), dtype="i4")
+        members = np.repeat(np.arange(count), len(own_groups))
+        block = CellBlock(
+            kind, rows[:, 0], rows[:, 1:], members, np.tile(own_groups, count)
+        )
         blocks.append(block)
     _refuse_count(n_cells, sum(len(block.numbers) for block in blocks))
     return blocks

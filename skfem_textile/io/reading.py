@@ -1,4 +1,4 @@
-"""Meshes from files: of Gmsh, Abaqus and VTK, and others that meshio knows."""
+"""Meshes from files of Gmsh, Abaqus and VTK, and in other formats of meshio."""
 
 import contextlib
 import io
@@ -6,7 +6,7 @@ import logging
 import os
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +16,27 @@ from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
 from ..mesh.checks import MeshError, check_mesh, check_quads, refuse, refuse_positions
-from ..mesh.naming import printable, with_named_nodes
+from ..mesh.named_nodes import with_named_nodes
+from ..mesh.scikit_fem import with_names
+from ..mesh.user_input import printable
 from ..splitting import boundary_edges, named_edges, split_cells
 from . import abaqus, gmsh, vtk, vtu
 
+# Extent of a mesh along z over its largest extent, up to which it counts as plane.
+# Chosen: far above rounding (2e-16).
+_FLAT = 1e-9
+
+# Characters of a reason of meshio in a message.  Chosen: two lines in all.
+_LONGEST_REASON = 100
+
 log = logging.getLogger(__name__)
 
-_CELLS: dict[str, type[Mesh]] = {"quad": MeshQuad, "triangle": MeshTri}
-_CORNERS = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}
-# Formats that are read here; meshio passes over much that is wrong in them.
-_OWN = {".msh": gmsh.read, ".inp": abaqus.read, ".vtu": vtu.read, ".vtk": vtk.read}
+_MESH_CLASSES: dict[str, type[Mesh]] = {"quad": MeshQuad, "triangle": MeshTri}
+_N_CORNERS = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}
+# Formats that are read here, because meshio accepts many errors in them.
+_READERS = {".msh": gmsh.read, ".inp": abaqus.read, ".vtu": vtu.read, ".vtk": vtk.read}
 
-_WORDS = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
+_CELL_NAMES = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
 
 
 def read_mesh(path: str | os.PathLike[str], split: bool = True) -> Mesh:
@@ -68,24 +77,24 @@ def read_mesh(path: str | os.PathLike[str], split: bool = True) -> Mesh:
 
 
 def _read(path: Path) -> tuple[meshio.Mesh, list[str]]:
-    """What a file holds, and names of what is not read."""
+    """Content of a file, and names of what is not read."""
     try:
         if not path.is_file():
             raise MeshError("no such file")
-        if own := _OWN.get(path.suffix.lower()):
-            return own(path.read_bytes())
+        if read := _READERS.get(path.suffix.lower()):
+            return read(path.read_bytes())
     except OSError as error:
         raise MeshError(printable(error.strerror or error)) from None
     return _read_with_meshio(path)
 
 
 def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
-    """Read with meshio, which prints and exits where it cannot; what is left out."""
-    said = io.StringIO()
+    """Read with meshio, which prints and exits on errors."""
+    printed = io.StringIO()
     try:
         with (
-            contextlib.redirect_stdout(said),
-            contextlib.redirect_stderr(said),
+            contextlib.redirect_stdout(printed),
+            contextlib.redirect_stderr(printed),
             warnings.catch_warnings(),
             np.errstate(all="ignore"),
         ):
@@ -97,8 +106,8 @@ def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
         what = " ".join(map(printable, error.args))
         raise MeshError(f"it names {what}, which is not there") from None
     except (Exception, SystemExit) as error:
-        said_or_error = (said.getvalue() or str(error)).strip()
-        reason = printable(said_or_error.partition("\n")[0][:100])
+        reason = (printed.getvalue() or str(error)).strip().partition("\n")[0]
+        reason = printable(reason[:_LONGEST_REASON])
         raise MeshError(f"meshio cannot read it. {reason}".strip()) from None
     fields = [n for n in raw.point_data if not n.startswith("gmsh:")]
     fields += [n for n in raw.cell_data if not n.startswith(("gmsh:", "skfem:"))]
@@ -129,16 +138,16 @@ def _content(raw: meshio.Mesh) -> _Content:
     refuse_positions(points.T)
     blocks = [i for i, block in enumerate(raw.cells) if len(block.data)]
     kinds = {raw.cells[i].type for i in blocks} - {"vertex", "line"}
-    if not kinds or not kinds <= set(_CELLS):
-        found = printable(", ".join(sorted(kinds)) or "none")
+    if not kinds or not kinds <= set(_MESH_CLASSES):
+        names = printable(", ".join(sorted(kinds)) or "none")
         raise MeshError(
-            "only triangles and four-node quadrilaterals are supported, found " + found
+            "only triangles and four-node quadrilaterals are supported, found " + names
         )
     size = np.ptp(points, axis=0)
-    if not np.all(size[2:] <= 1e-9 * size[:2].max()):
+    if not np.all(size[2:] <= _FLAT * size[:2].max()):
         raise MeshError("the mesh must lie in a plane z = const")
     _refuse_numbers(raw, blocks)
-    plane = [i for i in blocks if raw.cells[i].type in _CELLS]
+    plane = [i for i in blocks if raw.cells[i].type in _MESH_CLASSES]
     cells = [np.asarray(raw.cells[i].data, dtype=int).T for i in plane]
     content = _Content(points[:, :2].T.copy(), cells)
     _name_groups(content, raw, plane)
@@ -148,23 +157,23 @@ def _content(raw: meshio.Mesh) -> _Content:
 
 
 def _refuse_numbers(raw: meshio.Mesh, blocks: list[int]) -> None:
-    """Refuse cells of nodes that are not there, numbered by kind as in the file."""
+    """Refuse cells of missing nodes; cells are numbered by kind, as in the file."""
     n = len(raw.points)
     for kind in dict.fromkeys(raw.cells[i].type for i in blocks):
         nodes = [raw.cells[i].data for i in blocks if raw.cells[i].type == kind]
-        if any(np.shape(x)[1:] != (_CORNERS[kind],) for x in nodes):
-            raise MeshError(f"a {kind} must have {_CORNERS[kind]} node(s)")
+        if any(np.shape(x)[1:] != (_N_CORNERS[kind],) for x in nodes):
+            raise MeshError(f"a {kind} must have {_N_CORNERS[kind]} node(s)")
         listed = np.concatenate([np.asarray(x).astype(np.int64) for x in nodes])
-        there: Any = ((listed >= 0) & (listed < n)).all(axis=1)
+        exists: Any = ((listed >= 0) & (listed < n)).all(axis=1)
         refuse(
-            f"{_WORDS.get(kind, kind)}(s) name a node that is not there (there are "
-            f"nodes 0 to {n - 1} only)",
-            ~there,
+            f"{_CELL_NAMES.get(kind, kind)}(s) name a node that is not there (there "
+            f"are nodes 0 to {n - 1} only)",
+            ~exists,
         )
 
 
 def _name_groups(content: _Content, raw: meshio.Mesh, plane: list[int]) -> None:
-    """Named groups of edges, cells and points."""
+    """Name groups of edges, cells and points."""
     sizes = [cell.shape[1] for cell in content.cells]
     first = dict(zip(plane, np.cumsum([0, *sizes[:-1]]), strict=True))
     for name, number, members in _groups(raw):
@@ -173,17 +182,17 @@ def _name_groups(content: _Content, raw: meshio.Mesh, plane: list[int]) -> None:
             raise MeshError(f"group {name!r} names cells that are not there")
         chosen = np.asarray(block.data, dtype=int)[members].T
         if block.type == "line":
-            _add(content.edges, name, np.sort(chosen, axis=0))
+            _merge(content.edges, name, np.sort(chosen, axis=0))
         elif block.type == "vertex":
-            _add(content.nodes, name, chosen[0])
+            _merge(content.nodes, name, chosen[0])
         elif number in first:
-            _add(content.subdomains, name, first[number] + members)
+            _merge(content.subdomains, name, first[number] + members)
 
 
 def _groups(raw: meshio.Mesh) -> Iterator[tuple[str, int, ndarray]]:
     """Named groups of cells: name, block of cells, numbers in the block.
 
-    Of files that were made from Gmsh's, as .xdmf, meshio gives them as tags.
+    In files that were converted from Gmsh, as .xdmf, meshio returns them as tags.
     """
     sets: Any = {n: s for n, s in raw.cell_sets.items() if not n.startswith("gmsh:")}
     tags: Any = raw.cell_data.get("gmsh:physical", [])
@@ -202,32 +211,32 @@ def _groups(raw: meshio.Mesh) -> Iterator[tuple[str, int, ndarray]]:
                 yield name, number, np.asarray(members).astype(int).ravel()
 
 
-def _add(named: dict[str, ndarray], name: str, more: ndarray) -> None:
-    """Add to what has a name, everything once."""
+def _merge(named: dict[str, ndarray], name: str, more: ndarray) -> None:
+    """Add members to a name, each once."""
     if name in named:
         more = np.concatenate([named[name], more], axis=-1)
     named[name] = np.unique(more, axis=-1)
 
 
 def _name_node_sets(content: _Content, raw: meshio.Mesh) -> None:
-    """Sets of nodes: outer edges between two of them, and the nodes that are left."""
+    """Name the outer edges within each set of nodes, and its other nodes."""
     outer, n = boundary_edges(content.cells), content.points.shape[1]
     for name, members in raw.point_sets.items():
         nodes = np.asarray(members).astype(int).ravel()
         if nodes.size and (nodes.min() < 0 or nodes.max() >= n):
             raise MeshError(f"node set {name!r} names nodes that are not there")
         within = outer[:, np.isin(outer, nodes).all(axis=0)]
-        rest = np.setdiff1d(nodes, within)
+        other_nodes = np.setdiff1d(nodes, within)
         if within.size:
-            _add(content.edges, name, within)
-        if rest.size:
-            _add(content.nodes, name, rest)
+            _merge(content.edges, name, within)
+        if other_nodes.size:
+            _merge(content.nodes, name, other_nodes)
 
 
 def _name_as_skfem(content: _Content, raw: meshio.Mesh, plane: list[int]) -> None:
-    """Names that scikit-fem writes as data of the cells.
+    """Read the names that scikit-fem writes as cell data.
 
-    Of a boundary, bit i of a cell's number says that its edge i is part of it.
+    For a boundary, bit i of the number of a cell marks its edge i.
     """
     data = {k: v for k, v in raw.cell_data.items() if k.startswith(vtk.SKFEM)}
     if not data:
@@ -237,16 +246,16 @@ def _name_as_skfem(content: _Content, raw: meshio.Mesh, plane: list[int]) -> Non
     (cells,) = content.cells
     for key, (values,) in data.items():
         kind, _, name = key.removeprefix(vtk.SKFEM).partition(":")
-        most = {"s": 1, "b": 2 ** len(cells) - 1}.get(kind, -1)
+        largest = {"s": 1, "b": 2 ** len(cells) - 1}.get(kind, -1)
         marks = np.ravel(values)
-        if len(marks) != cells.shape[1] or not np.isin(marks, range(most + 1)).all():
+        if len(marks) != cells.shape[1] or not np.isin(marks, range(largest + 1)).all():
             raise MeshError(f"name {name!r} that scikit-fem wrote cannot be read")
         if kind == "s":
-            _add(content.subdomains, name, np.flatnonzero(marks))
+            _merge(content.subdomains, name, np.flatnonzero(marks))
             continue
         bits = marks.astype(int) >> np.arange(len(cells))[:, None] & 1
         ends = np.stack([cells, np.roll(cells, -1, axis=0)])
-        _add(content.edges, name, np.sort(ends[:, bits > 0], axis=0))
+        _merge(content.edges, name, np.sort(ends[:, bits > 0], axis=0))
 
 
 def _mesh(content: _Content, split: bool) -> Mesh:
@@ -267,9 +276,6 @@ def _mesh(content: _Content, split: bool) -> Mesh:
         check_quads(mesh)
         return mesh
     boundaries = {k: named_edges(k, points, plain.facets, v) for k, v in edges.items()}
-    named = replace(
-        plain,
-        _boundaries={k: np.sort(v) for k, v in boundaries.items()} or None,
-        _subdomains=content.subdomains or None,
-    )
+    ascending = {k: np.sort(v) for k, v in boundaries.items()}
+    named = with_names(plain, ascending or None, content.subdomains or None)
     return with_named_nodes(named, content.nodes)

@@ -1,4 +1,4 @@
-"""Results: fields, history and summary, and the folder that receives them."""
+"""Writing of results: fields, history, summary, and their folder."""
 
 import contextlib
 import csv
@@ -25,16 +25,16 @@ from ..solve.result import Result
 from ..splitting import was_split
 from .fields import cell_fields, on_parents, point_fields
 
-#: What `write_fields` may write.
+#: Names of files that `write_fields` writes.
 FIELDS = ("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd")
 
-# How the name of a folder begins that holds a result until it is whole.
+# Prefix of the name of a folder that holds a result until it is complete.
 _SCRATCH = ".unfinished-"
 
 
 @contextlib.contextmanager
-def _naming(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Let an error name what is written, which that of a full disk does not."""
+def _name_path(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Add the path to errors without one, such as that of a full disk."""
     try:
         yield
     except OSError as error:
@@ -54,7 +54,7 @@ def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
     on the original elements.  Steps that the folder already holds are removed.
     """
     folder = Path(folder)
-    with _naming(folder):
+    with _name_path(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for pattern in FIELDS:
             for stale in folder.glob(pattern):
@@ -105,7 +105,7 @@ def _write_state(
         point_data=dict(points),
         cell_data=by_block,
     ).write(path)
-    # What a viewer shows, and warps by, first; meshio has no say in it.
+    # Fields that a viewer shows, and warps by, at first; meshio cannot set them.
     text = path.read_bytes()
     text = text.replace(b"<PointData>", b'<PointData Vectors="displacement">', 1)
     text = text.replace(b"<CellData>", b'<CellData Scalars="shear_angle">', 1)
@@ -115,7 +115,7 @@ def _write_state(
 def write_history(result: Result, path: str | os.PathLike[str]) -> None:
     """Write the history of a run as CSV, one row per converged state."""
     rows = result.history()
-    with _naming(path), open(path, "w", newline="") as file:
+    with _name_path(path), open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
@@ -123,12 +123,12 @@ def write_history(result: Result, path: str | os.PathLike[str]) -> None:
 
 def write_summary(summary: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
     """Write a summary as JSON; null stands for a number that is not finite."""
-    with _naming(path):
+    with _name_path(path):
         Path(path).write_text(json.dumps(_finite(summary), indent=2) + "\n")
 
 
 def _finite(value: Any) -> Any:
-    """Numbers as JSON has them: null for what is not finite, at any depth."""
+    """Replace numbers that are not finite by null, at any depth."""
     if isinstance(value, Mapping):
         return {k: _finite(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -137,21 +137,21 @@ def _finite(value: Any) -> Any:
 
 
 class ResultFolder:
-    """A folder that receives the whole result of a run at once, and of no other run.
+    """A folder that receives the result of one run, all at once.
 
-    It is locked until the result is in it, or this object is no more; it is then
-    removed if it was made for this and is empty.  What a run that was killed has left
-    unfinished in it is removed.
+    It is locked until the result is in it or this object is deleted; a folder that was
+    made for this and is empty is removed then.  Unfinished files of a killed run are
+    removed.
 
-    ``summary.json`` goes first and comes last, so that it never speaks of files that
-    are not there, whenever the process is killed.
+    ``summary.json`` is removed first and written last, so that it never describes files
+    that are missing, even if the process is killed.
 
     Parameters
     ----------
     path
-        The folder; made if it is not there.
+        The folder; made if it is missing.
     names
-        What a run may write into it: names of files, or patterns in a subfolder.
+        Files that a run may write: names of files, or patterns in a subfolder.
 
     Raises
     ------
@@ -180,7 +180,7 @@ class ResultFolder:
             raise OSError(self._unwritable(error)) from None
         lock = Lock(self.path)
         self._leave = finalize(self, _leave, lock, made)
-        if lock.is_held:  # what is there is of runs that are no more
+        if lock.is_held:  # scratch folders here belong to runs that have ended
             for scratch in self.path.glob(f"{_SCRATCH}*"):
                 shutil.rmtree(scratch, ignore_errors=True)
 
@@ -212,7 +212,7 @@ class ResultFolder:
             raise OutputError(self._unwritable(error)) from None
 
     def _move(self) -> None:
-        """Remove an earlier run's files, and put the new ones there."""
+        """Replace the files of an earlier run by the new ones."""
         for name in self._names:
             for stale in self.path.glob(name):
                 stale.unlink()
@@ -232,7 +232,7 @@ class ResultFolder:
 
 
 def _leave(lock: Lock, made: Sequence[Path]) -> None:
-    """Let others have a folder; those that were made for it go if they are empty."""
+    """Release a folder; remove those that were made for it if they are empty."""
     with contextlib.suppress(OSError):
         for folder in made:
             folder.rmdir()
@@ -240,7 +240,7 @@ def _leave(lock: Lock, made: Sequence[Path]) -> None:
 
 
 def _refuse_unwritable(folder: Path) -> None:
-    """Try to write into a folder, or into the nearest one above it that is there."""
+    """Try to write into a folder, or into its nearest parent that exists."""
     while not folder.exists():
         folder = folder.parent
     tempfile.TemporaryFile(dir=folder).close()

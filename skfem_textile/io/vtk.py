@@ -1,4 +1,4 @@
-"""Unstructured grids of VTK in the older files, as text or as bytes."""
+"""Unstructured grids of VTK in legacy files, as text or binary."""
 
 import re
 from collections.abc import Mapping
@@ -10,32 +10,32 @@ from meshio._vtk_common import vtk_to_meshio_type
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.naming import printable
-from .file_numbers import Bytes, from_words
+from ..mesh.user_input import excerpt
+from .file_numbers import BinaryNumbers, from_words
 
-#: Data of cells by which scikit-fem writes names begin so.
+#: Prefix of the cell data in which scikit-fem writes names.
 SKFEM = "skfem:"
 
 _VERSIONS = ("1.0", "2.0", "3.0", "4.0", "4.1", "4.2", "5.1")
 
-# Nodes of the cells that can be used, by VTK's number.
-_CORNERS = {1: 1, 3: 2, 5: 3, 9: 4}
+# Numbers of nodes of the cells that can be used, by VTK's number of their type.
+_N_CORNERS = {1: 1, 3: 2, 5: 3, 9: 4}
 
-# Types of numbers; as bytes they are written the greater digits first.
+# Types of numbers; binary ones are big-endian.
 _TYPES = {
     **{"char": "i1", "short": "i2", "int": "i4", "long": "i8", "vtktypeint64": "i8"},
     **{"unsigned_char": "u1", "unsigned_short": "u2", "unsigned_int": "u4"},
     **{"unsigned_long": "u8", "vtkidtype": "i4", "float": "f4", "double": "f8"},
 }
 
-# Numbers that data of these kinds have for each point or cell.
+# Components of data of these kinds at each point or cell.
 _COMPONENTS = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "TENSORS6": 6}
 
 
 def cells_of(
     types: ndarray, connectivity: ndarray, offsets: ndarray
 ) -> list[tuple[str, ndarray]]:
-    """Blocks of cells in their order: what they are, and nodes, shape (n, corners).
+    """Blocks of consecutive cells: name of the cell, and nodes, shape (n, corners).
 
     Parameters
     ----------
@@ -49,26 +49,26 @@ def cells_of(
     Raises
     ------
     MeshError
-        If a cell has not as many nodes as its type, or there are cells of other types.
+        If a cell has another number of nodes than its type, or another type.
     """
-    others = set(types.tolist()) - set(_CORNERS)
+    others = set(types.tolist()) - set(_N_CORNERS)
     if others:
-        found = {vtk_to_meshio_type.get(t, f"type {t}") for t in types.tolist()}
+        names = {vtk_to_meshio_type.get(t, f"type {t}") for t in types.tolist()}
         raise MeshError(
             "only triangles and four-node quadrilaterals are supported, found "
-            + ", ".join(sorted(found))
+            + ", ".join(sorted(names))
         )
-    corners = np.array([_CORNERS[t] for t in types.tolist()], dtype=int)
+    corners = np.array([_N_CORNERS[t] for t in types.tolist()], dtype=int)
     if offsets[0] != 0 or offsets[-1] != len(connectivity):
         raise MeshError("its cells do not name all nodes that they list")
     if not np.array_equal(np.diff(offsets), corners):
         raise MeshError("a cell has not as many nodes as its type")
     breaks = np.flatnonzero(np.diff(types)) + 1
     blocks: list[tuple[str, ndarray]] = []
-    for some in np.split(np.arange(len(types)), breaks) if len(types) else ():
-        nodes = connectivity[offsets[some[0]] : offsets[some[-1] + 1]]
-        kind = vtk_to_meshio_type[int(types[some[0]])]
-        blocks.append((kind, nodes.astype("i8").reshape(len(some), -1)))
+    for block in np.split(np.arange(len(types)), breaks) if len(types) else ():
+        nodes = connectivity[offsets[block[0]] : offsets[block[-1] + 1]]
+        kind = vtk_to_meshio_type[int(types[block[0]])]
+        blocks.append((kind, nodes.astype("i8").reshape(len(block), -1)))
     return blocks
 
 
@@ -100,16 +100,16 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
     while (words := file.line()) is not None:
         file.read(words)
     for part in ("POINTS", "CELLS", "CELL_TYPES"):
-        if part not in file.found:
+        if part not in file.sections:
             raise MeshError(f"it has no {part}")
-    (connectivity, offsets), types = file.found["CELLS"], file.found["CELL_TYPES"]
+    (connectivity, offsets), types = file.sections["CELLS"], file.sections["CELL_TYPES"]
     if len(types) != len(offsets) - 1:
         raise MeshError(f"{len(offsets) - 1} cells, and {len(types)} CELL_TYPES")
     cells = cells_of(types, connectivity, offsets)
-    for part, n in (("POINT", len(file.found["POINTS"])), ("CELL", len(types))):
-        if file.found.get(f"{part}_DATA", n) != n:
+    for part, n in (("POINT", len(file.sections["POINTS"])), ("CELL", len(types))):
+        if file.sections.get(f"{part}_DATA", n) != n:
             raise MeshError(f"{part}_DATA must be for {n}")
-    return mesh_of(file.found["POINTS"], cells, file.data), file.ignored
+    return mesh_of(file.sections["POINTS"], cells, file.data), file.ignored
 
 
 class _File:
@@ -117,8 +117,8 @@ class _File:
 
     Attributes
     ----------
-    found
-        What was read, by its keyword.
+    sections
+        Values that were read, by keyword.
     data
         Data of cells that hold names by scikit-fem.
     ignored
@@ -136,150 +136,154 @@ class _File:
             raise MeshError("it does not begin as a file of VTK")
         version = head[1].decode()
         if version not in _VERSIONS:
-            raise MeshError(f"version {version[:9]} of VTK's files is not read")
-        self._content, self._at = content, head.end()
-        self._as_bytes = head[2].upper() == b"BINARY"
+            raise MeshError(f"version {excerpt(version)} of VTK's files is not read")
+        self._content, self._position = content, head.end()
+        self._binary = head[2].upper() == b"BINARY"
         self._has_offsets = version == "5.1"
-        self.found: dict[str, Any] = {}
+        self.sections: dict[str, Any] = {}
         self.data: dict[str, ndarray] = {}
         self.ignored: list[str] = []
-        self._count, self._of_cells = 0, False  # of the data that are read
+        self._count, self._of_cells = 0, False  # of the current data
 
     def line(self) -> list[str] | None:
-        """Words of the next line that has any; none at the end of the file."""
-        while self._at < len(self._content):
-            end = self._content.find(b"\n", self._at) + 1 or len(self._content)
-            words = self._content[self._at : end].split()
-            self._at = end
+        """Words of the next line that is not blank; None at the end of the file."""
+        while self._position < len(self._content):
+            end = self._content.find(b"\n", self._position) + 1 or len(self._content)
+            words = self._content[self._position : end].split()
+            self._position = end
             if words:
                 return [word.decode(errors="replace") for word in words]
         return None
 
     def numbers(self, count: int, dtype: str) -> ndarray:
         """The next numbers of a type, shape (count,)."""
-        if self._as_bytes:
-            rest = Bytes(self._content[self._at :])
+        if self._binary:
+            rest = BinaryNumbers(self._content[self._position :])
             taken = rest.take(count, f">{dtype}")
-            self._at += taken.nbytes
+            self._position += taken.nbytes
             return taken.astype(dtype)
-        words: list[bytes] = self._content[self._at :].split(None, count)
+        words: list[bytes] = self._content[self._position :].split(None, count)
         if len(words) < count:
             raise MeshError(f"{count} numbers are due where {len(words)} are left")
         if count:
-            self._at = len(self._content) - sum(map(len, words[count:]))
+            self._position = len(self._content) - sum(map(len, words[count:]))
         return from_words(words[:count], dtype)
 
     def read(self, words: list[str]) -> None:
-        """Read what a line with these words begins."""
-        keyword, given = words[0].upper(), words[1:]
-        shown = printable(" ".join(words)[:40])
-        if keyword in self.found:
+        """Read the section that a line with these words begins."""
+        keyword, arguments = words[0].upper(), words[1:]
+        shown = excerpt(" ".join(words))
+        if keyword in self.sections:
             raise MeshError(f"there is more than one {keyword}")
         try:
-            self._read(keyword, given)
+            self._read(keyword, arguments)
         except MeshError as error:
             raise MeshError(f"{shown}: {error}") from None
         except (ValueError, KeyError, IndexError):
-            raise MeshError(f"{shown!r} is no line of such a file") from None
+            raise MeshError(f"{shown!r} is not a valid line") from None
 
-    def _read(self, keyword: str, given: list[str]) -> None:
+    def _read(self, keyword: str, arguments: list[str]) -> None:
         if keyword == "DATASET":
-            if given != ["UNSTRUCTURED_GRID"]:
+            if arguments != ["UNSTRUCTURED_GRID"]:
                 raise MeshError("only an UNSTRUCTURED_GRID is read")
         elif keyword == "POINTS":
-            count, kind = given
-            points = self.numbers(3 * _whole(count), _type(kind))
-            self.found[keyword] = points.reshape(-1, 3)
+            count, kind = arguments
+            points = self.numbers(3 * _natural(count), _type(kind))
+            self.sections[keyword] = points.reshape(-1, 3)
         elif keyword == "CELLS":
-            n, size = map(_whole, given)
+            n, size = map(_natural, arguments)
             read = self._cells_51 if self._has_offsets else self._cells_42
-            self.found[keyword] = read(n, size)
+            self.sections[keyword] = read(n, size)
         elif keyword == "CELL_TYPES":
-            (count,) = given
-            self.found[keyword] = self.numbers(_whole(count), "i4")
+            (count,) = arguments
+            self.sections[keyword] = self.numbers(_natural(count), "i4")
         elif keyword in ("POINT_DATA", "CELL_DATA"):
-            (count,) = given
-            self.found[keyword] = self._count = _whole(count)
+            (count,) = arguments
+            self.sections[keyword] = self._count = _natural(count)
             self._of_cells = keyword == "CELL_DATA"
         elif keyword == "METADATA":
             self._skip_metadata()
         elif keyword == "FIELD":
-            _, number = given
-            self._field(_whole(number))
+            _, number = arguments
+            self._field(_natural(number))
         else:
-            self._data(keyword, given)
+            self._data(keyword, arguments)
 
     def _cells_42(self, n: int, size: int) -> tuple[ndarray, ndarray]:
-        """Connectivity and offsets, of cells that each begin with their size."""
+        """Connectivity and offsets, from cells that begin with their size."""
         numbers = self.numbers(size, "i4")
-        starts, at = [], 0
-        while at < size:
-            starts.append(at)
-            at += 1 + max(int(numbers[at]), 0)
-        if len(starts) != n or at != size:
+        starts, position = [], 0
+        while position < size:
+            starts.append(position)
+            position += 1 + max(int(numbers[position]), 0)
+        if len(starts) != n or position != size:
             raise MeshError("its numbers are not as many as its cells have")
         offsets = np.cumsum([0, *numbers[starts]])
         return np.delete(numbers, starts), offsets
 
     def _cells_51(self, n: int, size: int) -> tuple[ndarray, ndarray]:
         """Connectivity and offsets."""
-        found = []
+        arrays = []
         for part, count in (("OFFSETS", n), ("CONNECTIVITY", size)):
             keyword, kind = self.line() or ("", "")
             if keyword.upper() != part:
-                raise MeshError(f"{part} must stand here")
-            found.append(self.numbers(count, _type(kind)).astype("i8"))
-        offsets, connectivity = found
+                raise MeshError(f"{part} is missing here")
+            arrays.append(self.numbers(count, _type(kind)).astype("i8"))
+        offsets, connectivity = arrays
         if not n:
             raise MeshError("it has no cells")
         return connectivity, offsets
 
     def _skip_metadata(self) -> None:
-        """Go to the blank line at which they end."""
-        blank = re.compile(rb"\n[ \t\r]*(\n|$)").search(self._content, self._at - 1)
-        self._at = blank.end() if blank else len(self._content)
+        """Skip metadata up to the blank line that ends them."""
+        blank = re.compile(rb"\n[ \t\r]*(\n|$)").search(
+            self._content, self._position - 1
+        )
+        self._position = blank.end() if blank else len(self._content)
 
     def _field(self, number: int) -> None:
-        """Read arrays that say themselves how long they are."""
+        """Read arrays that state their length."""
         for _ in range(number):
             words = self.line() or []
             while words[:1] == ["METADATA"]:
                 self._skip_metadata()
                 words = self.line() or []
             name, components, tuples, kind = words
-            self._keep(name, _whole(tuples), _whole(components), _type(kind))
+            self._read_array(name, _natural(tuples), _natural(components), _type(kind))
 
-    def _data(self, keyword: str, given: list[str]) -> None:
+    def _data(self, keyword: str, arguments: list[str]) -> None:
         """Read one array of data of the points or cells, or a table of colours."""
-        name, count = given[0], self._count
+        name, count = arguments[0], self._count
         if keyword == "LOOKUP_TABLE":
-            self.numbers(4 * _whole(given[1]), "u1" if self._as_bytes else "f4")
+            self.numbers(4 * _natural(arguments[1]), "u1" if self._binary else "f4")
         elif keyword == "COLOR_SCALARS":
-            kind = "u1" if self._as_bytes else "f4"
-            self._keep(name, count, _whole(given[1]), kind)
+            kind = "u1" if self._binary else "f4"
+            self._read_array(name, count, _natural(arguments[1]), kind)
         elif keyword == "TEXTURE_COORDINATES":
-            self._keep(name, count, _whole(given[1]), _type(given[2]))
+            self._read_array(name, count, _natural(arguments[1]), _type(arguments[2]))
         elif keyword == "SCALARS":
             table, _ = self.line() or ("", "")
             if table.upper() != "LOOKUP_TABLE":
                 raise MeshError("LOOKUP_TABLE must follow")
-            components = _whole(given[2]) if given[2:] else 1
-            self._keep(name, count, components, _type(given[1]))
+            components = _natural(arguments[2]) if arguments[2:] else 1
+            self._read_array(name, count, components, _type(arguments[1]))
         else:
-            self._keep(name, count, _COMPONENTS[keyword], _type(given[1]))
+            self._read_array(name, count, _COMPONENTS[keyword], _type(arguments[1]))
 
-    def _keep(self, name: str, count: int, components: int, kind: str) -> None:
-        """Read an array, and keep it if scikit-fem wrote names in it."""
+    def _read_array(self, name: str, count: int, components: int, kind: str) -> None:
+        """Read an array; store it if it holds names by scikit-fem."""
         values = self.numbers(count * components, kind)
         if self._of_cells and name.startswith(SKFEM):
             if (count, components) != (self._count, 1) or name in self.data:
-                raise MeshError("it is not one number for each cell, or there twice")
+                raise MeshError(
+                    "it is not one number for each cell, or its name is not unique"
+                )
             self.data[name] = values
         else:
             self.ignored.append(name)
 
 
-def _whole(word: str) -> int:
+def _natural(word: str) -> int:
     return from_words([word.encode()], "u4").item()
 
 

@@ -1,4 +1,4 @@
-"""Unstructured grids of VTK, as XML."""
+"""Unstructured grids of VTK in XML files."""
 
 from typing import Any
 from xml.etree import ElementTree
@@ -9,10 +9,16 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.naming import printable
-from .encoded import UNPACKERS, Base64, Raw, plain, unpacked
-from .file_numbers import Words, from_words
+from ..mesh.user_input import excerpt
+from .file_numbers import TextNumbers, from_words
 from .vtk import SKFEM, cells_of, mesh_of
+from .vtk_encoding import (
+    DECOMPRESSORS,
+    Base64Data,
+    RawData,
+    read_compressed,
+    read_uncompressed,
+)
 
 _TYPES = {
     **{f"Int{n}": f"i{n // 8}" for n in (8, 16, 32, 64)},
@@ -56,7 +62,7 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
     cells = cells_of(types, nodes, offsets)
     data, ignored = {}, []
     of_cells = [_by_name(part) for part in piece.findall("CellData")]
-    for name, array in (item for some in of_cells for item in some.items()):
+    for name, array in (item for arrays in of_cells for item in arrays.items()):
         if name.startswith(SKFEM):
             data[name] = file.array(array, n_cells)
     for part in (*piece.findall("PointData"), *piece.findall("CellData")):
@@ -67,13 +73,13 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
 
 
 def _only(parent: Element, tag: str) -> Element:
-    """The only child of its kind."""
-    found = parent.findall(tag)
-    if len(found) != 1:
+    """The only child with a tag."""
+    children = parent.findall(tag)
+    if len(children) != 1:
         raise MeshError(
-            f"{printable(parent.tag[:40])} must have one {tag}, and has {len(found)}"
+            f"{excerpt(parent.tag)} must have one {tag}, and has {len(children)}"
         )
-    return found[0]
+    return children[0]
 
 
 def _by_name(parent: Element) -> dict[str, Element]:
@@ -85,7 +91,7 @@ def _by_name(parent: Element) -> dict[str, Element]:
 
 
 def _whole(element: Element, key: str) -> int:
-    """A number that an element names."""
+    """The natural number in an attribute of an element."""
     try:
         return from_words([element.get(key, "").encode()], "u4").item()
     except MeshError as error:
@@ -93,14 +99,14 @@ def _whole(element: Element, key: str) -> int:
 
 
 def _choice(element: Element, key: str, default: Any, choices: Any) -> Any:
-    """What an element names, of some choices."""
+    """The value of an attribute, which must be one of the choices."""
     if (chosen := element.get(key, default)) not in choices:
-        raise MeshError(f"{key} {printable(chosen)[:40]!r} is not read")
+        raise MeshError(f"{key} {excerpt(str(chosen))!r} is not read")
     return chosen
 
 
 class _File:
-    """The XML of a file, and data that are appended to it."""
+    """The XML of a file and its appended data."""
 
     def __init__(self, content: bytes) -> None:
         head, tag, rest = content.partition(b"<AppendedData")
@@ -112,7 +118,7 @@ class _File:
                 head + tag + attributes + last + foot if appended else content
             )
         except (ElementTree.ParseError, ValueError, LookupError) as error:
-            raise MeshError(f"it is no XML: {printable(error)[:100]}") from None
+            raise MeshError(f"it is no XML: {excerpt(str(error))}") from None
         root = self.root
         if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
             raise MeshError("it is no VTKFile of an UnstructuredGrid")
@@ -120,12 +126,14 @@ class _File:
         self._order = _ORDERS[_choice(root, "byte_order", "LittleEndian", _ORDERS)]
         header = _choice(root, "header_type", "UInt32", ("UInt32", "UInt64"))
         self._header = np.dtype(self._order + _TYPES[header])
-        self._unpacker = UNPACKERS[_choice(root, "compressor", None, UNPACKERS)]
+        self._decompressor = DECOMPRESSORS[
+            _choice(root, "compressor", None, DECOMPRESSORS)
+        ]
         self._appended, self._raw = data, True
         if appended:
-            found = _only(root, "AppendedData")
-            self._raw = _choice(found, "encoding", "", ("raw", "base64")) == "raw"
-            if (found.text or "").strip():
+            element = _only(root, "AppendedData")
+            self._raw = _choice(element, "encoding", "", ("raw", "base64")) == "raw"
+            if (element.text or "").strip():
                 raise MeshError("appended data must begin with '_'")
 
     def array(self, element: Element, count: int, whole: bool = False) -> ndarray:
@@ -133,34 +141,34 @@ class _File:
         try:
             return self._array(element, count, whole)
         except MeshError as error:
-            name = printable(element.get("Name", "of the points")[:40])
+            name = excerpt(element.get("Name", "of the points"))
             raise MeshError(f"array {name!r}: {error}") from None
 
     def _array(self, element: Element, count: int, whole: bool) -> ndarray:
         types = [name for name in _TYPES if not (whole and name.startswith("F"))]
         dtype = np.dtype(_TYPES[_choice(element, "type", "", types)])
         kind = _choice(element, "format", "ascii", ("ascii", "binary", "appended"))
-        inside = [element.text or "", *(child.tail or "" for child in element)]
-        text = "".join(inside).encode()
+        texts = [element.text or "", *(child.tail or "" for child in element)]
+        text = "".join(texts).encode()
         if kind == "ascii":
-            words = Words(text)
+            words = TextNumbers(text)
             numbers = words.take(count, dtype)
-            words.end()
+            words.refuse_rest()
             return numbers
         if kind == "appended" and self._raw:
-            data = Raw(self._appended[_whole(element, "offset") :])
+            data = RawData(self._appended[_whole(element, "offset") :])
         elif kind == "appended":
             rest = b"".join(self._appended.split())
-            data = Base64(rest[_whole(element, "offset") :])
+            data = Base64Data(rest[_whole(element, "offset") :])
         else:
-            data = Base64(b"".join(text.split()))
-        due = count * dtype.itemsize
-        if self._unpacker is None:
-            held = plain(data, self._header)
+            data = Base64Data(b"".join(text.split()))
+        n_bytes = count * dtype.itemsize
+        if self._decompressor is None:
+            content = read_uncompressed(data, self._header)
         else:
-            held = unpacked(data, self._header, self._unpacker, due)
-        if kind == "binary" and isinstance(data, Base64):
-            data.end()
-        if len(held) != due:
-            raise MeshError(f"it holds {len(held)} bytes, and {due} are due")
-        return np.frombuffer(held, dtype.newbyteorder(self._order)).astype(dtype)
+            content = read_compressed(data, self._header, self._decompressor, n_bytes)
+        if kind == "binary" and isinstance(data, Base64Data):
+            data.refuse_rest()
+        if len(content) != n_bytes:
+            raise MeshError(f"it holds {len(content)} bytes, and {n_bytes} are due")
+        return np.frombuffer(content, dtype.newbyteorder(self._order)).astype(dtype)

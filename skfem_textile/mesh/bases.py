@@ -1,7 +1,7 @@
-"""Elements, their rules and their nodes.
+"""Finite elements, quadrature rules and nodes.
 
-Quadratic triangles take three points; bilinear quadrilaterals the centre, 2×2 points
-or both: their gradient splits into its value at the centre and a fluctuation,
+Quadratic triangles have three points; bilinear quadrilaterals have the centre, 2×2
+points or both.  Their gradient is its value at the centre plus a fluctuation,
 ∇N(ξ) = ∇N(0) + (∇N(ξ) − ∇N(0)).  The fluctuation is exactly the paper's
 B_HGL = γ ⊗ ∇h (Hamila & Boisse 2013, §3.1).
 """
@@ -36,11 +36,11 @@ SIX = get_quadrature(ElementTriP2, 4)
 class ElementQuad1Fluctuation(ElementQuad1):
     """Bilinear element whose gradient is the fluctuation ∇N(ξ) − ∇N(0).
 
-    The centre gradient ∇N(0) rides along: `centre_grad` returns it.
+    `centre_grad` returns the centre gradient ∇N(0), which fields hold too.
 
     Examples
     --------
-    The fluctuation does not see linear fields, on any quadrilateral.
+    The fluctuation of a linear field vanishes on any quadrilateral.
 
     >>> import numpy as np
     >>> from skfem import Basis, MeshQuad
@@ -87,7 +87,7 @@ def triangle_basis(mesh: Mesh) -> CellBasis:
 
 
 def element_numbers(basis: Any) -> ndarray:
-    """Numbers of the elements of the rows of a basis, shape (n_elements, n_points)."""
+    """Number of the element at each point of a basis, shape (n_elements, n_points)."""
     numbers = np.arange(basis.nelems) if basis.tind is None else basis.tind
     return np.broadcast_to(numbers[:, None], basis.dx.shape)
 
@@ -95,7 +95,7 @@ def element_numbers(basis: Any) -> ndarray:
 def node_positions(basis: CellBasis) -> ndarray:
     """Nodes of a basis of the displacement, shape (2, n_nodes).
 
-    The vertices of the mesh as they stand, then the middles of its edges if the
+    The vertices of the mesh in their order, then the middles of its edges if the
     element has nodes there.
     """
     mesh = basis.mesh
@@ -130,11 +130,11 @@ class HourglassBasis(CellBasis):
 
 
 class MeanBasis(CellBasis):
-    """A `skfem.CellBasis` that tells forms what a mean over an element takes.
+    """A `skfem.CellBasis` with the parameters of means over elements.
 
     ``w["share"]`` is the share of each point in the area of its element, shape
     (n_elements, n_points), and ``w["fineness"]`` √(A/A_e) for the areas of the mesh and
-    of the element, shape (n_elements, 1): how many elements lie along it.
+    of the element, shape (n_elements, 1): the number of elements along the mesh.
     """
 
     def default_parameters(self) -> dict[str, Any]:
@@ -146,10 +146,10 @@ class MeanBasis(CellBasis):
             "fineness": np.sqrt(area.sum() / area),
         }
 
-    def of_parts(self, x: ndarray) -> ndarray:
-        """Values at the ply's own points as values at these points."""
+    def from_ply_points(self, x: ndarray) -> ndarray:
+        """Convert values at the ply's own points to values at these points."""
         return x
 
-    def on_parts(self, x: ndarray) -> ndarray:
-        """Values at these points as values at the ply's own points."""
+    def to_ply_points(self, x: ndarray) -> ndarray:
+        """Convert values at these points to values at the ply's own points."""
         return x

@@ -1,7 +1,6 @@
-"""What a mesh must fulfil before anything is computed on it."""
+"""Checks of a mesh before anything is computed on it."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -11,16 +10,22 @@ from skfem.helpers import det
 
 from .bases import GAUSS
 from .contact import boundary_of, cells_within, contact_of
-from .naming import named_nodes
+from .named_nodes import named_nodes
+from .scikit_fem import with_names
 
-# An edge this much shorter than the others, or a Jacobian as small, is none.
+# An edge of a cell counts as zero below this share of the longest, a Jacobian below it
+# times its square.  Chosen: far above rounding (2e-16), far below cells in use.
 _NEGLIGIBLE = 1e-9
 
-# Areas of cells further out than this overflow.
+# Largest coordinate, in mm.  Chosen: areas, up to 1e200, do not overflow (1.8e308).
 _FAR = 1e100
 
-# Areas of cells with shorter edges vanish, or overflow when they divide.
+# Shortest edge, in mm.  Chosen: areas, down to 1e-200, do not vanish (2.2e-308), nor do
+# their inverses overflow.
 _SHORT = 1e-100
+
+# Numbers of nodes or cells that a message lists.  Chosen: one line.
+_LISTED = 10
 
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
@@ -33,7 +38,7 @@ _CELLS: dict[type[Element], tuple[str, str]] = {
 
 
 class MeshError(ValueError):
-    """A mesh that cannot be computed on; the message says where and what to do."""
+    """An unusable mesh; the message says where and what to do."""
 
 
 def check_quads(mesh: Mesh) -> None:
@@ -62,7 +67,7 @@ def check_triangles(mesh: Mesh) -> None:
 
 
 def check_mesh(mesh: Mesh) -> None:
-    """Refuse a mesh that is not sound, be it of quadrilaterals or of triangles.
+    """Refuse a mesh of quadrilaterals or triangles that is not sound.
 
     Raises
     ------
@@ -70,8 +75,8 @@ def check_mesh(mesh: Mesh) -> None:
         If the mesh has other cells, positions that are not finite, unused nodes or
         nodes that are not there, names of edges or nodes that are not there, edges of
         more than two cells, cells with a collapsed edge, quadrilaterals inverted at a
-        2×2 point, triangles without area, cells that overlap, nodes on an edge of which
-        they are no end, or nodes at one place, but for those along a cut (`contact`).
+        2×2 point, triangles without area, cells that overlap, nodes on an edge between
+        its ends, or coincident nodes other than those along a cut (`contact`).
     """
     _refuse_cells(mesh, _CELLS)
     _, cell = _CELLS[mesh.elem]
@@ -137,8 +142,8 @@ def refuse_nodes(p: ndarray, cells: Sequence[ndarray], what: str = "cell") -> No
 def with_edges(mesh: _Mesh) -> _Mesh:
     """Name the straight edges ``left``, ``bottom``, ``right`` and ``top``.
 
-    They are the boundary edges on the sides of the mesh's bounding box.  A side on
-    which there is none, and a name that the mesh has already, are left alone.
+    They are the boundary edges on the sides of the bounding box.  Sides without an edge
+    get no name, and names that the mesh has stay.
     """
     boundary = mesh.boundary_facets()
     x = mesh.p[:, mesh.facets[:, boundary]]
@@ -149,7 +154,7 @@ def with_edges(mesh: _Mesh) -> _Mesh:
             on_side = (np.abs(x[axis] - side) <= _NEGLIGIBLE * (high - low)).all(axis=0)
             if on_side.any() and name not in named_nodes(mesh):
                 edges.setdefault(name, boundary[on_side])
-    return replace(mesh, _boundaries=edges)
+    return with_names(mesh, edges, mesh.subdomains)
 
 
 def _refuse_cells(
@@ -166,7 +171,7 @@ def _refuse_cells(
 
 
 def refuse(what: str, bad: ndarray) -> None:
-    """Refuse if there are any: one bool for each, or the numbers of the bad ones.
+    """Refuse bad items, given as one bool for each or as their numbers.
 
     Raises
     ------
@@ -175,20 +180,20 @@ def refuse(what: str, bad: ndarray) -> None:
     """
     numbers = np.flatnonzero(bad) if bad.dtype == bool else bad
     if numbers.size:
-        first = ", ".join(map(str, numbers[:10]))
-        more = ", ..." if numbers.size > 10 else ""
+        first = ", ".join(map(str, numbers[:_LISTED]))
+        more = ", ..." if numbers.size > _LISTED else ""
         raise MeshError(f"{numbers.size} {what}: {first}{more}")
 
 
 def _refuse_names(what: str, numbers: ndarray, n: int) -> None:
-    """Refuse names of edges or nodes that the mesh has not."""
-    some = np.asarray(numbers)
-    if some.size and (some.min() < 0 or some.max() >= n):
+    """Refuse named edges or nodes whose numbers are not in the mesh."""
+    numbers = np.asarray(numbers)
+    if numbers.size and (numbers.min() < 0 or numbers.max() >= n):
         raise MeshError(f"{what}: its numbers must be from 0 to {n - 1}; name it anew")
 
 
 def _refuse_contact(mesh: Mesh, cell: str) -> None:
-    """Refuse a mesh that touches or overlaps itself, but for cuts."""
+    """Refuse a mesh that touches itself, except along cuts, or overlaps itself."""
     boundary = boundary_of(mesh)
     contact = contact_of(boundary)
     if contact is None:
@@ -228,13 +233,13 @@ def _edge_lengths(mesh: Mesh) -> ndarray:
 
 
 def _overlapping(mesh: Mesh, turn: ndarray) -> ndarray:
-    """Elements that lie on the same side of some edge as their neighbour there.
+    """Elements that lie on the same side of an edge as their neighbour there.
 
-    Walked anticlockwise, two cells on either side of an edge run along it in
-    opposite directions.
+    Cells on either side of an edge pass it in opposite directions when each is walked
+    anticlockwise.
     """
     start = mesh.t  # the edges run 0-1, 1-2, ..., back to 0, in the order of t2f
     along = np.where(start == mesh.facets[0, mesh.t2f], 1, -1) * turn
-    both = np.zeros(mesh.nfacets)
-    np.add.at(both, mesh.t2f, along)
-    return (np.abs(both) == 2)[mesh.t2f].any(axis=0)
+    total = np.zeros(mesh.nfacets)
+    np.add.at(total, mesh.t2f, along)
+    return (np.abs(total) == 2)[mesh.t2f].any(axis=0)

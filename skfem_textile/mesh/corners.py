@@ -1,4 +1,4 @@
-"""The corners of elements, where an element folds first."""
+"""Corners of elements, which fold first."""
 
 from typing import Any
 
@@ -8,12 +8,13 @@ from skfem import CellBasis
 
 from .bases import node_positions
 
-# A corner is flat where det J is less than this share of the largest in its element.
+# A corner is flat if det J is below this share of the largest of its element.  Chosen:
+# far above rounding, as in `checks`.
 _FLAT = 1e-9
 
 
 class CornerBasis(CellBasis):
-    """Basis of the displacement at some nodes of elements, one to each of its rows.
+    """Basis of the displacement at one node of each of the given elements.
 
     Each of the n nodes of an element has the weight A/n, where A is its area.
 
@@ -22,7 +23,7 @@ class CornerBasis(CellBasis):
     basis
         Basis of the displacement.
     elements, corners
-        Numbers of the elements, which may repeat, and which of their nodes.
+        Numbers of the elements, which may repeat, and the local number of the node.
     """
 
     def __init__(self, basis: CellBasis, elements: ndarray, corners: ndarray) -> None:
@@ -41,11 +42,11 @@ class CornerBasis(CellBasis):
 
 
 class Corners:
-    """The nodes of the elements of a basis, at which det F tells whether they fold.
+    """Area ratio det F at the nodes of the elements of a basis.
 
     det F = det(∂x/∂ξ) / det(∂X/∂ξ): at a corner the columns of ∂x/∂ξ are edges of the
-    element.  That takes half the time of F itself, and the last answer is kept, because
-    every iteration and every state asks.
+    element, so that it takes half the time of F.  The last result is kept, because an
+    iteration needs it several times.
 
     Parameters
     ----------
@@ -58,28 +59,28 @@ class Corners:
         scalar, points = scalar.elem, _local_nodes(basis)
         dN = [scalar.lbasis(points, i)[1] for i in range(len(scalar.doflocs))]
         tangents = np.array(dN).transpose(2, 1, 0).reshape(-1, len(dN))
-        self._edges, which = np.unique(tangents, axis=0, return_inverse=True)
-        self._pairs = which.reshape(-1, 2)
+        self._edges, edge_of = np.unique(tangents, axis=0, return_inverse=True)
+        self._pairs = edge_of.reshape(-1, 2)
         self._nodes = basis.element_dofs[::2] // 2
         self._X = node_positions(basis).T.ravel()
         reference = self._jacobian(basis.zeros())
-        own = reference * np.sign(reference.sum(axis=0))
-        self._reflex = own <= _FLAT * own.max(axis=0)
+        positive = reference * np.sign(reference.sum(axis=0))
+        self._reflex = positive <= _FLAT * positive.max(axis=0)
         self._per_area = 1 / np.where(self._reflex, np.inf, reference)
-        self._kept = np.empty(0), np.empty(0)
+        self._last = np.empty(0), np.empty(0)
 
     def area_ratio(self, u: ndarray) -> ndarray:
         """Current area per reference area, det F, shape (n_points, n_elements).
 
         Infinite at a corner that is flat or reflex in the reference configuration,
-        where det F tells nothing.
+        where det F has no meaning.
         """
-        last, ratio = self._kept
+        last, ratio = self._last
         if np.array_equal(last, u):
             return ratio
         ratio = self._jacobian(u) * self._per_area
         ratio[self._reflex] = np.inf
-        self._kept = u.copy(), ratio
+        self._last = u.copy(), ratio
         return ratio
 
     def _jacobian(self, u: ndarray) -> ndarray:

@@ -1,7 +1,7 @@
-"""A symmetric sparse matrix of d×d blocks whose pattern is found once.
+"""Sparsity pattern of a symmetric matrix of d×d blocks, found once.
 
-The matrix of a ply couples the nodes of each element.  Of every pair of nodes that are
-coupled one block is kept, that below the diagonal; entries that happen to be zero stay.
+The matrix of a ply couples the nodes of each element.  Each pair of coupled nodes has
+one block, below the diagonal.  Entries that happen to be zero are kept.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 
 class Pattern:
-    """Where the blocks of element matrices go.
+    """Places of the blocks of element matrices in the whole matrix.
 
     Parameters
     ----------
@@ -22,14 +22,14 @@ class Pattern:
         Components of the displacement, d, and number of nodes; node k has the unknowns
         from dk on.
     elements
-        Nodes of the elements of each kind, shape (n_nodes_of_element, n_elements).
+        Nodes of the elements of each group, shape (n_nodes_of_element, n_elements).
     others
-        Nodes that couple beside these, likewise.
+        Further groups of nodes that couple.
 
     Attributes
     ----------
     rows, cols
-        Nodes that the blocks couple, row ≥ column, ascending; shape (n_blocks,).
+        Nodes that each block couples, row ≥ column, ascending; shape (n_blocks,).
     """
 
     def __init__(
@@ -45,17 +45,18 @@ class Pattern:
             for nodes in (*elements, *others)
         ]
         keys = [
-            (p.max(axis=0).astype(np.int64) * n_nodes + p.min(axis=0)) for p in pairs
+            (pair.max(axis=0).astype(np.int64) * n_nodes + pair.min(axis=0))
+            for pair in pairs
         ]
-        found, number = np.unique(
+        distinct, number = np.unique(
             np.concatenate([key.ravel() for key in keys]), return_inverse=True
         )
-        self.rows, self.cols = np.divmod(found, n_nodes)
-        self._keys = found
+        self.rows, self.cols = np.divmod(distinct, n_nodes)
+        self._keys = distinct
         ends = np.cumsum([key.size for key in keys])[:-1]
         self._slots = [
-            self._places(own.reshape(key.shape), p[0] < p[1])
-            for own, key, p, _ in zip(
+            self._entry_numbers(own.reshape(key.shape), pair[0] < pair[1])
+            for own, key, pair, _ in zip(
                 np.split(number, ends), keys, pairs, elements, strict=False
             )
         ]
@@ -66,8 +67,8 @@ class Pattern:
         Parameters
         ----------
         matrices
-            For the elements of each kind the blocks of their pairs of nodes (a, c), a ≤
-            c, in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements).
+            Blocks of the pairs of nodes (a, c), a ≤ c, of the elements of each group,
+            in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements).
         """
         d = self.dimension
         size = d * d * len(self.rows)
@@ -87,7 +88,7 @@ class Pattern:
         matrix
             Shape (n_unknowns, n_unknowns).
         name
-            Of the term whose matrix it is.
+            Name of the term that has the matrix.
 
         Raises
         ------
@@ -119,7 +120,7 @@ class Pattern:
         below = row > col
         row, col = np.append(row, col[below]), np.append(col, row[below])
         n = self.dimension * self.n_nodes
-        return where(np.append(slots, slots[below]), row, col, (n, n))
+        return matrix_of_slots(np.append(slots, slots[below]), row, col, (n, n))
 
     def entries(self) -> tuple[ndarray, ndarray, ndarray]:
         """The entries at and below the diagonal: number in the blocks, row, column."""
@@ -130,7 +131,7 @@ class Pattern:
         slots = np.flatnonzero(row >= col)
         return slots, row[slots], col[slots]
 
-    def _places(self, block: ndarray, flipped: ndarray) -> ndarray:
+    def _entry_numbers(self, block: ndarray, flipped: ndarray) -> ndarray:
         """Numbers of the entries of the blocks of pairs, shape (n_pairs, d, d, n).
 
         Where the first node of a pair has the smaller number, its block is kept
@@ -139,15 +140,15 @@ class Pattern:
         d = self.dimension
         i, j = np.indices((d, d))[..., None]
         within = np.where(flipped[:, None, None], d * j + i, d * i + j)
-        most = d * d * (block.max(initial=0) + 1)
-        dtype = np.int32 if most < 2**31 else np.int64
+        n_entries = d * d * (block.max(initial=0) + 1)
+        dtype = np.int32 if n_entries <= np.iinfo(np.int32).max else np.int64
         return (d * d * block[:, None, None] + within).astype(dtype)
 
 
-def where(
+def matrix_of_slots(
     slots: ndarray, row: ndarray, col: ndarray, shape: tuple[int, int]
 ) -> csr_matrix:
-    """A matrix whose data are the numbers at which its entries are to be found."""
-    found = coo_matrix((slots, (row, col)), shape).tocsr()
-    found.sort_indices()
-    return found
+    """A sorted matrix whose data are the numbers (slots) of its entries elsewhere."""
+    matrix = coo_matrix((slots, (row, col)), shape).tocsr()
+    matrix.sort_indices()
+    return matrix

@@ -1,4 +1,4 @@
-"""Nodes of a mesh by name, by number or by position."""
+"""Selection of nodes by name, number or position."""
 
 from collections.abc import Callable
 from typing import Any, TypeAlias
@@ -8,20 +8,20 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import CellBasis, Mesh
 
-from .asking import asked
 from .bases import node_positions
-from .naming import named_nodes
+from .named_nodes import named_nodes
+from .user_input import call_user_function
 
 Where: TypeAlias = str | ArrayLike | Callable[[ndarray], ndarray]
 
 
 def selected_nodes(what: str, where: Where, basis: CellBasis) -> ndarray:
-    """Numbers of nodes, in the order in which they are given, else ascending.
+    """Numbers of selected nodes: in the given order, or ascending if there is none.
 
     Parameters
     ----------
     what
-        What acts on them, for messages.
+        What acts on the nodes, for messages.
     where
         The name of a boundary or of nodes of the mesh, a function of position
         ``(2, n) -> (n,) bool``, one bool per node, or node numbers.
@@ -39,7 +39,7 @@ def selected_nodes(what: str, where: Where, basis: CellBasis) -> ndarray:
     if isinstance(where, str):
         nodes = _named(what, where, mesh, n_nodes > n_vertices)
     else:
-        chosen = _chosen(what, where, X)
+        chosen = _as_array(what, where, X)
         if chosen.dtype == bool and chosen.shape == (n_nodes,):
             nodes = np.flatnonzero(chosen)
         elif chosen.dtype.kind in "iu" and not callable(where):
@@ -56,10 +56,10 @@ def selected_nodes(what: str, where: Where, basis: CellBasis) -> ndarray:
     return nodes
 
 
-def _chosen(what: str, where: Any, X: ndarray) -> ndarray:
-    """What is said of the nodes; no bools nor whole numbers if nothing."""
+def _as_array(what: str, where: Any, X: ndarray) -> ndarray:
+    """A selection as an array; without bools or whole numbers if it is invalid."""
     if callable(where):
-        where = asked(f"{what}: where", where, X)
+        where = call_user_function(f"{what}: where", where, X)
     try:
         return np.asarray(where)
     except ValueError:  # lists of different lengths
@@ -67,15 +67,15 @@ def _chosen(what: str, where: Any, X: ndarray) -> ndarray:
 
 
 def _named(what: str, where: str, mesh: Mesh, with_middles: bool) -> ndarray:
-    """Nodes of the boundary and those named so, ascending."""
+    """Nodes of the boundary and of the named nodes of this name, ascending."""
     edges, nodes = mesh.boundaries or {}, named_nodes(mesh)
     if where not in edges and where not in nodes:
         names = ", ".join(map(repr, [*edges, *(n for n in nodes if n not in edges)]))
         raise ValueError(
             f"{what}: the mesh has no boundary {where!r} (it has: {names or 'none'})"
         )
-    named = np.asarray(edges.get(where, ()), dtype=int)
-    found = np.union1d(mesh.facets[:, named], nodes.get(where, ())).astype(int)
+    edge = np.asarray(edges.get(where, ()), dtype=int)
+    selected = np.union1d(mesh.facets[:, edge], nodes.get(where, ())).astype(int)
     if with_middles:
-        found = np.concatenate([found, mesh.p.shape[1] + np.unique(named)])
-    return found
+        selected = np.concatenate([selected, mesh.p.shape[1] + np.unique(edge)])
+    return selected

@@ -14,13 +14,28 @@ from ..solve.result import Result, State
 from .offscreen import require_offscreen
 from .picture_files import picture_path
 
-_PANEL = 520  # pixels, height of a panel of a single picture
-_BAR = 120  # pixels, height of a scale
+# Sizes and positions below are chosen by eye, so that nothing overlaps.
+_PANEL_HEIGHT = 520  # pixels, of a picture with one row
+_BAR_HEIGHT = 120  # pixels, of a scale
 _LEAST_WIDTH = 640  # pixels; room for the numbers on a scale
+_PANEL_WIDTHS = 0.7, 2.0  # least and largest width of a panel over its height
+_REACH = 0.58  # half of the height that is shown, over the height of the ply
+_TITLE = 0.06  # upward shift of the camera for the title, over the half height
+_TITLE_SIZE, _LEAST_TITLE_SIZE = 11, 9  # points, at the panel height above, and least
+_BAR_TEXT_SIZE = 20  # points
+_BAR_WIDTH, _BAR_EXTENT = (
+    0.7,
+    0.6,
+)  # width and height of a scale over those of its panel
+_BAR_LEFT, _BAR_BOTTOM = 0.15, 0.1  # position of a scale in its panel
+_BAR_TITLE_GAP = 8  # pixels between a scale and its title
+_MOST_INTERVALS = 6  # between the numbers on a scale
+_ROUND_STEPS = [1, 2, 2.5, 4, 5, 10]  # of the numbers on a scale, times powers of ten
+_EDGE_COLOUR, _EDGE_WIDTH = "#404040", 1.5  # dark grey, pixels
 
 
 class Picture(NamedTuple):
-    """What to draw: rows of one field per result by their name, and their scale."""
+    """Fields to draw and their scale: by name, a row with one field per result."""
 
     rows: dict[str, list[ndarray]]
     label: str
@@ -30,12 +45,12 @@ class Picture(NamedTuple):
     @property
     def ticks(self) -> ndarray:
         """Round numbers on the scale, from its one end to the other."""
-        locator = MaxNLocator(6, steps=[1, 2, 2.5, 4, 5, 10])
+        locator = MaxNLocator(_MOST_INTERVALS, steps=_ROUND_STEPS)
         return np.asarray(locator.tick_values(*self.limits))
 
 
 class View(NamedTuple):
-    """Width and height of a panel in pixels, camera, and half the height it shows."""
+    """Width and height of a panel in pixels, its camera, and half the height shown."""
 
     width: int
     height: int
@@ -43,14 +58,17 @@ class View(NamedTuple):
     reach: float
 
     @classmethod
-    def of(cls, plies: Sequence[pv.UnstructuredGrid], height: int = _PANEL) -> "View":
-        """One view for all plies, which fill it but for a margin and a title."""
+    def of(
+        cls, plies: Sequence[pv.UnstructuredGrid], height: int = _PANEL_HEIGHT
+    ) -> "View":
+        """One view for all plies, with a margin and room for a title."""
         points = np.vstack([ply.points for ply in plies])
         low, high = points.min(axis=0), points.max(axis=0)
         span, centre = high - low, 0.5 * (low + high)
-        width = int(np.clip(height * span[0] / span[1], 0.7 * height, 2 * height))
-        reach = 0.58 * max(span[1], span[0] * height / width)
-        centre[1] += 0.06 * reach  # room for the title
+        least, most = (share * height for share in _PANEL_WIDTHS)
+        width = int(np.clip(height * span[0] / span[1], least, most))
+        reach = _REACH * max(span[1], span[0] * height / width)
+        centre[1] += _TITLE * reach
         eye = centre + np.array([0, 0, reach])
         return cls(width, height, [eye, centre, (0, 1, 0)], reach)
 
@@ -72,17 +90,22 @@ def draw(
     Raises
     ------
     RuntimeError, ValueError, FileNotFoundError
-        As `checked`.
+        As `check_arguments`.
     """
-    path, titles = checked(results, titles, filename)
+    path, titles = check_arguments(results, titles, filename)
     plies = [deformed(result, result.states[-1]) for result in results]
     view = View.of(plies)
-    plotter = grid(view, len(picture.rows), len(results), slice(None))
-    for i, (name, fields) in enumerate(picture.rows.items()):
-        for j, values in enumerate(fields):
-            plotter.subplot(i, j)
+    plotter = empty_panels(view, len(picture.rows), len(results), slice(None))
+    for row, (name, fields) in enumerate(picture.rows.items()):
+        for column, values in enumerate(fields):
+            plotter.subplot(row, column)
             actor = panel(
-                plotter, plies[j], values, picture, f"{name}, {titles[j]}", view
+                plotter,
+                plies[column],
+                values,
+                picture,
+                f"{name}, {titles[column]}",
+                view,
             )
     plotter.subplot(len(picture.rows), 0)
     scale_bar(plotter, picture, actor)
@@ -91,16 +114,16 @@ def draw(
     return plotter
 
 
-def grid(view: View, n: int, m: int, *scales: slice) -> pv.Plotter:
-    """N × m empty panels, and a row for scales below them, over the given columns."""
-    heights = [view.height] * n + [_BAR]
+def empty_panels(view: View, n_rows: int, n_columns: int, *scales: slice) -> pv.Plotter:
+    """Rows and columns of empty panels, with a row of scales that span some columns."""
+    heights = [view.height] * n_rows + [_BAR_HEIGHT]
     plotter = pv.Plotter(
         off_screen=True,
-        shape=(n + 1, m),
+        shape=(n_rows + 1, n_columns),
         row_weights=heights,
-        groups=[(n, scale) for scale in scales],
+        groups=[(n_rows, scale) for scale in scales],
         border=False,
-        window_size=[max(view.width * m, _LEAST_WIDTH), sum(heights)],
+        window_size=[max(view.width * n_columns, _LEAST_WIDTH), sum(heights)],
     )
     plotter.set_background("white")
     return plotter
@@ -133,14 +156,14 @@ def panel(
         name="ply",
     )
     edges = ply.extract_all_edges()
-    plotter.add_mesh(edges, color="#404040", line_width=1.5, name="edges")
+    plotter.add_mesh(edges, color=_EDGE_COLOUR, line_width=_EDGE_WIDTH, name="edges")
     decorate(plotter, title, view)
     return actor
 
 
 def decorate(plotter: pv.Plotter, title: str, view: View) -> None:
     """Give the active panel its title and its camera."""
-    size = max(9, 11 * view.height // _PANEL)
+    size = max(_LEAST_TITLE_SIZE, _TITLE_SIZE * view.height // _PANEL_HEIGHT)
     plotter.add_text(
         title, position="upper_edge", font_size=size, color="black", name="title"
     )
@@ -155,36 +178,36 @@ def scale_bar(plotter: pv.Plotter, picture: Picture, actor: pv.Actor) -> None:
         n_labels=len(picture.ticks),
         fmt="%.3g",
         color="black",
-        title_font_size=20,
-        label_font_size=20,
+        title_font_size=_BAR_TEXT_SIZE,
+        label_font_size=_BAR_TEXT_SIZE,
         unconstrained_font_size=True,
-        width=0.7,
-        height=0.6,
-        position_x=0.15,
-        position_y=0.1,
+        width=_BAR_WIDTH,
+        height=_BAR_EXTENT,
+        position_x=_BAR_LEFT,
+        position_y=_BAR_BOTTOM,
     )
-    bar.SetVerticalTitleSeparation(8)
+    bar.SetVerticalTitleSeparation(_BAR_TITLE_GAP)
 
 
-def checked(
+def check_arguments(
     results: Sequence[Result],
     titles: Sequence[str],
     filename: str | os.PathLike[str] | None,
 ) -> tuple[Path | None, Sequence[str]]:
-    """The path and the titles, refused if something is wrong with them or with GL.
+    """Check the path, the titles, and that VTK can draw.
 
     Raises
     ------
     ValueError
-        If there is no result, not one title per result, or the file is to be no PNG.
+        If there is no result, not one title per result, or another suffix than .png.
     FileNotFoundError
-        If the folder of the file is not there.
+        If the folder of the file does not exist.
     RuntimeError
         If nothing can be drawn off screen here; the message says what to install.
     """
     if not results:
         raise ValueError("nothing to draw: give at least one result")
-    titles = titles or [r.ply.formulation.title for r in results]
+    titles = titles or [result.ply.formulation.title for result in results]
     if len(titles) != len(results):
         raise ValueError(f"{len(results)} results need as many titles: {len(titles)}")
     path = None if filename is None else picture_path(filename)
@@ -193,7 +216,7 @@ def checked(
 
 
 def write_png(plotter: pv.Plotter, path: Path) -> None:
-    """Write a PNG beside its place, then put it there."""
+    """Write a PNG under a temporary name, then rename it."""
     unfinished = path.with_name(f".unfinished-{path.stem}.png")
     plotter.screenshot(unfinished)
     unfinished.replace(path)

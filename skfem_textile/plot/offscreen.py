@@ -1,4 +1,4 @@
-"""Whether VTK can draw without a screen, found out where a crash does no harm."""
+"""A test, in a child process, whether VTK can draw off screen."""
 
 import functools
 import os
@@ -19,20 +19,20 @@ window.Render()
 
 @functools.cache
 def require_offscreen() -> None:
-    """Choose a kind of OpenGL window that VTK can draw into without a screen.
+    """Choose a kind of OpenGL window in which VTK can draw off screen.
 
-    Without one VTK ends the process with a segmentation fault, so that each kind
-    is tried in a child process.  The environment variable by which VTK chooses is
-    set to the first that works: EGL, then OSMesa, then whatever VTK prefers.
+    Without one VTK ends the process with a segmentation fault, so that each kind is
+    tried in a child process.  The environment variable by which VTK chooses is
+    set to the first kind that works: EGL, then OSMesa, then the default of VTK.
 
     Raises
     ------
     RuntimeError
         If none works; the message names the package to install.
     """
-    given = [os.environ[_WINDOW]] if _WINDOW in os.environ else []
+    preset = [os.environ[_WINDOW]] if _WINDOW in os.environ else []
     kinds = ["vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"]
-    for kind in given + (kinds if sys.platform == "linux" else []):
+    for kind in preset + (kinds if sys.platform == "linux" else []):
         if _can_draw({_WINDOW: kind}):
             os.environ[_WINDOW] = kind
             return

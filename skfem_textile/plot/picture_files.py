@@ -1,4 +1,4 @@
-"""Where a picture goes, checked before it is drawn."""
+"""Paths of pictures, checked before drawing."""
 
 import os
 from pathlib import Path
@@ -12,14 +12,14 @@ def picture_path(filename: str | os.PathLike[str], suffix: str = ".png") -> Path
     filename
         Where to write the picture.
     suffix
-        The suffix that says what will be in the file; a name without any will do too.
+        Suffix of the format; a name without a suffix is accepted too.
 
     Raises
     ------
     ValueError
-        If the suffix of the name is another.
+        If the name has another suffix.
     FileNotFoundError
-        If the folder of the file is not there.
+        If the folder of the file does not exist.
     """
     path = Path(filename)
     if path.suffix.lower() not in ("", suffix):

@@ -1,4 +1,4 @@
-"""Pictures of the deformed ply, off screen: strain, shear, fibres and motion."""
+"""Pictures of the deformed ply: strain, shear angle, fibres and an animation."""
 
 import os
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ from ..solve.result import Result, State
 from .drawing import (
     Picture,
     View,
-    checked,
+    check_arguments,
     decorate,
     deformed,
     draw,
-    grid,
+    empty_panels,
     panel,
     scale_bar,
     write_png,
@@ -24,12 +24,26 @@ from .drawing import (
 from .offscreen import require_offscreen
 from .picture_files import picture_path
 
-# Per cent or degrees; less than this is shown as nothing.
-_ROUND_OFF = 1e-8
+# Least limit of a scale, in per cent or degrees.  Chosen: above the rounding of zero.
+_LEAST_LIMIT = 1e-8
 
+# Chosen by eye, as all sizes and colours below.
 _FRAMES_PER_SECOND = 8
 
-# Okabe and Ito's blue and vermilion: told apart with any kind of colour vision.
+# Height of a panel of a contact sheet, in pixels.
+_SHEET_PANEL_HEIGHT = 300
+
+# Width of a name in the legend of fibre directions, and its size in points.
+_LEGEND_WIDTH, _LEGEND_SIZE = 60, 12  # pixels, points
+
+# Length of the line of a fibre over the mean size of an element, and its height above
+# the ply over its length, so that it is drawn in front.
+_LINE_LENGTH, _LINE_HEIGHT = 0.8, 1e-3
+
+# Colours of the ply and its edges behind fibre directions: light and middle grey.
+_PLY, _EDGES = "#F4F4F4", "#B0B0B0"
+
+# Blue and vermilion of Okabe & Ito (2008), distinct in any kind of colour vision.
 _WARP, _WEFT = "#0072B2", "#D55E00"
 
 
@@ -55,7 +69,7 @@ def fibre_strain(
     Returns
     -------
     pyvista.Plotter
-        Off screen, ready for more.
+        The plotter, off screen, for further drawing.
 
     Raises
     ------
@@ -65,7 +79,7 @@ def fibre_strain(
         If there is no result, not one title per result, or the name has another suffix
         than .png.
     FileNotFoundError
-        If the folder of the file is not there.
+        If the folder of the file does not exist.
     """
     return draw(results, titles, filename, _strain_picture(results))
 
@@ -91,21 +105,20 @@ def contact_sheet(
 
     Parameters, returned value and errors as for `fibre_strain`.
     """
-    path, titles = checked(results, titles, filename)
+    path, titles = check_arguments(results, titles, filename)
     strain, shear = _strain_picture(results), _shear_picture(results)
     columns = [(strain, *row) for row in strain.rows.items()]
     columns += [(shear, *row) for row in shear.rows.items()]
     plies = [deformed(result, result.states[-1]) for result in results]
-    view = View.of(plies, height=300)
-    n = len(results)
-    plotter = grid(view, n, len(columns), slice(0, 2))
-    for j, (picture, name, fields) in enumerate(columns):
-        for i, values in enumerate(fields):
-            plotter.subplot(i, j)
-            title = f"{name}, {titles[i]}"
-            actor = panel(plotter, plies[i], values, picture, title, view)
-        if j != 1:  # the scale of the strains spans two columns
-            plotter.subplot(n, j)
+    view = View.of(plies, height=_SHEET_PANEL_HEIGHT)
+    plotter = empty_panels(view, len(results), len(columns), slice(0, 2))
+    for column, (picture, name, fields) in enumerate(columns):
+        for row, values in enumerate(fields):
+            plotter.subplot(row, column)
+            title = f"{name}, {titles[row]}"
+            actor = panel(plotter, plies[row], values, picture, title, view)
+        if column != 1:  # the scale of the strains spans two columns
+            plotter.subplot(len(results), column)
             scale_bar(plotter, picture, actor)
     if path is not None:
         write_png(plotter, path)
@@ -121,27 +134,27 @@ def fibre_directions(
 
     Parameters, returned value and errors as for `fibre_strain`.
     """
-    path, titles = checked(results, titles, filename)
+    path, titles = check_arguments(results, titles, filename)
     plies = [deformed(result, result.states[-1]) for result in results]
     view = View.of(plies)
-    plotter = grid(view, 1, len(results), slice(None))
+    plotter = empty_panels(view, 1, len(results), slice(None))
     for column, (result, ply) in enumerate(zip(results, plies, strict=True)):
         plotter.subplot(0, column)
-        plotter.add_mesh(ply, color="#F4F4F4", lighting=False)
-        plotter.add_mesh(ply.extract_all_edges(), color="#B0B0B0", line_width=1)
+        plotter.add_mesh(ply, color=_PLY, lighting=False)
+        plotter.add_mesh(ply.extract_all_edges(), color=_EDGES, line_width=1)
         fields = cell_fields(result.ply, result.u)
         for family, colour in (("warp", _WARP), ("weft", _WEFT)):
             lines = _segments(ply, fields[f"{family}_direction"])
             plotter.add_mesh(lines, color=colour, line_width=3)
         decorate(plotter, f"Fibre directions, {titles[column]}", view)
     plotter.subplot(1, 0)
-    apart = 60 / plotter.window_size[0]
+    name_width = _LEGEND_WIDTH / plotter.window_size[0]
     for name, colour, x in (
-        ("Warp", _WARP, 0.5 - 1.2 * apart),
-        ("Weft", _WEFT, 0.5 + 0.2 * apart),
+        ("Warp", _WARP, 0.5 - 1.2 * name_width),
+        ("Weft", _WEFT, 0.5 + 0.2 * name_width),
     ):
         plotter.add_text(
-            name, position=(x, 0.6), viewport=True, font_size=12, color=colour
+            name, position=(x, 0.6), viewport=True, font_size=_LEGEND_SIZE, color=colour
         )
     if path is not None:
         write_png(plotter, path)
@@ -149,9 +162,9 @@ def fibre_directions(
 
 
 def _segments(ply: pv.UnstructuredGrid, direction: ndarray) -> pv.PolyData:
-    """A line through the centre of each element, four fifths of an element long."""
-    length = 0.8 * np.sqrt(ply.compute_cell_sizes()["Area"].mean())
-    centre = ply.cell_centers().points + np.array([0, 0, 1e-3 * length])
+    """A line through the centre of each element."""
+    length = _LINE_LENGTH * np.sqrt(ply.compute_cell_sizes()["Area"].mean())
+    centre = ply.cell_centers().points + np.array([0, 0, _LINE_HEIGHT * length])
     half = 0.5 * length * direction
     ends = np.stack([centre - half, centre + half], axis=1).reshape(-1, 3)
     return pv.line_segments_from_points(ends)
@@ -174,7 +187,7 @@ def animation(result: Result, filename: str | os.PathLike[str]) -> None:
     ValueError
         If the name has another suffix than .gif.
     FileNotFoundError
-        If the folder of the file is not there.
+        If the folder of the file does not exist.
     """
     path = picture_path(filename, ".gif")
     require_offscreen()
@@ -182,7 +195,7 @@ def animation(result: Result, filename: str | os.PathLike[str]) -> None:
     fields = [_degrees(result, state) for state in result.states]
     picture = _shear_picture([result], result.states)
     view = View.of(plies)
-    plotter = grid(view, 1, 1)
+    plotter = empty_panels(view, 1, 1)
     unfinished = path.with_name(f".unfinished-{path.stem}.gif")
     plotter.open_gif(str(unfinished), fps=_FRAMES_PER_SECOND)
     for state, ply, values in zip(result.states, plies, fields, strict=True):
@@ -193,7 +206,7 @@ def animation(result: Result, filename: str | os.PathLike[str]) -> None:
             plotter.subplot(1, 0)
             scale_bar(plotter, picture, actor)
         plotter.write_frame()
-    for _ in range(_FRAMES_PER_SECOND):  # rest on the last state for a second
+    for _ in range(_FRAMES_PER_SECOND):  # show the last state for one more second
         plotter.write_frame()
     plotter.close()
     unfinished.replace(path)
@@ -206,7 +219,7 @@ def _strain_picture(results: Sequence[Result]) -> Picture:
         for family in ("Warp", "Weft")
     }
     largest = max((np.abs(x).max() for row in rows.values() for x in row), default=0.0)
-    scale = max(largest, _ROUND_OFF)
+    scale = max(largest, _LEAST_LIMIT)
     return Picture(rows, "Fibre strain (%)", (-scale, scale), "RdBu_r")
 
 
@@ -216,7 +229,7 @@ def _shear_picture(results: Sequence[Result], states: Sequence[State] = ()) -> P
     angles = row + [_degrees(results[0], state) for state in states]
     low = min((x.min() for x in angles), default=0.0)
     high = max((x.max() for x in angles), default=0.0)
-    limits = min(low, 0.0), max(high, _ROUND_OFF)
+    limits = min(low, 0.0), max(high, _LEAST_LIMIT)
     return Picture({"Shear angle": row}, "Shear angle (degrees)", limits, "viridis")
 
 

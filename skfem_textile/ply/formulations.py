@@ -23,7 +23,7 @@ from ..mesh.bases import (
     triangle_basis,
 )
 from ..mesh.checks import MeshError, check_quads, check_triangles
-from ..mesh.jumps import JumpBasis
+from ..mesh.interior_edges import JumpBasis
 from ..mesh.macro import MacroBasis
 from ..splitting import was_split
 from .kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
@@ -293,7 +293,7 @@ def _mean_tension_term(
         MeanTensionKernel(fabric, deviation),
         law=partial(mean_fibre_tension, fabric, deviation, basis),
         seen=partial(mean_strain, basis),
-        arrange=basis.of_parts,
+        arrange=basis.from_ply_points,
     )
 
 

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from skfem import CellBasis, FacetBasis, LinearForm, asm
 from skfem.helpers import dot
 
-from ..mesh.asking import asked, real_numbers
 from ..mesh.bases import node_dofs
 from ..mesh.selection import Where, selected_nodes
+from ..mesh.user_input import call_user_function, real_numbers
 from .term import dimension
 from .terms import Factor, VectorTerm, proportional
 
@@ -153,7 +153,9 @@ def _spread(name: str, value: Vector, basis: Any) -> ndarray:
     """Nodal forces of a force per length or area, given at the points of a basis."""
     x = np.asarray(basis.global_coordinates())
     shape = (dimension(basis), *x.shape[1:])
-    given: Any = asked(f"load {name!r}", value, x) if callable(value) else value
+    given: Any = (
+        call_user_function(f"load {name!r}", value, x) if callable(value) else value
+    )
     if not callable(value):
         vector = _finite(f"load {name!r}", value, shape[:1])
         given = np.broadcast_to(vector[:, None, None], shape)

@@ -11,7 +11,7 @@ from .. import kinematics as kin
 from ..fabric import Fabric, is_zero
 from ..forms.hourglass import hourglass_rate, rate_increment
 from ..mesh.bases import CENTRE, centre_grad
-from .kernels.wrapped import hourglass
+from .kernels.exported_forms import hourglass
 
 # C_s by default, as a share of the secant shear stiffness or of the fibre stiffness.
 _OF_SHEAR, _OF_FIBRES = 8.0, 1e-4

@@ -13,11 +13,11 @@ from skfem.assembly.basis import AbstractBasis
 
 from ..fabric import Fabric
 from ..forms import Forms
-from ..mesh.asking import asked, real_numbers
 from ..mesh.bases import element_numbers
-from .kernels.assembly import pairs_of
-from .kernels.fused import knows, with_kernel
+from ..mesh.user_input import call_user_function, real_numbers
+from .kernels.assembly import node_pair_blocks
 from .kernels.kernel import Kernel, Parameters
+from .kernels.kernel_forms import can_compute, with_kernel
 from .term import Memory, Role, Term, dimension, refuse_unsymmetric
 
 
@@ -100,12 +100,12 @@ class FormTerm(Term):
         K = form.elemental(basis, u=u, **self.parameters(t)).data
         K = K.reshape(size, size, -1)
         refuse_unsymmetric(self.name, K - K.swapaxes(0, 1), K)
-        return pairs_of(K, self.nodes, dimension(basis))
+        return node_pair_blocks(K, self.nodes, dimension(basis))
 
     @cached_property
     def fused(self) -> bool:
         """Whether the kernel knows the basis."""
-        return self.kernel is not None and knows(self.kernel, self.basis)
+        return self.kernel is not None and can_compute(self.kernel, self.basis)
 
     @cached_property
     def _forms(self) -> Forms:
@@ -204,7 +204,9 @@ class VectorTerm(Term):
 
     def _at(self, t: float) -> float:
         told = f"term {self.name!r}: its factor"
-        answer = asked(told, self.factor, t) if callable(self.factor) else self.factor
+        answer: Any = self.factor
+        if callable(self.factor):
+            answer = call_user_function(told, self.factor, t)
         factor = real_numbers(told, answer)
         if factor.shape or not np.isfinite(factor):
             raise ValueError(f"{told} must be a finite number, got {answer} at {t:g}")

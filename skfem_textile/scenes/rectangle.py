@@ -8,7 +8,7 @@ from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
 from ..mesh.checks import with_edges
-from ..mesh.naming import named_nodes
+from ..mesh.named_nodes import named_nodes
 
 Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "delaunay"]
 

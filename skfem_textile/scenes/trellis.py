@@ -18,6 +18,7 @@ from numpy.polynomial.legendre import leggauss
 from skfem import Mesh
 
 from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..mesh.scikit_fem import with_names
 from ..solve.conditions import Condition
 from .rectangle import rectangle
 from .scene import Scene
@@ -180,7 +181,7 @@ def _with_held(mesh: Mesh, edges: Mapping[str, Edge]) -> Mesh:
             held = np.setdiff1d(held, mesh.boundaries[side])
     if held.size == 0:
         raise ValueError("trellis: no side is held: hold at least one")
-    return replace(mesh, _boundaries={**mesh.boundaries, "held": held})
+    return with_names(mesh, {**mesh.boundaries, "held": held}, mesh.subdomains)
 
 
 def _conditions(

@@ -12,9 +12,9 @@ from scipy.sparse.linalg import splu
 from skfem import CellBasis
 
 from ..fabric import Direction, unit_vectors
-from ..mesh.asking import asked, real_numbers
 from ..mesh.bases import node_dofs, node_positions
 from ..mesh.selection import Where, selected_nodes
+from ..mesh.user_input import call_user_function, real_numbers
 
 Value: TypeAlias = ArrayLike | Callable[[ndarray, float], ndarray]
 
@@ -76,7 +76,9 @@ class Condition:
     def values(self, name: str, X: ndarray, t: float) -> ndarray:
         """Displacements along the fixed directions, shape (k, n)."""
         what, function = f"condition {name!r}: the value", self.value
-        given = asked(what, function, X, t) if callable(function) else function
+        given = (
+            call_user_function(what, function, X, t) if callable(function) else function
+        )
         value = real_numbers(what, given)
         if not np.all(np.isfinite(value)):
             raise ValueError(f"{what} is not finite at load factor {t:g}")

@@ -243,7 +243,7 @@ def draw(rows: list[Row], folder: Path) -> None:
     Problems that differ in their seed alone share a line: the shares of the outcomes,
     and how many of them are right.
     """
-    from ..plot.cells import Cell, cells
+    from ..plot.outcome_table import Cell, outcome_table
 
     groups: dict[str, dict[str, list[Cell]]] = {}
     for family, kind in dict.fromkeys((row["family"], row["kind"]) for row in rows):
@@ -251,7 +251,7 @@ def draw(rows: list[Row], folder: Path) -> None:
         groups.setdefault(family, {})[kind] = [
             _cell([row for row in some if row["steps"] == steps]) for steps in STEPS
         ]
-    cells(
+    outcome_table(
         groups,
         [str(steps) for steps in STEPS],
         _COLOURS,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from skfem import Mesh
 
-from skfem_textile.mesh.naming import named_nodes
+from skfem_textile.mesh.named_nodes import named_nodes
 from skfem_textile.splitting import was_split
 
 from .plain import Plain

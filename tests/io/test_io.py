@@ -156,8 +156,8 @@ def test_triangles_are_read_as_they_are_on_request(tmp_path):
     assert isinstance(mesh, MeshTri)
     np.testing.assert_array_equal(np.sort(mesh.t.T), np.sort(TRIANGLES))
     np.testing.assert_array_equal(mesh.p, POINTS[:, :2].T)
-    found = {k: mesh.facets[:, v].T.tolist() for k, v in mesh.boundaries.items()}
-    assert found == {"bottom": [[0, 1], [1, 2]], "right": [[2, 5]]}
+    boundaries = {k: mesh.facets[:, v].T.tolist() for k, v in mesh.boundaries.items()}
+    assert boundaries == {"bottom": [[0, 1], [1, 2]], "right": [[2, 5]]}
 
 
 @pytest.mark.parametrize(

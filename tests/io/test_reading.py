@@ -10,7 +10,7 @@ from skfem import MeshQuad, MeshTri
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, MeshError, OnePoint, Ply
 from skfem_textile.io import read_mesh
-from skfem_textile.mesh.naming import named_nodes
+from skfem_textile.mesh.named_nodes import named_nodes
 from skfem_textile.scenes import bias_extension
 
 MESHES = Path(__file__).parent / "meshes"
@@ -145,8 +145,8 @@ def inp(path, text=INP, quad="S4R", triangle="S3"):
 def test_shells_and_membranes_of_abaqus_are_read(tmp_path, quad, triangle):
     mesh = read_mesh(inp(tmp_path / "m.inp", quad=quad, triangle=triangle))
     assert mesh.nelements == 3 * 4 + 2 * 3
-    found = {name: len(parts) for name, parts in mesh.subdomains.items()}
-    assert found == {"upper": 6, "mixed": 7}
+    sizes = {name: len(parts) for name, parts in mesh.subdomains.items()}
+    assert sizes == {"upper": 6, "mixed": 7}
     upper = mesh.p[:, mesh.t[:, mesh.subdomains["upper"]]]
     assert upper.reshape(2, -1).min(axis=1).tolist() == [1, 1]
 

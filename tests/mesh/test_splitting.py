@@ -19,7 +19,7 @@ from skfem_textile import (
 )
 from skfem_textile.io import write_fields
 from skfem_textile.mesh.checks import check_quads, with_edges
-from skfem_textile.mesh.naming import named_nodes, with_named_nodes
+from skfem_textile.mesh.named_nodes import named_nodes, with_named_nodes
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.splitting import cut, split, split_cells, was_split
@@ -171,8 +171,8 @@ def test_named_nodes_outlive_splitting_cutting_moving_and_cutting_out():
     (left,) = part.p[:, named_nodes(part)["some"]].T
     np.testing.assert_array_equal(left, places[:, 1])
     moved = split(quads).translated((1.0, 2.0))
-    found = moved.p[:, named_nodes(moved)["some"]]
-    np.testing.assert_allclose(found, places + np.array([[1.0], [2.0]]))
+    positions = moved.p[:, named_nodes(moved)["some"]]
+    np.testing.assert_allclose(positions, places + np.array([[1.0], [2.0]]))
 
 
 def test_moved_and_scaled_meshes_remember_their_parents():

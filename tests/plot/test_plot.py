@@ -15,7 +15,7 @@ plot = pytest.importorskip("skfem_textile.plot")
 curves = pytest.importorskip("skfem_textile.plot.curves").curves
 convergence = pytest.importorskip("skfem_textile.plot.convergence").convergence
 work_precision = pytest.importorskip("skfem_textile.plot.work_precision").work_precision
-cells = pytest.importorskip("skfem_textile.plot.cells").cells
+table = pytest.importorskip("skfem_textile.plot.outcome_table")
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,10 @@ def drawers(results):
     yield ".png", lambda file: convergence({"mm": {"title": lines}}, file)
     yield ".png", lambda file: work_precision({"mm": {("a", "b"): ([1], [1])}}, file)
     lines = {"title": {"line": [("good", "1")]}}
-    yield ".png", lambda file: cells(lines, ["1"], {"good": "g"}, "steps", file)
+    yield (
+        ".png",
+        lambda file: table.outcome_table(lines, ["1"], {"good": "g"}, "steps", file),
+    )
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".pdf", ".mp4", ".png", ".gif", ".5"])

@@ -38,9 +38,9 @@ from skfem_textile import (
 )
 from skfem_textile.mesh import bases as elements
 from skfem_textile.mesh.pattern import Pattern
-from skfem_textile.ply.kernels.fused import with_kernel
-from skfem_textile.ply.kernels.points import QuadPoints
-from skfem_textile.ply.kernels.stencils import stencils
+from skfem_textile.ply.kernels.element_groups import element_groups
+from skfem_textile.ply.kernels.integration_points import QuadPoints
+from skfem_textile.ply.kernels.kernel_forms import with_kernel
 from skfem_textile.splitting import split_cells
 
 FABRICS = {
@@ -112,11 +112,14 @@ def test_a_ply_is_the_sum_of_its_forms(fabric):
 @pytest.mark.parametrize("C_s", [3.0, None])
 def test_fields_other_bases_and_subsets_of_elements_are_assembled_too(C_s):
     fabric, mesh = FABRICS["even"], distorted(2)
-    some = HourglassBasis(mesh, elements=[1, 4])
+    basis_of_two = HourglassBasis(mesh, elements=[1, 4])
     w = {} if C_s else {"C_s": np.array([[2.0], [5.0]])}
     form = hourglass(fabric, C_s).tangent
-    u = np.random.default_rng(1).standard_normal(some.N) * 0.05
-    assert_same(asm(form, some, u=u, **w), asm(BilinearForm(form.form), some, u=u, **w))
+    u = np.random.default_rng(1).standard_normal(basis_of_two.N) * 0.05
+    assert_same(
+        asm(form, basis_of_two, u=u, **w),
+        asm(BilinearForm(form.form), basis_of_two, u=u, **w),
+    )
     form = tension(fabric).tangent
     nine = CellBasis(mesh, ElementVector(ElementQuad2()), intorder=4)
     u = np.random.default_rng(2).standard_normal(nine.N) * 0.05
@@ -231,7 +234,8 @@ def test_laws_see_points_as_in_the_forms():
 
 def test_the_reference_data_of_a_basis_is_found_once():
     ply = next(plies(FABRICS["even"]))
-    assert stencils(ply.basis, ply.fabric) is stencils(ply.basis, ply.fabric)
+    groups = element_groups(ply.basis, ply.fabric)
+    assert element_groups(ply.basis, ply.fabric) is groups
 
 
 def test_the_pattern_keeps_entries_that_happen_to_be_zero():
@@ -244,13 +248,13 @@ def test_the_pattern_keeps_entries_that_happen_to_be_zero():
 
 def test_strains_are_found_once_for_forces_and_tangent_of_a_state(monkeypatch):
     ply, seen = Ply(distorted(1), Fabric(1e4, 0.5), OnePoint(1.0)), []
-    motion = QuadPoints.motion
+    deformation = QuadPoints.deformation
 
-    def counted(points, u, some):
+    def counted(points, u, block):
         seen.append(len(points.dx))
-        return motion(points, u, some)
+        return deformation(points, u, block)
 
-    monkeypatch.setattr(QuadPoints, "motion", counted)
+    monkeypatch.setattr(QuadPoints, "deformation", counted)
     u = wobble(ply, 9)
     ply.residual(u), ply.tangent(u), ply.energy(u)
     assert sorted(seen) == [1, 4]  # the centre once for three terms, and the corners

@@ -56,7 +56,7 @@ def test_the_basis_is_that_of_the_parts(mesh):
     area = asm(Functional(lambda w: 1 + 0 * grad(w["u"])[0, 0]), basis, u=u)
     assert area == pytest.approx(quads.basis.dx.sum())
     x = np.arange(mesh.nelements)[None, :, None]
-    np.testing.assert_array_equal(basis.on_parts(basis.of_parts(x)), x)
+    np.testing.assert_array_equal(basis.to_ply_points(basis.from_ply_points(x)), x)
 
 
 @every_mesh

@@ -1,10 +1,9 @@
-import dataclasses
-
 import numpy as np
 import pytest
 from skfem import MeshHex
 
 from skfem_textile import Fabric, Full, LoadStepper, MeshError, OnePoint, Ply
+from skfem_textile.mesh.scikit_fem import with_names
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 
@@ -202,18 +201,18 @@ def test_long_meshes_are_held_by_their_edges_alone():
 
 def test_a_mesh_brings_its_own_names_or_is_named_by_its_edges():
     mesh = strip("irregular").mesh
-    unnamed = dataclasses.replace(mesh, _boundaries=None)
+    unnamed = with_names(mesh, None, None)
     scene = strip(unnamed)
     np.testing.assert_array_equal(
         np.sort(scene.mesh.boundaries["right"]), np.sort(mesh.boundaries["right"])
     )
     half = mesh.boundaries["right"][:5]
-    named = dataclasses.replace(mesh, _boundaries={"right": half})
+    named = with_names(mesh, {"right": half}, None)
     np.testing.assert_array_equal(strip(named).mesh.boundaries["right"], half)
 
 
 def test_a_mesh_that_does_not_fit_is_refused():
-    mesh = dataclasses.replace(strip().mesh, _boundaries=None)
+    mesh = with_names(strip().mesh, None, None)
     with pytest.raises(MeshError, match="must lie on y = 0"):
         strip(mesh.translated((0, 5)))
     with pytest.raises(MeshError, match="600 mm high"):

@@ -1,7 +1,7 @@
 """Sums of kernels over elements and their points: forces, and blocks of matrices.
 
-What the terms of a ply share is found once: where their fibres move alike, how they
-move at a displacement, and the way from the motions of an element to its nodes.
+Terms of a ply share work: fibres that deform equally are computed once a displacement,
+and the modes of an element are transformed to its nodes once for all terms.
 
 Element matrices are symmetric and hold the 2×2 blocks of the pairs of nodes (a, c) with
 a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2, n_elements).
@@ -15,38 +15,45 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy import ndarray
 
-from .kernel import Kernel, Parameters, Square, Stress
-from .points import Motion, Points, alike
-from .stencils import Stencil, stencils, transformed
+from .element_groups import (
+    Deformations,
+    ElementGroup,
+    element_groups,
+    transformed,
+)
+from .integration_points import FibreDeformation, IntegrationPoints, same_deformation
+from .kernel import Kernel, Parameters, RankOneStiffness, Stress
 
 
-class Part(NamedTuple):
-    """What one kernel sees of some elements.
+class KernelOnGroup(NamedTuple):
+    """A kernel on a group of elements in one state.
 
-    ``places`` are its points, or others, where fibres move alike, that stand for them.
+    ``points`` are those of the group, or equal ones of another term.
     """
 
     kernel: Kernel
-    at: Stencil
-    places: Sequence[Points]
-    motions: list[Motion]
+    group: ElementGroup
+    points: Sequence[IntegrationPoints]
+    fibres: Deformations
     parameters: Parameters
 
     def energy(self) -> float:
         """Energy in N·mm."""
-        return self.kernel.energy(self.at, self.motions, self.parameters)
+        return self.kernel.energy(self.group, self.fibres, self.parameters)
 
     def stresses(self) -> list[Stress]:
         """Stresses at the points."""
-        return self.kernel.stresses(self.at, self.motions, self.parameters)
+        return self.kernel.stresses(self.group, self.fibres, self.parameters)
 
-    def squares(self) -> list[Square]:
-        """What couples several fibres or points."""
-        return self.kernel.squares(self.at, self.motions, self.parameters)
+    def rank_one_stiffnesses(self) -> list[RankOneStiffness]:
+        """Stiffnesses that couple fibres or points."""
+        return self.kernel.rank_one_stiffnesses(
+            self.group, self.fibres, self.parameters
+        )
 
 
-class Kerneled(Protocol):
-    """A term whose kernel knows its basis."""
+class KernelTerm(Protocol):
+    """A term with a kernel that can compute on its basis."""
 
     @property
     def kernel(self) -> Any: ...  # noqa: D102
@@ -55,32 +62,37 @@ class Kerneled(Protocol):
     def basis(self) -> Any: ...  # noqa: D102
 
 
-#: Terms and the parameters of their forms.
-Given = Mapping[Any, Parameters]
+#: Parameters of the forms of terms.
+TermParameters = Mapping[Any, Parameters]
 
 
 @dataclass
-class _Kind:
-    """Elements with the same motions, and what each term sees of them.
+class _SharedGroup:
+    """Elements with the same nodes and modes, with the points of each term.
 
-    Of points where fibres move alike the first stand for all.
+    Of points at which fibres deform equally the first stand for all.
     """
 
-    first: Stencil
-    seen: dict[Any, tuple[Stencil, list[Points]]] = field(default_factory=dict)
+    group: ElementGroup
+    terms: dict[Any, tuple[ElementGroup, list[IntegrationPoints]]] = field(
+        default_factory=dict
+    )
 
-    def add(self, term: Kerneled, at: Stencil) -> None:
-        """Let a term see the elements."""
-        known = [place for _, places in self.seen.values() for place in places]
-        places = [next((q for q in known if alike(p, q)), p) for p in at.points]
-        self.seen[term] = at, places
+    def add(self, term: KernelTerm, group: ElementGroup) -> None:
+        """Add a term on the elements."""
+        known = [p for _, points in self.terms.values() for p in points]
+        points = [
+            next((p for p in known if same_deformation(own, p)), own)
+            for own in group.points
+        ]
+        self.terms[term] = group, points
 
 
 class KernelSum:
     """The sum of terms whose kernels know their bases.
 
-    What the fibres do at a displacement is kept until it is asked for another: forces
-    and tangent of one state share it.
+    The deformations at the last displacement are kept: forces and tangent of one state
+    share them.
 
     Parameters
     ----------
@@ -90,104 +102,116 @@ class KernelSum:
         The terms.
     """
 
-    def __init__(self, n_unknowns: int, terms: Sequence[Kerneled]) -> None:
+    def __init__(self, n_unknowns: int, terms: Sequence[KernelTerm]) -> None:
         self._n_unknowns = n_unknowns
-        self._kept = np.empty(0), dict[Points, Motion]()
-        self._kinds: list[_Kind] = []
+        self._last = np.empty(0), dict[IntegrationPoints, FibreDeformation]()
+        self._groups: list[_SharedGroup] = []
         for term in terms:
-            for at in stencils(term.basis, term.kernel.fabric):
-                kind = next((k for k in self._kinds if k.first.alike(at)), None)
-                if kind is None:
-                    self._kinds.append(kind := _Kind(at))
-                kind.add(term, at)
+            for group in element_groups(term.basis, term.kernel.fabric):
+                same = (s for s in self._groups if s.group.same_nodes_and_modes(group))
+                shared = next(same, None)
+                if shared is None:
+                    self._groups.append(shared := _SharedGroup(group))
+                shared.add(term, group)
 
     @property
     def elements(self) -> list[ndarray]:
-        """Nodes of the elements of each kind, shape (n_nodes_of_element, n)."""
-        return [kind.first.nodes for kind in self._kinds]
+        """Nodes of the elements of each group, shape (n_nodes_of_element, n)."""
+        return [shared.group.nodes for shared in self._groups]
 
-    def energy(self, u: ndarray, given: Given) -> float:
+    def energy(self, u: ndarray, given: TermParameters) -> float:
         """Energy of the given terms in N·mm."""
-        kinds = (self._parts(kind, u, given) for kind in self._kinds)
-        return sum(part.energy() for parts in kinds for part in parts)
+        groups = (self._kernels(shared, u, given) for shared in self._groups)
+        return sum(kernel.energy() for kernels in groups for kernel in kernels)
 
-    def forces(self, u: ndarray, given: Given) -> ndarray:
+    def forces(self, u: ndarray, given: TermParameters) -> ndarray:
         """Nodal forces of the given terms in N, shape (n_unknowns,)."""
         f = np.zeros(self._n_unknowns)
-        for kind in self._kinds:
-            if parts := self._parts(kind, u, given):
-                own, nodes = element_forces(parts), kind.first.nodes.ravel()
+        for shared in self._groups:
+            if kernels := self._kernels(shared, u, given):
+                local, nodes = element_forces(kernels), shared.group.nodes.ravel()
                 for i in range(2):
-                    f[i::2] += np.bincount(nodes, own[:, i].ravel(), len(f) // 2)
+                    f[i::2] += np.bincount(nodes, local[:, i].ravel(), len(f) // 2)
         return f
 
-    def matrices(self, u: ndarray, given: Given) -> Iterator[ndarray]:
-        """Blocks of the elements of each kind, of all terms, as `Pattern.sum` takes."""
-        for kind in self._kinds:
-            yield element_matrices(self._parts(kind, u, given))
+    def matrices(self, u: ndarray, given: TermParameters) -> Iterator[ndarray]:
+        """Blocks of the elements of each group, sums over terms, for `Pattern.sum`."""
+        for shared in self._groups:
+            yield element_matrices(self._kernels(shared, u, given))
 
-    def predicted_tension(self, u: ndarray, du: ndarray, term: Kerneled) -> ndarray:
+    def predicted_tension(self, u: ndarray, du: ndarray, term: KernelTerm) -> ndarray:
         """Tensions of a term after an increment of the displacement, to first order.
 
         At the points of the term's basis, shape (2, n_elements, n_points).
         """
         T = np.zeros((2, *term.basis.dx.shape))
-        for kind in self._kinds:
-            if term in kind.seen:
-                at, places = kind.seen[term]
-                before, after = (
-                    self._seen(at, places, u),
-                    self._seen(at, places, u + du),
-                )
-                at.put(T, term.kernel.predicted_tension(at, before, after))
+        for shared in self._groups:
+            if term in shared.terms:
+                group, points = shared.terms[term]
+                before = self._deformations(group, points, u)
+                after = self._deformations(group, points, u + du)
+                tension = term.kernel.predicted_tension(group, before, after)
+                group.put_values(T, tension)
         return T
 
-    def _parts(self, kind: _Kind, u: ndarray, given: Given) -> list[Part]:
-        """What the kernels of the given terms see of the elements."""
+    def _kernels(
+        self, shared: _SharedGroup, u: ndarray, given: TermParameters
+    ) -> list[KernelOnGroup]:
+        """The kernels of the given terms on a group of elements."""
         return [
-            Part(term.kernel, at, places, self._seen(at, places, u), given[term])
-            for term, (at, places) in kind.seen.items()
+            KernelOnGroup(
+                term.kernel,
+                group,
+                points,
+                self._deformations(group, points, u),
+                given[term],
+            )
+            for term, (group, points) in shared.terms.items()
             if term in given
         ]
 
-    def _seen(self, at: Stencil, places: list[Points], u: ndarray) -> list[Motion]:
-        """The motions at the places; threads may ask for those of different states."""
-        kept = self._kept
-        if not np.array_equal(u, kept[0]):
-            kept = self._kept = u.copy(), {}
-        if new := [place for place in places if place not in kept[1]]:
-            kept[1].update(zip(new, at.motions(u, new), strict=True))
-        return [kept[1][place] for place in places]
+    def _deformations(
+        self, group: ElementGroup, points: list[IntegrationPoints], u: ndarray
+    ) -> Deformations:
+        """Deformations at points; threads may want those of different states."""
+        last = self._last
+        if not np.array_equal(u, last[0]):
+            last = self._last = u.copy(), {}
+        if new := [p for p in points if p not in last[1]]:
+            last[1].update(zip(new, group.deformations(u, new), strict=True))
+        return [last[1][p] for p in points]
 
 
-def element_forces(parts: Sequence[Part]) -> ndarray:
-    """Nodal forces that kernels find in the same elements, shape (n_nodes, 2, n)."""
-    at = parts[0].at
-    f = np.zeros((at.n_motions, 2, at.nodes.shape[1]))
-    for points, (motion, stress) in _stresses(parts).items():
-        for some in at.blocks():
-            T, M, _ = stress.on(some)
-            f[..., some] += points.forces(motion.v[..., some], T, M, some)
-    return f if at.modes is None else transformed(at, "ran,rin->ain", f)
+def element_forces(kernels: Sequence[KernelOnGroup]) -> ndarray:
+    """Sum of the nodal forces of kernels on a group, shape (n_nodes, 2, n)."""
+    group = kernels[0].group
+    f = np.zeros((group.n_modes, 2, group.nodes.shape[1]))
+    for points, (fibres, stress) in _stresses(kernels).items():
+        for block in group.blocks():
+            T, M, _ = stress.of(block)
+            f[..., block] += points.forces(fibres.v[..., block], T, M, block)
+    return f if group.modes is None else transformed(group, "ran,rin->ain", f)
 
 
-def element_matrices(parts: Sequence[Part]) -> ndarray:
-    """Matrices that kernels find of the same elements, in one pass over these.
+def element_matrices(kernels: Sequence[KernelOnGroup]) -> ndarray:
+    """Sum of the element matrices of kernels on a group.
 
     Blocks of the pairs of nodes, shape (n_pairs, 2, 2, n).
     """
-    at = parts[0].at
-    stresses = _stresses(parts)
-    squares = [square for part in parts for square in part.squares()]
-    n_nodes, n = at.nodes.shape
+    group = kernels[0].group
+    stresses = _stresses(kernels)
+    rank_one = [s for kernel in kernels for s in kernel.rank_one_stiffnesses()]
+    n_nodes, n = group.nodes.shape
     K = np.empty((_n_pairs(n_nodes), 2, 2, n))
-    for some in at.blocks():
-        k = np.zeros((_n_pairs(at.n_motions), 2, 2, some.stop - some.start))
-        for points, (motion, stress) in stresses.items():
-            points.add_stiffness(k, motion.v[..., some], stress.on(some), some)
-        for square in squares:
-            add_squares(k, square.gradients(some), square.stiffness[:, some])
-        K[..., some] = k if at.modes is None else to_nodes(k, at.modes[..., some])
+    for block in group.blocks():
+        k = np.zeros((_n_pairs(group.n_modes), 2, 2, block.stop - block.start))
+        for points, (fibres, stress) in stresses.items():
+            points.add_stiffness(k, fibres.v[..., block], stress.of(block), block)
+        for strain in rank_one:
+            add_rank_one(k, strain.gradients(block), strain.stiffness[:, block])
+        K[..., block] = (
+            k if group.modes is None else nodal_blocks(k, group.modes[..., block])
+        )
     return K
 
 
@@ -195,36 +219,38 @@ def _n_pairs(n: int) -> int:
     return n * (n + 1) // 2
 
 
-def _stresses(parts: Sequence[Part]) -> dict[Points, tuple[Motion, Stress]]:
-    """Motion at each place, and the sum of the stresses of all kernels there."""
-    found: dict[Points, tuple[Motion, Stress]] = {}
-    for part in parts:
-        here = zip(part.places, part.motions, part.stresses(), strict=True)
-        for place, motion, stress in here:
-            _, others = found.get(place, (motion, Stress()))
-            found[place] = motion, others.plus(stress)
-    return found
+def _stresses(
+    kernels: Sequence[KernelOnGroup],
+) -> dict[IntegrationPoints, tuple[FibreDeformation, Stress]]:
+    """Deformation and the sum of the stresses of all kernels at each set of points."""
+    sums: dict[IntegrationPoints, tuple[FibreDeformation, Stress]] = {}
+    for kernel in kernels:
+        sets = zip(kernel.points, kernel.fibres, kernel.stresses(), strict=True)
+        for points, fibres, stress in sets:
+            _, others = sums.get(points, (fibres, Stress()))
+            sums[points] = fibres, others.plus(stress)
+    return sums
 
 
-def add_squares(K: ndarray, g: ndarray, s: ndarray) -> None:
-    """Add Σ s g_a g_cᵀ over points to the blocks of all pairs of motions."""
-    scaled, n_motions = s[:, None, None] * g, g.shape[1]
-    for pair, (a, c) in enumerate(combinations_with_replacement(range(n_motions), 2)):
+def add_rank_one(K: ndarray, g: ndarray, s: ndarray) -> None:
+    """Add Σ s g_a g_cᵀ over points to the blocks of all pairs of modes."""
+    scaled, n_modes = s[:, None, None] * g, g.shape[1]
+    for pair, (a, c) in enumerate(combinations_with_replacement(range(n_modes), 2)):
         K[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
 
 
-def to_nodes(K: ndarray, modes: ndarray) -> ndarray:
-    """Blocks of the pairs of nodes from those of the pairs of motions: Rᵀ K R."""
-    n_motions, n_nodes, n = modes.shape
-    k = whole(K).reshape(n_motions, 2, n_motions, 2, n)
+def nodal_blocks(K: ndarray, modes: ndarray) -> ndarray:
+    """Blocks of the pairs of nodes from those of the pairs of modes: Rᵀ K R."""
+    n_modes, _, n = modes.shape
+    k = full_matrices(K).reshape(n_modes, 2, n_modes, 2, n)
     half = np.einsum("ran,risjn->asijn", modes, k)
-    rows = zip(half, range(n_nodes), strict=True)
-    return np.concatenate(
-        [np.einsum("sijn,scn->cijn", row, modes[:, a:]) for row, a in rows]
-    )
+    rows = [
+        np.einsum("sijn,scn->cijn", row, modes[:, a:]) for a, row in enumerate(half)
+    ]
+    return np.concatenate(rows)
 
 
-def whole(K: ndarray) -> ndarray:
+def full_matrices(K: ndarray) -> ndarray:
     """Matrices over the unknowns of an element, shape (2 n_nodes, 2 n_nodes, n)."""
     n_nodes = int(np.sqrt(2 * len(K)))  # of n (n + 1) / 2 pairs
     full = np.empty((n_nodes, 2, n_nodes, 2, K.shape[-1]))
@@ -234,7 +260,7 @@ def whole(K: ndarray) -> ndarray:
     return full.reshape(2 * n_nodes, 2 * n_nodes, -1)
 
 
-def pairs_of(K: ndarray, nodes: ndarray, d: int) -> ndarray:
+def node_pair_blocks(K: ndarray, nodes: ndarray, d: int) -> ndarray:
     """Blocks of the pairs of nodes of whole symmetric matrices.
 
     Parameters

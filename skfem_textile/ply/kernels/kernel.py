@@ -1,13 +1,13 @@
-"""The numbers of the forms for all elements at once, with no formula per function.
+"""Kernels: energies, stresses and stiffnesses of the forms, for all elements at once.
 
-A kernel knows, at the points of a `Stencil`, the tension T and the shear moment M times
-area, and how these change with the strains of the fibres.  Then
+A kernel knows, at the points of an `ElementGroup`, the tension T and the shear moment M
+times area, and their slopes with respect to the strains of the fibres.  Then
 
     f_a  = Σ b_a (T v + M Jv),
     K_ac = Σ b_a b_c (E v vᵀ + T ∂²ε + M ∂²θ) + Σ s g_a g_cᵀ,
 
-where ∂²(ε + iθ) = −(δz/z)², and the squares are of strains that several fibres or
-points share: shear angles, their differences, and means.
+where ∂²(ε + iθ) = −(δz/z)².  The rank-one stiffnesses s g gᵀ belong to strains of more
+than one fibre or point: shear angles, their differences, and means.
 """
 
 from collections.abc import Callable
@@ -23,8 +23,8 @@ from skfem import CellBasis
 from ...fabric import Fabric, is_zero
 from ...forms.deviation import deviation_stiffness
 from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
-from .points import Motion, Points
-from .stencils import Stencil
+from .element_groups import Deformations, ElementGroup
+from .integration_points import FibreDeformation, IntegrationPoints
 
 #: Parameters of a form: numbers, or arrays over elements and points.
 Parameters: TypeAlias = dict[str, Any]
@@ -33,7 +33,7 @@ Parameters: TypeAlias = dict[str, Any]
 class Stress(NamedTuple):
     """Tension and its slope, (2, P, n), and shear moment, (P, n), times area.
 
-    None where there is none.
+    None stands for zero.
     """
 
     tension: ndarray | None = None
@@ -47,16 +47,15 @@ class Stress(NamedTuple):
             *(y if x is None else x if y is None else x + y for x, y in pairs)
         )
 
-    def on(self, some: slice) -> "Stress":
-        """The stress of some elements."""
-        return Stress(*(None if x is None else x[..., some] for x in self))
+    def of(self, block: slice) -> "Stress":
+        """The stresses of a block of elements."""
+        return Stress(*(None if x is None else x[..., block] for x in self))
 
 
-class Square(NamedTuple):
-    """Strains that meet a stiffness, shape (P, n); P in each element.
+class RankOneStiffness(NamedTuple):
+    """Stiffness s of P strains of each element, shape (P, n), and their gradients g.
 
-    ``gradients`` gives their gradients in some of the elements, shape (P, n_nodes, 2,
-    n_some).
+    ``gradients`` takes a block of elements and returns shape (P, n_modes, 2, n_block).
     """
 
     stiffness: ndarray
@@ -68,27 +67,27 @@ class Kernel(Protocol):
 
     @property
     def fabric(self) -> Fabric:
-        """Gives directions and laws."""
+        """The fabric with its directions and laws."""
         ...
 
     def takes(self, basis: CellBasis) -> bool:
-        """Whether a basis of the displacement is one that the kernel knows."""
+        """Whether the kernel can compute on a basis of the displacement."""
         ...
 
-    def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
+    def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
         """Energy in N·mm."""
         ...
 
     def stresses(
-        self, at: Stencil, motions: list[Motion], w: Parameters
+        self, group: ElementGroup, fibres: Deformations, w: Parameters
     ) -> list[Stress]:
         """Stresses at the points."""
         ...
 
-    def squares(
-        self, at: Stencil, motions: list[Motion], w: Parameters
-    ) -> list[Square]:
-        """What couples several fibres or points."""
+    def rank_one_stiffnesses(
+        self, group: ElementGroup, fibres: Deformations, w: Parameters
+    ) -> list[RankOneStiffness]:
+        """Stiffnesses that couple fibres or points."""
         ...
 
 
@@ -99,42 +98,45 @@ class TensionKernel:
     fabric: Fabric
 
     def takes(self, basis: CellBasis) -> bool:
-        """Any whose functions have gradients of their own."""
+        """Accept bases whose functions have their own gradients."""
         return not isinstance(_scalar(basis), ElementQuad1Fluctuation)
 
-    def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
+    def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
         """∫ Σ_α ψ(ε_α) dΩ."""
-        pairs = zip(at.points, _tensions("energy", at, motions), strict=True)
+        pairs = zip(group.points, _tensions("energy", group, fibres), strict=True)
         return sum(float((p.dx * psi).sum()) for p, psi in pairs)
 
     def stresses(
-        self, at: Stencil, motions: list[Motion], w: Parameters
+        self, group: ElementGroup, fibres: Deformations, w: Parameters
     ) -> list[Stress]:
         """Tension and its slope."""
         if "tension" in w:
-            T = [_resisting(self.fabric) * T_p for T_p in at.given(w["tension"])]
+            T = [
+                _resisting(self.fabric) * T_p
+                for T_p in group.values_at_points(w["tension"])
+            ]
         else:
-            T = _tensions("value", at, motions)
-        E = _tensions("tangent", at, motions)
+            T = _tensions("value", group, fibres)
+        E = _tensions("tangent", group, fibres)
         return [
             Stress(tension=p.dx * T_p, slope=p.dx * E_p)
-            for p, T_p, E_p in zip(at.points, T, E, strict=True)
+            for p, T_p, E_p in zip(group.points, T, E, strict=True)
         ]
 
-    def squares(
-        self, at: Stencil, motions: list[Motion], w: Parameters
-    ) -> list[Square]:
-        """None."""
+    def rank_one_stiffnesses(
+        self, group: ElementGroup, fibres: Deformations, w: Parameters
+    ) -> list[RankOneStiffness]:
+        """None: the fibres of a point are independent."""
         return []
 
     def predicted_tension(
-        self, at: Stencil, before: list[Motion], after: list[Motion]
+        self, group: ElementGroup, before: Deformations, after: Deformations
     ) -> list[ndarray]:
         """T(ε) + T′ Δε, shape (2, P, n) each."""
-        T, E = (_tensions(part, at, before) for part in ("value", "tangent"))
+        T, E = (_tensions(part, group, before) for part in ("value", "tangent"))
         return [
-            T_p + E_p * m.change(n)
-            for T_p, E_p, m, n in zip(T, E, before, after, strict=True)
+            T_p + E_p * f.change(g)
+            for T_p, E_p, f, g in zip(T, E, before, after, strict=True)
         ]
 
 
@@ -145,29 +147,29 @@ class ShearKernel:
     fabric: Fabric
 
     def takes(self, basis: CellBasis) -> bool:
-        """Any whose functions have gradients of their own."""
+        """Accept bases whose functions have their own gradients."""
         return not isinstance(_scalar(basis), ElementQuad1Fluctuation)
 
-    def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
+    def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
         """∫ w(Γ) dΩ."""
-        pairs = zip(at.points, _moments("energy", at, motions), strict=True)
+        pairs = zip(group.points, _moments("energy", group, fibres), strict=True)
         return sum(float((p.dx * w_p).sum()) for p, w_p in pairs)
 
     def stresses(
-        self, at: Stencil, motions: list[Motion], w: Parameters
+        self, group: ElementGroup, fibres: Deformations, w: Parameters
     ) -> list[Stress]:
         """Shear moment."""
-        pairs = zip(at.points, _moments("value", at, motions), strict=True)
+        pairs = zip(group.points, _moments("value", group, fibres), strict=True)
         return [Stress(moment=p.dx * M_p) for p, M_p in pairs]
 
-    def squares(
-        self, at: Stencil, motions: list[Motion], w: Parameters
-    ) -> list[Square]:
-        """Its slope, along the gradient of the shear angle."""
-        G = _moments("tangent", at, motions)
+    def rank_one_stiffnesses(
+        self, group: ElementGroup, fibres: Deformations, w: Parameters
+    ) -> list[RankOneStiffness]:
+        """The slope of the shear law, along the gradient of the shear angle."""
+        G = _moments("tangent", group, fibres)
         return [
-            Square(p.dx * G_p, partial(_turning, p, m))
-            for p, m, G_p in zip(at.points, motions, G, strict=True)
+            RankOneStiffness(p.dx * G_p, partial(_angle_gradients, p, f))
+            for p, f, G_p in zip(group.points, fibres, G, strict=True)
         ]
 
 
@@ -179,35 +181,37 @@ class HourglassKernel:
     C_s: float | None = None
 
     def takes(self, basis: CellBasis) -> bool:
-        """`HourglassBasis`."""
+        """Accept `HourglassBasis`."""
         return isinstance(basis, HourglassBasis)
 
-    def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
+    def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
         """½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))²."""
-        return 0.5 * float((self._stiffness(at, w) * _difference(motions) ** 2).sum())
+        return 0.5 * float((self._stiffness(group, w) * _difference(fibres) ** 2).sum())
 
     def stresses(
-        self, at: Stencil, motions: list[Motion], w: Parameters
+        self, group: ElementGroup, fibres: Deformations, w: Parameters
     ) -> list[Stress]:
-        """Moments at the points, and what balances them at the centre."""
-        moment = self._stiffness(at, w) * _difference(motions)
-        once = len(motions[0].angle) == 1
-        opposite = moment.sum(axis=0, keepdims=True) if once else moment
+        """Moments at the points, and their opposites at the centre."""
+        moment = self._stiffness(group, w) * _difference(fibres)
+        one_centre = len(fibres[0].shear_angle) == 1
+        opposite = moment.sum(axis=0, keepdims=True) if one_centre else moment
         return [Stress(moment=-opposite), Stress(moment=moment)]
 
-    def squares(
-        self, at: Stencil, motions: list[Motion], w: Parameters
-    ) -> list[Square]:
+    def rank_one_stiffnesses(
+        self, group: ElementGroup, fibres: Deformations, w: Parameters
+    ) -> list[RankOneStiffness]:
         """C_s, along the gradient of Γ(ξ_k) − Γ(0)."""
-        (middle, corners), (still, turned) = at.points, motions
+        (centre, corners), (at_centre, at_corners) = group.points, fibres
 
-        def gradients(some: slice) -> ndarray:
-            return _turning(corners, turned, some) - _turning(middle, still, some)
+        def gradients(block: slice) -> ndarray:
+            return _angle_gradients(corners, at_corners, block) - _angle_gradients(
+                centre, at_centre, block
+            )
 
-        return [Square(self._stiffness(at, w), gradients)]
+        return [RankOneStiffness(self._stiffness(group, w), gradients)]
 
-    def _stiffness(self, at: Stencil, w: Parameters) -> ndarray:
-        _, corners = at.points
+    def _stiffness(self, group: ElementGroup, w: Parameters) -> ndarray:
+        _, corners = group.points
         if self.C_s is not None:
             return self.C_s * corners.dx
         return corners.dx * np.broadcast_to(w["C_s"], corners.dx.T.shape).T
@@ -222,76 +226,80 @@ class MeanTensionKernel:
     _known: WeakKeyDictionary = field(default_factory=WeakKeyDictionary, init=False)
 
     def takes(self, basis: CellBasis) -> bool:
-        """`MeanBasis`."""
+        """Accept `MeanBasis`."""
         return isinstance(basis, MeanBasis)
 
-    def energy(self, at: Stencil, motions: list[Motion], w: Parameters) -> float:
+    def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
         """∫ Σ_α ψ(ε̄_α) + ½ E_d (ε_α − ε̄_α)² dΩ."""
-        means, E_d = self._means(at, motions), self._deviation_stiffness(at)
-        density = _laws(at.fabric, "energy", means)
+        means, E_d = self._means(group, fibres), self._deviation_stiffness(group)
+        density = _laws(group.fabric, "energy", means)
         return sum(
-            float((p.dx * (density + 0.5 * E_d * (m.strain - means) ** 2)).sum())
-            for p, m in zip(at.points, motions, strict=True)
+            float((p.dx * (density + 0.5 * E_d * (f.strain - means) ** 2)).sum())
+            for p, f in zip(group.points, fibres, strict=True)
         )
 
     def stresses(
-        self, at: Stencil, motions: list[Motion], w: Parameters
+        self, group: ElementGroup, fibres: Deformations, w: Parameters
     ) -> list[Stress]:
-        """Tension, and the slope of what deviates from the mean."""
-        means, E_d = self._means(at, motions), self._deviation_stiffness(at)
+        """Tension, and the stiffness E_d of deviations from the mean."""
+        means, E_d = self._means(group, fibres), self._deviation_stiffness(group)
         if "tension" in w:
-            T = [_resisting(self.fabric) * T_p for T_p in at.given(w["tension"])]
+            T = [
+                _resisting(self.fabric) * T_p
+                for T_p in group.values_at_points(w["tension"])
+            ]
         else:
-            T_mean = _laws(at.fabric, "value", means)
-            T = [T_mean + E_d * (m.strain - means) for m in motions]
+            T_mean = _laws(group.fabric, "value", means)
+            T = [T_mean + E_d * (f.strain - means) for f in fibres]
         return [
             Stress(tension=p.dx * T_p, slope=p.dx * E_d)
-            for p, T_p in zip(at.points, T, strict=True)
+            for p, T_p in zip(group.points, T, strict=True)
         ]
 
-    def squares(
-        self, at: Stencil, motions: list[Motion], w: Parameters
-    ) -> list[Square]:
-        """The rest of the slope of the laws, along the gradient of the mean."""
-        slope = _laws(at.fabric, "tangent", self._means(at, motions))
-        rest = at.area * (slope - self._deviation_stiffness(at))
+    def rank_one_stiffnesses(
+        self, group: ElementGroup, fibres: Deformations, w: Parameters
+    ) -> list[RankOneStiffness]:
+        """The slope of the laws less E_d, along the gradient of the mean."""
+        slope = _laws(group.fabric, "tangent", self._means(group, fibres))
+        remainder = group.area * (slope - self._deviation_stiffness(group))
 
-        def gradients(some: slice) -> ndarray:
-            g = np.zeros((2, at.n_motions, 2, at.area[some].size))
-            for p, m in zip(at.points, motions, strict=True):
-                share = p.dx[:, None, some] / at.area[some]
-                g += p.stretching(share * m.v[..., some], some)
+        def gradients(block: slice) -> ndarray:
+            g = np.zeros((2, group.n_modes, 2, group.area[block].size))
+            for p, f in zip(group.points, fibres, strict=True):
+                share = p.dx[:, None, block] / group.area[block]
+                g += p.strain_gradients(share * f.v[..., block], block)
             return g
 
-        return [Square(rest[:, 0], gradients)]
+        return [RankOneStiffness(remainder[:, 0], gradients)]
 
     def predicted_tension(
-        self, at: Stencil, before: list[Motion], after: list[Motion]
+        self, group: ElementGroup, before: Deformations, after: Deformations
     ) -> list[ndarray]:
         """T(ε̄) + E_d (ε − ε̄) after a change of the strains, shape (2, P, n) each."""
-        changes = [m.change(n) for m, n in zip(before, after, strict=True)]
-        mean, mean_change = self._means(at, before), _mean(at, changes)
-        E_d = self._deviation_stiffness(at)
-        of_mean = _laws(at.fabric, "value", mean)
-        of_mean = of_mean + _laws(at.fabric, "tangent", mean) * mean_change
+        changes = [f.change(g) for f, g in zip(before, after, strict=True)]
+        mean, mean_change = self._means(group, before), _mean(group, changes)
+        E_d = self._deviation_stiffness(group)
+        tension = _laws(group.fabric, "value", mean)
+        tension = tension + _laws(group.fabric, "tangent", mean) * mean_change
         return [
-            of_mean + E_d * (m.strain - mean + change - mean_change)
-            for m, change in zip(before, changes, strict=True)
+            tension + E_d * (f.strain - mean + change - mean_change)
+            for f, change in zip(before, changes, strict=True)
         ]
 
-    def _means(self, at: Stencil, motions: list[Motion]) -> ndarray:
+    def _means(self, group: ElementGroup, fibres: Deformations) -> ndarray:
         """Mean strain of warp and weft, shape (2, 1, n)."""
-        return _mean(at, [motion.strain for motion in motions])
+        return _mean(group, [f.strain for f in fibres])
 
-    def _deviation_stiffness(self, at: Stencil) -> ndarray:
-        """E_d of warp and weft, shape (2, 1, n); none without a law."""
-        if at not in self._known:
-            c = self.deviation
-            c = c[at.elements] if isinstance(c, ndarray) else c
-            fineness = np.sqrt(at.whole / at.area)[:, None]
-            E_d = deviation_stiffness(at.fabric, c, fineness)
-            self._known[at] = _resisting(self.fabric) * np.array([E.T for E in E_d])
-        return self._known[at]
+    def _deviation_stiffness(self, group: ElementGroup) -> ndarray:
+        """E_d of warp and weft, shape (2, 1, n); 0 without a law."""
+        if group not in self._known:
+            multiple = self.deviation
+            if isinstance(multiple, ndarray):
+                multiple = multiple[group.elements]
+            fineness = np.sqrt(group.mesh_area / group.area)[:, None]
+            E_d = deviation_stiffness(group.fabric, multiple, fineness)
+            self._known[group] = _resisting(self.fabric) * np.array([E.T for E in E_d])
+        return self._known[group]
 
 
 def _scalar(basis: CellBasis) -> Any:
@@ -299,38 +307,40 @@ def _scalar(basis: CellBasis) -> Any:
     return vector.elem
 
 
-def _turning(points: Points, motion: Motion, some: slice) -> ndarray:
-    return points.turning(motion.v[..., some], some)
+def _angle_gradients(
+    points: IntegrationPoints, fibres: FibreDeformation, block: slice
+) -> ndarray:
+    return points.shear_angle_gradients(fibres.v[..., block], block)
 
 
-def _difference(motions: list[Motion]) -> ndarray:
+def _difference(fibres: Deformations) -> ndarray:
     """Γ(ξ_k) − Γ(0)."""
-    middle, corners = motions
-    return corners.angle - middle.angle
+    centre, corners = fibres
+    return corners.shear_angle - centre.shear_angle
 
 
-def _mean(at: Stencil, values: list[ndarray]) -> ndarray:
+def _mean(group: ElementGroup, values: list[ndarray]) -> ndarray:
     """Mean over each element of values at its points, shape (2, 1, n)."""
-    pairs = zip(at.points, values, strict=True)
-    return sum((p.dx * x).sum(axis=1, keepdims=True) for p, x in pairs) / at.area
+    pairs = zip(group.points, values, strict=True)
+    return sum((p.dx * x).sum(axis=1, keepdims=True) for p, x in pairs) / group.area
 
 
 def _resisting(fabric: Fabric) -> ndarray:
     """1 for a family that has a tension law, 0 for one that has none; (2, 1, 1)."""
-    has = [not is_zero(family.tension) for family in fabric.families]
-    return np.array(has, dtype=float)[:, None, None]
+    resists = [not is_zero(family.tension) for family in fabric.families]
+    return np.array(resists, dtype=float)[:, None, None]
 
 
-def _tensions(part: str, at: Stencil, motions: list[Motion]) -> list[ndarray]:
+def _tensions(part: str, group: ElementGroup, fibres: Deformations) -> list[ndarray]:
     """One part of the tension laws of warp and weft at the points, (2, P, n) each."""
-    pairs = zip(at.fabrics, motions, strict=True)
-    return [_laws(fabric, part, motion.strain) for fabric, motion in pairs]
+    pairs = zip(group.fabrics, fibres, strict=True)
+    return [_laws(fabric, part, f.strain) for fabric, f in pairs]
 
 
-def _moments(part: str, at: Stencil, motions: list[Motion]) -> list[ndarray]:
+def _moments(part: str, group: ElementGroup, fibres: Deformations) -> list[ndarray]:
     """One part of the shear law at the points, shape (P, n) each."""
-    pairs = zip(at.fabrics, motions, strict=True)
-    return [_law(getattr(fabric.shear_law, part), m.angle) for fabric, m in pairs]
+    pairs = zip(group.fabrics, fibres, strict=True)
+    return [_law(getattr(fabric.shear_law, part), f.shear_angle) for fabric, f in pairs]
 
 
 def _laws(fabric: Fabric, part: str, strain: ndarray) -> ndarray:
@@ -340,5 +350,5 @@ def _laws(fabric: Fabric, part: str, strain: ndarray) -> ndarray:
 
 
 def _law(law: Callable[[ndarray], ndarray], x: ndarray) -> ndarray:
-    """A law at points, shape (P, n), which it takes in the order of the forms."""
+    """A law at points, shape (P, n); the law itself takes and returns (n, P)."""
     return np.broadcast_to(law(x.T), x.T.shape).T

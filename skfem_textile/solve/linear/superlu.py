@@ -8,7 +8,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import SuperLU as Decomposition
 from scipy.sparse.linalg import splu
 
-from ...mesh.pattern import where
+from ...mesh.pattern import matrix_of_slots
 from .solver import SingularMatrixError, refuse_round_off
 
 
@@ -28,7 +28,7 @@ class SuperLU:
             np.repeat(slots[: lower.shape[0]], np.diff(lower.indptr)),
         )
         below = row > col
-        self._whole = where(
+        self._whole = matrix_of_slots(
             np.append(slots, slots[below]),
             np.append(col, row[below]),
             np.append(row, col[below]),

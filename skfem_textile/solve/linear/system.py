@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
-from ...mesh.pattern import Pattern, where
+from ...mesh.pattern import Pattern, matrix_of_slots
 from ..conditions import Constraints
 from . import ChosenSolver, nested_dissection
 
@@ -73,8 +73,8 @@ class System:
         slots, row, col = pattern.entries()
         row, col = np.sort([place[row], place[col]], axis=0)
         inside, across = col < n, (row < n) & (col >= n)
-        self._upper = where(slots[inside], row[inside], col[inside], (n, n))
-        self._coupling = where(
+        self._upper = matrix_of_slots(slots[inside], row[inside], col[inside], (n, n))
+        self._coupling = matrix_of_slots(
             slots[across], row[across], col[across] - n, (n, n_fixed)
         )
         turn = constraints.turn

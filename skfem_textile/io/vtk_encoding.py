@@ -1,4 +1,4 @@
-"""Bytes of the arrays of VTK's XML: as they are or in base64, plain or packed."""
+"""Binary arrays in XML files of VTK: raw or in base64, compressed or not."""
 
 import base64
 import binascii
@@ -10,30 +10,30 @@ import numpy as np
 
 from ..mesh.checks import MeshError
 
-#: What unpacks data, by VTK's name of it.
-UNPACKERS: dict[str | None, Any] = {
+#: Decompressors by VTK's name.
+DECOMPRESSORS: dict[str | None, Any] = {
     None: None,
     "vtkZLibDataCompressor": zlib.decompressobj,
     "vtkLZMADataCompressor": lzma.LZMADecompressor,
 }
 
 
-class Raw:
-    """Bytes as they are."""
+class RawData:
+    """Bytes that are not encoded."""
 
     def __init__(self, content: bytes) -> None:
-        self._content, self._at = content, 0
+        self._content, self._position = content, 0
 
     def peek(self, count: int) -> bytes:
-        """The next bytes, which stay the next ones."""
-        if not 0 <= count <= len(self._content) - self._at:
+        """The next bytes, without taking them."""
+        if not 0 <= count <= len(self._content) - self._position:
             raise MeshError("it is cut off")
-        return self._content[self._at : self._at + count]
+        return self._content[self._position : self._position + count]
 
     def take(self, count: int) -> bytes:
         """The next bytes."""
         taken = self.peek(count)
-        self._at += count
+        self._position += count
         return taken
 
     def ends_after(self, count: int) -> bool:
@@ -41,8 +41,8 @@ class Raw:
         return False
 
 
-class Base64(Raw):
-    """Bytes in base64, in runs of which each ends with a whole group of characters."""
+class Base64Data(RawData):
+    """Bytes in base64, in runs that each end with a whole group of characters."""
 
     @staticmethod
     def _length(count: int) -> int:
@@ -59,8 +59,8 @@ class Base64(Raw):
     def take(self, count: int) -> bytes:
         """The next run, of so many bytes."""
         taken = self.peek(count)
-        self._at += self._length(count)
-        padding = self._content[: self._at][-2:].count(b"=")
+        self._position += self._length(count)
+        padding = self._content[: self._position][-2:].count(b"=")
         if len(taken) != count or padding != -count % 3:
             raise MeshError("it is not in base64")
         return taken
@@ -70,14 +70,14 @@ class Base64(Raw):
         end = b"=" * (-count % 3)
         return bool(end) and super().peek(self._length(count)).endswith(end)
 
-    def end(self) -> None:
-        """Refuse that there is more."""
-        if self._at < len(self._content):
-            raise MeshError("it is longer than it says")
+    def refuse_rest(self) -> None:
+        """Refuse further data."""
+        if self._position < len(self._content):
+            raise MeshError("it is longer than it states")
 
 
-def plain(data: Raw, header: np.dtype) -> bytes:
-    """Bytes that follow their number."""
+def read_uncompressed(data: RawData, header: np.dtype) -> bytes:
+    """Read bytes that follow their number."""
     (count,) = np.frombuffer(data.peek(header.itemsize), header).tolist()
     if data.ends_after(header.itemsize):
         data.take(header.itemsize)
@@ -85,26 +85,29 @@ def plain(data: Raw, header: np.dtype) -> bytes:
     return data.take(header.itemsize + count)[header.itemsize :]
 
 
-def unpacked(data: Raw, header: np.dtype, unpacker: Any, due: int) -> bytes:
-    """Bytes that are packed in blocks, as many as are due.
+def read_compressed(
+    data: RawData, header: np.dtype, decompressor: Any, n_bytes: int
+) -> bytes:
+    """Read a number of bytes that are compressed in blocks.
 
-    The number of blocks, the size of one and of the last, and their sizes when packed
-    stand before them.
+    Before them stand the number of blocks, the size of one and of the last, and their
+    compressed sizes.
     """
     (n,) = np.frombuffer(data.peek(header.itemsize), header).tolist()
     sizes = np.frombuffer(data.take((3 + n) * header.itemsize), header).tolist()[1:]
-    full, last, *packed = sizes
-    held = [full] * (n - 1) + [last or full] if n else []
-    if sum(held) != due:
-        raise MeshError(f"it holds {sum(held)} bytes, and {due} are due")
-    rest, at, blocks = data.take(sum(packed)), 0, []
-    for size, length in zip(packed, held, strict=True):
-        one = unpacker()
+    full, last, *compressed = sizes
+    lengths = [full] * (n - 1) + [last or full] if n else []
+    if sum(lengths) != n_bytes:
+        raise MeshError(f"it holds {sum(lengths)} bytes, and {n_bytes} are due")
+    rest, start, blocks = data.take(sum(compressed)), 0, []
+    for size, length in zip(compressed, lengths, strict=True):
+        block = decompressor()
         try:
-            blocks.append(one.decompress(rest[at : at + size], max_length=length + 1))
+            part = rest[start : start + size]
+            blocks.append(block.decompress(part, max_length=length + 1))
         except (zlib.error, lzma.LZMAError):
             raise MeshError("it cannot be unpacked") from None
-        if len(blocks[-1]) != length or not one.eof or one.unused_data:
-            raise MeshError("a block is not as long as it says")
-        at += size
+        if len(blocks[-1]) != length or not block.eof or block.unused_data:
+            raise MeshError("a block has another length than it states")
+        start += size
     return b"".join(blocks)

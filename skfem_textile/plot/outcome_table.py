@@ -1,4 +1,4 @@
-"""Many cases at a glance, as coloured cells, with matplotlib."""
+"""Tables of coloured cells, for the outcomes of many cases, with matplotlib."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -11,16 +11,22 @@ from matplotlib.patches import Patch, Rectangle
 from .curves import save
 from .picture_files import picture_path
 
-#: How many of each kind a cell stands for, and its text.
+#: A cell: number of cases by outcome, and its text.
 Cell: TypeAlias = tuple[Mapping[str, int], str]
 
 #: Lines by their label, each with a cell for every column.
 Lines: TypeAlias = Mapping[str, Sequence[Cell]]
 
-_ROW, _CELL, _LABEL = 0.19, 0.42, 2.3  # inches
+# Chosen by eye: height of a row, widths of a cell, of the labels, of their indent and
+# between panels, all in inches; rows for the legend; text size in points.
+_ROW, _CELL, _LABEL, _INDENT, _GAP = 0.19, 0.42, 2.3, 0.1, 0.2
+_LEGEND_ROWS, _TEXT_SIZE = 3, 8
+
+# Rows of a group besides its lines: its title, and a blank one.
+_EXTRA_ROWS = 2
 
 
-def cells(
+def outcome_table(
     groups: Mapping[str, Lines],
     columns: Sequence[str],
     colours: Mapping[str, str],
@@ -28,22 +34,22 @@ def cells(
     filename: str | os.PathLike[str] | None = None,
     panels: int = 3,
 ) -> Figure:
-    """Lines of cells in groups, each cell in the colours of its kinds.
+    """Draw a table in groups of lines, with cells in the colours of their outcomes.
 
     Parameters
     ----------
     groups
-        By the group's title, its lines.
+        Lines by the title of their group.
     columns
         Titles of the columns.
     colours
-        Colour of each kind, in the order of the legend.
+        Colour of each outcome, in the order of the legend.
     xlabel
-        What the columns are.
+        Title of the columns.
     filename
         Where to write a PNG.
     panels
-        Panels side by side among which the groups are shared out, in their order.
+        Number of panels, side by side, that take the groups in their order.
 
     Raises
     ------
@@ -54,19 +60,22 @@ def cells(
     --------
     >>> stiff = [({"good": 1}, "5"), ({"good": 2, "bad": 1}, "-")]
     >>> groups = {"fibres": {"stiff": stiff}}
-    >>> figure = cells(groups, ["1", "2"], {"good": "green", "bad": "red"}, "steps")
+    >>> colours = {"good": "green", "bad": "red"}
+    >>> figure = outcome_table(groups, ["1", "2"], colours, "steps")
     >>> [text.get_text() for text in figure.axes[0].texts]
     ['fibres', '1', '2', 'stiff', '5', '-']
     >>> [round(part.get_width() / _CELL, 2) for part in figure.axes[0].patches]
     [1.0, 1.0, 0.67, 0.33, 1.0]
     """
     path = None if filename is None else picture_path(filename)
-    shared = _shared_out(groups, panels)
-    height = max(sum(len(lines) + 2 for lines in panel.values()) for panel in shared)
+    shared = _groups_by_panel(groups, panels)
+    height = max(
+        sum(len(lines) + _EXTRA_ROWS for lines in panel.values()) for panel in shared
+    )
     width = _LABEL + _CELL * len(columns)
-    with mpl.rc_context({"font.size": 8}):
+    with mpl.rc_context({"font.size": _TEXT_SIZE}):
         figure = Figure(
-            figsize=(len(shared) * (width + 0.2), (height + 3) * _ROW),
+            figsize=(len(shared) * (width + _GAP), (height + _LEGEND_ROWS) * _ROW),
             layout="constrained",
         )
         for i, panel in enumerate(shared, start=1):
@@ -99,7 +108,7 @@ def _panel(
             axes.text((x + 0.5) * _CELL, y, column, ha="center", va="center")
         for label, line in lines.items():
             y += _ROW
-            axes.text(-_LABEL + 0.1, y, label, va="center")
+            axes.text(-_LABEL + _INDENT, y, label, va="center")
             for x, cell in enumerate(line):
                 _draw(axes, cell, x * _CELL, y, colours)
         y += _ROW
@@ -108,26 +117,28 @@ def _panel(
 def _draw(
     axes: mpl.axes.Axes, cell: Cell, x: float, y: float, colours: Mapping[str, str]
 ) -> None:
-    """Draw a cell from x on, in the middle of the line at y."""
+    """Draw a cell with its left side at x, centred vertically at y."""
     counts, text = cell
     left, bottom = x, y - 0.5 * _ROW
-    for kind, count in counts.items():
+    for outcome, count in counts.items():
         width = _CELL * count / sum(counts.values())
         axes.add_patch(
-            Rectangle((left, bottom), width, _ROW, color=colours[kind], lw=0)
+            Rectangle((left, bottom), width, _ROW, color=colours[outcome], lw=0)
         )
         left += width
     axes.add_patch(Rectangle((x, bottom), _CELL, _ROW, fill=False, edgecolor="white"))
     axes.text(x + 0.5 * _CELL, y, text, color="white", ha="center", va="center")
 
 
-def _shared_out(groups: Mapping[str, Lines], panels: int) -> list[dict[str, Lines]]:
-    """The groups in order, in panels of about the same height."""
-    whole = sum(len(lines) + 2 for lines in groups.values())
+def _groups_by_panel(
+    groups: Mapping[str, Lines], panels: int
+) -> list[dict[str, Lines]]:
+    """Distribute the groups in order over panels of about the same height."""
+    total = sum(len(lines) + _EXTRA_ROWS for lines in groups.values())
     shared: list[dict[str, Lines]] = [{} for _ in range(panels)]
     before = 0
     for group, lines in groups.items():
-        middle = before + 0.5 * (len(lines) + 2)
-        shared[min(int(panels * middle / whole), panels - 1)][group] = lines
-        before += len(lines) + 2
+        middle = before + 0.5 * (len(lines) + _EXTRA_ROWS)
+        shared[min(int(panels * middle / total), panels - 1)][group] = lines
+        before += len(lines) + _EXTRA_ROWS
     return [panel for panel in shared if panel]

@@ -26,14 +26,14 @@ class NamedNodes:
     def restrict(
         self, elements: Any, return_mapping: bool = False, *args: Any, **kwargs: Any
     ) -> Any:
-        """As `skfem.Mesh.restrict`; names keep those of their nodes that remain."""
-        whole: Any = super()
-        mesh, kept = whole.restrict(elements, True, *args, **kwargs)
+        """Restrict as `skfem.Mesh.restrict`; names keep their remaining nodes."""
+        mesh_class: Any = super()
+        mesh, nodes_left = mesh_class.restrict(elements, True, *args, **kwargs)
         mesh.named_nodes = {
-            name: np.flatnonzero(np.isin(kept, nodes))
+            name: np.flatnonzero(np.isin(nodes_left, nodes))
             for name, nodes in self.named_nodes.items()
         }
-        return (mesh, kept) if return_mapping else mesh
+        return (mesh, nodes_left) if return_mapping else mesh
 
 
 @dataclass(repr=False)
@@ -47,7 +47,7 @@ class NamedTriangles(NamedNodes, MeshTri):
 
 
 def with_named_nodes(mesh: _Mesh, nodes: Mapping[str, ndarray]) -> _Mesh:
-    """The mesh with these names of nodes, beside those that it has."""
+    """Add names of nodes to a mesh."""
     if not nodes:
         return mesh
     if isinstance(mesh, NamedNodes):
@@ -58,12 +58,12 @@ def with_named_nodes(mesh: _Mesh, nodes: Mapping[str, ndarray]) -> _Mesh:
 
 
 def named_nodes(mesh: Mesh) -> dict[str, ndarray]:
-    """Node numbers by name; none of a mesh of scikit-fem's own."""
+    """Node numbers by name; empty for a plain mesh of scikit-fem."""
     return mesh.named_nodes if isinstance(mesh, NamedNodes) else {}
 
 
 def edge_numbers(edges: ndarray, ends: ndarray) -> ndarray:
-    """Which of the edges have these ends, shape (m,); −1 where none has.
+    """Number of the edge with given ends, shape (m,); −1 if there is none.
 
     Parameters
     ----------
@@ -76,13 +76,6 @@ def edge_numbers(edges: ndarray, ends: ndarray) -> ndarray:
     keys, (a, b) = edges[0].astype(np.int64) * n + edges[1], np.sort(ends, axis=0)
     order = np.argsort(keys)
     wanted = a.astype(np.int64) * n + b
-    at = np.searchsorted(keys[order], wanted).clip(max=len(keys) - 1)
-    return np.where(keys[order[at]] == wanted, order[at], -1)
-
-
-def printable(text: object) -> str:
-    """Text of others in one line, control characters as their codes."""
-    return "".join(
-        c if c.isprintable() else c.encode("unicode_escape", "replace").decode()
-        for c in str(text)
-    )
+    position = np.searchsorted(keys[order], wanted).clip(max=len(keys) - 1)
+    edge = order[position]
+    return np.where(keys[edge] == wanted, edge, -1)

@@ -1,4 +1,4 @@
-"""The forms as the package exports them: their numbers come from kernels."""
+"""The forms that the package exports: with kernels, which compute their entries."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -6,7 +6,6 @@ from typing import ParamSpec
 
 from ... import forms
 from ...forms import Forms
-from .fused import with_kernel
 from .kernel import (
     HourglassKernel,
     Kernel,
@@ -14,17 +13,15 @@ from .kernel import (
     ShearKernel,
     TensionKernel,
 )
+from .kernel_forms import with_kernel
 
 _P = ParamSpec("_P")
 
 
-def _fast(
+def _with_kernel_of(
     definition: Callable[_P, Forms], kernel: Callable[_P, Kernel]
 ) -> Callable[_P, Forms]:
-    """The definition of a term, its forms assembled by a kernel of the same arguments.
-
-    Where the kernel does not know a basis they are assembled as defined.
-    """
+    """Give the forms of a term a kernel, which takes the same arguments."""
 
     @wraps(definition)
     def wrapped(*args: _P.args, **kwargs: _P.kwargs) -> Forms:
@@ -33,7 +30,7 @@ def _fast(
     return wrapped
 
 
-tension = _fast(forms.tension, TensionKernel)
-shear = _fast(forms.shear, ShearKernel)
-hourglass = _fast(forms.hourglass, HourglassKernel)
-mean_tension = _fast(forms.mean_tension, MeanTensionKernel)
+tension = _with_kernel_of(forms.tension, TensionKernel)
+shear = _with_kernel_of(forms.shear, ShearKernel)
+hourglass = _with_kernel_of(forms.hourglass, HourglassKernel)
+mean_tension = _with_kernel_of(forms.mean_tension, MeanTensionKernel)

@@ -1,0 +1,81 @@
+"""All that the package uses of scikit-fem beyond its public interface.
+
+Found in scikit-fem 12.  `tests/mesh/test_scikit_fem.py` fails where a later version
+differs.
+"""
+
+from dataclasses import replace
+from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
+from numpy import ndarray
+from skfem import DiscreteField, Mesh
+from skfem.assembly.basis.abstract_basis import AbstractBasis
+
+_Mesh = TypeVar("_Mesh", bound=Mesh)
+
+#: Arguments of `skfem.assembly.form.coo_data.COOData`: indices, values, shape of the
+#: whole and of an element.
+Entries: TypeAlias = tuple[ndarray, ndarray, tuple[int, ...], tuple[int, ...]]
+
+
+def with_names(
+    mesh: _Mesh,
+    boundaries: dict[str, ndarray] | None,
+    subdomains: dict[str, ndarray] | None,
+) -> _Mesh:
+    """Copy a mesh with exactly these boundaries and subdomains, as numbers.
+
+    `skfem.Mesh.with_boundaries` keeps names that the mesh has, and so cannot drop any.
+    """
+    return replace(mesh, _boundaries=boundaries, _subdomains=subdomains)
+
+
+def set_element_dofs(basis: AbstractBasis, element_dofs: ndarray) -> None:
+    """Let elements of a basis have these unknowns, shape (n_functions, n_elements)."""
+    basis._element_dofs = element_dofs
+    basis.Nbfun = len(element_dofs)
+
+
+def set_positions(basis: AbstractBasis, x: ndarray) -> None:
+    """Let the points of a basis lie at x, shape (2, n_elements, n_points)."""
+    basis._global_coordinates = DiscreteField(x)
+
+
+class OwnAssembly:
+    """A mixin for forms that may compute their entries without their function.
+
+    It comes before a form of scikit-fem in the bases of a class.
+    """
+
+    def entries(
+        self, ubasis: Any, vbasis: Any, parameters: dict[str, Any]
+    ) -> Entries | None:
+        """Entries by other means; None to evaluate the form with the parameters."""
+        raise NotImplementedError
+
+    def _assemble(self, ubasis: Any, vbasis: Any = None, **parameters: Any) -> Any:
+        entries = self.entries(ubasis, vbasis, parameters)
+        if entries is not None:
+            return entries
+        form: Any = super()
+        return form._assemble(ubasis, vbasis, **parameters)
+
+
+def number_entries(value: float) -> Entries:
+    """Entries of a functional."""
+    return np.array([]), np.array([value]), (), ()
+
+
+def vector_entries(basis: Any, f: ndarray) -> Entries:
+    """Entries of a linear form, given as (n_functions, n_elements)."""
+    rows = np.array([basis.element_dofs.ravel()])
+    return rows, f.ravel(), (basis.N,), (basis.Nbfun,)
+
+
+def matrix_entries(basis: Any, K: ndarray) -> Entries:
+    """Entries of a symmetric form, as (n_functions, n_functions, n_elements)."""
+    dofs = basis.element_dofs
+    rows, cols = np.broadcast_arrays(dofs[None], dofs[:, None])
+    indices = np.array([rows.ravel(), cols.ravel()])
+    return indices, K.ravel(), (basis.N, basis.N), (basis.Nbfun, basis.Nbfun)

@@ -1,0 +1,65 @@
+"""Functions, numbers and text of users, with errors of one line."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+# Characters of a value or of foreign text in a message.  Chosen: two lines in all.
+_LONGEST_TEXT = 60
+
+
+def call_user_function(what: str, function: Callable, *arguments: Any) -> Any:
+    """Call a function of the user.
+
+    Raises
+    ------
+    ValueError
+        If the function fails; the message names it as ``what``.
+    """
+    try:
+        return function(*arguments)
+    except Exception as error:  # a user's function may raise anything
+        reason = f"{type(error).__name__} {error}".strip().partition("\n")[0]
+        raise ValueError(f"{what} fails: {reason}") from error
+
+
+def real_numbers(what: str, value: Any) -> ndarray:
+    """Convert a value of the user to an array of real numbers.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be converted; the message names it as ``what``.
+    """
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "biufO":
+            return array.astype(float)
+    except (TypeError, ValueError):  # as of lists of different lengths
+        pass
+    raise ValueError(f"{what} must be real numbers, got {_shortened(value)}")
+
+
+def printable(text: object) -> str:
+    """Foreign text in one line, with control characters as escape codes."""
+    return "".join(
+        char
+        if char.isprintable()
+        else char.encode("unicode_escape", "replace").decode()
+        for char in str(text)
+    )
+
+
+def excerpt(text: bytes | str) -> str:
+    """The beginning of foreign text, printable in one line."""
+    if isinstance(text, bytes):
+        text = text[:_LONGEST_TEXT].decode(errors="replace")
+    return printable(text[:_LONGEST_TEXT])
+
+
+def _shortened(value: Any) -> str:
+    """A value as text of one line, or its type if that is long."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _LONGEST_TEXT else type(value).__name__

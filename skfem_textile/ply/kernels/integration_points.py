@@ -1,0 +1,284 @@
+"""Integration points of elements, and the fibres there in the reference configuration.
+
+A fibre a = F·A written as a complex number z = a_x + i a_y has the logarithm ε + iθ,
+its strain and its inclination.  It is linear in the modes u_a of an element,
+
+    z = A + Σ_a b_a u_a,
+
+so that one number per mode, fibre and point is all that a kernel needs of a mesh.
+The modes are displacements of nodes, with b_a = A·∇N_a, or combinations of these.
+Element matrices are symmetric and hold the 2×2 blocks of the pairs of modes (a, c)
+with a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2, n).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, TypeAlias
+
+import numpy as np
+from numpy import ndarray
+
+#: Values at points; None for zero.
+Values: TypeAlias = ndarray | None
+
+#: Tensions T, shear moments M and slopes E of the tensions.
+PointStresses: TypeAlias = tuple[Values, Values, Values]
+
+
+@dataclass(frozen=True, eq=False)
+class FibreDeformation:
+    """Deformation of the fibres at P points of n elements.
+
+    Attributes
+    ----------
+    v
+        z/λ² of warp and weft, shape (2, P, 2, n): ∂ε/∂u_a = b_a v, ∂θ/∂u_a = b_a Jv.
+    squared_stretch
+        Squared stretch λ² of both, shape (2, P, n).
+    shear_angle
+        Shear angle Γ, shape (P, n).
+    """
+
+    v: ndarray
+    squared_stretch: ndarray
+    shear_angle: ndarray
+
+    @cached_property
+    def strain(self) -> ndarray:
+        """Fibre strain ε of warp and weft, shape (2, P, n)."""
+        return 0.5 * np.log(self.squared_stretch)
+
+    def change(self, after: "FibreDeformation") -> ndarray:
+        """Change of the strain to another deformation, to first order, shape (2, P, n).
+
+        ∂ε·Δz = v·Δz, and v·z = 1.
+        """
+        return (self.v * after.v).sum(axis=2) * after.squared_stretch - 1.0
+
+
+class IntegrationPoints(Protocol):
+    """P integration points in each of n elements, and sums over them.
+
+    ``A`` are the directions of warp and weft, shape (2, P, 2, n), ``dx`` the areas of
+    the points, shape (P, n).  ``block`` selects elements.  Arguments and results
+    have values for these only: v, tensions T and their slopes E of warp and weft, and
+    shear moments M; None stands for zero.
+    """
+
+    @property
+    def A(self) -> ndarray: ...  # noqa: D102
+
+    @property
+    def dx(self) -> ndarray: ...  # noqa: D102
+
+    def deformation(self, u: ndarray, block: slice) -> tuple[ndarray, ndarray, ndarray]:
+        """z/λ² and λ² of the fibres, and the angle between them, for modes u."""
+        ...
+
+    def forces(self, v: ndarray, T: Values, M: Values, block: slice) -> ndarray:
+        """Σ b_a (T v ± M Jv) over fibres and points, shape (n_modes, 2, n)."""
+        ...
+
+    def add_stiffness(
+        self, K: ndarray, v: ndarray, stress: PointStresses, block: slice
+    ) -> None:
+        """Add Σ b_a b_c (E v vᵀ + T ∂²ε ± M ∂²θ) over fibres and points."""
+        ...
+
+    def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
+        """Σ b_a v over points for warp and weft, shape (2, n_modes, 2, n)."""
+        ...
+
+    def shear_angle_gradients(self, v: ndarray, block: slice) -> ndarray:
+        """∂Γ/∂u_a = b_a Jv of the warp less that of the weft, (P, n_modes, 2, n)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class GeneralPoints:
+    """Integration points of any element, whose modes are displacements of its nodes.
+
+    Attributes
+    ----------
+    A, dx
+        See `IntegrationPoints`.
+    b
+        b_a of warp and weft, shape (2, P, k, n).
+    nodes
+        Nodes of the element that move the fibres there, shape (k,).
+    n_nodes
+        Number of nodes of the element.
+    """
+
+    A: ndarray
+    dx: ndarray
+    b: ndarray
+    nodes: ndarray
+    n_nodes: int
+
+    def deformation(self, u: ndarray, block: slice) -> tuple[ndarray, ndarray, ndarray]:
+        """See `IntegrationPoints`."""
+        A = np.broadcast_to(self.A, (*self.A.shape[:3], self.b.shape[-1]))[..., block]
+        z = A + np.einsum("fpan,ain->fpin", self.b[..., block], u[self.nodes])
+        squared = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
+        return z / squared[:, :, None], squared, angle_between(z)
+
+    def forces(self, v: ndarray, T: Values, M: Values, block: slice) -> ndarray:
+        """See `IntegrationPoints`."""
+        forces = fibre_forces(v, T, M)
+        f = np.zeros((self.n_nodes, *forces.shape[2:]))
+        f[self.nodes] = np.einsum("fpan,fpin->ain", self.b[..., block], forces)
+        return f
+
+    def add_stiffness(
+        self, K: ndarray, v: ndarray, stress: PointStresses, block: slice
+    ) -> None:
+        """See `IntegrationPoints`."""
+        b, stiffness = self.b[..., block], fibre_stiffness(v, *stress)
+        for pair, a, c in self._pairs:
+            add_symmetric(
+                K[pair], np.einsum("fpn,fpcn->cn", b[:, :, a] * b[:, :, c], stiffness)
+            )
+
+    def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
+        """See `IntegrationPoints`."""
+        g = np.zeros((2, self.n_nodes, *v.shape[2:]))
+        g[:, self.nodes] = np.einsum("fpan,fpin->fain", self.b[..., block], v)
+        return g
+
+    def shear_angle_gradients(self, v: ndarray, block: slice) -> ndarray:
+        """See `IntegrationPoints`."""
+        (b1, b2), (v1, v2) = self.b[..., block, None].swapaxes(-1, -2), v[:, :, None]
+        g = np.zeros((len(self.dx), self.n_nodes, *v.shape[2:]))
+        g[:, self.nodes] = b1 * rotated(v1) - b2 * rotated(v2)
+        return g
+
+    @cached_property
+    def _pairs(self) -> list[tuple[int, int, int]]:
+        """Pairs of the k nodes, after their numbers among all pairs of the element."""
+        number = np.zeros((self.n_nodes, self.n_nodes), dtype=int)
+        first, second = np.triu_indices(self.n_nodes)
+        number[first, second] = number[second, first] = np.arange(len(first))
+        pairs = np.transpose(np.triu_indices(len(self.nodes)))
+        return [(number[self.nodes[a], self.nodes[c]], a, c) for a, c in pairs]
+
+
+@dataclass(frozen=True, eq=False)
+class QuadPoints:
+    """Integration points of bilinear quadrilaterals with constant fibre directions.
+
+    There are three modes: the changes of warp and weft at the centre, and the hourglass
+    mode, which changes fibres at a point by η.
+
+    Attributes
+    ----------
+    A, dx
+        See `IntegrationPoints`; A is the same for all points.
+    eta
+        η of warp and weft, shape (2, P, n).
+    """
+
+    A: ndarray
+    dx: ndarray
+    eta: ndarray
+
+    def deformation(self, u: ndarray, block: slice) -> tuple[ndarray, ndarray, ndarray]:
+        """See `IntegrationPoints`."""
+        A = np.broadcast_to(self.A, (2, 1, 2, self.eta.shape[-1]))
+        z = A[..., block] + u[:2, None] + self.eta[..., block][:, :, None] * u[2]
+        squared = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
+        return z / squared[:, :, None], squared, angle_between(z)
+
+    def forces(self, v: ndarray, T: Values, M: Values, block: slice) -> ndarray:
+        """See `IntegrationPoints`."""
+        forces = fibre_forces(v, T, M)
+        hourglass = np.einsum("fpn,fpin->in", self.eta[..., block], forces)
+        return np.concatenate([forces.sum(axis=1), hourglass[None]])
+
+    def add_stiffness(
+        self, K: ndarray, v: ndarray, stress: PointStresses, block: slice
+    ) -> None:
+        """See `IntegrationPoints`."""
+        eta, stiffness = self.eta[..., block], fibre_stiffness(v, *stress)
+        mixed = eta[:, :, None] * stiffness
+        # pairs of modes: 0, 3, 5 of one with itself, 2, 4 with the hourglass mode
+        for diagonal, coupled, fibre, product in zip(
+            (0, 3), (2, 4), stiffness, mixed, strict=True
+        ):
+            add_symmetric(K[diagonal], fibre.sum(axis=0))
+            add_symmetric(K[coupled], product.sum(axis=0))
+        add_symmetric(K[5], np.einsum("fpn,fpcn->cn", eta, mixed))
+
+    def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
+        """See `IntegrationPoints`."""
+        g = np.zeros((2, 3, *v.shape[2:]))
+        g[0, 0], g[1, 1] = v.sum(axis=1)
+        g[:, 2] = np.einsum("fpn,fpin->fin", self.eta[..., block], v)
+        return g
+
+    def shear_angle_gradients(self, v: ndarray, block: slice) -> ndarray:
+        """See `IntegrationPoints`."""
+        eta, g = self.eta[..., block], np.empty((v.shape[1], 3, *v.shape[2:]))
+        g[:, 0], g[:, 1] = rotated(v[0]), -rotated(v[1])
+        g[:, 2] = eta[0][:, None] * g[:, 0] + eta[1][:, None] * g[:, 1]
+        return g
+
+
+def same_deformation(one: IntegrationPoints, other: IntegrationPoints) -> bool:
+    """Whether equal modes deform the fibres at both sets of points equally."""
+    if isinstance(one, QuadPoints) and isinstance(other, QuadPoints):
+        factors = one.eta, other.eta
+    elif isinstance(one, GeneralPoints) and isinstance(other, GeneralPoints):
+        factors = one.b, other.b
+    else:
+        return False
+    return np.array_equal(*factors) and np.array_equal(one.A, other.A)
+
+
+def fibre_forces(v: ndarray, T: Values, M: Values) -> ndarray:
+    """T v + M Jv of the warp, T v − M Jv of the weft: shape (2, P, 2, n)."""
+    forces = np.zeros(v.shape) if T is None else T[:, :, None] * v
+    if M is not None:
+        signed = np.array([M, -M])
+        forces[:, :, 0] -= signed * v[:, :, 1]
+        forces[:, :, 1] += signed * v[:, :, 0]
+    return forces
+
+
+def fibre_stiffness(v: ndarray, T: Values, M: Values, E: Values) -> ndarray:
+    """E v vᵀ + T ∂²ε + M ∂²θ per b_a b_c as (xx, xy, yy), shape (2, P, 3, n)."""
+    x, y = v[:, :, 0], v[:, :, 1]
+    xx, xy, yy = x * x, x * y, y * y
+    minus_theta, minus_eps = 2 * xy, xx - yy  # the xx entries of −∂²θ and −∂²ε
+    first = second = np.zeros(1)
+    if T is not None:
+        first, second = T * minus_eps, T * minus_theta
+    if M is not None:
+        signed = np.array([M, -M])
+        first, second = first - signed * minus_theta, second + signed * minus_eps
+    stiffness = np.empty((*v.shape[:2], 3, v.shape[-1]))
+    stiffness[:, :, 0], stiffness[:, :, 1], stiffness[:, :, 2] = -first, -second, first
+    if E is not None:
+        stiffness[:, :, 0] += E * xx
+        stiffness[:, :, 1] += E * xy
+        stiffness[:, :, 2] += E * yy
+    return stiffness
+
+
+def angle_between(z: ndarray) -> ndarray:
+    """Angle from the first to the second fibre in (−π, π]."""
+    (x1, y1), (x2, y2) = z.transpose(0, 2, 1, 3)
+    return np.arctan2(x1 * y2 - y1 * x2, x1 * x2 + y1 * y2)
+
+
+def rotated(v: ndarray) -> ndarray:
+    """Jv, of components on the last axis but one."""
+    return np.stack([-v[..., 1, :], v[..., 0, :]], axis=-2)
+
+
+def add_symmetric(K: ndarray, stiffness: ndarray) -> None:
+    """Add a symmetric 2×2 matrix, given as (xx, xy, yy)."""
+    K[0, 0] += stiffness[0]
+    K[0, 1] += stiffness[1]
+    K[1, 0] += stiffness[1]
+    K[1, 1] += stiffness[2]
