@@ -25,7 +25,7 @@ from .plain import MalformedError, Plain
 from .trial import RIGHT, SILENT, UNCLEAR, Family, Finding, is_clear, refused
 
 #: Files that Gmsh wrote.
-MESHES = Path(__file__).parents[2] / "tests" / "meshes"
+MESHES = Path(__file__).parents[2] / "tests" / "io" / "meshes"
 
 _PLAIN: dict[str, Callable[[bytes], Plain]] = {
     ".msh": plain_gmsh.read,
