@@ -3,8 +3,9 @@
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -99,7 +100,8 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
     if study.timed:  # before libraries of linear algebra are loaded
         os.environ.update(dict.fromkeys(_THREADS, "1"))
     cases = _cases(study, options)
-    results = ResultFolder(options.out, study.written(cases))
+    written = study.written(cases)
+    results = ResultFolder(options.out, written)
     kept = options.out / f"{options.study}-unfinished.jsonl"
     if kept.is_file() and kept.stat().st_size and not options.resume:
         raise ValueError(
@@ -122,8 +124,10 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
                 _write(study.tables(rows), folder)
     if not (complaint and rows):
         kept.unlink(missing_ok=True)
-    if code != INTERRUPTED and rows and not options.no_render:
-        code = _draw(study, rows, options.out, code)
+    pictures = [name for name in study.pictures if name in written]
+    if pictures and rows and code != INTERRUPTED and not options.no_render:
+        draw = partial(study.draw, rows)
+        code = _render(draw, ResultFolder(options.out, pictures), code)
     say(f"results in {options.out}")
     complaint = complaint or study.complaint(rows)
     if complaint:
@@ -173,13 +177,11 @@ def _write(texts: dict[str, str], folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8", newline="")
 
 
-def _draw(study: Study[Any], rows: list[Row], out: Path, code: int) -> int:
+def _render(draw: Callable[[Path], None], results: Any, code: int) -> int:
     """Draw the pictures, or say in one line why not; returns the exit code."""
-    from skfem_textile.io import ResultFolder
-
     try:
-        with ResultFolder(out, study.pictures) as folder:
-            study.draw(rows, folder)
+        with results as folder:
+            draw(folder)
     except KeyboardInterrupt:
         complain("interrupted; the numbers are written, pictures are not")
         return INTERRUPTED

@@ -74,7 +74,9 @@ def descriptions() -> dict[str, str]:
     here = Path(__file__).parent
     names = sorted(file.parent.name for file in here.glob("*/study.py"))
     documented = ((name, import_module(f"studies.{name}").__doc__) for name in names)
-    return {name: (text or "").partition("\n")[0] for name, text in documented}
+    return {
+        name: (text or "").partition("\n")[0].rstrip(".") for name, text in documented
+    }
 
 
 def load(name: str) -> Study[Any]:
