@@ -6,9 +6,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from skfem_textile import Full, LoadStepper, Macro, OnePoint, Ply, Quadratic, cli
-from skfem_textile.studies import comparison, findings, formulations, tables
-from skfem_textile.studies.comparison import (
+from skfem_textile import Full, LoadStepper, Macro, OnePoint, Ply, Quadratic
+from studies.__main__ import main
+from studies.formulations import cases, medians, study, tables
+from studies.formulations.cases import (
     AUTO,
     BIAS,
     BIAS_SIN2,
@@ -22,8 +23,9 @@ from skfem_textile.studies.comparison import (
     TRELLIS,
     Case,
 )
+from studies.formulations.study import STUDY
 
-ALL = list(comparison.cases())
+ALL = list(cases.all_cases())
 
 
 def case(problem, method, across=4, seed=1, group="methods"):
@@ -43,7 +45,7 @@ def test_the_study_covers_every_formulation_and_scene():
 
 
 def test_no_two_cases_have_one_name():
-    assert len({formulations.name(c) for c in ALL}) == len(ALL)
+    assert len({STUDY.name(c) for c in ALL}) == len(ALL)
 
 
 def test_it_covers_ten_triangulations_of_400_to_4000_triangles():
@@ -68,7 +70,7 @@ def test_rivals_are_as_stiff_as_the_automatic_stabilisation():
 
 
 def test_a_case_is_measured_at_40_degrees_and_its_load_at_every_angle():
-    (row,) = formulations.examined(case(BIAS[0], AUTO))
+    (row,) = STUDY.examine(case(BIAS[0], AUTO))
     scene = case(BIAS[0], AUTO).scene()
     ply = Ply(scene.mesh, BIAS[0].fabric(scene), OnePoint())
     result = LoadStepper(ply, scene.conditions, 5).run()
@@ -86,19 +88,19 @@ def test_a_fixed_stabilisation_competes_if_its_load_is_off_by_no_more_than_twice
         names = {"group": group, "method": method.name, "problem": STRIP.name}
         return [names | {"across": 16, "load": load, "position": position}]
 
-    best, worse, *_ = comparison.STABILISATIONS
+    best, worse, *_ = cases.STABILISATIONS
     own = rows(AUTO, "methods", 1.0, 0.1)
     own += rows(worse, "stabilisation", 1.9, 0.09)
     off = rows(best, "stabilisation", 2.1, 0.01)
-    assert findings.best_position(own + off, STRIP, AUTO) == pytest.approx(0.9)
-    assert np.isnan(findings.best_position(own[:1] + off, STRIP, AUTO))
+    assert medians.best_position(own + off, STRIP, AUTO) == pytest.approx(0.9)
+    assert np.isnan(medians.best_position(own[:1] + off, STRIP, AUTO))
 
 
 def test_the_load_is_the_force_along_what_is_prescribed():
     scene = case(STRIP, AUTO).scene()
     ply = Ply(scene.mesh, STRIP.fabric(scene), OnePoint())
     result = LoadStepper(ply, scene.conditions, 5).run()
-    (row,) = formulations.examined(case(STRIP, AUTO))
+    (row,) = STUDY.examine(case(STRIP, AUTO))
     assert row["load"] == pytest.approx(abs(scene.summary(result)["reaction_x"]))
     assert np.isnan(row["load_10"])
 
@@ -106,24 +108,23 @@ def test_the_load_is_the_force_along_what_is_prescribed():
 def test_a_refused_case_keeps_what_it_reached(monkeypatch):
     """Newton's method alone does not get these coarse triangles to 50°."""
     newton = partial(LoadStepper, strategies=["newton"], max_halvings=0)
-    monkeypatch.setattr(formulations, "LoadStepper", newton)
-    (row,) = formulations.examined(case(BIAS[2], METHODS[5], 8))
+    monkeypatch.setattr(study, "LoadStepper", newton)
+    (row,) = STUDY.examine(case(BIAS[2], METHODS[5], 8))
     assert "stopped at load factor 0.8" in row["refused"]
     assert row["load_40"] > 100
     assert np.isnan(row["load_50"])
     early = replace(BIAS[2], last=5)
-    (row,) = formulations.examined(case(early, METHODS[5], 8))
+    (row,) = STUDY.examine(case(early, METHODS[5], 8))
     assert np.isnan(row["position"])
 
 
 def test_the_furthest_load_is_the_one_furthest_from_the_exact():
     rows = [
-        dict.fromkeys([f"load_{a}" for a in comparison.ANGLES], x)
-        for x in (0.99, 1.02, 0.9)
+        dict.fromkeys([f"load_{a}" for a in cases.ANGLES], x) for x in (0.99, 1.02, 0.9)
     ]
     rows[2]["load_10"] = np.nan
-    assert findings.over_angles(rows) == (0.99, 0.9)
-    assert np.isnan(findings.over_angles([])).all()
+    assert medians.over_angles(rows) == (0.99, 0.9)
+    assert np.isnan(medians.over_angles([])).all()
 
 
 def test_a_figure_that_some_seeds_miss_says_how_many_have_it():
@@ -141,13 +142,13 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
         ),
         case(BIAS[0], MEAN_QUADRATIC, 8),
     ]
-    monkeypatch.setattr(comparison, "cases", lambda: some)
-    for module in (tables, findings):
+    monkeypatch.setattr(study, "all_cases", lambda: some)
+    for module in (tables, medians):
         monkeypatch.setattr(module, "ACROSS", (4, 8, 16))
     out = tmp_path / "out"
-    assert cli.main(["study", "formulations", "--out", str(out)]) == 0
+    assert main(["formulations", "--out", str(out)]) == 0
     names = {p.name for p in out.iterdir()}
-    assert names == {*formulations.FILES, *formulations.PICTURES}
+    assert names == {*STUDY.files, *STUDY.pictures}
     summary = json.loads((out / "summary.json").read_text())
     assert summary["cases"] == len(some)
     assert 0 < summary["triangulations"]["largest_load_over_E"] < 1e-5

@@ -1,8 +1,14 @@
+import csv
+import json
+
 import numpy as np
 import pytest
 
-from studies.paper.two_element import systems
+from skfem_textile import Full, OnePoint
+from studies.__main__ import main
+from studies.paper import strips
 from studies.paper.printed import slips, table
+from studies.paper.two_element import systems
 
 BY_NAME = {system[:4]: system for system in systems()}
 HALF_A_DIGIT = 0.5e-8
@@ -78,3 +84,41 @@ def test_the_table_shows_the_printed_digits(digits):
     systems_table, _ = table().split("\n\n")
     printed = [line.split("|")[6] for line in systems_table.splitlines()]
     assert any(digits in cell for cell in printed)
+
+
+def test_two_elements_write_their_systems_alone(tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["paper", "--case", "two elements", "--out", str(out)]) == 0
+    assert {file.name for file in out.iterdir()} == {"systems.json", "systems.md"}
+    report = json.loads((out / "systems.json").read_text())
+    assert len(report["systems"]) == 3 * 2 * 2 * 2
+    assert len(report["slips"]) == 8
+    assert "0.38225928 u3 - 0.57338893 u4 = 0" in capsys.readouterr().out
+
+
+FEW = [
+    strips.Strip("3", "aligned", Full(), "< 2e-6", "none"),
+    strips.Strip("11", "irregular", OnePoint(10.0), "1.39e-3", "some"),
+    strips.Strip("0", "irregular", OnePoint(0.0), "-", "-"),
+]
+
+
+def test_strips_are_tabled_and_one_that_stops_does_not_stop_the_others(
+    tmp_path, capsys, monkeypatch
+):
+    pytest.importorskip("pyvista")
+    monkeypatch.setattr(strips, "strips", lambda: FEW)
+    out = tmp_path / "out"
+    assert main(["paper", "--case", "Fig. *", "--out", str(out)]) == 0
+    names = {"paper.csv", "paper.md", "contact_sheet.png", "load_curves.png"}
+    assert {file.name for file in out.iterdir()} == names
+    with open(out / "paper.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["outcome"] for row in rows] == [
+        "stable",
+        "stable",
+        "no acceptable state beyond load factor 0.000; figures at that",
+    ]
+    assert float(rows[1]["load (N)"]) == pytest.approx(-3.49714, rel=1e-5)
+    assert (out / "paper.md").read_text().count("\n") == 5
+    assert "Fig. 11" in capsys.readouterr().out
