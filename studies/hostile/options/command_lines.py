@@ -49,6 +49,11 @@ _FORCES = (
 )
 
 
+#: Scenes that are drawn more often, and a study, which is no scene.
+_OFTEN = ("strip", "trellis", "bias_extension")
+_NO_SCENE = "two_element"
+
+
 def random_line(random: Random) -> list[str]:
     """A command line that may be damaged."""
     return _study(random) if random.random() < 0.03 else _run(random)
@@ -56,16 +61,16 @@ def random_line(random: Random) -> list[str]:
 
 def sound_line(random: Random) -> list[str]:
     """A sound line of a run with pictures."""
-    scene = random.choice([name for name in OPTIONS if name != "two_element"])
+    scene = random.choice(list(OPTIONS))
     words = ["run", scene, "--out", "out", "--size", "2x2", "--steps", "1"]
     return [*words, "--shear-stiffness", "0.5", "--jitter", "0.1"]
 
 
 def _run(random: Random) -> list[str]:
-    scene = random.choice([*OPTIONS, "strip", "trellis", "bias_extension"])
+    scene = random.choice([*OPTIONS, _NO_SCENE, *_OFTEN])
     out = "out" if random.random() < 0.85 else random.choice(_FOLDERS)
     parts = [["--out", out], ["--no-render"]]
-    if scene != "two_element":
+    if scene in OPTIONS:
         parts += [["--steps", random.choice("12")], _size(random)]
         parts += _sound_parts(scene, random)
     for _ in range(random.choice((0, 0, 1, 1, 1, 2, 3))):
@@ -86,10 +91,6 @@ def _words_for_speed(words: list[str]) -> list[str]:
     except (UnreadableError, AskedError):
         return []
     more = [] if "no-render" in given else ["--no-render"]
-    if scene == "two_element":
-        return more
-    if values.get("paper"):
-        return [*more, "--jitter", "none"]  # which is no number
     if "steps" not in given:
         more += ["--steps", "1"]
     if values["mesh"] in KINDS and "size" not in given:
@@ -173,11 +174,11 @@ def _of_scene(scene: str, random: Random) -> list[list[str]]:
 
 def _odd_part(scene: str, random: Random) -> list[str]:
     """An option, of any scene or none, with an odd word or without one."""
-    own = [name for name in OPTIONS[scene] if name not in ("no-render", "paper")]
+    own = [name for name in OPTIONS.get(scene, ["out"]) if name != "no-render"]
     name = random.choice(own)
     kind = random.random()
     if kind < 0.08:
-        others = {n for of in OPTIONS.values() for n in of} - {"paper"}
+        others = {n for of in OPTIONS.values() for n in of}
         name = random.choice(sorted(others))
     if kind > 0.95:
         return [random.choice(_ODD)]

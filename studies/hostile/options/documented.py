@@ -87,10 +87,9 @@ def _folder(word: str) -> str:
 
 _CHECKS = ("stability", "folding", "strain", "work", "stabilisation", "corners")
 
-_COMMON = {"out": Option(_folder, None), "no-render": Option(str, False, "0")}
-
 _LOADED = {
-    **_COMMON,
+    "out": Option(_folder, None),
+    "no-render": Option(str, False, "0"),
     "mesh": Option(str, "irregular"),
     "size": Option(_size, None),
     "jitter": Option(float, None),
@@ -134,11 +133,10 @@ _BIAS = {
 
 #: The options of each scene.
 OPTIONS: Mapping[str, Mapping[str, Option]] = {
-    "strip": {**_LOADED, "paper": Option(str, False, "0")},
+    "strip": _LOADED,
     "picture_frame": {**_LOADED, "shear-angle": Option(_degrees, 45.0)},
     "trellis": {**_LOADED, **_TRELLIS},
     "bias_extension": {**_LOADED, **_BIAS},
-    "two_element": _COMMON,
 }
 
 #: Defaults of the jitter, by scene, and of its seed.

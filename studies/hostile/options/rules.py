@@ -22,8 +22,6 @@ def refuse_contradictions(line: RunLine) -> None:
     """Raise `UnreadableError` if the line must be refused."""
     values = line.values
     _refuse_folder(values["out"])
-    if line.scene == "two_element":
-        return
     if (Path(values["out"]) / "summary.json").is_dir():
         raise UnreadableError("a folder stands where a file goes")
     _refuse_mesh(line)
@@ -38,8 +36,6 @@ def refuse_contradictions(line: RunLine) -> None:
 def may_be_refused(line: RunLine) -> bool:
     """Whether a run may be refused or not, as its numbers are extreme."""
     v = line.values
-    if line.scene == "two_element":
-        return False
     names = "fibre-stiffness", "shear-stiffness", "cs", "deviation"
     numbers = [v[name] for name in names if v[name] not in (None, "auto", 0)]
     odd = any(not _SMALL < number < _LARGE for number in numbers)
