@@ -140,7 +140,7 @@ def _messages() -> Iterator[list[str]]:
     """Log messages, warnings and prints of a block; prints come last."""
     messages: list[str] = []
     out, handler = io.StringIO(), logging.Handler()
-    handler.emit = lambda record: messages.append(record.getMessage())  # type: ignore
+    handler.emit = lambda record: messages.append(record.getMessage())
     logging.getLogger().addHandler(handler)
     try:
         with (

@@ -87,7 +87,7 @@ def _run(random: Random) -> list[str]:
 def _words_for_speed(words: list[str]) -> list[str]:
     """Words that keep a readable line from running for long."""
     try:
-        scene, values, given = read([word for word in words if word != "--"])
+        _, values, given = read([word for word in words if word != "--"])
     except (UnreadableError, AskedError):
         return []
     more = [] if "no-render" in given else ["--no-render"]
