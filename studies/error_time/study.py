@@ -68,16 +68,13 @@ class ErrorTime(Study[Case]):
     timed = True
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
-        """Add the scene."""
         scenes = tuple(PROBLEMS)
         parser.add_argument("--scene", choices=scenes, required=True, help="the scene")
 
     def cases(self, options: argparse.Namespace) -> list[Case]:
-        """The codes, on the scene of the options."""
         return [Case(options.scene, code) for code in CODES]
 
     def name(self, case: Case) -> str:
-        """Scene, code and element."""
         return f"{case.scene}, {case.code.code}, {case.code.element}"
 
     def examine(self, case: Case) -> list[Row]:
@@ -102,11 +99,9 @@ class ErrorTime(Study[Case]):
         return rows
 
     def line(self, rows: list[Row]) -> str:
-        """The results of one code, each on a line."""
         return "\n".join(map(_line, rows))
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        """Every run as CSV, the bar as JSON, and the tables."""
         machine = machine_and_versions.described()
         sentence = machine_and_versions.sentence(machine)
         return {
@@ -116,7 +111,6 @@ class ErrorTime(Study[Case]):
         }
 
     def draw(self, rows: list[Row], folder: Path) -> None:
-        """Draw errors against seconds."""
         from .figure import work_precision
 
         work_precision(tables.curves(rows), folder / "error_time.png")

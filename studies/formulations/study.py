@@ -30,16 +30,13 @@ class Formulations(Study[Case]):
     pictures = ("formulations.png",)
 
     def cases(self, options: argparse.Namespace) -> list[Case]:
-        """The cases, in the order of the report."""
         return list(all_cases())
 
     def name(self, case: Case) -> str:
-        """A name that no other case has."""
         names = f"{case.group}: {case.problem.name}, {case.method.name}"
         return f"{names}, {case.across} across, {case.seed}"
 
     def line(self, rows: list[Row]) -> str:
-        """One result, on one line."""
         (row,) = rows
         case = f"{row['problem']}, {row['method']}, {row['across']} across"
         off = f"load {row['load']:.4g}, {row['position']:.3g} mm, {row['angle']:.3g}°"
@@ -72,7 +69,6 @@ class Formulations(Study[Case]):
         return [row]
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        """Every case as CSV, counts as JSON, and tables of medians."""
         return {
             "formulations.csv": csv_table(rows),
             "summary.json": json_text(medians.summary(rows)),
@@ -80,7 +76,6 @@ class Formulations(Study[Case]):
         }
 
     def draw(self, rows: list[Row], folder: Path) -> None:
-        """Draw errors against unknowns."""
         from .figure import convergence
 
         convergence(medians.errors(rows), folder / "formulations.png")

@@ -19,11 +19,9 @@ class Paper(Study[strips.Strip | str]):
     pictures = ("contact_sheet.png", "load_curves.png")
 
     def cases(self, options: argparse.Namespace) -> list[strips.Strip | str]:
-        """The strips in the order of the figures, and the two elements."""
         return [*strips.strips(), TWO_ELEMENTS]
 
     def name(self, case: strips.Strip | str) -> str:
-        """Figure, mesh and element of a strip."""
         return case if isinstance(case, str) else case.name
 
     def examine(self, case: strips.Strip | str) -> list[Row]:
@@ -33,14 +31,12 @@ class Paper(Study[strips.Strip | str]):
         return [strips.examined(case)]
 
     def line(self, rows: list[Row]) -> str:
-        """How a strip ended; the systems of the two elements."""
         (row,) = rows
         if "systems" in row:
             return printed.table()
         return f"{row['case']:50} {row['figures']['outcome']}"
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        """The strips beside the paper's values, and the equations beside its own."""
         texts = {}
         if figures := [row["figures"] for row in rows if "figures" in row]:
             lines = [
@@ -57,14 +53,12 @@ class Paper(Study[strips.Strip | str]):
         return texts
 
     def written(self, cases: Sequence[strips.Strip | str]) -> list[str]:
-        """Those of the strips, and those of the two elements, where they are run."""
         systems = [name for name in self.files if name.startswith("systems")]
         if TWO_ELEMENTS not in cases:
             return [name for name in super().written(cases) if name not in systems]
         return systems if len(cases) == 1 else [*super().written(cases)]
 
     def draw(self, rows: list[Row], folder: Path) -> None:
-        """Draw load curves, and a contact sheet of the strips."""
         from .figures import draw
 
         by_name = {row["case"]: row for row in rows}

@@ -37,7 +37,6 @@ class Speed(Study[Benchmark]):
     timed = True
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
-        """Add sizes, the solver, and the checkouts that are compared."""
         defaults = Settings()
         add = parser.add_argument
         add(
@@ -48,13 +47,11 @@ class Speed(Study[Benchmark]):
         add("--after", default="", metavar="DIR", help="another: compared by turns")
 
     def cases(self, options: argparse.Namespace) -> list[Benchmark]:
-        """The benchmarks; the one that compares checkouts if there are two."""
         given = {name: getattr(options, name) for name in Settings._fields}
         compared = ("by_turns",) if options.before and options.after else ()
         return [Benchmark(name, Settings(**given)) for name in BENCHMARKS + compared]
 
     def name(self, case: Benchmark) -> str:
-        """The name of the benchmark."""
         return case.name
 
     def examine(self, case: Benchmark) -> list[Row]:
@@ -64,12 +61,10 @@ class Speed(Study[Benchmark]):
         return [{"benchmark": case.name, "machine": machine, "results": results}]
 
     def line(self, rows: list[Row]) -> str:
-        """The tables of a benchmark."""
         (row,) = rows
         return "\n".join([f"{row['benchmark']}:", *_tables(row).values()])
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        """The results of each benchmark as JSON and in tables."""
         texts = {}
         for row in rows:
             content = {"machine": row["machine"], **row["results"]}
@@ -80,7 +75,6 @@ class Speed(Study[Benchmark]):
         return texts
 
     def written(self, cases: Sequence[Benchmark]) -> list[str]:
-        """The files of these benchmarks, and the machine."""
         tables = [name for case in cases for name in case.module.TABLES]
         return [*(f"{case.name}.json" for case in cases), *tables, "machine.md"]
 

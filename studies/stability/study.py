@@ -62,15 +62,12 @@ class Stability(Study[Extreme]):
     pictures = ("stability.png",)
 
     def cases(self, options: argparse.Namespace) -> list[Extreme]:
-        """The problems, in the order of the report."""
         return extremes()
 
     def name(self, case: Extreme) -> str:
-        """A name that no other problem has."""
         return f"{case.family}, {case.name}"
 
     def line(self, rows: list[Row]) -> str:
-        """The outcomes of one problem, on one line."""
         outcomes = " ".join(f"{row['steps']}:{row['outcome']}" for row in rows)
         return f"{rows[0]['family']}, {rows[0]['problem']:40} {outcomes}"
 
@@ -103,7 +100,6 @@ class Stability(Study[Extreme]):
         return rows
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        """Every run as CSV, the counts as JSON, and both as a table."""
         return {
             "stability.csv": csv_table(rows),
             "summary.json": json_text(summary(rows)),
@@ -111,7 +107,6 @@ class Stability(Study[Extreme]):
         }
 
     def draw(self, rows: list[Row], folder: Path) -> None:
-        """Draw every run in the colour of its outcome, with its solves."""
         from .figure import draw_outcomes
 
         draw_outcomes(picture_lines(rows, STEPS), STEPS, folder / "stability.png")
