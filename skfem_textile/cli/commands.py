@@ -1,13 +1,10 @@
 """What the command line does: each command checks, then computes, then writes."""
 
 import argparse
-import json
 import logging
 from collections.abc import Callable, Mapping
 from functools import partial
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -26,15 +23,7 @@ SCENES = {
     "picture_frame": "a square sheared by a hinged frame, fibres along its sides",
     "trellis": "a square whose edges follow a motion that stretches no fibre",
     "bias_extension": "a rectangle pulled along the bisector of its fibres",
-    "two_element": "why quadrilaterals lock: the paper's equations on two elements",
 }
-
-#: The studies, and what they tell.
-STUDIES = {
-    "stability": "stiff and extreme cases: which are right, refused or wrong",
-    "formulations": "every formulation on every scene: how far from the exact answer",
-}
-ERROR_TIME = "error against run time, beside other codes: half an hour, undisturbed"
 
 STOPPED_EARLY, BAD_INPUT = 1, 2
 
@@ -88,117 +77,6 @@ def run(options: argparse.Namespace, scene: Scene, stepper: LoadStepper) -> int:
     if said:
         complain(said)
     return code
-
-
-def paper(options: argparse.Namespace) -> int:
-    """Run the strips of the paper's figures; a case that stops early is a row."""
-    from .. import io
-
-    study = _study("paper")
-
-    results = io.ResultFolder(options.out, (*study.FILES, *study.PICTURES))
-    with results as folder:
-        rows = study.reproduce(folder, say)
-    code = _render(options, study.PICTURES, partial(study.draw, rows))
-    say(f"results in {printable(options.out)}")
-    return code
-
-
-def two_element(options: argparse.Namespace) -> int:
-    """Write the systems of the paper's two-element mesh beside what it prints."""
-    from .. import io
-
-    systems = _study("systems")
-
-    with io.ResultFolder(options.out, ("systems.json", "systems.md")) as folder:
-        table = systems.table()
-        (folder / "systems.md").write_text(table)
-        text = json.dumps(systems.report(), indent=2, ensure_ascii=False)
-        (folder / "systems.json").write_text(text + "\n")
-    say(table, end="")
-    say(f"results in {printable(options.out)}")
-    return 0
-
-
-def error_time(options: argparse.Namespace) -> int:
-    """Time methods on one scene, one after the other, and write the report."""
-    from .. import io
-
-    study = _study("error_time")
-
-    results = io.ResultFolder(options.out, (*study.FILES, *study.PICTURES))
-    rows: list[dict[str, Any]] = []
-    try:
-        for some in study.cases(options.scene):
-            say(study.line(some))
-            rows += some
-    finally:  # an interrupted study reports on what it has
-        if rows:
-            with results as folder:
-                study.write(rows, folder)
-    code = _render(options, study.PICTURES, partial(study.draw, rows))
-    say(f"results in {printable(options.out)}")
-    return code
-
-
-def study(options: argparse.Namespace) -> int:
-    """Run a study and write its report; a case that fails is not in it."""
-    from .. import io
-    from ..sweep import SweepError
-
-    study = _study(options.study)
-    results = io.ResultFolder(options.out, (*study.FILES, *study.PICTURES))
-    kept = options.out / f"{options.study}-unfinished.jsonl"
-    if kept.is_file() and kept.stat().st_size and not options.resume:
-        raise ValueError(
-            f"{kept} is of an unfinished study: --resume goes on with it, or remove it"
-        )
-    cases, code, said = study.cases(), 0, ""
-    found: dict[str, list[dict[str, Any]]] = {}
-    try:
-        _examine(study, cases, options.workers, kept, found)
-    except SweepError as error:
-        code, said = STOPPED_EARLY, f"{error}; --resume runs what is left"
-    except KeyboardInterrupt:
-        code, said = INTERRUPTED, "interrupted; --resume runs what is left"
-    finally:  # a study that stops reports on what it has
-        rows = [row for case in cases for row in found.get(study.name(case), ())]
-        if rows:
-            with results as folder:
-                study.write(rows, folder)
-    if not (said and rows):
-        kept.unlink(missing_ok=True)
-    if code != INTERRUPTED:
-        draw = partial(study.draw, rows)
-        code = _render(options, study.PICTURES, draw, code)
-    say(f"results in {printable(options.out)}")
-    if said:
-        complain(said)
-    return code
-
-
-def _study(name: str) -> ModuleType:
-    """The module of a study, which loads what only studies need."""
-    return import_module(f"skfem_textile.studies.{name}")
-
-
-def _examine(
-    study: ModuleType,
-    cases: list[Any],
-    workers: int,
-    kept: Path,
-    found: dict[str, list[dict[str, Any]]],
-) -> None:
-    """Find the rows of every case, by its name; they are on file as they come."""
-    from ..sweep import WorkerProcesses, sweep
-
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    with WorkerProcesses(min(workers, len(cases))) as executor:
-        for case, rows in sweep(
-            study.examined, cases, executor, out=kept, key=study.name
-        ):
-            say(study.line(rows))
-            found[study.name(case)] = rows
 
 
 def _inputs(options: argparse.Namespace) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""The command line: ``skfem-textile`` with ``list``, ``run`` and ``study``."""
+"""The command line: ``skfem-textile`` with ``list`` and ``run``."""
 
 import argparse
 import math
@@ -78,11 +78,29 @@ def _answer(arguments: Sequence[str] | None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
+    _refuse_studies(sys.argv[1:] if arguments is None else arguments)
     try:
         options = _parser().parse_args(arguments)
         return options.task(options)
     finally:
         say("", end="")  # what argparse has printed
+
+
+def _refuse_studies(words: Sequence[str]) -> None:
+    """Say where studies are run, which are not installed with the package."""
+    match list(words):
+        case ["study", *_]:
+            name = "NAME"
+        case ["run", "two_element", *_]:
+            name = "paper"
+        case ["run", "strip", *others] if "--paper" in others:
+            name = "paper"
+        case _:
+            return
+    raise ValueError(
+        "studies are run in a checkout of the project, or in its sdist, by "
+        f"python -m studies {name} --out DIR"
+    )
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -99,11 +117,6 @@ def _parser() -> argparse.ArgumentParser:
         scene = scenes.add_parser(name, help=commands.SCENES[name], epilog=_EXIT_CODES)
         _output(scene)
         add_options(scene)
-    study = tasks.add_parser("study", help="run a study and write its report")
-    studies = study.add_subparsers(dest="study", required=True)
-    for name, what in commands.STUDIES.items():
-        _study(studies.add_parser(name, help=what))
-    _error_time(studies.add_parser("error-time", help=commands.ERROR_TIME))
     return parser
 
 
@@ -113,38 +126,8 @@ def _output(parser: argparse.ArgumentParser) -> None:
     add("--no-render", action="store_true", help="write no pictures")
 
 
-def _study(parser: argparse.ArgumentParser) -> None:
-    parser.set_defaults(task=commands.study)
-    _output(parser)
-    parser.add_argument(
-        "--workers", type=_positive, default=1, help="processes to use" + _SHOWN
-    )
-    parser.add_argument(
-        "--resume",
-        action="store_true",
-        help="go on where an interrupted study stopped, with the results kept in DIR",
-    )
-
-
-def _error_time(parser: argparse.ArgumentParser) -> None:
-    parser.set_defaults(task=commands.error_time)
-    parser.add_argument("scene", choices=("strip", "bias_extension"))
-    _output(parser)
-
-
-def _two_element(parser: argparse.ArgumentParser) -> None:
-    parser.set_defaults(task=commands.two_element)
-
-
 def _strip(parser: argparse.ArgumentParser) -> None:
     _loaded(parser, "10x15")
-    parser.add_argument(
-        "--paper",
-        action="store_const",
-        const=commands.paper,
-        dest="task",
-        help="run the paper's figures; of the other options only --no-render counts",
-    )
 
 
 def _picture_frame(parser: argparse.ArgumentParser) -> None:
@@ -201,7 +184,6 @@ _OPTIONS = {
     "picture_frame": _picture_frame,
     "trellis": _trellis,
     "bias_extension": _bias_extension,
-    "two_element": _two_element,
 }
 
 
@@ -363,12 +345,6 @@ def _folder(text: str) -> Path:
     if text.startswith("--"):  # which argparse takes for none of its options
         raise argparse.ArgumentTypeError(f"{text!r} is no option; a folder is ./{text}")
     return Path(text)
-
-
-def _positive(text: str) -> int:
-    if not (text.isdecimal() and int(text)):
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number of at least 1")
-    return int(text)
 
 
 def _roller(text: str) -> tuple[str, float]:

@@ -109,21 +109,39 @@ class Scene:
         return self.turn.T @ state.displacements[self.driven]
 
     def errors(self, result: Result) -> dict[str, float]:
-        """Distance of the last converged state from the exact answer.
+        """Distance of the last converged state from the exact answer; see `distance`.
 
-        The displacement error is taken over all nodes, unweighted.  The shear
-        angle at the element centre is compared with the exact one at the mean of
-        the vertices, weighted by reference area.  Nothing where the exact answer does
-        not hold on the mesh.
+        Nothing where the exact answer does not hold on the mesh.
         """
         if self.misfit:
             return {}
-        ply, mesh, t = result.ply, self.mesh, result.states[-1].load_factor
-        off = ply.nodal(result.u) - self.displacement(ply.nodes, t)
-        distance = np.linalg.norm(off, axis=0)
+        ply, t = result.ply, result.states[-1].load_factor
         angle = ply.shear_angle(result.u, ply.centre)[:, 0]
-        off_angle = angle - self.shear_angle(mesh.p[:, mesh.t].mean(axis=1), t)
         area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
+        return self.distance(ply.nodes, ply.nodal(result.u), angle, area, t)
+
+    def distance(
+        self, nodes: ndarray, u: ndarray, angle: ndarray, area: ndarray, t: float
+    ) -> dict[str, float]:
+        """Distance of displacements and shear angles from the exact ones.
+
+        The displacement error is taken over all nodes, unweighted.  The shear
+        angle at the element centre is compared with the exact one at the mean of
+        the vertices, weighted by reference area.
+
+        Parameters
+        ----------
+        nodes, u
+            Nodes and their displacements in mm, shape (2, n_nodes).
+        angle, area
+            Shear angle at the centre in radians and reference area in mm² of each
+            element of the scene's mesh.
+        t
+            Load factor.
+        """
+        distance = np.linalg.norm(u - self.displacement(nodes, t), axis=0)
+        centres = self.mesh.p[:, self.mesh.t].mean(axis=1)
+        off_angle = angle - self.shear_angle(centres, t)
         rms_angle = np.sqrt(np.average(off_angle**2, weights=area))
         return {
             "displacement_error_rms": float(np.sqrt(np.mean(distance**2))),

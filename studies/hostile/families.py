@@ -1,15 +1,10 @@
 """The families of trials."""
 
-from . import (
-    checkpoint_trials,
-    condition_trials,
-    disk_trials,
-    kill_trials,
-    mesh_trials,
-    option_trials,
-    sweep_trials,
-)
-from .mesh_files import family as mesh_files
+from .disk import disk_trials, kill_trials
+from .meshes.trials import family as mesh_files
+from .options import trials as option_trials
+from .restarts import checkpoint_trials, sweep_trials
+from .semantics import argument_trials, mesh_trials
 from .trial import Family
 
 FAMILIES: tuple[Family, ...] = (
@@ -20,7 +15,7 @@ FAMILIES: tuple[Family, ...] = (
     mesh_files("vtk", 1500),
     option_trials.FAMILY,
     mesh_trials.FAMILY,
-    condition_trials.FAMILY,
+    argument_trials.FAMILY,
     checkpoint_trials.FAMILY,
     sweep_trials.FAMILY,
     kill_trials.FAMILY,

@@ -1,25 +1,33 @@
-"""A trial, its outcome, and the families of trials."""
+"""Families of trials, and what may come of one trial."""
 
 import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-#: What may come of a trial, the good outcomes first.
+#: Accepted with the right answer; refused in one clear line.
 RIGHT, REFUSED = "right", "refused"
-#: Refused in other words than one clear line.
+#: Refused, but not in one clear line.
 UNCLEAR = "unclear"
-TRACEBACK, HANG, DIED, SILENT = "traceback", "hang", "died", "silent"
+#: Accepted with a wrong answer.
+SILENT = "silent"
+#: Other errors, trials over their time limit, and processes that ended.
+TRACEBACK, HANG, DIED = "traceback", "hang", "died"
+#: Every outcome, in the order of the table.
 OUTCOMES = (RIGHT, REFUSED, UNCLEAR, SILENT, TRACEBACK, HANG, DIED)
 GOOD = (RIGHT, REFUSED)
 
 
 class Finding(NamedTuple):
-    """What came of a trial: one of `OUTCOMES`, what was done, what was said."""
+    """What came of a trial: one of `OUTCOMES`, the damage, and a message."""
 
     outcome: str
     damage: str
-    said: str = ""
+    message: str = ""
+
+
+class WrongAnswerError(Exception):
+    """An answer that is not what it must be."""
 
 
 class Family(NamedTuple):
@@ -31,7 +39,7 @@ class Family(NamedTuple):
         Shown in the table.
     attempt
         Makes the input of a seed in an empty folder, gives it to the library, and
-        judges the answer.
+        compares the answer with the right one.
     trials
         How many seeds, from 0 on, the whole suite takes.
     short
@@ -47,15 +55,23 @@ class Family(NamedTuple):
     seconds: float = 20.0
 
 
-def refused(damage: str, line: str) -> Finding:
-    """The finding of a refusal: what it says must be one clear line."""
-    outcome = REFUSED if is_clear(line) else UNCLEAR
-    return Finding(outcome, damage, line)
+def refused(damage: str, message: str) -> Finding:
+    """The finding of a refusal: its message must be one clear line."""
+    return Finding(REFUSED if is_clear(message) else UNCLEAR, damage, message)
 
 
-def is_clear(line: str) -> bool:
-    """Whether a message is one line of printable characters that a reader can use."""
-    return bool(line.strip()) and line.isprintable() and len(line) <= 500
+def checked(damage: str, check: Callable[..., object], *arguments: object) -> Finding:
+    """The finding of an answer, from a check that raises `WrongAnswerError`."""
+    try:
+        check(*arguments)
+    except WrongAnswerError as wrong:
+        return Finding(SILENT, damage, str(wrong))
+    return Finding(RIGHT, damage)
+
+
+def is_clear(message: str) -> bool:
+    """Whether a message is one line of at most 500 printable characters."""
+    return bool(message.strip()) and message.isprintable() and len(message) <= 500
 
 
 def surprised(damage: str, error: BaseException) -> Finding:

@@ -1,4 +1,4 @@
-"""Forked workers that try seeds one by one, with a time limit each."""
+"""Forked workers that run trials one by one, with a time limit each."""
 
 import contextlib
 import ctypes
@@ -17,15 +17,15 @@ from typing import NamedTuple
 
 from .trial import DIED, HANG, Family, Finding, surprised
 
-#: Memory that a worker may take, in bytes: bad input must not take the machine's.
+#: Memory that a worker may take, in bytes: damaged counts may ask for any size.
 MEMORY = 6 * 2**30
 
-# Trials of one process: what they leave in memory goes with it.
-_TRIES = 300
+# Trials of one process; then a new one starts, with what they left in memory freed.
+_TRIALS_PER_PROCESS = 300
 
 _FORK = get_context("fork")
 
-# Of Linux' prctl: the signal that a process gets when its parent is no more.
+# Option of prctl on Linux: the signal that a process gets when its parent ends.
 _PR_SET_PDEATHSIG = 1
 
 
@@ -37,22 +37,23 @@ class Tried(NamedTuple):
     finding: Finding
 
 
-def findings(family: Family, seeds: Sequence[int], workers: int) -> Iterator[Tried]:
-    """Try the seeds of a family; in no order."""
-    todo = list(reversed(seeds))
-    busy = [_Worker(family) for _ in range(min(workers, len(todo)))]
+def try_seeds(family: Family, seeds: Sequence[int], workers: int) -> Iterator[Tried]:
+    """Run the trials of these seeds of a family; they end in no order."""
+    remaining = list(reversed(seeds))
+    busy = [_Worker(family) for _ in range(min(workers, len(remaining)))]
     for worker in busy:
-        worker.give(todo.pop())
+        worker.give(remaining.pop())
     try:
         while busy:
-            due = min(worker.due for worker in busy)
-            wait([w.pipe for w in busy], timeout=max(0.0, due - monotonic()))
+            deadline = min(worker.deadline for worker in busy)
+            pipes = [worker.pipe for worker in busy]
+            wait(pipes, timeout=max(0.0, deadline - monotonic()))
             for worker in list(busy):
                 if (finding := worker.answer()) is None:
                     continue
                 yield Tried(family.name, worker.seed, finding)
-                if todo:
-                    worker.give(todo.pop())
+                if remaining:
+                    worker.give(remaining.pop())
                 else:
                     worker.end()
                     busy.remove(worker)
@@ -69,30 +70,29 @@ class _Worker:
         self._start()
 
     def _start(self) -> None:
-        self.pipe, theirs = _FORK.Pipe()
-        self._tried = 0
-        self._process = _FORK.Process(
-            target=_serve, args=(self._family, theirs, os.getpid()), daemon=True
-        )
+        self.pipe, pipe_of_process = _FORK.Pipe()
+        self._trials = 0
+        arguments = self._family, pipe_of_process, os.getpid()
+        self._process = _FORK.Process(target=_serve, args=arguments, daemon=True)
         self._process.start()
-        theirs.close()
+        pipe_of_process.close()
 
     def give(self, seed: int) -> None:
-        """Let the process try a seed; a fresh one, if it has tried many."""
-        if self._tried == _TRIES:
+        """Let the process try a seed; first replace it if it has tried many."""
+        if self._trials == _TRIALS_PER_PROCESS:
             self.end()
             self._start()
-        self._tried += 1
-        self.seed, self.due = seed, monotonic() + self._family.seconds
+        self._trials += 1
+        self.seed, self.deadline = seed, monotonic() + self._family.seconds
         self.pipe.send(seed)
 
     def answer(self) -> Finding | None:
-        """What came of the seed; None while the process is at it."""
+        """What came of the seed; None while the trial runs."""
         if self.pipe.poll():
             with contextlib.suppress(EOFError, OSError):
                 return self.pipe.recv()
             outcome = DIED
-        elif monotonic() >= self.due:
+        elif monotonic() >= self.deadline:
             outcome = HANG
         else:
             return None
@@ -102,7 +102,7 @@ class _Worker:
         return finding
 
     def end(self) -> None:
-        """End the process, and what it has started."""
+        """End the process, and those that it has started."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.kill()
@@ -111,17 +111,19 @@ class _Worker:
 
 
 def end_with_parent(parent: int) -> None:
-    """Let this process be killed when its parent is, as far as the system can."""
+    """Let Linux kill this process when its parent ends."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it is no more
+    if os.getppid() != parent:  # it has ended already
         os._exit(1)
 
 
 def _serve(family: Family, pipe: Connection, parent: int) -> None:
-    """Try seeds until the process is ended, or the suite is."""
+    """Try seeds until the suite ends the process, or ends itself."""
     end_with_parent(parent)
     os.setpgid(0, 0)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     with contextlib.suppress(EOFError):
         while True:
@@ -129,12 +131,12 @@ def _serve(family: Family, pipe: Connection, parent: int) -> None:
 
 
 def _tried(family: Family, seed: int) -> Finding:
-    """What came of one seed, tried in a folder of its own that is then removed."""
+    """What came of one seed, tried in a folder of its own."""
     folder = Path(tempfile.mkdtemp(prefix="hostile-"))
     os.chdir(folder)
     try:
         return family.attempt(seed, folder)
-    except BaseException as error:  # whatever comes out of the library is a finding
+    except BaseException as error:  # every error that the library lets out counts
         return surprised("", error)
     finally:
         os.chdir("/")

@@ -13,9 +13,6 @@ pv = pytest.importorskip("pyvista")
 imageio = pytest.importorskip("imageio.v2")
 plot = pytest.importorskip("skfem_textile.plot")
 curves = pytest.importorskip("skfem_textile.plot.curves").curves
-convergence = pytest.importorskip("skfem_textile.plot.convergence").convergence
-work_precision = pytest.importorskip("skfem_textile.plot.work_precision").work_precision
-table = pytest.importorskip("skfem_textile.plot.outcome_table")
 
 
 @pytest.fixture(scope="module")
@@ -85,13 +82,6 @@ def drawers(results):
     yield ".png", lambda file: plot.fibre_directions(*results, filename=file)
     yield ".gif", lambda file: plot.animation(results[0], file)
     yield ".png", lambda file: curves({"title": lines}, "mm", "N", file)
-    yield ".png", lambda file: convergence({"mm": {"title": lines}}, file)
-    yield ".png", lambda file: work_precision({"mm": {("a", "b"): ([1], [1])}}, file)
-    lines = {"title": {"line": [("good", "1")]}}
-    yield (
-        ".png",
-        lambda file: table.outcome_table(lines, ["1"], {"good": "g"}, "steps", file),
-    )
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".pdf", ".mp4", ".png", ".gif", ".5"])

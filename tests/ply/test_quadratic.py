@@ -26,7 +26,7 @@ from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.problem import Problem
 from skfem_textile.splitting import cut
-from skfem_textile.studies.stability import is_sound
+from studies.stability.soundness import is_sound
 
 SQUARES = MeshTri().refined(2).with_defaults()
 ONE = MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.arange(3)[:, None])

@@ -6,7 +6,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, StepError
 from skfem_textile.scenes import strip
-from skfem_textile.studies.stability import is_sound
+from studies.stability.soundness import is_sound
 
 
 def run(formulation, steps, mesh="irregular", E=1e4, G=0.0, **options):

@@ -4,16 +4,17 @@ import json
 import numpy as np
 import pytest
 
-from skfem_textile import LoadStepper, Macro, OnePoint, Ply, Quadratic, cli
-from skfem_textile.studies import contestants, error_time, time_tables
-from skfem_textile.studies.comparison import AUTO, BIAS, Case
-from skfem_textile.studies.contestants import Other, Own
-from skfem_textile.studies.error_time import CONTESTANTS, PROBLEMS
-from skfem_textile.studies.quality import errors, unfolded
-from skfem_textile.studies.rivals.newton import STEPS, NotConvergedError, Run
-from skfem_textile.studies.rivals.plain import Plain
-from skfem_textile.studies.rivals.rival import QUAD4, TRIANGLE6
-from skfem_textile.studies.rivals.with_native import Native
+from skfem_textile import LoadStepper, Macro, OnePoint, Ply, Quadratic
+from studies.__main__ import main
+from studies.error_time import study, tables, timed_codes
+from studies.error_time.errors import errors, unfolded
+from studies.error_time.study import CODES, PROBLEMS, STUDY
+from studies.error_time.timed_codes import OtherCode, ThisLibrary
+from studies.formulations.cases import AUTO, BIAS, Case
+from studies.rivals.newton import STEPS, NotConvergedError, Run
+from studies.rivals.plain import Plain
+from studies.rivals.rival import QUAD4, TRIANGLE6
+from studies.rivals.with_native import Native
 
 
 def row(code, element, across, seconds, angle=1.0, load=5.0, **more):
@@ -41,7 +42,7 @@ ROWS = [
 
 def test_the_bar_is_reached_by_the_fastest_run_that_stays_within_it():
     """Q4 is within the bar at 8 across by chance: at 16 it is not."""
-    summary = time_tables.summary(ROWS)
+    summary = tables.summary(ROWS)
     assert summary["fastest"] == "skfem_textile, P2"
     of = summary["methods"]
     assert of["skfem_textile, P2"] == {"across": 8, "seconds": 2.0, "over_fastest": 1.0}
@@ -53,51 +54,51 @@ def test_the_bar_is_reached_by_the_fastest_run_that_stays_within_it():
 
 def test_a_rival_that_wins_is_named():
     faster = row("other", "P2", 8, 0.5, angle=0.05, load=0.5)
-    summary = time_tables.summary([*ROWS[:3], faster])
+    summary = tables.summary([*ROWS[:3], faster])
     assert summary["fastest"] == "other, P2"
     assert summary["methods"]["skfem_textile, P2"]["over_fastest"] == 4.0
-    table = time_tables.to_the_bar([*ROWS[:3], faster])
+    table = tables.to_the_bar([*ROWS[:3], faster])
     assert table.splitlines()[2].startswith("| other, P2 | 8 | 80 |")
     assert "| 0.25 |" in table.splitlines()[2]  # over the fastest of ours
 
 
 def test_the_bar_may_be_reached_by_none():
-    assert time_tables.summary(ROWS[:1])["fastest"] is None
-    assert "| - | - |" in time_tables.to_the_bar(ROWS[:1])
-    assert time_tables.same_mesh(ROWS[:1]) == ""
+    assert tables.summary(ROWS[:1])["fastest"] is None
+    assert "| - | - |" in tables.to_the_bar(ROWS[:1])
+    assert tables.same_mesh(ROWS[:1]) == ""
 
 
 def test_the_bar_of_the_bias_extension_is_on_the_load_alone():
     rows = [r | {"scene": "bias_extension", "load_error": 0.029} for r in ROWS[:2]]
-    summary = time_tables.summary(rows)
+    summary = tables.summary(rows)
     assert summary["methods"]["skfem_textile, P2"]["across"] == 4
 
 
 def test_codes_with_the_same_element_are_compared_on_the_finest_mesh_of_both():
-    last = time_tables.same_mesh(ROWS).splitlines()[2:]
+    last = tables.same_mesh(ROWS).splitlines()[2:]
     assert len(last) == 1
     assert last[0].startswith("| P2 | other | 8 |")
     assert last[0].endswith("| 4 |")
 
 
 def test_skipped_and_refused_are_told_under_the_tables():
-    told = time_tables.tables(ROWS).splitlines()[-2:]
+    told = tables.tables(ROWS).splitlines()[-2:]
     assert told == ["- third, P2: no", "- other, P2, 16 across: too hard"]
 
 
 def test_the_figure_has_a_panel_for_every_error(tmp_path):
-    curves = time_tables.curves(ROWS)
+    curves = tables.curves(ROWS)
     assert len(curves) == 4
     assert curves["Position error (mm)"]["other", "P2"][0] == [1.5, 8.0]
-    error_time.draw(ROWS, tmp_path)
+    STUDY.draw(ROWS, tmp_path)
     assert (tmp_path / "error_time.png").stat().st_size > 10_000
 
 
 def test_every_formulation_and_every_required_rival_takes_part():
-    own = [c for c in CONTESTANTS if isinstance(c, Own)]
+    own = [c for c in CODES if isinstance(c, ThisLibrary)]
     made = {type(c.method.formulation(1.0)) for c in own}
     assert made >= {OnePoint, Macro, Quadratic}
-    others = {(c.code, c.element) for c in CONTESTANTS if isinstance(c, Other)}
+    others = {(c.code, c.element) for c in CODES if isinstance(c, OtherCode)}
     for code in ("scikit-fem", "FElupe", "DOLFINx", "scikit-fem-native"):
         assert {(code, "Q4, 2×2"), (code, "P2, 3 points")} <= others
     assert ("scikit-fem", "Q9, 3×3") in others
@@ -116,7 +117,7 @@ def test_the_bias_extension_is_pulled_to_40_degrees_at_a_ratio_of_200000():
 
 def test_errors_are_those_of_the_scene():
     problem = PROBLEMS["bias_extension"]
-    for method in (AUTO, *(c.method for c in CONTESTANTS[1:5])):
+    for method in (AUTO, *(c.method for c in CODES[1:5])):
         scene = Case("", problem, method, 4, 1).scene()
         ply = Ply(scene.mesh, problem.fabric(scene), method.formulation(4.0))
         result = LoadStepper(ply, scene.conditions, 2).run()
@@ -132,9 +133,9 @@ def test_errors_are_those_of_the_scene():
 
 
 def test_the_strain_of_this_library_is_the_one_that_the_law_sees():
-    problem, macro = PROBLEMS["strip"], CONTESTANTS[1]
+    problem, macro = PROBLEMS["strip"], CODES[1]
     row = macro.measured(problem, 4)
-    scene = Case("", problem, macro.method, 4, contestants._SEED).scene()
+    scene = Case("", problem, macro.method, 4, timed_codes._SEED).scene()
     ply = Ply(scene.mesh, problem.fabric(scene), macro.method.formulation(1.0))
     u = LoadStepper(ply, scene.conditions, 1).run().u
     assert row["strain"] == pytest.approx(np.abs(ply.law_strain(u)).max())
@@ -152,12 +153,12 @@ def test_a_rival_takes_the_fewest_steps_to_an_unfolded_state(monkeypatch):
                 return Run(folded, folded, 1, [0.1])
             return super().run(task, steps, repeats)
 
-    monkeypatch.setattr(contestants, "_SOME_SECONDS", np.inf)
+    monkeypatch.setattr(timed_codes, "_SOME_SECONDS", np.inf)
     tried = []
-    found = Other(Slow(QUAD4)).measured(PROBLEMS["strip"], 4)
+    found = OtherCode(Slow(QUAD4)).measured(PROBLEMS["strip"], 4)
     assert found["steps"] == STEPS[3]
     assert [steps for steps, _ in tried] == [*STEPS[:4], STEPS[3]]
-    assert found["repeats"] == contestants._REPEATS
+    assert found["repeats"] == timed_codes._REPEATS
     assert found["seconds_min"] <= found["seconds"] <= found["seconds_max"]
 
 
@@ -166,30 +167,28 @@ def test_a_rival_that_never_converges_says_so():
         def run(self, task, steps, repeats):
             raise NotConvergedError
 
-    found = Other(Never(TRIANGLE6)).measured(PROBLEMS["strip"], 4)
+    found = OtherCode(Never(TRIANGLE6)).measured(PROBLEMS["strip"], 4)
     assert found["note"] == "no unfolded state in up to 80 equal steps"
     assert np.isnan(found["seconds"])
     assert found["unknowns"] > 0
 
 
 def test_a_run_of_this_library_that_stops_early_says_so(monkeypatch):
-    from skfem_textile.studies import contestants as module
-
     class Once(LoadStepper):
         def __init__(self, ply, conditions, steps):
             super().__init__(ply, conditions, steps, strategies=["newton"])
             self.max_halvings = 0
 
-    monkeypatch.setattr(module, "LoadStepper", Once)
-    found = CONTESTANTS[5].measured(PROBLEMS["strip"], 16)
+    monkeypatch.setattr(timed_codes, "LoadStepper", Once)
+    found = CODES[5].measured(PROBLEMS["strip"], 16)
     assert found["note"].startswith("stopped at load factor 0")
     assert np.isnan(found["angle"])
 
 
 def test_long_runs_are_repeated_less_often():
-    assert contestants._repeats(0.1) == 5
-    assert contestants._repeats(2.0) == 3
-    assert contestants._repeats(30.0) == 1
+    assert timed_codes._repeats(0.1) == 5
+    assert timed_codes._repeats(2.0) == 3
+    assert timed_codes._repeats(30.0) == 1
 
 
 def test_a_method_is_refined_until_a_run_takes_long(monkeypatch):
@@ -202,9 +201,8 @@ def test_a_method_is_refined_until_a_run_takes_long(monkeypatch):
         def measured(self, problem, across):
             return {"seconds": float(across), "note": ""}
 
-    monkeypatch.setattr(error_time, "CONTESTANTS", [Steady()])
-    monkeypatch.setattr(error_time, "LONG", 10.0)
-    rows = [one for some in error_time.cases("strip") for one in some]
+    monkeypatch.setattr(study, "LONG", 10.0)
+    rows = STUDY.examine(study.Case("strip", Steady()))
     assert [one["across"] for one in rows] == [4, 6, 8, 12]
 
 
@@ -212,14 +210,14 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     class Missing(Native):
         packages = {"no_such_module": "scikit-fem-native"}  # noqa: RUF012
 
-    some = (CONTESTANTS[0], CONTESTANTS[3], Other(Plain(TRIANGLE6)))
-    missing = Other(Missing(QUAD4))
-    monkeypatch.setattr(error_time, "CONTESTANTS", (*some, missing))
-    monkeypatch.setattr(error_time, "ACROSS", (4, 6))
+    some = (CODES[0], CODES[3], OtherCode(Plain(TRIANGLE6)))
+    missing = OtherCode(Missing(QUAD4))
+    monkeypatch.setattr(study, "CODES", (*some, missing))
+    monkeypatch.setattr(study, "ACROSS", (4, 6))
     out = tmp_path / "out"
-    assert cli.main(["study", "error-time", "strip", "--out", str(out)]) == 0
+    assert main(["error_time", "--scene", "strip", "--out", str(out)]) == 0
     names = {path.name for path in out.iterdir()}
-    assert names == {*error_time.FILES, *error_time.PICTURES}
+    assert names == {*STUDY.files, *STUDY.pictures}
     summary = json.loads((out / "summary.json").read_text())
     why = "skipped, not installed: scikit-fem-native"
     assert summary["skipped"] == {"scikit-fem-native, Q4, 2×2": why}
@@ -237,6 +235,6 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
 
 def test_the_scenes_of_the_command_line_are_those_of_the_study(tmp_path, capsys):
     with pytest.raises(SystemExit):
-        cli.main(["study", "error-time", "trellis", "--out", str(tmp_path)])
+        main(["error_time", "--scene", "trellis", "--out", str(tmp_path)])
     said = capsys.readouterr().err
     assert all(scene in said for scene in PROBLEMS)

@@ -1,4 +1,4 @@
-"""The suite of hostile inputs: its short form, and that it can tell bad from good."""
+"""The study of hostile inputs: its short form, its outcomes and its workers."""
 
 import os
 import signal
@@ -14,11 +14,11 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="it forks")
 
 ROOT = Path(__file__).parents[2]
 
-#: Prints what comes of a family whose attempts are bad in every way, by seeds.
-JUDGES = """
+#: Prints the outcomes of trials that end in every way there is, by seed.
+OUTCOMES = """
 import os, time
 from studies.hostile.trial import Family, Finding, refused
-from studies.hostile.workers import findings
+from studies.hostile.workers import try_seeds
 
 def attempt(seed, folder):
     acts = [
@@ -35,21 +35,21 @@ def attempt(seed, folder):
     ]
     return acts[seed]()
 
-found = findings(Family("fake", attempt, 10, 10, seconds=1.0), range(10), 2)
-print(*(one.finding.outcome for one in sorted(found, key=lambda one: one.seed)))
+tried = try_seeds(Family("fake", attempt, 10, 10, seconds=1.0), range(10), 2)
+print(*(t.finding.outcome for t in sorted(tried, key=lambda t: t.seed)))
 """
 
-#: Says the number of a worker that hangs.
+#: Prints the process number of a worker that hangs.
 HANGS = """
 import os, time
 from studies.hostile.trial import Family
-from studies.hostile.workers import findings
+from studies.hostile.workers import try_seeds
 
 def attempt(seed, folder):
     print(os.getpid(), flush=True)
     time.sleep(60)
 
-list(findings(Family("fake", attempt, 1, 1, seconds=60.0), [0], 1))
+list(try_seeds(Family("fake", attempt, 1, 1, seconds=60.0), [0], 1))
 """
 
 
@@ -68,22 +68,22 @@ def started(*words, **options):
 
 def test_no_hostile_input_ends_badly(tmp_path):
     options = "--short", "--workers", "2", "--out", str(tmp_path)
-    with started("-m", "studies.hostile", *options) as suite:
-        told, bad = suite.communicate()
-    assert suite.returncode == 0, told + bad
+    with started("-m", "studies", "hostile", *options) as suite:
+        out, err = suite.communicate()
+    assert suite.returncode == 0, out + err
     assert (tmp_path / "hostile.md").exists()
 
 
-def test_the_judge_tells_bad_outcomes():
-    with started("-c", JUDGES) as judge:
-        told, said = judge.communicate()
-    assert told.split() == [
+def test_every_outcome_is_recognised():
+    with started("-c", OUTCOMES) as suite:
+        out, err = suite.communicate()
+    assert out.split() == [
         *("right", "refused", "unclear", "unclear", "traceback"),
         *("hang", "died", "died", "traceback", "silent"),
-    ], said
+    ], err
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="prctl is Linux'")
+@pytest.mark.skipif(sys.platform != "linux", reason="prctl is of Linux")
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_a_suite_that_is_killed_leaves_no_worker(number):
     with started("-c", HANGS) as suite:
@@ -94,7 +94,7 @@ def test_a_suite_that_is_killed_leaves_no_worker(number):
 
 
 def gone(process, seconds=10.0):
-    """Whether a process ends in time, or is left for others to take note of."""
+    """Whether a process ends in time; a zombie has ended."""
     until = time.monotonic() + seconds
     while time.monotonic() < until:
         with suppress(FileNotFoundError):

@@ -3,19 +3,19 @@ import pytest
 
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, Quadratic
 from skfem_textile.scenes import bias_extension, strip
-from skfem_textile.studies.rivals import newton, with_dolfinx
-from skfem_textile.studies.rivals.every import RIVALS
-from skfem_textile.studies.rivals.newton import NotConvergedError
-from skfem_textile.studies.rivals.plain import QUAD4_CENTRE, Plain
-from skfem_textile.studies.rivals.rival import (
+from studies.rivals import newton, with_dolfinx
+from studies.rivals.all_rivals import RIVALS
+from studies.rivals.newton import NotConvergedError
+from studies.rivals.plain import QUAD4_CENTRE, Plain
+from studies.rivals.rival import (
     QUAD4,
     QUAD9,
     TRIANGLE6,
     InProcess,
 )
-from skfem_textile.studies.rivals.task import Task
-from skfem_textile.studies.rivals.with_dolfinx import Dolfinx, DolfinxError
-from skfem_textile.studies.rivals.with_felupe import FElupe
+from studies.rivals.task import Task
+from studies.rivals.with_dolfinx import Dolfinx, DolfinxError
+from studies.rivals.with_felupe import FElupe
 
 KINDS = {"quads": "irregular", "triangles": "delaunay"}
 FORMULATIONS = {
@@ -133,7 +133,7 @@ def test_what_goes_wrong_in_the_process_of_dolfinx_is_one_line():
 
 
 def test_without_an_interpreter_that_has_it_dolfinx_is_missing(monkeypatch):
-    monkeypatch.setattr(with_dolfinx, "found", lambda: None)
+    monkeypatch.setattr(with_dolfinx, "interpreter", lambda: None)
     assert "python3-dolfinx" in Dolfinx(QUAD4).missing()
 
 

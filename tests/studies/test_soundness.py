@@ -7,7 +7,7 @@ from skfem import MeshQuad, MeshTri
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, Quadratic
 from skfem_textile.scenes import strip
-from skfem_textile.studies.soundness import is_sound, is_unfolded
+from studies.stability.soundness import is_sound, is_unfolded
 
 SMALL = partial(strip, size=(4, 6))
 

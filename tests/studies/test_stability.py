@@ -1,6 +1,5 @@
 import csv
 import json
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
@@ -14,25 +13,24 @@ from skfem_textile import (
     LoadStepper,
     Mixed,
     OnePoint,
-    cli,
 )
 from skfem_textile.scenes import Scene, picture_frame, strip
 from skfem_textile.solve.stepper import DEFAULT_STRATEGIES
 from skfem_textile.solve.verdict import CHECKS
-from skfem_textile.studies import outcomes as ends
-from skfem_textile.studies import stability
-from skfem_textile.studies.extremes import Extreme, extremes
-from skfem_textile.studies.outcomes import End, outcome
+from studies.__main__ import main
+from studies.stability import outcomes as ends
+from studies.stability import study, tables
+from studies.stability.outcomes import End, outcome
+from studies.stability.problems import Extreme, extremes
+from studies.stability.study import STUDY
 
 SMALL = partial(strip, size=(4, 6))
 
 
 @pytest.fixture
 def few_steps(monkeypatch):
-    monkeypatch.setattr(stability, "STEPS", (1, 5))
-    monkeypatch.setattr(stability, "_REFERENCE", 10)
-    # Other processes would not know.
-    monkeypatch.setattr("skfem_textile.sweep.WorkerProcesses", ThreadPoolExecutor)
+    monkeypatch.setattr(study, "STEPS", (1, 5))
+    monkeypatch.setattr(study, "_REFERENCE", 10)
 
 
 def rod() -> Scene:
@@ -81,7 +79,7 @@ FOLDING = Extreme("folding", "turned over", turned_over, Full(), E=0.0, G=0.5)
 
 
 def outcomes(problem):
-    return [row["outcome"] for row in stability.examined(problem)]
+    return [row["outcome"] for row in STUDY.examine(problem)]
 
 
 def end(energy=2.0, reactions=(5.0, -1.0), **others):
@@ -152,7 +150,7 @@ def test_the_summary_counts():
 
 
 def test_a_plain_problem_is_right_and_agrees(few_steps):
-    rows = stability.examined(Extreme("f", "plain", SMALL, OnePoint(10.0)))
+    rows = STUDY.examine(Extreme("f", "plain", SMALL, OnePoint(10.0)))
     assert [row["outcome"] for row in rows] == [ends.RIGHT, ends.RIGHT]
     assert all(row["agrees"] and row["path_resolved"] for row in rows)
     assert all(0 <= row["energy_off"] < 1e-6 for row in rows)
@@ -161,7 +159,7 @@ def test_a_plain_problem_is_right_and_agrees(few_steps):
 
 def test_every_run_is_compared_with_the_one_of_the_most_steps(few_steps, monkeypatch):
     """One whose energy, or one of whose reactions, is off by 2 %."""
-    run = stability._run
+    run = study._run
 
     def off_by(energy, reaction):
         def off(problem, steps, *strategies):
@@ -176,8 +174,8 @@ def test_every_run_is_compared_with_the_one_of_the_most_steps(few_steps, monkeyp
 
     plain = Extreme("f", "plain", SMALL, OnePoint(10.0))
     for energy, reaction in ((1.02, 0.0), (1.0, 0.02)):
-        monkeypatch.setattr(stability, "_run", off_by(energy, reaction))
-        one, five = stability.examined(plain)
+        monkeypatch.setattr(study, "_run", off_by(energy, reaction))
+        one, five = STUDY.examine(plain)
         assert (one["outcome"], one["agrees"]) == (ends.RIGHT, True)
         assert (five["outcome"], five["agrees"]) == (ends.WRONG, False)
         assert five["energy_off"] == pytest.approx(1 - 1 / energy, abs=1e-6)
@@ -193,7 +191,7 @@ def test_an_exact_motion_must_be_met(few_steps):
 
 
 def test_what_must_fold_is_refused_and_not_solvable(few_steps):
-    rows = stability.examined(FOLDING)
+    rows = STUDY.examine(FOLDING)
     assert [row["outcome"] for row in rows] == [ends.REFUSED, ends.REFUSED]
     assert not any(row["solvable"] or row["agrees"] for row in rows)
     assert all("det F" in row["message"] for row in rows)
@@ -213,8 +211,8 @@ def test_what_another_run_solves_is_refused_though_solvable(
             ply, conditions, steps, strategies=strategies, max_halvings=0
         )
 
-    monkeypatch.setattr(stability, "LoadStepper", balks)
-    rows = stability.examined(Extreme("f", "plain", SMALL, OnePoint(10.0)))
+    monkeypatch.setattr(study, "LoadStepper", balks)
+    rows = STUDY.examine(Extreme("f", "plain", SMALL, OnePoint(10.0)))
     assert [row["outcome"] for row in rows] == [ends.MISSED, ends.MISSED]
     solved_by = "mixed, descent in 10" if way == "more steps" else f"{way} in 1"
     assert all(row["solvable"] and row["solved_by"] == solved_by for row in rows)
@@ -231,14 +229,14 @@ def test_a_saddle_point_taken_for_an_answer_is_wrong(few_steps, monkeypatch):
             ply, conditions, steps, strategies=["newton"], warn_only=warn_only
         )
 
-    monkeypatch.setattr(stability, "LoadStepper", credulous)
+    monkeypatch.setattr(study, "LoadStepper", credulous)
     assert outcomes(ROD) == [ends.WRONG, ends.WRONG]
 
 
 def test_the_study_covers_what_it_should():
     problems = extremes()
-    assert len(problems) * len(stability.STEPS) >= 300
-    assert len({stability.name(p) for p in problems}) == len(problems)
+    assert len(problems) * len(study.STEPS) >= 300
+    assert len({STUDY.name(p) for p in problems}) == len(problems)
     ratios = {p.E / p.G for p in problems if p.G}
     assert {1e2, 1e4, 1e6, 1e8, 1e10} <= ratios
     assert any(p.G == 0 for p in problems)
@@ -286,28 +284,28 @@ def test_an_interrupted_study_reports_on_what_it_has_and_goes_on(
     tmp_path, few_steps, monkeypatch, capsys
 ):
     problems = [Extreme("plain", n, SMALL, OnePoint(10.0)) for n in ("one", "two")]
-    monkeypatch.setattr(stability, "extremes", lambda: problems)
-    examined, asked, interrupted = stability.examined, [], [True]
+    monkeypatch.setattr(study, "extremes", lambda: problems)
+    examine, asked, interrupted = STUDY.examine, [], [True]
 
     def interrupting(problem):
         asked.append(problem.label)
         if problem.label == "two" and interrupted:
             interrupted.clear()
             raise KeyboardInterrupt
-        return examined(problem)
+        return examine(problem)
 
-    monkeypatch.setattr(stability, "examined", interrupting)
+    monkeypatch.setattr(STUDY, "examine", interrupting)
     out = tmp_path / "out"
-    command = ["study", "stability", "--no-render", "--out", str(out)]
-    assert cli.main(command) == 130
+    command = ["stability", "--no-render", "--out", str(out)]
+    assert main(command) == 130
     assert "--resume" in capsys.readouterr().err
     assert json.loads((out / "summary.json").read_text())["cases"] == 2
-    assert cli.main(command) == 2
+    assert main(command) == 2
     assert "--resume" in capsys.readouterr().err
-    assert cli.main([*command, "--resume"]) == 0
+    assert main([*command, "--resume"]) == 0
     assert asked == ["one", "two", "two"]
     assert json.loads((out / "summary.json").read_text())["cases"] == 4
-    assert {p.name for p in out.iterdir()} == set(stability.FILES)
+    assert {p.name for p in out.iterdir()} == set(STUDY.files)
 
 
 def test_a_case_that_fails_is_named_and_the_others_are_reported(
@@ -317,10 +315,10 @@ def test_a_case_that_fails_is_named_and_the_others_are_reported(
         Extreme("plain", "fails", partial(strip, mesh="none"), Full()),
         Extreme("plain", "one", SMALL, OnePoint(10.0)),
     ]
-    monkeypatch.setattr(stability, "extremes", lambda: problems)
+    monkeypatch.setattr(study, "extremes", lambda: problems)
     out = tmp_path / "out"
-    command = ["study", "stability", "--no-render", "--out", str(out)]
-    assert cli.main(command) == 1
+    command = ["stability", "--no-render", "--out", str(out)]
+    assert main(command) == 1
     said = capsys.readouterr().err
     assert "plain, fails, 2×2: " in said
     assert "--resume" in said
@@ -333,10 +331,10 @@ def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
         replace(FOLDING, seed=0),
         replace(FOLDING, seed=1, scene=SMALL, E=1e4),
     ]
-    monkeypatch.setattr(stability, "extremes", lambda: problems)
+    monkeypatch.setattr(study, "extremes", lambda: problems)
     out = tmp_path / "out"
-    assert cli.main(["study", "stability", "--out", str(out)]) == 0
-    assert {p.name for p in out.iterdir()} == {*stability.FILES, *stability.PICTURES}
+    assert main(["stability", "--out", str(out)]) == 0
+    assert {p.name for p in out.iterdir()} == {*STUDY.files, *STUDY.pictures}
     summary = json.loads((out / "summary.json").read_text())
     assert summary["cases"] == 6
     assert summary["right"] == summary["solvable"] == 4
@@ -361,7 +359,7 @@ def test_meshes_that_differ_in_their_seed_share_a_line_of_the_picture():
         return {"outcome": outcome, "linear_solves": solves, "message": message}
 
     right, refused = row(ends.RIGHT), row(ends.REFUSED)
-    assert stability._cell([right]) == ({ends.RIGHT: 1}, "3")
-    assert stability._cell([refused]) == ({ends.REFUSED: 1}, "")
+    assert tables._cell([right]) == ({ends.RIGHT: 1}, "3")
+    assert tables._cell([refused]) == ({ends.REFUSED: 1}, "")
     shared = {ends.RIGHT: 2, ends.REFUSED: 1}
-    assert stability._cell([refused, right, right]) == (shared, "2/3")
+    assert tables._cell([refused, right, right]) == (shared, "2/3")

@@ -1,0 +1,196 @@
+"""Run a study: ``python -m studies NAME --out DIR``.  Without a name, list them."""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+from skfem_textile.files.interruption import INTERRUPTED, raised
+from skfem_textile.files.output import OutputError, complain, say, silence
+
+from .common.workers import executor_of
+from .study import Row, Study, descriptions, load
+
+STOPPED_EARLY, BAD_INPUT = 1, 2
+
+_THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that answers bad input with one line."""
+
+    def error(self, message: str) -> NoReturn:
+        complain(f"error: {message}")
+        self.exit(BAD_INPUT)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a study; returns the exit code.
+
+    0 when every case was examined and no study complains, 1 when some were not, or
+    results cannot be written, 2 for bad input, 130 after Ctrl-C or SIGTERM.
+    """
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        with raised():
+            return _answer(words)
+    except BrokenPipeError:  # nobody reads on
+        silence(sys.stdout)
+        return 0
+    except OutputError as error:
+        complain(f"error: {error}")
+        return STOPPED_EARLY
+    except (ValueError, OSError) as error:
+        complain(f"error: {error}")
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        complain("interrupted")
+        return INTERRUPTED
+
+
+def _answer(words: list[str]) -> int:
+    if not words:
+        for name, description in descriptions().items():
+            say(f"{name:16}{description}")
+        return 0
+    parser = _Parser(prog="python -m studies", description=__doc__)
+    names = parser.add_subparsers(dest="study", metavar="NAME", required=True)
+    study: Study[Any] | None = None
+    for name, description in descriptions().items():
+        options = names.add_parser(name, help=description, description=description)
+        if name == words[0]:  # only this one loads what it needs
+            study = load(name)
+            _add_options(options, study)
+    chosen = parser.parse_args(words)
+    assert study is not None
+    return _run(study, chosen)
+
+
+def _add_options(parser: argparse.ArgumentParser, study: Study[Any]) -> None:
+    add = parser.add_argument
+    add("--out", type=Path, required=True, metavar="DIR", help="where results go")
+    add("--resume", action="store_true", help="go on where a run into DIR stopped")
+    add("--no-render", action="store_true", help="write no pictures")
+    add(
+        "--case",
+        nargs="+",
+        metavar="NAME",
+        help="these cases only; * stands for any characters",
+    )
+    if not study.timed:
+        add("--workers", type=_positive, default=1, help="processes (default: 1)")
+    study.add_options(parser)
+
+
+def _positive(text: str) -> int:
+    if not (text.isdecimal() and int(text)):
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number of at least 1")
+    return int(text)
+
+
+def _run(study: Study[Any], options: argparse.Namespace) -> int:
+    """Examine the cases and write the report; a case that fails is not in it."""
+    from skfem_textile.io import ResultFolder
+    from skfem_textile.sweep import SweepError
+
+    if study.timed:  # before libraries of linear algebra are loaded
+        os.environ.update(dict.fromkeys(_THREADS, "1"))
+    cases = _cases(study, options)
+    written = study.written(cases)
+    results = ResultFolder(options.out, written)
+    kept = options.out / f"{options.study}-unfinished.jsonl"
+    if kept.is_file() and kept.stat().st_size and not options.resume:
+        raise ValueError(
+            f"{kept} is of an unfinished study: --resume goes on with it, or remove it"
+        )
+    code, complaint = 0, ""
+    rows_by_name: dict[str, list[Row]] = {}
+    rows: list[Row] = []
+    try:
+        _examine(study, cases, options, kept, rows_by_name)
+    except SweepError as error:
+        code, complaint = STOPPED_EARLY, f"{error}; --resume runs what is left"
+    except KeyboardInterrupt:
+        code, complaint = INTERRUPTED, "interrupted; --resume runs what is left"
+    finally:  # a study that stops reports on what it has
+        for case in cases:
+            rows += rows_by_name.get(study.name(case), [])
+        if rows:
+            with results as folder:
+                _write(study.tables(rows), folder)
+    if not (complaint and rows):
+        kept.unlink(missing_ok=True)
+    pictures = [name for name in study.pictures if name in written]
+    if pictures and rows and code != INTERRUPTED and not options.no_render:
+        draw = partial(study.draw, rows)
+        code = _render(draw, ResultFolder(options.out, pictures), code)
+    say(f"results in {options.out}")
+    complaint = complaint or study.complaint(rows)
+    if complaint:
+        complain(complaint)
+    return code or (STOPPED_EARLY if complaint else 0)
+
+
+def _cases(study: Study[Any], options: argparse.Namespace) -> list[Any]:
+    """The cases of the study, or those that are asked for."""
+    cases = list(study.cases(options))
+    if options.case is None:
+        return cases
+    names = [study.name(case) for case in cases]
+    for pattern in options.case:
+        if not any(fnmatchcase(name, pattern) for name in names):
+            known = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+            raise ValueError(f"no case is named {pattern}: there are {known}")
+    return [
+        case
+        for case, name in zip(cases, names, strict=True)
+        if any(fnmatchcase(name, pattern) for pattern in options.case)
+    ]
+
+
+def _examine(
+    study: Study[Any],
+    cases: list[Any],
+    options: argparse.Namespace,
+    kept: Path,
+    rows_by_name: dict[str, list[Row]],
+) -> None:
+    """Find the rows of every case, by its name; they are on file as they come."""
+    from skfem_textile.sweep import sweep
+
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    workers = 1 if study.timed else min(options.workers, len(cases))
+    with executor_of(workers) as executor:
+        for case, rows in sweep(
+            study.examine, cases, executor, out=kept, key=study.name
+        ):
+            say(study.line(rows))
+            rows_by_name[study.name(case)] = rows
+
+
+def _write(texts: dict[str, str], folder: Path) -> None:
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8", newline="")
+
+
+def _render(draw: Callable[[Path], None], results: Any, code: int) -> int:
+    """Draw the pictures, or say in one line why not; returns the exit code."""
+    try:
+        with results as folder:
+            draw(folder)
+    except KeyboardInterrupt:
+        complain("interrupted; the numbers are written, pictures are not")
+        return INTERRUPTED
+    except ImportError as error:
+        say(f"no pictures: {error}; pip install 'skfem-textile[plot]'")
+    except Exception as error:
+        say(f"no pictures: {error}")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,43 @@
+"""Rows and tables as text: CSV, Markdown and JSON."""
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+
+def csv_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows as CSV, a column for every key of any of them.
+
+    Examples
+    --------
+    >>> csv_table([{"a": 1}, {"a": 2, "b": 0.5}]).splitlines()
+    ['a,b', '1,', '2,0.5']
+    """
+    text = io.StringIO()
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    writer = csv.DictWriter(text, fieldnames=columns)
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def markdown_table(head: Sequence[object], lines: Iterable[Sequence[object]]) -> str:
+    """A table in Markdown.
+
+    Examples
+    --------
+    >>> print(markdown_table(["n", "N"], [[1, "0.5"]]), end="")
+    | n | N |
+    |---|---|
+    | 1 | 0.5 |
+    """
+    text = [f"| {' | '.join(map(str, line))} |" for line in (head, *lines)]
+    text.insert(1, "|" + "---|" * len(head))
+    return "\n".join(text) + "\n"
+
+
+def json_text(content: Any) -> str:
+    """What is given as JSON, which has no nan."""
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -1,0 +1,63 @@
+"""How far a displacement is from the exact one, whatever code it is from."""
+
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from skfem import CellBasis, ElementTriP1
+
+from skfem_textile import kinematics as kin
+from skfem_textile.mesh.bases import GAUSS, SIX
+from skfem_textile.scenes import Scene
+
+
+def errors(scene: Scene, basis: CellBasis, u: ndarray, load: float) -> dict[str, float]:
+    """Distance of the end of a load from the exact answer.
+
+    Parameters
+    ----------
+    scene
+        The scene, with load factor 1 at the end.
+    basis
+        Basis of the displacement at the points of the fibre strains.
+    u
+        Displacement.
+    load
+        Load in N, or as a share of the exact one where the scene knows it.
+
+    Returns
+    -------
+    dict
+        ``position``, rms over the nodes in mm; ``angle``, rms over the elements'
+        centres in degrees; ``strain``, largest fibre strain at the points; ``load``
+        and its distance ``load_error`` from what it should be.
+    """
+    warp, weft = (np.reshape(A, (2, 1, 1)) for A in (scene.warp, scene.weft))
+    strains = [kin.fibre_strain(_F(basis, u), A) for A in (warp, weft)]
+    centre = _at_points(basis, basis.mesh.elem.refdom.p.mean(axis=1, keepdims=True))
+    angle = kin.shear_angle(_F(centre, u), warp, weft)[:, 0]
+    nodes, displacement = basis.doflocs[:, ::2], u.reshape(-1, 2).T
+    off = scene.distance(nodes, displacement, angle, centre.dx[:, 0], 1.0)
+    return {
+        "position": off["displacement_error_rms"],
+        "angle": off["shear_angle_error_rms_deg"],
+        "strain": float(np.abs(strains).max()),
+        "load": load,
+        "load_error": abs(load - (0.0 if scene.load is None else 1.0)),
+    }
+
+
+def unfolded(basis: CellBasis, u: ndarray) -> bool:
+    """Whether det F is positive at the 2×2 points, or at six of triangles."""
+    points, _ = SIX if basis.mesh.elem is ElementTriP1 else GAUSS
+    return bool((kin.area_ratio(_F(_at_points(basis, points), u)) > 0).all())
+
+
+def _F(basis: CellBasis, u: ndarray) -> ndarray:
+    field: Any = basis.interpolate(u)
+    return kin.deformation_gradient(field.grad)
+
+
+def _at_points(basis: CellBasis, points: ndarray) -> CellBasis:
+    rule = (points, np.ones(points.shape[1]))
+    return CellBasis(basis.mesh, basis.elem, quadrature=rule)

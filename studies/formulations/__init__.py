@@ -1,0 +1,1 @@
+"""Every formulation on every scene: how far strains, load and shape are from exact."""

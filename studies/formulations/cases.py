@@ -1,0 +1,208 @@
+"""What the study of formulations compares: methods, problems and their cases."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+from skfem import Mesh
+
+from skfem_textile.fabric import Fabric, Law, Linear, Sin2
+from skfem_textile.ply.formulations import Full, Kind, Macro, OnePoint, Quadratic
+from skfem_textile.ply.terms import Formulation
+from skfem_textile.scenes import Scene, bias_extension, picture_frame, strip, trellis
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.scenes.strip import HEIGHT, WIDTH
+from skfem_textile.scenes.trellis import SIDE
+from skfem_textile.splitting import split
+
+#: Shear stiffness of the bias extension in N/mm, and its shear angles in degrees.
+G, ANGLES = 0.5, (10, 20, 30, 40, 50)
+
+#: Refinements: edges of elements across, after any split.
+ACROSS = (8, 16, 32)
+
+#: For what is left of the differences from the exact load.
+RESOLVED = 64
+
+SEEDS = (1, 2, 3, 4, 5)
+
+
+@dataclass(frozen=True)
+class Method:
+    """An element on a kind of mesh.
+
+    ``mesh`` is ``quads`` or ``triangles``, ``parts`` in how many one of their edges is
+    split, 2 of quadratic triangles.  ``formulation`` is given C, which is C_s of
+    ``auto`` at rest.
+    """
+
+    name: str
+    mesh: str
+    parts: int
+    formulation: Callable[[float], Formulation]
+
+
+def _as_is(formulation: Formulation, C: float) -> Formulation:
+    return formulation
+
+
+def _one_point(k: float, kind: Kind, C: float) -> Formulation:
+    return OnePoint(k * C, kind)
+
+
+def _macro(k: float, C: float) -> Formulation:
+    return Macro(k * C)
+
+
+def _method(name: str, mesh: str, parts: int, formulation: Formulation) -> Method:
+    return Method(name, mesh, parts, partial(_as_is, formulation))
+
+
+def _scaled(name: str, k: float, kind: Kind = "energy") -> Method:
+    return Method(name, "quads", 1, partial(_one_point, k, kind))
+
+
+MACRO = _method("macro, quads", "quads", 2, Macro())
+MACRO_TRIANGLES = _method("macro, triangles", "triangles", 2, Macro())
+AUTO = _method("one point, auto", "quads", 1, OnePoint())
+PAPER = _method("one point, C_s = 1", "quads", 1, OnePoint(1.0))
+MEAN_QUADRATIC = _method(
+    "quadratic, mean strain", "triangles", 2, Quadratic(deviation=20.0)
+)
+
+#: Of every formulation one or two, those with nothing to tune first.
+METHODS = (
+    *(MACRO, MACRO_TRIANGLES, AUTO),
+    _method("one point, triangles", "triangles", 2, OnePoint()),
+    *(MEAN_QUADRATIC, _method("quadratic", "triangles", 2, Quadratic())),
+    *(PAPER, _method("rates, C_s = 1", "quads", 1, OnePoint(1.0, "rate"))),
+    _scaled("continuity, C_j = C", 1.0, "continuity"),
+    _scaled("isotropic, κ = C", 1.0, "isotropic"),
+    _scaled("isotropic, κ = C/8", 1 / 8, "isotropic"),
+    _method("2×2 points", "quads", 1, Full()),
+)
+
+#: Other constants: C_s of one point, and the stiffness of deviations.
+STABILISATIONS = (
+    *(_scaled(f"C_s = {k:g} C", k) for k in (1 / 32, 1 / 8, 1 / 4, 1 / 2, 2, 4, 8, 32)),
+    *(
+        Method(f"macro, C_s = {k:g} C", "quads", 2, partial(_macro, k))
+        for k in (1 / 8, 1 / 4, 1 / 2, 2, 4, 8)
+    ),
+)
+DEVIATIONS = tuple(
+    _method(f"{mesh}, {c:g}", mesh, 2, Macro(deviation=(c, c)))
+    for mesh, chosen in zip(("triangles", "quads"), Macro().deviation, strict=True)
+    for c in (chosen / 4, chosen / 2, chosen * 2, chosen * 4)
+)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A scene and a material.
+
+    ``steps`` load steps lead to the end; results are taken at the step ``last``.
+    ``exact_load`` is what the load should be, in N or as a share of the exact one.
+    """
+
+    name: str
+    scene: Callable[[Mesh], Scene]
+    sides: tuple[float, float]
+    jitter: float
+    E: float
+    law: Law
+    steps: int
+    last: int
+    exact_load: float = 0.0
+
+    @property
+    def stabilisation(self) -> float:
+        """C of the methods: C_s of ``auto`` at rest."""
+        rest = float(self.law.tangent(np.zeros(1))[0])
+        return 8 * rest if rest else 1e-4 * self.E
+
+    def fabric(self, scene: Scene) -> Fabric:
+        """The fabric of the scene."""
+        return Fabric(self.E, self.law, scene.warp, scene.weft)
+
+    def mesh(self, cells: str, n: int, seed: int) -> Mesh:
+        """A mesh of ``quads`` or of ``triangles``, n edges wide."""
+        W, H = self.sides
+        kind = {"quads": "irregular", "triangles": "delaunay"}[cells]
+        return rectangle(W, H, (n, round(n * H / W)), kind, self.jitter, seed)
+
+
+def _bias_extension(mesh: Mesh) -> Scene:
+    return bias_extension(mesh, shear_angle=np.radians(ANGLES[-1]))
+
+
+def _bias(ratio: float, law: Law) -> Problem:
+    name = f"bias extension, {'linear' if isinstance(law, Linear) else 'sin²'}"
+    return Problem(
+        f"{name}, E/G = {ratio:.0e}".replace("e+0", "e"),
+        *(_bias_extension, (50.0, 100.0), 0.25, ratio * G, law, 5, 4, 1.0),
+    )
+
+
+RATIOS = (2e4, 2e5, 2e6)
+STRIP = Problem("strip", strip, (WIDTH, HEIGHT), 0.3, 1e4, Linear(0.0), 5, 5)
+TRELLIS = Problem("trellis", trellis, (SIDE, SIDE), 0.3, 1e4, Linear(0.0), 5, 5)
+SHEARED = replace(TRELLIS, name="trellis, E/G = 2e5", E=2e5 * G, law=Linear(G))
+FRAME = Problem(
+    "picture frame", picture_frame, (SIDE, SIDE), 0.3, 1e4, Linear(0.5), 5, 5
+)
+BIAS = tuple(_bias(ratio, Linear(G)) for ratio in RATIOS)
+BIAS_SIN2 = tuple(_bias(ratio, Sin2(G)) for ratio in RATIOS)
+
+#: The methods that the bars on the load are set for.
+FOR_LOAD = (MACRO, MACRO_TRIANGLES, AUTO, MEAN_QUADRATIC)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A run: a method on a problem, on a mesh so many edges wide, with a seed."""
+
+    group: str
+    problem: Problem
+    method: Method
+    across: int
+    seed: int
+
+    def scene(self) -> Scene:
+        """The scene, on the mesh of the method."""
+        method, formulation = self.method, self.method.formulation(1.0)
+        mesh = self.problem.mesh(method.mesh, self.across // method.parts, self.seed)
+        if method.parts == 2 and not isinstance(formulation, Quadratic):
+            mesh = split(mesh)
+        return self.problem.scene(mesh)
+
+
+def all_cases() -> Iterator[Case]:
+    """Every case, by groups that the report keeps apart."""
+    every = (STRIP, TRELLIS, FRAME, *BIAS)
+    yield from _grid("methods", every, METHODS, ACROSS)
+    yield from _grid("methods", BIAS_SIN2, FOR_LOAD, ACROSS)
+    yield from _grid("methods", [SHEARED], (*FOR_LOAD, PAPER), ACROSS[:2])
+    for problem, method in product(BIAS, (MACRO, AUTO)):
+        yield Case("resolved", problem, method, RESOLVED, SEEDS[0])
+    tuned = (STRIP, TRELLIS, *BIAS)
+    yield from _grid("stabilisation", tuned, STABILISATIONS, ACROSS[1:2])
+    yield from _grid("deviation", (*BIAS, *BIAS_SIN2), DEVIATIONS, ACROSS[:2])
+    for seed, n in enumerate((12, 14, 17, 20, 22, 25, 28, 31, 34, 36), start=1):
+        for E in (1e4, 1e6):
+            problem = replace(
+                STRIP, name=f"strip, E = {E:.0e}".replace("e+0", "e"), E=E
+            )
+            yield Case("triangulations", problem, MACRO_TRIANGLES, 2 * n, seed)
+
+
+def _grid(
+    group: str,
+    problems: Iterable[Problem],
+    methods: Iterable[Method],
+    across: Iterable[int],
+) -> Iterator[Case]:
+    for problem, method, n, seed in product(problems, methods, across, SEEDS):
+        yield Case(group, problem, method, n, seed)

@@ -1,0 +1,75 @@
+"""Errors against unknowns with matplotlib."""
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
+from numpy.typing import ArrayLike
+
+from skfem_textile.plot.curves import COLOURS
+
+from ..common.figures import colour_of, figure_of, legend, marker_of
+
+
+def convergence(
+    rows: Mapping[str, Mapping[str, Mapping[str, tuple[ArrayLike, ArrayLike]]]],
+    filename: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Errors against unknowns on logarithmic scales, panel by panel.
+
+    Parameters
+    ----------
+    rows
+        By what is off, a row of panels by their title, and in these the curves
+        ``(unknowns, error)`` by their label, which has one colour in all of them.
+    filename
+        Where to write a PNG.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        As `picture_path`.
+
+    Examples
+    --------
+    >>> lines = {"2×2": ([100, 400], [0.1, 0.02])}
+    >>> figure = convergence({"mm": {"strip": lines, "trellis": lines}})
+    >>> [axes.get_title() for axes in figure.axes]
+    ['strip', 'trellis']
+    """
+    labels = dict.fromkeys(
+        label
+        for panels in rows.values()
+        for lines in panels.values()
+        for label in lines
+    )
+    style: dict[str, dict[str, Any]] = {
+        label: {
+            "color": colour_of(i),
+            "marker": marker_of(i),
+            "linestyle": "-" if i < len(COLOURS) else "--",
+            "linewidth": 1.2,
+        }
+        for i, label in enumerate(labels)
+    }
+    columns = max(len(panels) for panels in rows.values())
+    with figure_of((3.2 * columns, 2.8 * len(rows)), filename) as figure:
+        grid = figure.subplots(len(rows), columns, squeeze=False, sharex="col")
+        for i, (what, panels) in enumerate(rows.items()):
+            for j, (title, lines) in enumerate(panels.items()):
+                axes = grid[i, j]
+                for label, (x, y) in lines.items():
+                    axes.loglog(x, y, markersize=4, **style[label])
+                axes.set(
+                    title=title if i == 0 else "",
+                    xlabel="Unknowns" if i == len(rows) - 1 else "",
+                    ylabel=what if j == 0 else "",
+                )
+                axes.xaxis.set_minor_formatter(NullFormatter())
+                axes.grid(alpha=0.3)
+        handles = [Line2D([], [], label=label, **s) for label, s in style.items()]
+        legend(figure, handles, 3)
+    return figure

@@ -1,0 +1,223 @@
+"""Tables of the study of formulations: medians over the seeds, in Markdown.
+
+Where not every seed reached a figure, it says how many did.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from skfem_textile.ply.formulations import Macro
+
+from ..common.tables import markdown_table
+from ..study import Row
+from .cases import (
+    ACROSS,
+    AUTO,
+    BIAS,
+    BIAS_SIN2,
+    DEVIATIONS,
+    FOR_LOAD,
+    MACRO,
+    MACRO_TRIANGLES,
+    METHODS,
+    PAPER,
+    RESOLVED,
+    SHEARED,
+    STABILISATIONS,
+    STRIP,
+    TRELLIS,
+    Problem,
+)
+from .medians import load_error, median, of, over_angles, per_stiffness
+
+_STRAINS = ("strain", "mesh_fibre_strain")
+
+
+def methods(rows: list[Row]) -> str:
+    """Every method at the middle refinement: strip and trellis, then bias extension."""
+    smooth, kinked = [], []
+    for method in METHODS:
+        strip, trellis, *bias = (
+            of(rows, "methods", p, method, ACROSS[1]) for p in (STRIP, TRELLIS, *BIAS)
+        )
+        smooth.append(
+            [
+                *(method.name, _cell(strip, "unknowns", _count)),
+                *(_cell(strip, key) for key in ("load", "position", "angle")),
+                *(_cell(strip, key, _strain) for key in _STRAINS),
+                *(_cell(trellis, key) for key in ("load", "position", "angle")),
+                _cell(trellis, "linear_solves", _count),
+            ]
+        )
+        kinked.append(
+            [
+                *(method.name, _cell(bias[1], "unknowns", _count)),
+                *(_cell(seeds, "load", _load) for seeds in bias),
+                *(_cell(bias[1], key) for key in ("position", "angle")),
+                *(_cell(bias[1], key, _strain) for key in _STRAINS),
+                *(_cell(bias[1], "linear_solves", _count), _cell(bias[1], "seconds")),
+            ]
+        )
+    strains = ["strain", "mesh strain"]
+    head = ["strip and trellis", "unknowns", "load, N", "mm", "°", *strains]
+    text = markdown_table([*head, "trellis: N", "mm", "°", "solves"], smooth)
+    loads = [f"load, {_ratio(problem)}" for problem in BIAS]
+    head = ["bias extension", "unknowns", *loads, "mm", "°", *strains, "solves", "s"]
+    return text + "\n" + markdown_table(head, kinked) + "\n" + _sheared(rows)
+
+
+def _sheared(rows: list[Row]) -> str:
+    """A smooth motion of a fabric with shear stiffness."""
+    lines = []
+    for method in (*FOR_LOAD, PAPER):
+        line = [method.name]
+        for across in ACROSS[:2]:
+            seeds = of(rows, "methods", SHEARED, method, across)
+            line += [_cell(seeds, key) for key in ("load", "position", "angle")]
+            line.append(_cell(seeds, "linear_solves", _count))
+        lines.append(line)
+    head = [SHEARED.name]
+    for across in ACROSS[:2]:
+        head += [f"{across} across: N", "mm", "°", "solves"]
+    return markdown_table(head, lines)
+
+
+def load(rows: list[Row]) -> str:
+    """The load of the bias extension: worst median and worst case over 10° to 40°."""
+    lines = []
+    for method in FOR_LOAD:
+        for problem in (*BIAS, *BIAS_SIN2):
+            line = [method.name, problem.name.removeprefix("bias extension, ")]
+            for across in ACROSS[1:]:
+                seeds = of(rows, "methods", problem, method, across)
+                line += [_load(x) for x in over_angles(seeds)]
+                line.append(_cell(seeds, "load_50", _load))
+            lines.append(line)
+    head = ["", "law, E/G"]
+    for across in ACROSS[1:]:
+        head += [f"{across} across: median", "worst", "50°"]
+    resolved = []
+    for method in (MACRO, AUTO):
+        line = [method.name]
+        for problem in BIAS:
+            seeds = of(rows, "resolved", problem, method, RESOLVED)
+            line.append(_cell(seeds, "load", _load))
+        resolved.append(line)
+    fine = [f"{RESOLVED} across, linear", *map(_ratio, BIAS)]
+    return markdown_table(head, lines) + "\n" + markdown_table(fine, resolved)
+
+
+def constants(rows: list[Row]) -> str:
+    """Errors with other constants than those of ``auto``."""
+    lines = []
+    for method in (*STABILISATIONS, AUTO, MACRO):
+        group = "methods" if method in METHODS else "stabilisation"
+        line = [f"**{method.name}**" if method in METHODS else method.name]
+        for problem in (STRIP, TRELLIS, *BIAS):
+            seeds = of(rows, group, problem, method, ACROSS[1])
+            if problem != TRELLIS:
+                line.append(_cell(seeds, "load", _load if problem in BIAS else _figure))
+            line.append(_cell(seeds, "position"))
+        lines.append(line)
+    head = ["C_s", "strip: N", "mm", "trellis: mm"]
+    for problem in BIAS:
+        head += [f"load, {_ratio(problem)}", "mm"]
+    return markdown_table(head, lines) + "\n" + _deviations(rows)
+
+
+def _deviations(rows: list[Row]) -> str:
+    """Loads with other stiffnesses of deviations."""
+    problems = (*BIAS[::2], *BIAS_SIN2[::2])
+    lines = []
+    for chosen, c in zip((MACRO_TRIANGLES, MACRO), Macro().deviation, strict=True):
+        own = [m for m in DEVIATIONS if m.mesh == chosen.mesh]
+        for method in (*own[:2], chosen, *own[2:]):
+            group = "methods" if method is chosen else "deviation"
+            line = [f"**{chosen.mesh}, {c:g}**" if method is chosen else method.name]
+            for across in ACROSS[:2]:
+                for problem in problems:
+                    seeds = of(rows, group, problem, method, across)
+                    line.append(_cell(seeds, "load", _load))
+            lines.append(line)
+    shown = [p.name.removeprefix("bias extension, ") for p in problems]
+    head = [f"{n} across: {name}" for n in ACROSS[:2] for name in shown]
+    return markdown_table(["deviation", *head], lines)
+
+
+def triangulations(rows: list[Row]) -> str:
+    """Ten Delaunay triangulations of the strip, with two fibre stiffnesses."""
+    strips = [row for row in rows if row["group"] == "triangulations"]
+    lines = []
+    for across in dict.fromkeys(row["across"] for row in strips):
+        own = [row for row in strips if row["across"] == across]
+        lines.append(
+            [
+                str(own[0]["elements"] // 3),
+                ", ".join(f"{per_stiffness(row):.1e}" for row in own),
+                ", ".join(_strain(row["strain"]) for row in own),
+                ", ".join(f"{row['position']:.2e}" for row in own),
+                ", ".join(f"{row['negative_pivots']:.0f}" for row in own),
+            ]
+        )
+    return markdown_table(
+        ["triangles", "load / E", "strain", "mm", "negative pivots"], lines
+    )
+
+
+def equal(rows: list[Row]) -> str:
+    """The recommended element and the paper's, at equal unknowns."""
+    lines = []
+    for problem in (STRIP, *BIAS):
+        for across in ACROSS:
+            macro, paper = (
+                of(rows, "methods", problem, m, across) for m in (MACRO, PAPER)
+            )
+            line = [problem.name, _cell(macro, "unknowns", _count)]
+            line += [_figure(load_error(seeds, problem)) for seeds in (macro, paper)]
+            for key in ("position", "angle"):
+                line += [_cell(seeds, key) for seeds in (macro, paper)]
+            lines.append(line)
+    head = ["", "unknowns"]
+    for what in ("load off by", "mm", "°"):
+        head += [f"{what}: macro", "C_s = 1"]
+    return markdown_table(head, lines)
+
+
+#: The tables by name.
+TABLES: dict[str, Callable[[list[Row]], str]] = {
+    "methods": methods,
+    "load": load,
+    "constants": constants,
+    "triangulations": triangulations,
+    "equal": equal,
+}
+
+
+def _ratio(problem: Problem) -> str:
+    return problem.name.rpartition("E/G = ")[2]
+
+
+def _figure(x: float) -> str:
+    return f"{x:.2g}"
+
+
+def _load(x: float) -> str:
+    return f"{x:.3f}" if x < 2 else f"{x:.3g}"
+
+
+def _strain(x: float) -> str:
+    return f"{x:.1e}"
+
+
+def _count(x: float) -> str:
+    return f"{x:.0f}"
+
+
+def _cell(rows: Sequence[Row], key: str, show: Callable[[float], str] = _figure) -> str:
+    """The median, and how many of the rows have it if not all."""
+    known = sum(not np.isnan(row[key]) for row in rows)
+    if not known:
+        return "-"
+    few = "" if known == len(rows) else f" ({known} of {len(rows)})"
+    return show(median(rows, key)) + few

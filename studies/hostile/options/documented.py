@@ -1,0 +1,144 @@
+"""The options of ``skfem-textile run``, as documented."""
+
+from collections.abc import Callable, Mapping
+from math import isfinite
+from typing import Any, NamedTuple
+
+KINDS = ("aligned", "irregular", "horizontal", "vertical", "delaunay")
+SIDES = ("top", "right", "bottom", "left")
+
+#: The value of an option for a folder that is given without a folder.
+UNNAMED = True
+
+
+class UnreadableError(Exception):
+    """A line, or a word of it, that must be refused."""
+
+
+class Option(NamedTuple):
+    """One option.
+
+    Parameters
+    ----------
+    read
+        The value of a word; raises `UnreadableError` or ValueError if it has none.
+    default
+        The value if the option is not given.
+    words
+        How many words it takes, as in `argparse`: "" for one, "0" for none.
+    repeated
+        Which values count if it is given again: the "last" one or "all"; "count" for
+        how often it is given.
+    """
+
+    read: Callable[[str], Any]
+    default: Any
+    words: str = ""
+    repeated: str = "last"
+
+
+def one_of(*names: str) -> Callable[[str], str]:
+    """A reader of names."""
+
+    def read(word: str) -> str:
+        if word not in names:
+            raise UnreadableError(f"{word!r} is none of {names}")
+        return word
+
+    return read
+
+
+def _degrees(word: str) -> float:
+    number = float(word)
+    if not (isfinite(number) and abs(number) <= 36_000):
+        raise UnreadableError(f"{word!r} is no angle")
+    return number
+
+
+def _size(word: str) -> list[int]:
+    nx, ny = map(int, word.split("x"))
+    return [nx, ny]
+
+
+def _cs(word: str) -> float | str:
+    return word if word == "auto" else float(word)
+
+
+def _roller(word: str) -> list[Any]:
+    side, sign, degrees = word.partition("=")
+    if not sign:
+        raise UnreadableError(f"{word!r} has no =")
+    return [side, float(degrees)]
+
+
+def _force(word: str) -> list[Any]:
+    name, _, components = word.partition("=")
+    force = [float(component) for component in components.split(",")]
+    if not name or len(force) != 2:
+        raise UnreadableError(f"{word!r} is not like top=0,100")
+    return [name, force]
+
+
+def _folder(word: str) -> str:
+    if not word or word.startswith("--"):
+        raise UnreadableError("a folder without a name, or an option")
+    return word
+
+
+_CHECKS = ("stability", "folding", "strain", "work", "stabilisation", "corners")
+
+_LOADED = {
+    "out": Option(_folder, None),
+    "no-render": Option(str, False, "0"),
+    "mesh": Option(str, "irregular"),
+    "size": Option(_size, None),
+    "jitter": Option(float, None),
+    "split": Option(one_of("triangles", "quads"), None, "?"),
+    "seed": Option(int, None),
+    "formulation": Option(one_of("one-point", "macro", "full", "quadratic"), None),
+    "cs": Option(_cs, "auto"),
+    "stabilisation": Option(
+        one_of("energy", "rate", "continuity", "isotropic"), "energy"
+    ),
+    "deviation": Option(float, None),
+    "fibre-stiffness": Option(float, 1e4),
+    "shear-stiffness": Option(float, 0.0),
+    "shear-law": Option(one_of("linear", "sin2"), "linear"),
+    "force": Option(_force, [], "", "all"),
+    "rotate": Option(_degrees, 0.0),
+    "steps": Option(int, 20),
+    "strategy": Option(one_of("mixed", "descent", "newton"), ["mixed", "descent"], "+"),
+    "warn-only": Option(one_of(*_CHECKS), ["work", "stabilisation", "corners"], "*"),
+    "solver": Option(one_of("auto", "cholmod", "pardiso", "superlu"), "auto"),
+    "checkpoint": Option(_folder, None, "?"),
+    "resume": Option(_folder, None, "?"),
+    "verbose": Option(str, 0, "0", "count"),
+}
+
+_TRELLIS = {
+    "warp": Option(_degrees, 0.0),
+    "weft": Option(_degrees, 90.0),
+    "shear-angle": Option(_degrees, 45.0),
+    "bend": Option(_degrees, 30.0),
+    "free": Option(one_of(*SIDES), [], "+", "all"),
+    "roller": Option(_roller, [], "", "all"),
+}
+
+_BIAS = {
+    "warp": Option(_degrees, 45.0),
+    "weft": Option(_degrees, 135.0),
+    "shear-angle": Option(_degrees, 40.0),
+    "part": Option(one_of("whole", "half"), "whole"),
+}
+
+#: The options of each scene.
+OPTIONS: Mapping[str, Mapping[str, Option]] = {
+    "strip": _LOADED,
+    "picture_frame": {**_LOADED, "shear-angle": Option(_degrees, 45.0)},
+    "trellis": {**_LOADED, **_TRELLIS},
+    "bias_extension": {**_LOADED, **_BIAS},
+}
+
+#: Defaults of the jitter, by scene, and of its seed.
+JITTER = {"strip": 0.3, "picture_frame": 0.3, "trellis": 0.3, "bias_extension": 0.25}
+SEED = 1

@@ -1,0 +1,1 @@
+"""Damaged files from which work goes on: checkpoints and files of sweeps."""

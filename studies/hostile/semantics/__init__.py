@@ -1,0 +1,1 @@
+"""Meshes, conditions, laws and settings that cannot be meant, one by one."""

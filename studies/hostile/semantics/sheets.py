@@ -1,0 +1,107 @@
+"""Small sound sheets in plain numpy, and ways to move and renumber them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from numpy.random import Generator
+
+
+class Sheet(NamedTuple):
+    """Positions, shape (2, n_nodes), and nodes of cells, shape (3 or 4, n_cells)."""
+
+    p: ndarray
+    t: ndarray
+
+
+def sheet(nx: int = 4, ny: int = 4, width: float = 4.0, height: float = 4.0) -> Sheet:
+    """A rectangle in equal quadrilaterals, its lower left corner at the origin."""
+    x, y = np.meshgrid(np.linspace(0, width, nx + 1), np.linspace(0, height, ny + 1))
+    node = np.arange(x.size).reshape(x.shape)
+    corners = node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]
+    return Sheet(
+        np.stack([x.ravel(), y.ravel()]), np.stack([c.ravel() for c in corners])
+    )
+
+
+def jittered(given: Sheet, rng: Generator, share: float = 0.2) -> Sheet:
+    """A rectangle of unit cells, its inner nodes moved at random."""
+    low, high = given.p.min(axis=1)[:, None], given.p.max(axis=1)[:, None]
+    inner = ((given.p > low) & (given.p < high)).all(axis=0)
+    move = share * (2 * rng.random(given.p.shape) - 1)
+    return given._replace(p=given.p + move * inner)
+
+
+def triangles(given: Sheet) -> Sheet:
+    """Each quadrilateral in two triangles."""
+    t = given.t
+    return given if len(t) == 3 else Sheet(given.p, np.hstack([t[:3], t[[0, 2, 3]]]))
+
+
+def together(first: Sheet, second: Sheet) -> Sheet:
+    """Two sheets as one; they share no node."""
+    t = np.hstack([first.t, second.t + first.p.shape[1]])
+    return Sheet(np.hstack([first.p, second.p]), t)
+
+
+def shifted(given: Sheet, x: float, y: float, scale: float = 1.0) -> Sheet:
+    """The sheet scaled about its origin, then shifted."""
+    return given._replace(p=scale * given.p + np.array([[x], [y]]))
+
+
+def opened(given: Sheet, low: float, high: float, by: float = 0.0) -> Sheet:
+    """The sheet cut along x = 2 at its nodes with low ≤ y ≤ high.
+
+    The side right of the cut is moved to the right by ``by``.
+    """
+    x, y = given.p
+    doubled = np.flatnonzero(
+        (abs(x - 2) < 1e-9) & (y >= low - 1e-9) & (y <= high + 1e-9)
+    )
+    right = x[given.t].mean(axis=0) > 2
+    twin = np.arange(len(x))
+    twin[doubled] = len(x) + np.arange(len(doubled))
+    p = np.column_stack([given.p, given.p[:, doubled] + [[by], [0.0]]])
+    return Sheet(p, np.where(right, twin[given.t], given.t))
+
+
+def rolled(turn: float, pitch: float, n: int = 60) -> Sheet:
+    """A strip of width 1 rolled up by an angle; a turn adds a pitch to the radius."""
+    flat = sheet(n, 1, turn, 1.0)
+    angle, radius = flat.p[0], 3.0 + flat.p[1] + pitch * flat.p[0] / (2 * np.pi)
+    return flat._replace(p=radius * np.stack([np.cos(angle), np.sin(angle)]))
+
+
+def fans(*sectors: tuple[float, float, float]) -> Sheet:
+    """Cells that share the origin, by first and last angle in degrees, and size."""
+    p, t = [np.zeros((2, 1))], []
+    for i, (begin, end, size) in enumerate(sectors):
+        angle = np.radians([begin, (begin + end) / 2, end])
+        arms = np.array([1, 1.4, 1]) * np.stack([np.cos(angle), np.sin(angle)])
+        p.append(size * arms)
+        t.append([0, *(3 * i + np.arange(1, 4))])
+    return Sheet(np.hstack(p), np.array(t).T)
+
+
+def moved(given: Sheet, rng: Generator) -> Sheet:
+    """Turned, shifted and perhaps mirrored."""
+    a = rng.uniform(0, 2 * np.pi)
+    turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
+    mirror = np.diag([1.0, rng.choice([-1.0, 1.0])])
+    with np.errstate(all="ignore"):  # some positions are not finite
+        p = turn @ mirror @ given.p + rng.uniform(-5, 5, (2, 1))
+    return given._replace(p=p)
+
+
+def renumbered(given: Sheet, rng: Generator) -> Sheet:
+    """Other numbers of nodes and cells, and another first node of each cell."""
+    n, k = given.p.shape[1], len(given.t)
+    order = rng.permutation(n)
+    number = np.empty(n, dtype=int)
+    number[order] = np.arange(n)
+    first = rng.integers(0, k, given.t.shape[1])
+    turned = np.take_along_axis(given.t, (np.arange(k)[:, None] + first) % k, axis=0)
+    backwards = rng.random(given.t.shape[1]) < rng.choice([0.0, 0.5, 1.0])
+    turned = np.where(backwards, turned[::-1], turned)
+    cells = turned[:, rng.permutation(turned.shape[1])]
+    return Sheet(given.p[:, order], number[cells])

@@ -1,0 +1,78 @@
+"""Plain scikit-fem: its own assembly of readable forms, `condense` and `solve`."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy import ndarray
+from skfem import (
+    BilinearForm,
+    CellBasis,
+    ElementVector,
+    LinearForm,
+    asm,
+    condense,
+    solve,
+)
+
+from skfem_textile.forms import Forms, shear, tension
+from skfem_textile.forms.hourglass import hourglass
+from skfem_textile.mesh.bases import CENTRE, HourglassBasis
+
+from .newton import System
+from .rival import QUAD4, InProcess, Shape
+from .task import Task
+
+#: The bilinear quadrilateral with one point.
+QUAD4_CENTRE = Shape("Q4, one point", "quads", 1, QUAD4.element, CENTRE)
+
+
+@dataclass(frozen=True, eq=False)
+class Plain(InProcess):
+    """What a straightforward script does.
+
+    Parameters
+    ----------
+    shape
+        The element.
+    C_s
+        Stiffness of the hourglass energy, if there is one: as a multiple of 8 G, or of
+        10⁻⁴ E without shear stiffness.
+    """
+
+    shape: Shape
+    C_s: float = 0.0
+    code: ClassVar[str] = "scikit-fem"
+
+    def system(self, task: Task) -> System:
+        """The discretised ply."""
+        return _System(task, self.C_s * (8 * task.G or 1e-4 * task.E))
+
+
+class _System:
+    def __init__(self, task: Task, C_s: float) -> None:
+        mesh, fabric = task.scene.mesh, task.fabric
+        element = ElementVector(task.element)
+        basis = CellBasis(mesh, element, quadrature=task.rule)
+        self._terms = [_stock(tension(fabric), basis)]
+        if task.G:
+            self._terms.append(_stock(shear(fabric), basis))
+        if C_s:
+            self._terms.append(_stock(hourglass(fabric, C_s), HourglassBasis(mesh)))
+        self.fixed, self.stiffness, self.size = task.fixed, task.E, basis.N
+
+    def forces(self, u: ndarray) -> ndarray:
+        return np.sum([asm(f, basis, u=u) for f, _, basis in self._terms], axis=0)
+
+    def tangent(self, u: ndarray):
+        return sum(asm(K, basis, u=u) for _, K, basis in self._terms)
+
+    def increment(self, K, f: ndarray, du: ndarray) -> ndarray:
+        return np.asarray(solve(*condense(K, -f, x=du, D=self.fixed)))
+
+
+def _stock(
+    forms: Forms, basis: CellBasis
+) -> tuple[LinearForm, BilinearForm, CellBasis]:
+    """The same integrands in forms that scikit-fem assembles itself."""
+    return LinearForm(forms.residual.form), BilinearForm(forms.tangent.form), basis

@@ -1,0 +1,72 @@
+"""The whole strip on 60 000 quadrilaterals, beside plain Newton in scikit-fem.
+
+Both load the same ply, one point and the hourglass energy with the same C_s, to 62.5°:
+plain Newton in the equal steps that it needs, this library from one step on.
+"""
+
+from statistics import median
+
+import numpy as np
+from numpy import ndarray
+
+from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
+from skfem_textile.scenes import Scene
+from skfem_textile.solve.result import Result
+
+from ..common.tables import markdown_table
+from ..rivals.newton import loaded
+from ..rivals.plain import QUAD4_CENTRE, Plain
+from ..rivals.task import Task
+from ..study import Row
+from .measuring import Settings, seconds, spread, strip_of
+
+TABLES = ("whole_strip.md",)
+
+_SIZE, _E, _G = 60_000, 1e4, 0.0
+
+# Load steps of plain Newton, and repeats of this library.
+_STEPS, _REPEATS = 20, 5
+
+# C_s in N/mm, and the same as a multiple of that of `Plain`, which is 10⁻⁴ E.
+_C_S = 10.0
+_MULTIPLE = _C_S / (1e-4 * _E)
+
+
+def measured(settings: Settings) -> Row:
+    """Seconds and linear solves of both, and how far apart they end."""
+    scene = strip_of(min(_SIZE, settings.most), jitter=0.3)
+    _own(scene, settings.solver)  # to be warm
+    runs = [seconds(_own, scene, settings.solver) for _ in range(_REPEATS)]
+    result, times = runs[0][0], [took for _, took in runs]
+    (u, _, solves), took = seconds(_stock, scene)
+    return {
+        "elements": scene.mesh.nelements,
+        "own": spread(times) | {"linear_solves": result.linear_solves},
+        "stock": {"seconds": took, "linear_solves": solves, "steps": _STEPS},
+        "stock_over_own": took / median(times),
+        "largest_difference_mm": float(np.abs(u - result.u).max()),
+    }
+
+
+def _own(scene: Scene, solver: str) -> Result:
+    """The end of the load by this library."""
+    ply = Ply(scene.mesh, Fabric(_E, _G), OnePoint(_C_S))
+    return LoadStepper(ply, scene.conditions, steps=1, solver=solver).run()
+
+
+def _stock(scene: Scene) -> tuple[ndarray, ndarray, int]:
+    """The end of the load by plain Newton: displacement, forces, iterations."""
+    task = Task(scene, QUAD4_CENTRE.element, QUAD4_CENTRE.rule, _E, _G)
+    return loaded(Plain(QUAD4_CENTRE, _MULTIPLE).system(task), task.values(_STEPS))
+
+
+def tables(results: Row) -> dict[str, str]:
+    """Both, and their ratio."""
+    own, stock = results["own"], results["stock"]
+    steps = f"scikit-fem, {stock['steps']} steps of plain Newton"
+    lines = [
+        ["skfem_textile, one step", f"{own['median']:.2f}", own["linear_solves"]],
+        [steps, f"{stock['seconds']:.0f}", stock["linear_solves"]],
+        ["ratio", f"{results['stock_over_own']:.0f}", ""],
+    ]
+    return {"whole_strip.md": markdown_table(["", "seconds", "linear solves"], lines)}

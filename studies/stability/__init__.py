@@ -1,0 +1,1 @@
+"""Stiff and extreme cases: which end right, which are refused, and which wrong."""

@@ -1,0 +1,242 @@
+"""Stiff and extreme problems: what the stability study asks of the load stepper."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from skfem_textile.fabric import Fabric
+from skfem_textile.ply import Ply
+from skfem_textile.ply.formulations import Full, Macro, OnePoint
+from skfem_textile.ply.terms import Formulation
+from skfem_textile.scenes import Scene, bias_extension, picture_frame, strip, trellis
+
+from .scenes import (
+    SIZE,
+    frame_with_flat_angles,
+    net_of,
+    on_split_mesh,
+    placed_strip,
+    strip_with_flat_angles,
+)
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """A problem of the study.
+
+    Attributes
+    ----------
+    family, label
+        What is varied, and its value here.
+    scene
+        Makes the scene.
+    formulation, E, G
+        Formulation, fibre stiffness and shear stiffness.
+    exact
+        Whether the mesh can represent the scene's exact motion.
+    seed
+        Seed of the mesh, where problems differ in it alone.
+    """
+
+    family: str
+    label: str
+    scene: Callable[[], Scene]
+    formulation: Formulation
+    E: float = 1e4
+    G: float = 0.0
+    exact: bool = False
+    seed: int | None = None
+
+    @property
+    def kind(self) -> str:
+        """Value and formulation."""
+        elements = {"full": "2×2", "one-point": "one point", "macro": "macro"}
+        return f"{self.label}, {elements[self.formulation.name]}"
+
+    @property
+    def name(self) -> str:
+        """Value, formulation and seed."""
+        return self.kind + ("" if self.seed is None else f", seed {self.seed}")
+
+    def ply(self, scene: Scene) -> Ply:
+        """The ply of the scene."""
+        return Ply(
+            scene.mesh,
+            Fabric(self.E, self.G, scene.warp, scene.weft),
+            self.formulation,
+        )
+
+
+def extremes() -> list[Extreme]:
+    """Every problem."""
+    families = (
+        *(_stiffness_ratios, _stabilisations, _jitters, _slender, _flat_angles),
+        *(_crossings, _inclinations, _large_shear, _coordinates, _macro_elements),
+        _folding,
+    )
+    return [problem for family in families for problem in family()]
+
+
+def _both(C_s: float) -> tuple[Formulation, Formulation]:
+    return Full(), OnePoint(C_s)
+
+
+def _stiffness_ratios() -> Iterator[Extreme]:
+    for ratio, element in product((1e2, 1e4, 1e6, 1e8, 1e10), _both(5.0)):
+        label = f"E/G = {ratio:.0e}"
+        yield Extreme("stiffness", label, strip, element, 0.5 * ratio, 0.5)
+    for E, element in product((1e4, 1e8), _both(10.0)):
+        yield Extreme("stiffness", f"E = {E:.0e}, G = 0", strip, element, E)
+
+
+def _stabilisations() -> Iterator[Extreme]:
+    for C_s in (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1000.0):
+        yield Extreme("stabilisation", f"C_s = {C_s:g}", strip, OnePoint(C_s))
+    for seed in (1, 2, 9):
+        meshed, label = partial(strip, seed=seed), "C_s = 1, G = 0.5"
+        yield Extreme("stabilisation", label, meshed, OnePoint(1.0), G=0.5, seed=seed)
+
+
+def _jitters() -> Iterator[Extreme]:
+    for jitter, element in product((0.0, 0.15, 0.45), _both(10.0)):
+        yield Extreme(
+            "jitter", f"jitter {jitter:g}", partial(strip, jitter=jitter), element
+        )
+
+
+def _slender() -> Iterator[Extreme]:
+    """Elements a hundred times as long as wide, along either family."""
+    for size, mesh, element in (
+        *product([(2, 300)], ["irregular", "vertical"], _both(10.0)),
+        *product([(200, 3)], ["irregular", "horizontal"], _both(10.0)),
+    ):
+        label = f"{size[0]}×{size[1]} {mesh}"
+        yield Extreme("aspect 1:100", label, partial(strip, mesh, size), element)
+
+
+def _flat_angles() -> Iterator[Extreme]:
+    for element in _both(10.0):
+        yield Extreme("angle 179°", "strip", strip_with_flat_angles, element)
+    yield Extreme("angle 179°", "strip, C_s = 1", strip_with_flat_angles, OnePoint(1.0))
+    for element in _both(10.0):
+        yield Extreme(
+            *("angle 179°", "picture frame", frame_with_flat_angles, element),
+            G=0.5,
+            exact=True,
+        )
+
+
+def _crossings() -> Iterator[Extreme]:
+    for crossing, element in product((30, 60, 90, 120, 150), _both(5.0)):
+        straight, bent = (
+            partial(net_of, crossing=crossing, shear=15, bend=b) for b in (0, 8)
+        )
+        label = f"crossing {crossing}°"
+        yield Extreme("crossing", label, straight, element, G=0.5, exact=True)
+        yield Extreme("crossing", f"{label}, bent", bent, element, G=0.5)
+
+
+def _inclinations() -> Iterator[Extreme]:
+    for angle, element in product((0, 15, 30, 45, 60, 75, 90), _both(5.0)):
+        scene = partial(net_of, warp=angle, shear=45, bend=30)
+        yield Extreme("inclination", f"warp at {angle}°", scene, element, G=0.5)
+
+
+def _large_shear() -> Iterator[Extreme]:
+    for shear, element in product((20, 45, 70, 85), _both(5.0)):
+        frame = partial(picture_frame, size=SIZE, shear_angle=np.radians(shear))
+        net = partial(net_of, warp=30, shear=shear, bend=0)
+        label = f"shear {shear}°"
+        yield Extreme("shear", label, frame, element, G=0.5, exact=True)
+        yield Extreme("shear", f"{label}, turned", net, element, G=0.5, exact=True)
+
+
+def _coordinates() -> Iterator[Extreme]:
+    """The same strip in other units and elsewhere; E and C_s are forces per length."""
+    for element, stiffer in zip(_both(10.0), _both(1e4), strict=True):
+        metres = partial(placed_strip, scale=1e-3, shift=0.0)
+        far = partial(placed_strip, scale=1.0, shift=1e6)
+        yield Extreme("coordinates", "metres", metres, stiffer, E=1e7)
+        yield Extreme("coordinates", "10⁶ mm away", far, element)
+
+
+def _macro_elements() -> Iterator[Extreme]:
+    """What is extreme for others, on quadrilaterals or triangles that were split."""
+
+    def problem(
+        label: str,
+        make: Callable[..., Scene],
+        E: float = 1e4,
+        G: float = 0.0,
+        exact: bool = False,
+        **options: Any,
+    ) -> Extreme:
+        scene = partial(on_split_mesh, make, **options)
+        return Extreme("macro-elements", label, scene, Macro(), E, G, exact)
+
+    size = (5, 8)
+    for ratio in (1e2, 1e4, 1e6, 1e8, 1e10):
+        yield problem(f"E/G = {ratio:.0e}", strip, 0.5 * ratio, 0.5, size=size)
+    for E, mesh in product((1e4, 1e8), ("irregular", "delaunay")):
+        yield problem(f"E = {E:.0e}, G = 0, {mesh}", strip, E, mesh=mesh, size=size)
+    for ratio, mesh in product((1e4, 1e10), ("irregular", "delaunay")):
+        kinks: dict[str, Any] = {"mesh": mesh, "size": (4, 8)}
+        label = f"bias, E/G = {ratio:.0e}, {mesh}"
+        yield problem(label, bias_extension, 0.5 * ratio, 0.5, **kinks)
+    yield problem("1:100", strip, size=(2, 150))
+    yield problem("jitter 0.45", strip, jitter=0.45, size=size)
+    yield problem("angle 179°", strip_with_flat_angles)
+    for crossing, bend in product((30, 150), (0, 8)):
+        net: dict[str, Any] = {
+            "crossing": crossing,
+            "shear": 15,
+            "bend": bend,
+            "size": (4, 4),
+        }
+        label = f"crossing {crossing}°" + (", bent" if bend else "")
+        yield problem(label, net_of, G=0.5, exact=not bend, **net)
+    net = {"warp": 30, "shear": 85, "size": (4, 4)}
+    yield problem("shear 85°", net_of, G=0.5, exact=True, **net)
+    for label, E, scale, shift in (
+        ("metres", 1e7, 1e-3, 0.0),
+        ("10⁶ mm away", 1e4, 1.0, 1e6),
+    ):
+        scene = partial(placed_strip, scale=scale, shift=shift, size=size)
+        yield Extreme("macro-elements", label, scene, Macro(), E)
+
+
+def _folding() -> Iterator[Extreme]:
+    """Plies of which elements tend to fold, on mesh after mesh."""
+
+    def on_meshes(
+        label: str,
+        seeds: Iterable[int],
+        make: Callable[..., Scene],
+        formulation: Formulation,
+        G: float = 0.0,
+        **options: Any,
+    ) -> Iterator[Extreme]:
+        for seed in seeds:
+            scene = partial(make, seed=seed, **options)
+            yield Extreme("folding", label, scene, formulation, G=G, seed=seed)
+
+    for C_s, seeds in ((1.0, range(24)), (0.1, range(6)), (0.01, range(6))):
+        label = f"strip 6×9, C_s = {C_s:g}"
+        yield from on_meshes(label, seeds, strip, OnePoint(C_s), size=(6, 9))
+    for C_s in (1.0, 0.1):
+        label = f"strip 10×15, C_s = {C_s:g}"
+        yield from on_meshes(label, range(2, 9), strip, OnePoint(C_s))
+    for G, seeds in ((0.1, range(24)), (0.0, range(8))):
+        label = f"bias 60°, Delaunay, G = {G:g}"
+        pulled = partial(on_split_mesh, bias_extension, mesh="delaunay", size=(6, 12))
+        angle = np.radians(60)
+        yield from on_meshes(label, seeds, pulled, Macro(), G, shear_angle=angle)
+    for label, make, size in (
+        ("bias 40°, G = 0", bias_extension, (6, 12)),
+        ("trellis, G = 0", trellis, SIZE),
+    ):
+        yield from on_meshes(label, range(4), make, OnePoint(), size=size)

@@ -1,0 +1,119 @@
+"""Whether a state is an answer, found out apart from the load stepper."""
+
+import numpy as np
+from numpy import ndarray
+
+from skfem_textile.ply import Ply
+from skfem_textile.scenes import Scene
+from skfem_textile.solve.conditions import Constraints
+
+# A corner is flat where its parallelogram is less than this share of the largest.
+_FLAT = 1e-9
+
+# Nodes may be off what is prescribed, and off equilibrium, by these shares of sizes.
+_OFF, _LEFT = 1e-9, 1e-6
+
+
+def is_sound(ply: Ply, scene: Scene, u: ndarray) -> bool:
+    """Whether a state is a stable, unfolded equilibrium under the whole load.
+
+    By the area ratio at the corners and the fine points of the elements, by Cholesky's
+    factors of the dense tangent, scaled to a unit diagonal, and by the Newton step that
+    is left to take.
+
+    Parameters
+    ----------
+    ply
+        The ply.
+    scene
+        Its scene, of which the conditions are needed.
+    u
+        Displacement, DOF vector of the ply's basis.
+
+    Raises
+    ------
+    ValueError
+        If a condition has a direction that is not along an axis.
+    """
+    constraints = Constraints(ply.basis, scene.conditions)
+    if constraints.turn is not None:
+        raise ValueError("the dense check knows conditions along the axes only")
+    off = np.abs(u[constraints.fixed] - constraints.fixed_values(1.0)).max()
+    if not is_unfolded(ply, u) or off > _OFF * np.abs(u).max():
+        return False
+    free = constraints.free
+    K = ply.tangent(u).toarray()[np.ix_(free, free)]
+    if not np.all(K.diagonal() > 0):
+        return False
+    D = 1 / np.sqrt(K.diagonal())
+    try:
+        L = np.linalg.cholesky(D[:, None] * K * D)
+    except np.linalg.LinAlgError:
+        return False
+    left = D * np.linalg.solve(L.T, np.linalg.solve(L, D * ply.residual(u)[free]))
+    return bool(np.abs(left).max(initial=0.0) <= _LEFT * np.ptp(ply.mesh.p))
+
+
+def is_unfolded(ply: Ply, u: ndarray) -> bool:
+    """Whether det F is positive at the corners and the fine points of all elements.
+
+    A corner that is flat or reflex in the reference configuration does not count.
+    """
+    inside = ply.area_ratio(u, ply.fine_points)
+    reference = _at_corners(ply, ply.nodes)
+    current = _at_corners(ply, ply.nodes + ply.nodal(u))
+    largest = reference[np.abs(reference).argmax(axis=0), np.arange(len(inside))]
+    counts = reference / largest > _FLAT
+    return bool((inside > 0).all() and (current / reference)[counts].min() > 0)
+
+
+def _at_corners(ply: Ply, x: ndarray) -> ndarray:
+    """Determinant of the map of each element at its nodes, shape (n, n_elements).
+
+    Parameters
+    ----------
+    ply
+        The ply.
+    x
+        Positions of its nodes, shape (2, n_nodes).
+    """
+    if ply.nodes.shape[1] == ply.mesh.p.shape[1]:
+        corner = x[:, ply.mesh.t]
+        ahead = np.roll(corner, -1, axis=1) - corner
+        behind = np.roll(corner, 1, axis=1) - corner
+        return _cross(ahead, behind)
+    return _of_quadratic_triangles(ply, x)
+
+
+def _of_quadratic_triangles(ply: Ply, x: ndarray) -> ndarray:
+    """The same of triangles with nodes at the middles of their edges.
+
+    In area coordinates L the map is Σ L_a (2 L_a − 1) x_a + 4 Σ L_a L_b x_ab.
+    """
+    vertex = x[:, ply.mesh.t]
+    middle = dict(
+        zip(
+            [(0, 1), (1, 2), (0, 2)],
+            x[:, ply.mesh.p.shape[1] + ply.mesh.t2f].transpose(1, 0, 2),
+            strict=True,
+        )
+    )
+    determinants = []
+    for L in (
+        (1, 0, 0),
+        (0, 1, 0),
+        (0, 0, 1),
+        (0.5, 0.5, 0),
+        (0, 0.5, 0.5),
+        (0.5, 0, 0.5),
+    ):
+        slope = [(4 * L[a] - 1) * vertex[:, a] for a in range(3)]
+        for (a, b), x_ab in middle.items():
+            slope[a] = slope[a] + 4 * L[b] * x_ab
+            slope[b] = slope[b] + 4 * L[a] * x_ab
+        determinants.append(_cross(slope[1] - slope[0], slope[2] - slope[0]))
+    return np.array(determinants)
+
+
+def _cross(a: ndarray, b: ndarray) -> ndarray:
+    return a[0] * b[1] - a[1] * b[0]

@@ -1,0 +1,159 @@
+"""Stiff and extreme cases: which end right, which are refused, and which wrong.
+
+Every problem of `extremes` is loaded in 1, 2, 5, 20 and 100 steps, and for comparison
+in 400.  A run ends as
+
+- *right*: on a stable, unfolded equilibrium, with the energy and the reactions that 400
+  steps reach, to 1 %; where the mesh can represent the exact motion, on that motion;
+- *right, another equilibrium*: on a stable, unfolded one with other energies or
+  reactions, of a path that the run itself says was not resolved;
+- *refused*: with an error;
+- *refused though solvable*: with an error, where another run of the same formulation,
+  in other steps or by another strategy, finds a stable, unfolded equilibrium;
+- *wrong*: on anything else.
+
+Whether a state is a stable, unfolded equilibrium is found out again in `soundness`, by
+dense algebra and apart from the load stepper.
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from skfem_textile.solve.result import StepError
+from skfem_textile.solve.stepper import DEFAULT_STRATEGIES, LoadStepper
+
+from ..common.log import errors_only
+from ..common.tables import csv_table, json_text
+from ..study import Row, Study
+from .outcomes import End, outcome, summary
+from .problems import Extreme, extremes
+from .soundness import is_sound
+from .tables import markdown, picture_lines
+
+STEPS = (1, 2, 5, 20, 100)
+_REFERENCE = 400
+
+# What else may solve a problem that is refused in any number of steps.
+_OTHER_STRATEGIES = ("descent",), ("newton",)
+
+# Fibre strains of which energies are nothing, and such that round-off makes.
+_NO_STRAIN, _ROUND_OFF = 1e-10, 1e-13
+
+# An exact motion is met when no node is off by more, as a share of the ply's size.
+_EXACT = 1e-8
+
+# What is reported of a run's summary.
+_FIGURES = (
+    *("energy", "corners_energy", "min_det_F", "mesh_fibre_strain"),
+    *("displacement_error_rms", "load_factor", "steps_cut"),
+    *("linear_solves", "factorisations"),
+)
+
+
+class Stability(Study[Extreme]):
+    """Every problem in few and in many steps, each run with its outcome."""
+
+    files = ("stability.csv", "summary.json", "stability.md")
+    pictures = ("stability.png",)
+
+    def cases(self, options: argparse.Namespace) -> list[Extreme]:
+        return extremes()
+
+    def name(self, case: Extreme) -> str:
+        return f"{case.family}, {case.name}"
+
+    def line(self, rows: list[Row]) -> str:
+        outcomes = " ".join(f"{row['steps']}:{row['outcome']}" for row in rows)
+        return f"{rows[0]['family']}, {rows[0]['problem']:40} {outcomes}"
+
+    @errors_only()
+    def examine(self, case: Extreme) -> list[Row]:
+        """The runs of one problem in `STEPS`, each with its outcome."""
+        runs = {steps: _run(case, steps) for steps in (*STEPS, _REFERENCE)}
+        reference, _ = runs[_REFERENCE]
+        solved_by = _solved_by(case, runs)
+        rows = []
+        for steps in STEPS:
+            end, figures = runs[steps]
+            both = end.converged and reference.converged
+            head = {
+                "family": case.family,
+                "problem": case.name,
+                "kind": case.kind,
+                "seed": case.seed,
+                "steps": steps,
+                "outcome": outcome(end, reference, bool(solved_by)),
+                "solvable": bool(solved_by),
+                "solved_by": solved_by,
+                "reference_sound": reference.sound,
+                "agrees": end.agrees(reference),
+                "path_resolved": end.path_resolved,
+                "energy_off": end.energy_off(reference) if both else None,
+                "reactions_off": end.reactions_off(reference) if both else None,
+            }
+            rows.append(head | figures)
+        return rows
+
+    def tables(self, rows: list[Row]) -> dict[str, str]:
+        return {
+            "stability.csv": csv_table(rows),
+            "summary.json": json_text(summary(rows)),
+            "stability.md": markdown(rows, STEPS),
+        }
+
+    def draw(self, rows: list[Row], folder: Path) -> None:
+        from .figure import draw_outcomes
+
+        draw_outcomes(picture_lines(rows, STEPS), STEPS, folder / "stability.png")
+
+
+STUDY = Stability()
+
+
+def _solved_by(problem: Extreme, runs: Mapping[int, tuple[End, Row]]) -> str:
+    """The first run that ends soundly; if none does, the first by another strategy."""
+    for steps, (end, _) in runs.items():
+        if end.sound:
+            return f"{', '.join(DEFAULT_STRATEGIES)} in {steps}"
+    for steps, strategies in product(runs, _OTHER_STRATEGIES):
+        end, _ = _run(problem, steps, strategies)
+        if end.sound:
+            return f"{', '.join(strategies)} in {steps}"
+    return ""
+
+
+def _run(
+    problem: Extreme, steps: int, strategies: Sequence[str] = DEFAULT_STRATEGIES
+) -> tuple[End, Row]:
+    """One run: how it ended, and its figures."""
+    scene = problem.scene()
+    ply = problem.ply(scene)
+    stepper = LoadStepper(ply, scene.conditions, steps, strategies=strategies)
+    message, start = "", perf_counter()
+    try:
+        result = stepper.run()
+    except StepError as error:
+        result, message = error.result, str(error)
+    seconds = perf_counter() - start
+    summed_up = scene.summary(result)
+    size = float(np.ptp(scene.mesh.p, axis=1).max())
+    area = float(ply.basis.dx.sum())
+    met = not problem.exact or (
+        scene.errors(result)["displacement_error_max"] <= _EXACT * size
+    )
+    end = End(
+        converged=result.converged,
+        sound=result.converged and met and is_sound(ply, scene, result.u),
+        path_resolved=result.path_resolved,
+        energy=float(summed_up["energy"]),
+        reactions=np.concatenate(list(result.states[-1].reactions.values())),
+        no_energy=problem.E * area * _NO_STRAIN**2,
+        no_force=problem.E * size * _ROUND_OFF,
+    )
+    figures = {key: summed_up[key] for key in _FIGURES}
+    return end, figures | {"seconds": seconds, "message": message}

@@ -1,0 +1,165 @@
+import csv
+import json
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from skfem_textile import Full, LoadStepper, Macro, OnePoint, Ply, Quadratic
+from studies.__main__ import main
+from studies.formulations import cases, medians, study, tables
+from studies.formulations.cases import (
+    AUTO,
+    BIAS,
+    BIAS_SIN2,
+    FRAME,
+    MACRO,
+    MACRO_TRIANGLES,
+    MEAN_QUADRATIC,
+    METHODS,
+    PAPER,
+    STRIP,
+    TRELLIS,
+    Case,
+)
+from studies.formulations.study import STUDY
+
+ALL = list(cases.all_cases())
+
+
+def case(problem, method, across=4, seed=1, group="methods"):
+    return Case(group, problem, method, across, seed)
+
+
+def test_the_study_covers_every_formulation_and_scene():
+    made = {(type(f := c.method.formulation(1.0)), getattr(f, "kind", "")) for c in ALL}
+    kinds = {(OnePoint, k) for k in ("energy", "rate", "continuity", "isotropic")}
+    assert made == kinds | {(Full, ""), (Macro, ""), (Quadratic, "")}
+    scenes = {c.problem.scene for c in ALL}
+    assert {p.scene for p in (STRIP, TRELLIS, FRAME, *BIAS, *BIAS_SIN2)} == scenes
+    methods = [c for c in ALL if c.group == "methods"]
+    assert {c.seed for c in methods} == {1, 2, 3, 4, 5}
+    assert {c.across for c in methods} == {8, 16, 32}
+    assert {c.problem.E / 0.5 for c in methods if c.problem in BIAS} == {2e4, 2e5, 2e6}
+
+
+def test_no_two_cases_have_one_name():
+    assert len({STUDY.name(c) for c in ALL}) == len(ALL)
+
+
+def test_it_covers_ten_triangulations_of_400_to_4000_triangles():
+    some = [c for c in ALL if c.group == "triangulations"]
+    assert len(some) == 20
+    assert {c.problem.E for c in some} == {1e4, 1e6}
+    sizes = {c.scene().mesh.nelements // 3 for c in (some[0], some[-1])}
+    assert 400 <= min(sizes) < max(sizes) <= 4000
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
+def test_methods_have_about_as_many_unknowns_at_a_refinement(method):
+    scene = case(STRIP, method, 8).scene()
+    ply = Ply(scene.mesh, STRIP.fabric(scene), method.formulation(1.0))
+    assert 2 * 9 * 13 <= ply.basis.N <= 1.5 * 2 * 9 * 13
+
+
+def test_rivals_are_as_stiff_as_the_automatic_stabilisation():
+    assert STRIP.stabilisation == 1e-4 * STRIP.E
+    for problem in (*BIAS, *BIAS_SIN2):
+        assert problem.stabilisation == 8 * 0.5
+
+
+def test_a_case_is_measured_at_40_degrees_and_its_load_at_every_angle():
+    (row,) = STUDY.examine(case(BIAS[0], AUTO))
+    scene = case(BIAS[0], AUTO).scene()
+    ply = Ply(scene.mesh, BIAS[0].fabric(scene), OnePoint())
+    result = LoadStepper(ply, scene.conditions, 5).run()
+    at_40 = scene.summary(replace(result, states=result.states[:5]))
+    assert row["load"] == row["load_40"] == pytest.approx(at_40["load_over_exact"])
+    assert row["position"] == at_40["displacement_error_rms"]
+    at_20 = scene.summary(replace(result, states=result.states[:3]))
+    assert row["load_20"] == pytest.approx(at_20["load_over_exact"])
+    assert row["mesh_fibre_strain"] == at_40["mesh_fibre_strain"] > row["strain"]
+    assert not row["refused"]
+
+
+def test_a_fixed_stabilisation_competes_if_its_load_is_off_by_no_more_than_twice():
+    def rows(method, group, load, position):
+        names = {"group": group, "method": method.name, "problem": STRIP.name}
+        return [names | {"across": 16, "load": load, "position": position}]
+
+    best, worse, *_ = cases.STABILISATIONS
+    own = rows(AUTO, "methods", 1.0, 0.1)
+    own += rows(worse, "stabilisation", 1.9, 0.09)
+    off = rows(best, "stabilisation", 2.1, 0.01)
+    assert medians.best_position(own + off, STRIP, AUTO) == pytest.approx(0.9)
+    assert np.isnan(medians.best_position(own[:1] + off, STRIP, AUTO))
+
+
+def test_the_load_is_the_force_along_what_is_prescribed():
+    scene = case(STRIP, AUTO).scene()
+    ply = Ply(scene.mesh, STRIP.fabric(scene), OnePoint())
+    result = LoadStepper(ply, scene.conditions, 5).run()
+    (row,) = STUDY.examine(case(STRIP, AUTO))
+    assert row["load"] == pytest.approx(abs(scene.summary(result)["reaction_x"]))
+    assert np.isnan(row["load_10"])
+
+
+def test_a_refused_case_keeps_what_it_reached(monkeypatch):
+    """Newton's method alone does not get these coarse triangles to 50°."""
+    newton = partial(LoadStepper, strategies=["newton"], max_halvings=0)
+    monkeypatch.setattr(study, "LoadStepper", newton)
+    (row,) = STUDY.examine(case(BIAS[2], METHODS[5], 8))
+    assert "stopped at load factor 0.8" in row["refused"]
+    assert row["load_40"] > 100
+    assert np.isnan(row["load_50"])
+    early = replace(BIAS[2], last=5)
+    (row,) = STUDY.examine(case(early, METHODS[5], 8))
+    assert np.isnan(row["position"])
+
+
+def test_the_furthest_load_is_the_one_furthest_from_the_exact():
+    rows = [
+        dict.fromkeys([f"load_{a}" for a in cases.ANGLES], x) for x in (0.99, 1.02, 0.9)
+    ]
+    rows[2]["load_10"] = np.nan
+    assert medians.over_angles(rows) == (0.99, 0.9)
+    assert np.isnan(medians.over_angles([])).all()
+
+
+def test_a_figure_that_some_seeds_miss_says_how_many_have_it():
+    rows = [{"load": x} for x in (1.0, np.nan, 3.0)]
+    assert tables._cell(rows, "load") == "2 (2 of 3)"
+    assert tables._cell(rows[1:2], "load") == "-"
+
+
+def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
+    some = [
+        *(case(p, m, 8) for p in (STRIP, BIAS[0]) for m in (MACRO, PAPER, AUTO)),
+        case(
+            replace(STRIP, name="strip, E = 1e4"),
+            *(MACRO_TRIANGLES, 8, 1, "triangulations"),
+        ),
+        case(BIAS[0], MEAN_QUADRATIC, 8),
+    ]
+    monkeypatch.setattr(study, "all_cases", lambda: some)
+    for module in (tables, medians):
+        monkeypatch.setattr(module, "ACROSS", (4, 8, 16))
+    out = tmp_path / "out"
+    assert main(["formulations", "--out", str(out)]) == 0
+    names = {p.name for p in out.iterdir()}
+    assert names == {*STUDY.files, *STUDY.pictures}
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["cases"] == len(some)
+    assert 0 < summary["triangulations"]["largest_load_over_E"] < 1e-5
+    shares = summary["position_error_of_the_best_fixed_stabilisation_over_that_of"]
+    assert shares[AUTO.name][STRIP.name] is None  # no rival among the cases
+    with open(out / "formulations.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["method"] for row in rows[:3]] == [m.name for m in (MACRO, PAPER, AUTO)]
+    assert float(rows[0]["position"]) < float(rows[1]["position"])
+    macro = next(
+        x for x in (out / "methods.md").read_text().splitlines() if "macro" in x
+    )
+    assert macro.startswith("| macro, quads | 234 |")
+    assert "strip, macro, quads, 8 across, 1: load" in capsys.readouterr().out

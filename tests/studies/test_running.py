@@ -1,0 +1,186 @@
+"""How studies are run: listed, chosen, interrupted, killed and resumed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from studies import __main__
+from studies.common.tables import csv_table
+from studies.study import Study, descriptions, load
+
+ROOT = Path(__file__).parents[2]
+
+
+class Squares(Study):
+    """A study of next to nothing."""
+
+    files = ("squares.csv",)
+
+    def add_options(self, parser):
+        parser.add_argument("--bad", type=int, default=-1)
+
+    def cases(self, options):
+        self.bad = options.bad
+        return [1, 2, 3]
+
+    def name(self, case):
+        return f"square of {case}"
+
+    def examine(self, case):
+        return [{"case": case, "square": case**2, "process": os.getpid()}]
+
+    def line(self, rows):
+        return f"{rows[0]['case']}: {rows[0]['square']}"
+
+    def tables(self, rows):
+        return {"squares.csv": csv_table(rows)}
+
+    def complaint(self, rows):
+        bad = [row for row in rows if row["square"] == self.bad]
+        return f"{len(bad)} are bad" if bad else ""
+
+
+@pytest.fixture
+def squares(monkeypatch, tmp_path):
+    """Runs the study with further words; returns the exit code."""
+    monkeypatch.setattr(__main__, "descriptions", lambda: {"squares": "Squares"})
+    monkeypatch.setattr(__main__, "load", lambda name: Squares())
+    return lambda *words: __main__.main(["squares", "--out", str(tmp_path), *words])
+
+
+def test_studies_are_listed_with_what_they_tell(capsys):
+    assert __main__.main([]) == 0
+    told = capsys.readouterr().out.splitlines()
+    names = [line.split()[0] for line in told]
+    assert {"paper", "formulations", "stability", "error_time", "speed"} <= set(names)
+    assert names == list(descriptions())
+    assert all(isinstance(load(name), Study) for name in names)
+
+
+def test_listing_loads_no_study():
+    script = (
+        "import sys; from studies.study import descriptions; descriptions(); "
+        "print([m for m in sys.modules if m in ('numpy', 'skfem_textile')])"
+    )
+    child = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, check=True
+    )
+    assert child.stdout.strip() == b"[]"
+
+
+def test_every_case_is_examined_and_reported(squares, tmp_path, capsys):
+    assert squares() == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:-1] == ["1: 1", "2: 4", "3: 9"]
+    assert [p.name for p in tmp_path.iterdir()] == ["squares.csv"]
+    assert (tmp_path / "squares.csv").read_bytes().count(b"\n") == 4
+
+
+def test_cases_are_chosen_by_name(squares, capsys):
+    assert squares("--case", "* 3", "square of 1") == 0
+    assert capsys.readouterr().out.splitlines()[:-1] == ["1: 1", "3: 9"]
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        (("--case", "cube"), "no case is named cube: there are square of 1, "),
+        (("--workers", "0"), "'0' is no whole number of at least 1"),
+        (("--bad", "x"), "invalid int value: 'x'"),
+    ],
+)
+def test_bad_input_is_answered_in_one_line(squares, tmp_path, capsys, words, answer):
+    try:
+        code = squares(*words)
+    except SystemExit as end:
+        code = end.code
+    assert code == 2
+    said = capsys.readouterr().err
+    assert answer in said
+    assert said.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_study_may_complain(squares, capsys):
+    assert squares("--bad", "4") == 1
+    assert "1 are bad" in capsys.readouterr().err
+
+
+def test_a_study_whose_cases_are_timed_has_no_workers(squares, monkeypatch, capsys):
+    monkeypatch.setattr(Squares, "timed", True)
+    with pytest.raises(SystemExit):
+        squares("--workers", "2")
+    assert "--workers" in capsys.readouterr().err
+
+
+STUDY = """
+import os, sys, time
+from pathlib import Path
+from skfem_textile import Full
+from studies import __main__
+from studies.stability import study
+from studies.stability.outcomes import RIGHT
+from studies.stability.problems import Extreme
+
+study.extremes = lambda: [Extreme("family", n, None, Full()) for n in "abcd"]
+
+def examine(_, problem):
+    with open(problem.label, "a") as file:
+        file.write(f"{os.getpid()} ")
+    while problem.label == "b" and not Path("go on").exists():
+        time.sleep(0.01)
+    figures = {"family": problem.family, "problem": problem.name, "steps": 1}
+    figures |= {"kind": problem.kind, "seed": None, "outcome": RIGHT}
+    figures |= {"solvable": True, "agrees": True, "path_resolved": True}
+    return [figures | {"linear_solves": ord(problem.label), "energy": 0.1}]
+
+study.Stability.examine = examine
+
+if __name__ == "__main__":
+    sys.exit(__main__.main(["stability", "--no-render", *sys.argv[1:]]))
+"""
+
+
+def alive(pid):
+    try:
+        return "zombie" not in Path(f"/proc/{pid}/status").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def until(condition):
+    for _ in range(6000):
+        if condition():
+            return
+        time.sleep(0.01)
+    pytest.fail("it does not come to pass")
+
+
+def test_a_study_that_was_killed_goes_on_and_its_report_is_the_same(tmp_path):
+    (tmp_path / "study.py").write_text(STUDY)
+    command = [sys.executable, "study.py", "--workers", "2", "--out"]
+    options = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": str(ROOT)}}
+    kept = tmp_path / "killed" / "stability-unfinished.jsonl"
+    started = tmp_path / "b"
+    with subprocess.Popen([*command, "killed"], **options) as study:
+        until(lambda: started.is_file() and started.read_text().endswith(" "))
+        until(lambda: kept.is_file() and len(kept.read_text().splitlines()) == 3)
+        study.send_signal(signal.SIGKILL)
+    (left,) = {int(pid) for pid in started.read_text().split()}
+    until(lambda: not alive(left))
+    (tmp_path / "go on").touch()
+    subprocess.run([*command, "killed", "--resume"], **options, check=True)
+    runs = [len((tmp_path / name).read_text().split()) for name in "abcd"]
+    assert runs == [1, 2, 1, 1]
+    assert not kept.exists()
+    subprocess.run([*command, "whole"], **options, check=True)
+    files = [p.name for p in (tmp_path / "whole").iterdir()]
+    assert len(files) == 3
+    for name in files:
+        ours, theirs = (tmp_path / d / name for d in ("killed", "whole"))
+        assert ours.read_bytes() == theirs.read_bytes()
