@@ -1,6 +1,6 @@
 """Stiff and extreme cases: which end right, which are refused, and which wrong.
 
-Every problem of `extremes` is loaded in 1, 2, 5, 20 and 100 steps, and for comparison
+Every problem of `problems` is loaded in 1, 2, 5, 20 and 100 steps, and for comparison
 in 400.  A run ends as
 
 - *right*: on a stable, unfolded equilibrium, with the energy and the reactions that 400

@@ -490,7 +490,6 @@ def test_numbers_that_make_no_sense_are_refused(capsys, tmp_path):
     assert "no finite number" in refused(
         capsys, "run", "trellis", "--warp", "nan", *out
     )
-    assert "--workers" in refused(capsys, "study", "stability", "--workers", "0", *out)
     triangles = ("--mesh", "delaunay", "--split", "quads")
     assert "has triangles" in refused(capsys, "run", "strip", *triangles, *out)
 

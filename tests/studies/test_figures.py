@@ -1,0 +1,40 @@
+"""Figures of studies: names that promise what is not written are refused."""
+
+import re
+
+import pytest
+
+pytest.importorskip("matplotlib")
+
+from studies.error_time.figure import work_precision
+from studies.formulations.figure import convergence
+from studies.stability.figure import draw_outcomes
+
+LINES = {"a": ([1, 2], [1, 2])}
+FIGURES = {
+    "convergence": lambda file: convergence({"mm": {"title": LINES}}, file),
+    "work_precision": lambda file: work_precision(
+        {"mm": {("a", "b"): ([1], [1])}}, file
+    ),
+    "outcomes": lambda file: draw_outcomes(
+        {"title": {"line": [({"right": 1}, "1")]}}, [1], file
+    ),
+}
+
+
+@pytest.mark.parametrize("draw", FIGURES.values(), ids=FIGURES)
+@pytest.mark.parametrize("suffix", [".svg", ".pdf", ".gif", ".5"])
+def test_only_png_is_written_and_others_are_refused_before_any_work(
+    tmp_path, monkeypatch, draw, suffix
+):
+    draw(tmp_path / "x.png")
+    assert (tmp_path / "x.png").read_bytes()[1:4] == b"PNG"
+
+    def draws(*_, **__):
+        raise AssertionError("drawn")
+
+    monkeypatch.setattr("matplotlib.figure.Figure.__init__", draws)
+    message = f"cannot write {suffix} files, only .png: name it y.png"
+    with pytest.raises(ValueError, match=re.escape(message)):
+        draw(tmp_path / f"y{suffix}")
+    assert [file.name for file in tmp_path.iterdir()] == ["x.png"]
