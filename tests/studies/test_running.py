@@ -4,10 +4,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from processes import is_alive, wait_until
 
 from studies import __main__
 from studies.common.tables import csv_table
@@ -146,21 +146,6 @@ if __name__ == "__main__":
 """
 
 
-def alive(pid):
-    try:
-        return "zombie" not in Path(f"/proc/{pid}/status").read_text()
-    except (FileNotFoundError, ProcessLookupError):
-        return False
-
-
-def until(condition):
-    for _ in range(6000):
-        if condition():
-            return
-        time.sleep(0.01)
-    pytest.fail("it does not come to pass")
-
-
 def test_a_study_that_was_killed_goes_on_and_its_report_is_the_same(tmp_path):
     (tmp_path / "study.py").write_text(STUDY)
     command = [sys.executable, "study.py", "--workers", "2", "--out"]
@@ -168,11 +153,11 @@ def test_a_study_that_was_killed_goes_on_and_its_report_is_the_same(tmp_path):
     kept = tmp_path / "killed" / "stability-unfinished.jsonl"
     started = tmp_path / "b"
     with subprocess.Popen([*command, "killed"], **options) as study:
-        until(lambda: started.is_file() and started.read_text().endswith(" "))
-        until(lambda: kept.is_file() and len(kept.read_text().splitlines()) == 3)
+        wait_until(lambda: started.is_file() and started.read_text().endswith(" "))
+        wait_until(lambda: kept.is_file() and len(kept.read_text().splitlines()) == 3)
         study.send_signal(signal.SIGKILL)
     (left,) = {int(pid) for pid in started.read_text().split()}
-    until(lambda: not alive(left))
+    wait_until(lambda: not is_alive(left))
     (tmp_path / "go on").touch()
     subprocess.run([*command, "killed", "--resume"], **options, check=True)
     runs = [len((tmp_path / name).read_text().split()) for name in "abcd"]
