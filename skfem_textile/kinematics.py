@@ -73,6 +73,26 @@ def fibre_strain_dd(F: ndarray, A: ndarray) -> ndarray:
     return np.einsum("ik...,J...,L...->iJkL...", second, A, A)
 
 
+def stretch(F: ndarray, A: ndarray) -> ndarray:
+    """Stretch λ = ‖a‖ of a fibre, a = F·A."""
+    a = fibre(F, A)
+    return np.sqrt(dot(a, a))
+
+
+def stretch_d(F: ndarray, A: ndarray) -> ndarray:
+    """First derivative ∂λ/∂F = e ⊗ A with e = a/λ, shape (d, 2, ...)."""
+    return np.einsum("i...,J...->iJ...", fibre(F, A) / stretch(F, A), A)
+
+
+def stretch_dd(F: ndarray, A: ndarray) -> ndarray:
+    """Second derivative ∂²λ/∂F² = (δ_ik − e_i e_k)/λ A_J A_L; none along the fibre."""
+    a, length = fibre(F, A), stretch(F, A)
+    e = a / length
+    delta = np.eye(len(a)).reshape(len(a), len(a), *(1,) * (a.ndim - 1))
+    m = (delta - np.einsum("i...,k...->ik...", e, e)) / length
+    return np.einsum("ik...,J...,L...->iJkL...", m, A, A)
+
+
 def shear_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     """Shear angle Γ = ∠(A₁, A₂) − ∠(a₁, a₂) in radians.
 

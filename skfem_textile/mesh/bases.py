@@ -133,18 +133,13 @@ class MeanBasis(CellBasis):
     """A `skfem.CellBasis` with the parameters of means over elements.
 
     ``w["share"]`` is the share of each point in the area of its element, shape
-    (n_elements, n_points), and ``w["fineness"]`` √(A/A_e) for the areas of the mesh and
-    of the element, shape (n_elements, 1): the number of elements along the mesh.
+    (n_elements, n_points).
     """
 
     def default_parameters(self) -> dict[str, Any]:
-        """Position, share and fineness."""
-        area = self.dx.sum(axis=1, keepdims=True)
-        return {
-            "x": self.global_coordinates(),
-            "share": self.dx / area,
-            "fineness": np.sqrt(area.sum() / area),
-        }
+        """Position and share."""
+        share = self.dx / self.dx.sum(axis=1, keepdims=True)
+        return {"x": self.global_coordinates(), "share": share}
 
     def from_ply_points(self, x: ndarray) -> ndarray:
         """Convert values at the ply's own points to values at these points."""

@@ -27,7 +27,7 @@ from ..mesh.interior_edges import JumpBasis
 from ..mesh.macro import MacroBasis
 from ..splitting import was_split
 from .kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
-from .memory import AccumulatedMoment, HeldStabilisation
+from .memory import AccumulatedMoment, HeldDeviation, HeldStabilisation
 from .term import Memory, Term
 from .terms import FormTerm, TensionTerm
 
@@ -168,7 +168,7 @@ class Macro(_Quadrilaterals):
     """
 
     stabilisation: float | Literal["auto"] = "auto"
-    deviation: tuple[float, float] = (400.0, 1600.0)
+    deviation: tuple[float, float] = (5000.0, 18000.0)
 
     name: ClassVar[str] = "macro"
     rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
@@ -286,12 +286,19 @@ def _stabilisation(
 def _mean_tension_term(
     fabric: Fabric, deviation: float | ndarray, basis: MeanBasis
 ) -> TensionTerm:
+    held = HeldDeviation(fabric, deviation, basis)
+
+    def law(strain: ndarray, change: ndarray | float = 0.0) -> ndarray:
+        E_d = held.parameters["E_d"]
+        return mean_fibre_tension(fabric, E_d, basis, strain, change)
+
     return TensionTerm(
         "tension",
-        forms.mean_tension(fabric, deviation),
+        forms.mean_tension(fabric),
         basis,
-        MeanTensionKernel(fabric, deviation),
-        law=partial(mean_fibre_tension, fabric, deviation, basis),
+        MeanTensionKernel(fabric),
+        memory=held,
+        law=law,
         seen=partial(mean_strain, basis),
         arrange=basis.from_ply_points,
     )

@@ -4,98 +4,143 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from skfem import CellBasis, asm
+from skfem import CellBasis, Functional, asm
 from skfem.assembly.form.form import FormExtraParams
 
 from .. import kinematics as kin
-from ..fabric import Fabric, is_zero
+from ..fabric import Fabric
+from ..forms.form import directions, elements
 from ..forms.hourglass import hourglass_rate, rate_increment
+from ..forms.mean_tension import deviation_energy, mean
 from ..mesh.bases import CENTRE, centre_grad
+from .held_stiffness import (
+    deviation_stiffness,
+    fibre_stiffness,
+    shear_stiffness,
+    stabilisation_stiffness,
+)
 from .kernels.exported_forms import hourglass
 
-# C_s by default, as a share of the secant shear stiffness or of the fibre stiffness.
-_OF_SHEAR, _OF_FIBRES = 8.0, 1e-4
 
-# Below this shear angle (radians) the secant is the tangent at rest.
-_SMALL_ANGLE = 1e-6
-
-
-class HeldStabilisation:
-    """C_s of `hourglass` in each element, from its shear at the last converged state.
-
-    Eight times the secant shear stiffness M_s/Γ at the centre, at least a tenth of what
-    it was at rest; without shear stiffness at rest 10⁻⁴ of the fibre stiffness, or more
-    where the secant is.  It is held during a step, so that the tangent is exact.
+class _HeldStiffness:
+    """A stiffness of elements, from their last converged state, held during a step.
 
     Parameters
     ----------
-    fabric
-        Gives fibre directions, tension and shear laws.
+    name
+        Name of the stiffness among the parameters of the forms.
+    energy
+        The energy that it scales.
     basis
-        The `HourglassBasis` of the forms.
+        Basis of the forms.
 
     Attributes
     ----------
     parameters
-        Parameter ``C_s`` of the forms.
+        The stiffness by its name.
     work
-        Work of the stabilisation so far in N·mm beyond its energy at this C_s.
+        Work so far in N·mm beyond the energy at this stiffness.
     drift, held
-        By how much its energy changed with C_s when that last did, and what it was
-        before, in N·mm.
+        By how much the energy changed with the stiffness when that last did, and what
+        it was before, in N·mm.
     """
 
-    def __init__(self, fabric: Fabric, basis: CellBasis) -> None:
-        self._fabric, self._basis = fabric, basis
-        self._energy = hourglass(fabric).energy
+    def __init__(self, name: str, energy: Functional, basis: CellBasis) -> None:
+        self._name, self._energy, self._basis = name, energy, basis
         self.begin()
 
     def begin(self) -> None:
         """Return to the undeformed state."""
-        self.parameters = {"C_s": self._stabilisation(self._basis.zeros())}
+        self.parameters = {self._name: self._stiffness(self._basis.zeros())}
         self.work = self.drift = self.held = 0.0
 
     def commit(self, u: ndarray) -> bool:
-        """Make ``u`` the last converged displacement; tell whether C_s changed."""
-        basis, before = self._basis, self.parameters["C_s"]
-        C_s = self._stabilisation(u)
-        if np.array_equal(C_s, before):
+        """Make ``u`` the last converged state; tell whether the stiffness changed."""
+        before, after = self.parameters[self._name], self._stiffness(u)
+        if np.array_equal(after, before):
             self.drift = 0.0
             return False
         # What is stored stays stored, however stiff the element is from now on.
-        self.work += asm(self._energy, basis, u=u, C_s=before - C_s)
-        self.drift = asm(self._energy, basis, u=u, C_s=np.abs(before - C_s))
-        self.held = asm(self._energy, basis, u=u, C_s=before)
-        self.parameters = {"C_s": C_s}
+        self.work += self._energy_at(u, before - after)
+        self.drift = self._energy_at(u, np.abs(before - after))
+        self.held = self._energy_at(u, before)
+        self.parameters = {self._name: after}
         return True
 
     def restore(self, parameters: dict[str, ndarray], work: float) -> None:
-        """Hold the C_s of another run."""
+        """Hold the stiffness of another run."""
         self.parameters, self.work = parameters, work
 
+    def _energy_at(self, u: ndarray, stiffness: ndarray) -> float:
+        return float(asm(self._energy, self._basis, u=u, **{self._name: stiffness}))
+
+    def _stiffness(self, u: ndarray) -> ndarray:
+        raise NotImplementedError
+
+
+class HeldStabilisation(_HeldStiffness):
+    """C_s of `hourglass`: `stabilisation_stiffness` at the centre of each element.
+
+    Parameters
+    ----------
+    fabric
+        Fibre directions, tension and shear laws.
+    basis
+        The `HourglassBasis` of the forms.
+    """
+
+    def __init__(self, fabric: Fabric, basis: CellBasis) -> None:
+        self._fabric = fabric
+        super().__init__("C_s", hourglass(fabric).energy, basis)
+
     @np.errstate(over="ignore")  # a run refuses what is not finite
-    def _stabilisation(self, u: ndarray) -> ndarray:
-        fabric, n = self._fabric.at(), self._basis.nelems
-        law, least = fabric.shear_law, np.broadcast_to(_at_rest(fabric), (n, 1))
-        if is_zero(law):
-            return least.copy()
+    def _stiffness(self, u: ndarray) -> ndarray:
         # The centre's gradient is the same at the four points of an element.
         field: Any = self._basis.interpolate(u)
         F = kin.deformation_gradient(centre_grad(field)[..., :1])
         centre, _ = CENTRE
         x = self._basis.mapping.F(centre, self._basis.tind)
-        angle = kin.shear_angle(F, *self._fabric.directions(x))
-        at_rest = law.tangent(np.zeros((1, 1)))
-        sheared = np.abs(angle) > _SMALL_ANGLE
-        divisor = np.where(sheared, angle, 1.0)
-        secant = np.where(sheared, law.value(angle) / divisor, at_rest)
-        return np.maximum(_OF_SHEAR * secant, least)
+        G, E = _stiffnesses(self._fabric.at(), F, self._fabric.directions(x))
+        return stabilisation_stiffness(G, E.mean(axis=0))
 
 
-def _at_rest(fabric: Fabric) -> ndarray:
-    """The least C_s of `HeldStabilisation`, shape (n_elements, 1) or (1, 1)."""
-    E_1, E_2, G = (law.tangent(np.zeros((1, 1))) for law in fabric.laws)
-    return np.where(G > 0, 0.1 * _OF_SHEAR * G, _OF_FIBRES * (E_1 + E_2) / 2)
+class HeldDeviation(_HeldStiffness):
+    """E_d of `mean_tension`: `deviation_stiffness` of warp and weft in each element.
+
+    Parameters
+    ----------
+    fabric
+        Fibre directions, tension and shear laws.
+    multiple
+        E_d over the shear stiffness: one, or one per element, shape (n_elements, 1).
+    basis
+        The `MeanBasis` of the forms.
+    """
+
+    def __init__(
+        self, fabric: Fabric, multiple: float | ndarray, basis: CellBasis
+    ) -> None:
+        self._fabric, self._multiple = fabric, multiple
+        super().__init__("E_d", deviation_energy(fabric), basis)
+
+    @np.errstate(over="ignore")  # a run refuses what is not finite
+    def _stiffness(self, u: ndarray) -> ndarray:
+        w = FormExtraParams(self._basis.default_parameters())
+        field: Any = self._basis.interpolate(u)
+        F, A = kin.deformation_gradient(field.grad), directions(self._fabric, w)
+        G, E = _stiffnesses(self._fabric.at(elements(w)), F, A)
+        return deviation_stiffness(self._multiple, mean(w, G), mean(w, E))
+
+
+def _stiffnesses(
+    fabric: Fabric, F: ndarray, A: tuple[ndarray, ndarray]
+) -> tuple[ndarray, ndarray]:
+    """Stiffness of shear at points, and of warp and weft."""
+    warp, weft, shear = fabric.laws
+    strains = (kin.fibre_strain(F, a) for a in A)
+    pairs = zip((warp, weft), strains, strict=True)
+    E = np.array([fibre_stiffness(law, strain) for law, strain in pairs])
+    return shear_stiffness(shear, kin.shear_angle(F, *A)), E
 
 
 class AccumulatedMoment:

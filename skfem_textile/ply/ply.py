@@ -262,7 +262,8 @@ class Ply(Measures):
         if term is None or not _is_fused(term):
             T = self.predicted_tension(u, du)
             return term.arrange(T) if term else T
-        return self._fused.predicted_tension(u, du, term)
+        w = _given([term], 1.0)[term]
+        return self._fused.predicted_tension(u, du, term, w)
 
     def _acting(self, corners: bool) -> list[Term]:
         """The terms, that of the corners on demand."""

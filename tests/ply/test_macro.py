@@ -3,6 +3,7 @@ import pytest
 from helpers import TRIANGLE_AND_QUAD, derivative, distorted, wobble
 from skfem import Functional, MeshQuad, MeshTri, asm
 from skfem.helpers import grad
+from skfem_textile.forms.deviation import deviation_stiffness
 
 from skfem_textile import (
     Fabric,
@@ -16,7 +17,6 @@ from skfem_textile import (
     Quadratic,
     Sin2,
 )
-from skfem_textile.forms.deviation import deviation_stiffness
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.splitting import cut, split, split_cells

@@ -139,7 +139,9 @@ class KernelSum:
         for shared in self._groups:
             yield element_matrices(self._kernels(shared, u, given))
 
-    def predicted_tension(self, u: ndarray, du: ndarray, term: KernelTerm) -> ndarray:
+    def predicted_tension(
+        self, u: ndarray, du: ndarray, term: KernelTerm, w: Parameters
+    ) -> ndarray:
         """Tensions of a term after an increment of the displacement, to first order.
 
         At the points of the term's basis, shape (2, n_elements, n_points).
@@ -150,7 +152,7 @@ class KernelSum:
                 group, points = shared.terms[term]
                 before = self._deformations(group, points, u)
                 after = self._deformations(group, points, u + du)
-                tension = term.kernel.predicted_tension(group, before, after)
+                tension = term.kernel.predicted_tension(group, before, after, w)
                 group.put_values(T, tension)
         return T
 

@@ -52,8 +52,6 @@ class ElementGroup:
     fabrics, fabric
         The fabric with its laws at the points, and at the elements (`Fabric.at`), for
         arguments in the order of the forms.
-    mesh_area
-        Area of all elements of the basis.
     elements, point_numbers
         Numbers of the elements and of the points of each set in the basis.
     """
@@ -63,7 +61,6 @@ class ElementGroup:
     points: Sequence[IntegrationPoints]
     fabrics: Sequence[Fabric]
     fabric: Fabric
-    mesh_area: float
     elements: Any
     point_numbers: Sequence[Any]
 
@@ -166,12 +163,10 @@ def _new_groups(basis: Any, fabric: Fabric) -> Iterator[ElementGroup]:
     )
     find_points = _of_quadrilaterals if bilinear else _of_nodes
     modes, points = find_points(basis, A, dN, centre)
-    n, mesh_area = len(points), basis.dx.sum()
+    n = len(points)
     at_points, of_elements = fabric.at(numbers), fabric.at(numbers[:, :1])
     fabrics, every = n * [at_points], n * [_ALL]
-    yield ElementGroup(
-        nodes, modes, points, fabrics, of_elements, mesh_area, _ALL, every
-    )
+    yield ElementGroup(nodes, modes, points, fabrics, of_elements, _ALL, every)
 
 
 def _of_nodes(
@@ -233,10 +228,8 @@ def _macro(
             for j, four in zip(numbers, corners, strict=True)
         ]
         fabrics = [fabric.at(basis.parts[elements, j]) for j in numbers]
-        area, laws = basis.dx.sum(), fabrics[0]
-        yield ElementGroup(
-            group_nodes, None, points, fabrics, laws, area, elements, numbers
-        )
+        laws = fabrics[0]
+        yield ElementGroup(group_nodes, None, points, fabrics, laws, elements, numbers)
 
 
 def _products(A: ndarray, dN: ndarray) -> ndarray:

@@ -11,17 +11,15 @@ than one fibre or point: shear angles, their differences, and means.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, Protocol, TypeAlias
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
 from ...fabric import Fabric, is_zero
-from ...forms.deviation import deviation_stiffness
 from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
 from .element_groups import Deformations, ElementGroup
 from .integration_points import FibreDeformation, IntegrationPoints
@@ -130,7 +128,11 @@ class TensionKernel:
         return []
 
     def predicted_tension(
-        self, group: ElementGroup, before: Deformations, after: Deformations
+        self,
+        group: ElementGroup,
+        before: Deformations,
+        after: Deformations,
+        w: Parameters,
     ) -> list[ndarray]:
         """T(ε) + T′ Δε, shape (2, P, n) each."""
         T, E = (_tensions(part, group, before) for part in ("value", "tangent"))
@@ -222,84 +224,85 @@ class MeanTensionKernel:
     """The kernel of `mean_tension`."""
 
     fabric: Fabric
-    deviation: float | ndarray
-    _known: WeakKeyDictionary = field(default_factory=WeakKeyDictionary, init=False)
 
     def takes(self, basis: CellBasis) -> bool:
         """Accept `MeanBasis`."""
         return isinstance(basis, MeanBasis)
 
     def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
-        """∫ Σ_α ψ(ε̄_α) + ½ E_d (ε_α − ε̄_α)² dΩ."""
-        means, E_d = self._means(group, fibres), self._deviation_stiffness(group)
-        density = _laws(group.fabric, "energy", means)
+        """∫ Σ_α ψ(ln λ̄_α) + ½ E_d (λ_α − λ̄_α)² dΩ."""
+        stretches, means = _stretches(group, fibres)
+        density = _laws(group.fabric, "energy", np.log(means))
+        E_d = self._deviation_stiffness(group, w)
         return sum(
-            float((p.dx * (density + 0.5 * E_d * (f.strain - means) ** 2)).sum())
-            for p, f in zip(group.points, fibres, strict=True)
+            float((p.dx * (density + 0.5 * E_d * (stretch - means) ** 2)).sum())
+            for p, stretch in zip(group.points, stretches, strict=True)
         )
 
     def stresses(
         self, group: ElementGroup, fibres: Deformations, w: Parameters
     ) -> list[Stress]:
-        """Tension, and the stiffness E_d of deviations from the mean."""
-        means, E_d = self._means(group, fibres), self._deviation_stiffness(group)
+        """Tension λ ∂ψ/∂λ, and its slope λ² E_d + T in a strain that deviates."""
+        stretches, means = _stretches(group, fibres)
+        E_d = self._deviation_stiffness(group, w)
         if "tension" in w:
             T = [
                 _resisting(self.fabric) * T_p
                 for T_p in group.values_at_points(w["tension"])
             ]
         else:
-            T_mean = _laws(group.fabric, "value", means)
-            T = [T_mean + E_d * (f.strain - means) for f in fibres]
+            N = _laws(group.fabric, "value", np.log(means)) / means
+            T = [stretch * (N + E_d * (stretch - means)) for stretch in stretches]
         return [
-            Stress(tension=p.dx * T_p, slope=p.dx * E_d)
-            for p, T_p in zip(group.points, T, strict=True)
+            Stress(tension=p.dx * T_p, slope=p.dx * (E_d * stretch**2 + T_p))
+            for p, T_p, stretch in zip(group.points, T, stretches, strict=True)
         ]
 
     def rank_one_stiffnesses(
         self, group: ElementGroup, fibres: Deformations, w: Parameters
     ) -> list[RankOneStiffness]:
-        """The slope of the laws less E_d, along the gradient of the mean."""
-        slope = _laws(group.fabric, "tangent", self._means(group, fibres))
-        remainder = group.area * (slope - self._deviation_stiffness(group))
+        """The rest of the slope of the laws, along the gradient of the mean stretch."""
+        stretches, means = _stretches(group, fibres)
+        strain = np.log(means)
+        E, T = (_laws(group.fabric, part, strain) for part in ("tangent", "value"))
+        slope = (E - T) / means**2 - self._deviation_stiffness(group, w)
 
         def gradients(block: slice) -> ndarray:
             g = np.zeros((2, group.n_modes, 2, group.area[block].size))
-            for p, f in zip(group.points, fibres, strict=True):
-                share = p.dx[:, None, block] / group.area[block]
+            for p, f, stretch in zip(group.points, fibres, stretches, strict=True):
+                share = (p.dx * stretch)[:, :, None, block] / group.area[block]
                 g += p.strain_gradients(share * f.v[..., block], block)
             return g
 
-        return [RankOneStiffness(remainder[:, 0], gradients)]
+        return [RankOneStiffness((group.area * slope)[:, 0], gradients)]
 
     def predicted_tension(
-        self, group: ElementGroup, before: Deformations, after: Deformations
+        self,
+        group: ElementGroup,
+        before: Deformations,
+        after: Deformations,
+        w: Parameters,
     ) -> list[ndarray]:
-        """T(ε̄) + E_d (ε − ε̄) after a change of the strains, shape (2, P, n) each."""
-        changes = [f.change(g) for f, g in zip(before, after, strict=True)]
-        mean, mean_change = self._means(group, before), _mean(group, changes)
-        E_d = self._deviation_stiffness(group)
-        tension = _laws(group.fabric, "value", mean)
-        tension = tension + _laws(group.fabric, "tangent", mean) * mean_change
+        """The tension after a change of the strains, shape (2, P, n) each."""
+        stretches, means = _stretches(group, before)
+        changes = [
+            stretch * f.change(g)
+            for stretch, f, g in zip(stretches, before, after, strict=True)
+        ]
+        strain, mean_change = np.log(means), _mean(group, changes)
+        E, T = (_laws(group.fabric, part, strain) for part in ("tangent", "value"))
+        N, N_change = T / means, (E - T) / means**2 * mean_change
+        E_d = self._deviation_stiffness(group, w)
         return [
-            tension + E_d * (f.strain - mean + change - mean_change)
-            for f, change in zip(before, changes, strict=True)
+            (stretch + change) * (N + E_d * (stretch - means))
+            + stretch * (N_change + E_d * (change - mean_change))
+            for stretch, change in zip(stretches, changes, strict=True)
         ]
 
-    def _means(self, group: ElementGroup, fibres: Deformations) -> ndarray:
-        """Mean strain of warp and weft, shape (2, 1, n)."""
-        return _mean(group, [f.strain for f in fibres])
-
-    def _deviation_stiffness(self, group: ElementGroup) -> ndarray:
+    def _deviation_stiffness(self, group: ElementGroup, w: Parameters) -> ndarray:
         """E_d of warp and weft, shape (2, 1, n); 0 without a law."""
-        if group not in self._known:
-            multiple = self.deviation
-            if isinstance(multiple, ndarray):
-                multiple = multiple[group.elements]
-            fineness = np.sqrt(group.mesh_area / group.area)[:, None]
-            E_d = deviation_stiffness(group.fabric, multiple, fineness)
-            self._known[group] = _resisting(self.fabric) * np.array([E.T for E in E_d])
-        return self._known[group]
+        E_d = np.asarray(w["E_d"])[:, group.elements, 0]
+        return _resisting(self.fabric) * E_d[:, None]
 
 
 def _scalar(basis: CellBasis) -> Any:
@@ -317,6 +320,14 @@ def _difference(fibres: Deformations) -> ndarray:
     """Γ(ξ_k) − Γ(0)."""
     centre, corners = fibres
     return corners.shear_angle - centre.shear_angle
+
+
+def _stretches(
+    group: ElementGroup, fibres: Deformations
+) -> tuple[list[ndarray], ndarray]:
+    """Stretches at the points, (2, P, n) each, and their means, (2, 1, n)."""
+    stretches = [np.sqrt(f.squared_stretch) for f in fibres]
+    return stretches, _mean(group, stretches)
 
 
 def _mean(group: ElementGroup, values: list[ndarray]) -> ndarray:

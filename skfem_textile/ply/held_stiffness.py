@@ -1,0 +1,92 @@
+"""Stiffnesses of the discretisation, from laws at the last converged state.
+
+C_s meets the non-constant shear of an element, and E_d what the stretches in it deviate
+from their mean.  Neither is of the fabric: they are as large as keeps the element from
+moving without resistance, and no larger.  Both follow the laws to where these are, and
+are local: no size of the mesh is in them.
+"""
+
+import numpy as np
+from numpy import ndarray
+
+from ..fabric import Law
+from ..fabric.fabric import domain_of
+
+# C_s over the shear stiffness: measured, `python -m studies formulations`.
+_C_S_OF_SHEAR = 8.0
+
+# C_s and E_d over the fibre stiffness where there is no shear stiffness: on the strip
+# and the trellis of the same study.
+_C_S_OF_FIBRES, _E_D_OF_FIBRES = 1e-4, 0.5
+
+# Shear stiffness over fibre stiffness at which half of these remains.  Chosen: beyond
+# the 1e-8 of the stiffest cases that are studied, so that it changes none of them.
+_NO_SHEAR = 1e-10
+
+# Share of the shear stiffness at rest below which a softening law is not followed.
+_LEAST_OF_REST = 0.1
+
+# Below this shear angle (radians) the secant is the tangent at rest.
+_SMALL_ANGLE = 1e-6
+
+# Strain to either side within which the stiffness of fibres is averaged: a crimped
+# fabric straightens within about that much.
+_WITHIN = 0.01
+
+
+def stabilisation_stiffness(G: ndarray, E: ndarray) -> ndarray:
+    """C_s in N/mm: 8 G, and 10⁻⁴ E where there is no shear stiffness.
+
+    Parameters
+    ----------
+    G, E
+        Stiffness of shear and of fibres, in N/mm, where the element is.
+    """
+    return _C_S_OF_SHEAR * G + _C_S_OF_FIBRES * E * _without_shear(G, E)
+
+
+def deviation_stiffness(multiple: float | ndarray, G: ndarray, E: ndarray) -> ndarray:
+    """E_d in N/mm: a multiple of G, ½ E where there is no shear stiffness, at most E.
+
+    Fibres of the stiffness E spread a jump of the shear angle over a width that falls
+    with E/G; what they need to be kept in line is of the order of G.
+
+    Parameters
+    ----------
+    multiple
+        E_d over G: measured, see `Macro` and `Quadratic`.
+    G, E
+        As for `stabilisation_stiffness`.
+    """
+    return np.minimum(E, multiple * G + _E_D_OF_FIBRES * E * _without_shear(G, E))
+
+
+def shear_stiffness(law: Law, angle: ndarray) -> ndarray:
+    """Secant M_s/Γ in N/mm, at least a tenth of what it is at rest."""
+    at_rest = law.tangent(np.zeros_like(angle))
+    sheared = np.abs(angle) > _SMALL_ANGLE
+    divisor = np.where(sheared, angle, 1.0)
+    secant = np.where(sheared, law.value(angle) / divisor, at_rest)
+    return np.maximum(secant, _LEAST_OF_REST * at_rest)
+
+
+def fibre_stiffness(law: Law, strain: ndarray) -> ndarray:
+    """Mean slope of T(ε) in N/mm within one percent of strain to either side.
+
+    A single tangent tells little of a law that is soft at rest and stiff after that, or
+    stiff in tension and soft in compression: there a state may be on both sides.
+    """
+    lowest, highest = domain_of(law)
+    low = np.clip(strain - _WITHIN, lowest, highest)
+    high = np.clip(strain + _WITHIN, lowest, highest)
+    width = high - low
+    rise = law.value(high) - law.value(low)
+    slope = np.where(width > 0, rise / np.where(width > 0, width, 1.0), np.nan)
+    known = np.where(np.isfinite(slope), slope, law.tangent(strain))
+    return np.maximum(known, 0.0)
+
+
+def _without_shear(G: ndarray, E: ndarray) -> ndarray:
+    """1 where there is no shear stiffness, 0 where there is; no jump between them."""
+    threshold = np.where(E > 0, _NO_SHEAR * E, 1.0)
+    return 1.0 / (1.0 + (G / threshold) ** 2)
