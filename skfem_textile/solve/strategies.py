@@ -13,6 +13,11 @@ from .problem import Equilibrium, NoEquilibriumError, Problem, Start, Tangent
 # Shares of the compression to keep in the geometric stiffness, tried in this order.
 _SHARES = (1.0, 0.5, 0.0)
 
+# Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
+# singular.  Chosen: along the fibres it must not outweigh the stiffness of a crimped
+# fabric at rest.  Where the iteration ends does not depend on it.
+_FIRST_TENSION = 0.1
+
 # Halvings of an increment in a line search.
 _LINE_SEARCH_HALVINGS = 20
 
@@ -65,7 +70,7 @@ class Mixed:
         self, problem: Problem, start: Start, fixed_values: ndarray
     ) -> Iterator[Iterate]:
         """Endless iterates."""
-        u, tangent = start.u, start.tangent or Tangent(problem, start.u)
+        u, tangent = start.u, _first_tangent(problem, start)
         du = tangent.increment(problem.forces_of(start), u, fixed_values)
         while True:
             du = _in_domain(problem, u, du)
@@ -96,8 +101,7 @@ class Descent:
         self, problem: Problem, start: Start, fixed_values: ndarray
     ) -> Iterator[Iterate]:
         """Endless iterates, until the energy falls no more."""
-        tangent = start.tangent or Tangent(problem, start.u)
-        u = start.u
+        u, tangent = start.u, _first_tangent(problem, start)
         du = tangent.increment(problem.forces_of(start), u, fixed_values)
         du = du + self.imperfection * problem.element_size * tangent.softest()
         u = u + _in_domain(problem, u, du)
@@ -179,6 +183,20 @@ def balanced(
         problem.around(problem.unfixed(f)),
         advice="more steps, or a larger stabilisation",
     )
+
+
+def _first_tangent(problem: Problem, start: Start) -> Tangent:
+    """The tangent at the start; where it is singular, that of fibres in tension.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If some motion meets no stiffness even so.
+    """
+    if start.tangent and start.tangent.negative_pivots is not None:
+        return start.tangent
+    slack = problem.ply.geometric_tension(start.u, np.zeros_like(start.u))
+    return Tangent(problem, start.u, np.full_like(slack, _FIRST_TENSION))
 
 
 def definite(problem: Problem, u: ndarray, tension: ndarray) -> Tangent:
