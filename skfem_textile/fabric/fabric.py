@@ -1,133 +1,18 @@
 """What a ply is made of: fibre directions, tension law and shear law."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeAlias
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy import ndarray
-from numpy.typing import ArrayLike
 
-from ..mesh.asking import asked, real_numbers
-
-
-class Varied(Protocol):
-    """Directions that are given in another way from one region to the next."""
-
-    @property
-    def region(self) -> ndarray:
-        """Which of the regions each element is in."""
-        ...
-
-    def at(self, name: str, x: ndarray, element: ndarray | None) -> ndarray:
-        """Unit vectors at points, given as for `unit_vectors`."""
-        ...
-
-
-Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray] | Varied
+from ..mesh.asking import real_numbers
+from .directions import Direction, unit_vectors
+from .law import Law, domain_of, law_at
+from .laws import Linear
 
 # Fibre families closer than this (radians) leave the fabric no second family.
 _PARALLEL = 1e-6
-
-
-class Law(Protocol):
-    """A scalar elastic law: energy, its derivative and its second derivative.
-
-    For fibres ``x`` is the fibre strain ε and ``value`` the tension T in N/mm;
-    for shear ``x`` is the shear angle Γ in radians and ``value`` the shear
-    moment M_s in N/mm.  All three take and return arrays.
-
-    A law that differs from element to element has a method ``at``: of numbers of
-    elements, shape (n, n_points) or (n, 1), or None for all of them, it makes the law
-    at these points, whose parameters broadcast with x.
-
-    A law may have a ``domain``, the least and the largest x for which it holds: no
-    state beyond it is an answer.  One that says nothing ends where its energy is not
-    finite, such as past a pole; one that holds everywhere, ``(-inf, inf)``, saves the
-    load stepper from asking.
-    """
-
-    def energy(self, x: ndarray) -> ndarray:
-        """Energy density in N·mm/mm², zero at x = 0."""
-        ...
-
-    def value(self, x: ndarray) -> ndarray:
-        """Derivative of the energy."""
-        ...
-
-    def tangent(self, x: ndarray) -> ndarray:
-        """Derivative of the value."""
-        ...
-
-
-@dataclass(frozen=True)
-class _OneStiffness:
-    """A law with one parameter, its initial stiffness; finite everywhere.
-
-    The stiffness is a number, or one for each element, shape (n_elements,).
-    """
-
-    stiffness: float | ndarray
-    domain: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
-
-    def __post_init__(self) -> None:
-        stiffness = np.ravel(self.stiffness)
-        if (wrong := stiffness[~(np.isfinite(stiffness) & (stiffness >= 0))]).size:
-            raise ValueError(f"stiffness must be a finite number >= 0, got {wrong[0]}")
-
-    def at(self, element: ndarray | None = None) -> Self:
-        """The law at points, by the numbers of their elements; see `Law`."""
-        every = np.asarray(self.stiffness)
-        if every.ndim == 0:
-            return self
-        own = every[:, None] if element is None else every[element]
-        return replace(self, stiffness=own)
-
-
-@dataclass(frozen=True)
-class Linear(_OneStiffness):
-    """The law ``value = stiffness · x``.
-
-    Raises
-    ------
-    ValueError
-        If the stiffness is negative or not finite.
-    """
-
-    def energy(self, x: ndarray) -> ndarray:
-        """½ stiffness x²."""
-        return 0.5 * self.stiffness * x**2
-
-    def value(self, x: ndarray) -> ndarray:
-        """Stiffness times x."""
-        return self.stiffness * x
-
-    def tangent(self, x: ndarray) -> ndarray:
-        """The stiffness."""
-        return self.stiffness + np.zeros(np.shape(x))
-
-
-@dataclass(frozen=True)
-class Sin2(_OneStiffness):
-    """The shear law w = ½ G sin²Γ, M_s = ½ G sin 2Γ, convex up to 45°.
-
-    Raises
-    ------
-    ValueError
-        If the initial stiffness G is negative or not finite.
-    """
-
-    def energy(self, x: ndarray) -> ndarray:
-        """½ G sin²Γ."""
-        return 0.5 * self.stiffness * np.sin(x) ** 2
-
-    def value(self, x: ndarray) -> ndarray:
-        """½ G sin 2Γ."""
-        return 0.5 * self.stiffness * np.sin(2 * x)
-
-    def tangent(self, x: ndarray) -> ndarray:
-        """G cos 2Γ."""
-        return self.stiffness * np.cos(2 * x)
 
 
 #: A stiffness, one for each element, or a law.
@@ -277,21 +162,6 @@ class Fabric:
         return A1, A2
 
 
-def is_zero(law: Law) -> bool:
-    """Whether a law needs no term at all."""
-    return isinstance(law, _OneStiffness) and not np.any(law.stiffness)
-
-
-def law_at(law: Law, element: ndarray | None) -> Law:
-    """A law at points, by the numbers of their elements, if it differs among these."""
-    return law.at(element) if hasattr(law, "at") else law
-
-
-def domain_of(law: Law) -> tuple[Any, Any]:
-    """The least and the largest argument for which a law says that it holds."""
-    return getattr(law, "domain", (-np.inf, np.inf))
-
-
 def _law(name: str, law: Stiffness) -> Law:
     by_element = isinstance(law, ndarray) and law.ndim == 1
     if not by_element and not isinstance(law, int | float | np.number):
@@ -306,37 +176,3 @@ def _law(name: str, law: Stiffness) -> Law:
         return Linear(stiffness if by_element else float(stiffness))
     except ValueError as error:
         raise ValueError(f"{name} {error}") from None
-
-
-def unit_vectors(
-    name: str, direction: Direction, x: ndarray, element: ndarray | None = None
-) -> ndarray:
-    """Unit vectors of a direction field at the points ``x`` of some elements.
-
-    Raises
-    ------
-    ValueError
-        If the direction has a wrong shape, or is zero or not finite somewhere.
-    """
-    field: Any = direction
-    if hasattr(field, "region"):
-        return field.at(name, x, element)
-    given = asked(name, direction, x) if callable(direction) else direction
-    a = real_numbers(name, given)
-    if element is not None and a.ndim == 2 and a.shape[1] > element.max():
-        a = a[:, element]
-    a = a.reshape(a.shape + (1,) * (x.ndim - a.ndim))
-    try:
-        fits = len(a) == 2 and np.broadcast_shapes(a.shape, x.shape) == x.shape
-    except (TypeError, ValueError):
-        fits = False
-    if not fits:
-        raise ValueError(
-            f"{name} must be a vector, a function of position or one vector per "
-            f"element, shape (2, n_elements); {a.shape} does not fit points {x.shape}"
-        )
-    largest = np.abs(a).max(axis=0)
-    if not np.all(np.isfinite(largest) & (largest > 0)):
-        raise ValueError(f"{name} must be a non-zero finite vector everywhere")
-    a = np.ldexp(a, -np.frexp(largest)[1])  # no square of it overflows or vanishes
-    return a / np.linalg.norm(a, axis=0)

@@ -8,7 +8,9 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from .fabric import Direction, Fabric, Law, domain_of, law_at, unit_vectors
+from .directions import Direction, unit_vectors
+from .fabric import Fabric
+from .law import Law, domain_of, law_at
 
 
 @dataclass(frozen=True, eq=False)
