@@ -10,7 +10,9 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
+
+from skfem import Mesh
 
 # So far from zero an angle still has ten decimals; at 1e17 a turn by 45 is lost.
 _MOST_DEGREES = 36_000.0
@@ -82,6 +84,88 @@ class Registration:
     build: Callable[..., Any]
     options: tuple[Option, ...] = ()
     rank: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneRegistration(Registration):
+    """A scene that can be chosen by name.
+
+    ``build`` makes the scene: beside the values of the scene's own options it takes a
+    ``mesh``, which is a mesh or the kind of one to make, and of one to make
+    its ``size``, ``jitter`` and ``seed``.
+
+    Attributes
+    ----------
+    size, jitter
+        Of the mesh to make, where they are not given.
+    """
+
+    size: tuple[int, int]
+    jitter: float = 0.3
+
+
+#: What a law may be the law of.
+Resistance: TypeAlias = Literal["tension", "shear"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawRegistration(Registration):
+    """A law that can be chosen by name.
+
+    Its options are its parameters, without the word that tells which law they are of:
+    the option ``stiffness`` of a shear law is ``--shear-stiffness``.
+
+    Attributes
+    ----------
+    resists
+        What it may be the law of.
+    """
+
+    resists: tuple[Resistance, ...] = ("tension", "shear")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormulationRegistration(Registration):
+    """A formulation that can be chosen by name.
+
+    Attributes
+    ----------
+    on_triangles
+        Whether it takes triangles, and not quadrilaterals.
+    is_default
+        Whether a mesh may get it where no formulation is named: of those that say so,
+        and that take the options which are given, it gets the last.
+    """
+
+    on_triangles: bool = False
+    is_default: Callable[[Mesh], bool] = lambda mesh: False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverRegistration(Registration):
+    """A linear solver that can be chosen by name; the fastest known has the least rank.
+
+    ``build`` is its class.
+
+    Attributes
+    ----------
+    module
+        What it needs to import, which is done when a system is to be solved with it.
+    unknowns
+        Number of unknowns from which the time to import that is repaid.
+    rival
+        Whether it may be the fastest for large systems.
+    """
+
+    build: type[Any]
+    module: str
+    unknowns: int
+    rival: bool
+
+    @property
+    def package(self) -> str:
+        """The package that it needs."""
+        return self.module.partition(".")[0]
 
 
 _Kind = TypeVar("_Kind", bound=Registration)

@@ -1,9 +1,8 @@
 """What a ply is made of: fibre directions, and laws of tension and shear."""
 
-from .directions import Direction, unit_vectors
-from .fabric import Fabric, Family
-from .law import Law
-from .laws import Linear, Sin2, is_zero
+from .fabric import Direction, Fabric, Family, unit_vectors
+from .law import Law, Linear, is_zero
+from .laws.sin2 import Sin2
 
 __all__ = [
     "Direction",

@@ -1,15 +1,32 @@
 """What a ply is made of: fibre directions, tension law and shear law."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
+from numpy.typing import ArrayLike
 
-from ..mesh.asking import real_numbers
-from .directions import Direction, unit_vectors
-from .law import Law, domain_of, law_at
-from .laws import Linear
+from ..mesh.asking import asked, real_numbers
+from .law import Law, Linear, domain_of, law_at
+
+
+class Varied(Protocol):
+    """Directions that are given in another way from one region to the next."""
+
+    @property
+    def region(self) -> ndarray:
+        """Which of the regions each element is in."""
+        ...
+
+    def at(self, name: str, x: ndarray, element: ndarray | None) -> ndarray:
+        """Unit vectors at points, given as for `unit_vectors`."""
+        ...
+
+
+Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray] | Varied
 
 # Fibre families closer than this (radians) leave the fabric no second family.
 _PARALLEL = 1e-6
@@ -75,7 +92,7 @@ class Fabric:
         if len(given) == 2:
             self.directions(x)  # refuses parallel families
 
-    @property
+    @cached_property
     def families(self) -> tuple[Family, Family]:
         """Warp and weft."""
         one = not isinstance(self.tension, tuple | list)
@@ -87,12 +104,12 @@ class Fabric:
             Family("weft", self.weft, _law("tension", pair[1])),
         )
 
-    @property
+    @cached_property
     def shear_law(self) -> Law:
         """Shear moment M_s(Γ)."""
         return _law("shear", self.shear)
 
-    @property
+    @cached_property
     def laws(self) -> tuple[Law, Law, Law]:
         """The laws of warp, weft and shear."""
         warp, weft = self.families
@@ -112,10 +129,12 @@ class Fabric:
         if all(new is old for new, old in zip(laws, own, strict=True)):
             return self
         other = object.__new__(Fabric)  # its directions are valid
-        vars(other).update(vars(self), tension=(laws[0], laws[1]), shear=laws[2])
+        vars(other).update(
+            tension=(laws[0], laws[1]), shear=laws[2], warp=self.warp, weft=self.weft
+        )
         return other
 
-    @property
+    @cached_property
     def unbounded(self) -> bool:
         """Whether every law says that it holds everywhere."""
         stated = [getattr(law, "domain", None) for law in self.laws]
@@ -176,3 +195,37 @@ def _law(name: str, law: Stiffness) -> Law:
         return Linear(stiffness if by_element else float(stiffness))
     except ValueError as error:
         raise ValueError(f"{name} {error}") from None
+
+
+def unit_vectors(
+    name: str, direction: Direction, x: ndarray, element: ndarray | None = None
+) -> ndarray:
+    """Unit vectors of a direction field at the points ``x`` of some elements.
+
+    Raises
+    ------
+    ValueError
+        If the direction has a wrong shape, or is zero or not finite somewhere.
+    """
+    field: Any = direction
+    if hasattr(field, "region"):
+        return field.at(name, x, element)
+    given = asked(name, direction, x) if callable(direction) else direction
+    a = real_numbers(name, given)
+    if element is not None and a.ndim == 2 and a.shape[1] > element.max():
+        a = a[:, element]
+    a = a.reshape(a.shape + (1,) * (x.ndim - a.ndim))
+    try:
+        fits = len(a) == 2 and np.broadcast_shapes(a.shape, x.shape) == x.shape
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise ValueError(
+            f"{name} must be a vector, a function of position or one vector per "
+            f"element, shape (2, n_elements); {a.shape} does not fit points {x.shape}"
+        )
+    largest = np.abs(a).max(axis=0)
+    if not np.all(np.isfinite(largest) & (largest > 0)):
+        raise ValueError(f"{name} must be a non-zero finite vector everywhere")
+    a = np.ldexp(a, -np.frexp(largest)[1])  # no square of it overflows or vanishes
+    return a / np.linalg.norm(a, axis=0)

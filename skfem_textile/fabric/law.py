@@ -1,12 +1,10 @@
-"""What a law of tension or shear is, and how one is registered."""
+"""What a law of tension or shear is, and the linear one, for which a number stands."""
 
-from dataclasses import dataclass
-from typing import Any, Literal, Protocol, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 from numpy import ndarray
-
-from ..registration import Registration
 
 
 class Law(Protocol):
@@ -39,24 +37,56 @@ class Law(Protocol):
         ...
 
 
-#: What a law may be the law of.
-Resistance: TypeAlias = Literal["tension", "shear"]
+@dataclass(frozen=True)
+class OneStiffness:
+    """A law with one parameter, its initial stiffness; finite everywhere.
 
-
-@dataclass(frozen=True, kw_only=True)
-class LawRegistration(Registration):
-    """A law that can be chosen by name.
-
-    Its options are its parameters, without the word that tells which law they are of:
-    the option ``stiffness`` of a shear law is ``--shear-stiffness``.
-
-    Attributes
-    ----------
-    resists
-        What it may be the law of.
+    The stiffness is a number, or one for each element, shape (n_elements,).
     """
 
-    resists: tuple[Resistance, ...] = ("tension", "shear")
+    stiffness: float | ndarray
+    domain: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
+
+    def __post_init__(self) -> None:
+        stiffness = np.ravel(self.stiffness)
+        if (wrong := stiffness[~(np.isfinite(stiffness) & (stiffness >= 0))]).size:
+            raise ValueError(f"stiffness must be a finite number >= 0, got {wrong[0]}")
+
+    def at(self, element: ndarray | None = None) -> Self:
+        """The law at points, by the numbers of their elements; see `Law`."""
+        every = np.asarray(self.stiffness)
+        if every.ndim == 0:
+            return self
+        own = every[:, None] if element is None else every[element]
+        return replace(self, stiffness=own)
+
+
+@dataclass(frozen=True)
+class Linear(OneStiffness):
+    """The law ``value = stiffness · x``.
+
+    Raises
+    ------
+    ValueError
+        If the stiffness is negative or not finite.
+    """
+
+    def energy(self, x: ndarray) -> ndarray:
+        """½ stiffness x²."""
+        return 0.5 * self.stiffness * x**2
+
+    def value(self, x: ndarray) -> ndarray:
+        """Stiffness times x."""
+        return self.stiffness * x
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """The stiffness."""
+        return self.stiffness + np.zeros(np.shape(x))
+
+
+def is_zero(law: Law) -> bool:
+    """Whether a law needs no term at all."""
+    return isinstance(law, OneStiffness) and not np.any(law.stiffness)
 
 
 def law_at(law: Law, element: ndarray | None) -> Law:

@@ -13,8 +13,7 @@ import numpy as np
 from numpy import ndarray
 
 from .fabric import Fabric
-from .law import Law
-from .laws import is_zero
+from .law import Law, is_zero
 
 # Arguments at which a law is asked, that has no domain of its own.
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)

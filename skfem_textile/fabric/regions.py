@@ -8,8 +8,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from .directions import Direction, unit_vectors
-from .fabric import Fabric
+from .fabric import Direction, Fabric, unit_vectors
 from .law import Law, domain_of, law_at
 
 

@@ -8,7 +8,6 @@ from numpy import ndarray
 from skfem import CellBasis
 
 from .term import Load, Role, Term, dimension
-from .terms import FormTerm, MatrixTerm, VectorTerm
 
 # What a term must have.
 _MEMBERS = "name", "role", "memory", "energy", "residual", "tangent", "couples"
@@ -43,25 +42,10 @@ def checked(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term, ...]:
         if term.name in names:
             raise ValueError(f"two terms are named {term.name!r}; name them apart")
         names.append(term.name)
-        _refuse_other_ply(term, basis)
+        misfit = getattr(term, "misfit", lambda basis: "")(basis)
+        if misfit:
+            raise ValueError(f"term {term.name!r}: {misfit}")
     return found
-
-
-def _refuse_other_ply(term: Term, basis: CellBasis) -> None:
-    """Refuse a term of other unknowns than those of a basis."""
-    N = basis.N
-    if isinstance(term, FormTerm):
-        fits = (term.basis.N, dimension(term.basis)) == (N, dimension(basis))
-        what = "its basis is not one of the displacement: build it on ply.basis.mesh"
-    elif isinstance(term, MatrixTerm):
-        fits, what = np.shape(term.matrix) == (N, N), f"its matrix must be {N} × {N}"
-    elif isinstance(term, VectorTerm):
-        fits = np.shape(term.vector) == (N,) and bool(np.isfinite(term.vector).all())
-        what = f"its vector must be {N} finite numbers"
-    else:
-        return
-    if not fits:
-        raise ValueError(f"term {term.name!r}: {what}")
 
 
 def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
@@ -69,8 +53,6 @@ def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
 
     Arrays of shape (n_nodes, n): the nodes of a column all couple.
     """
-    if isinstance(term, FormTerm):
-        return ()
     if (named := term.couples()) is not None:
         return named
     K = term.tangent(basis.zeros(), 1.0)

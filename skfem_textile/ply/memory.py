@@ -9,10 +9,11 @@ from skfem.assembly.form.form import FormExtraParams
 
 from .. import kinematics as kin
 from ..fabric import Fabric, is_zero
-from ..forms.hourglass import hourglass_rate, rate_increment
+from ..forms.hourglass import hourglass, hourglass_rate, rate_increment
 from ..forms.stabilisation import default_stabilisation
 from ..mesh.bases import CENTRE, centre_grad
-from .kernels.wrapped import hourglass
+from .kernels.fused import with_kernel
+from .kernels.kernel import HourglassKernel
 
 
 class HeldStabilisation:
@@ -41,7 +42,7 @@ class HeldStabilisation:
 
     def __init__(self, fabric: Fabric, basis: CellBasis) -> None:
         self._fabric, self._basis = fabric, basis
-        self._energy = hourglass(fabric).energy
+        self._energy = with_kernel(hourglass(fabric), HourglassKernel(fabric)).energy
         self.begin()
 
     def begin(self) -> None:

@@ -1,6 +1,6 @@
 """Terms given by scikit-fem forms, by a matrix, and by a vector."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Protocol, TypeAlias
@@ -86,6 +86,17 @@ class FormTerm(Term):
         """The tangent form."""
         return self._asm(self._forms.tangent, u, t)
 
+    def misfit(self, basis: CellBasis) -> str:
+        """Why it is no term on a basis of the displacement; empty where it is one."""
+        given = self.basis.N, dimension(self.basis)
+        if given == (basis.N, dimension(basis)):
+            return ""
+        return "its basis is not one of the displacement: build it on ply.basis.mesh"
+
+    def couples(self) -> Sequence[ndarray]:
+        """None beside the nodes of its elements."""
+        return ()
+
     @property
     def nodes(self) -> ndarray:
         """Nodes of the elements of the basis, shape (n_nodes, n_elements)."""
@@ -159,6 +170,12 @@ class MatrixTerm(Term):
         """K."""
         return csr_matrix(self.matrix)
 
+    def misfit(self, basis: CellBasis) -> str:
+        """Why it is no term on a basis of the displacement; empty where it is one."""
+        N = basis.N
+        fits = np.shape(self.matrix) == (N, N)
+        return "" if fits else f"its matrix must be {N} × {N}"
+
 
 #: A function of the load factor, or a number.
 Factor: TypeAlias = Callable[[float], float] | float
@@ -200,6 +217,12 @@ class VectorTerm(Term):
 
     def tangent(self, u: ndarray, t: float) -> None:
         """None."""
+
+    def misfit(self, basis: CellBasis) -> str:
+        """Why it is no term on a basis of the displacement; empty where it is one."""
+        N = basis.N
+        fits = np.shape(self.vector) == (N,) and bool(np.isfinite(self.vector).all())
+        return "" if fits else f"its vector must be {N} finite numbers"
 
     def _at(self, t: float) -> float:
         factor = float(self.factor(t) if callable(self.factor) else self.factor)

@@ -8,8 +8,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from ..files.lock import Lock
-from ..files.output import OutputError
+from ..cli.output import OutputError
+from ..solve.checkpoint.lock import Lock
 
 log = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ from random import Random
 import meshio
 import numpy as np
 
-from skfem_textile import cli
+from skfem_textile.cli import main as cli
 
 from .mechanics import WrongError
 from .option_lines import line, sound

@@ -10,16 +10,13 @@ import numpy as np
 import pytest
 
 from skfem_textile import (
-    Full,
     LoadStepper,
-    OnePoint,
     Ply,
     Result,
-    cli,
 )
-from skfem_textile.cli import commands
+from skfem_textile.cli import main as cli
+from skfem_textile.cli import pictures
 from skfem_textile.plot import offscreen
-from skfem_textile.studies import paper
 
 MESH = Path(__file__).parents[2] / "examples" / "strip.msh"
 QUICK = ["--size", "3x4", "--steps", "3", "--cs", "10", "--no-render"]
@@ -45,7 +42,7 @@ def refused(capsys, *arguments):
 def test_list_names_the_scenes(capsys):
     assert cli.main(["list"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    names = ["strip", "picture_frame", "trellis", "bias_extension", "two_element"]
+    names = ["strip", "picture_frame", "trellis", "bias_extension"]
     assert [line.split()[0] for line in lines] == names
 
 
@@ -187,7 +184,7 @@ def test_pictures_that_fail_lose_no_numbers(
     def draw(*_):
         raise error
 
-    monkeypatch.setattr(commands, "_draw", draw)
+    monkeypatch.setattr(pictures, "draw", draw)
     assert run(tmp_path, *QUICK[:-1]) == code
     assert (tmp_path / "out" / "summary.json").exists()
     out, err = capsys.readouterr()
@@ -436,7 +433,7 @@ def test_pictures_are_written_and_nothing_is_said_on_stderr(tmp_path):
     )
     assert child.stderr == ""
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    assert set(commands._PICTURES) <= names
+    assert set(pictures.PICTURES) <= names
 
 
 def test_a_run_takes_the_papers_stabilisation(tmp_path):
@@ -493,7 +490,6 @@ def test_numbers_that_make_no_sense_are_refused(capsys, tmp_path):
     assert "no finite number" in refused(
         capsys, "run", "trellis", "--warp", "nan", *out
     )
-    assert "--workers" in refused(capsys, "study", "stability", "--workers", "0", *out)
     triangles = ("--mesh", "delaunay", "--split", "quads")
     assert "has triangles" in refused(capsys, "run", "strip", *triangles, *out)
 
@@ -537,7 +533,7 @@ def test_a_run_takes_quadratic_triangles_and_writes_everything(tmp_path):
     assert summary["n_dofs"] == 2 * 7 * 9
     assert summary["stable"]
     assert summary["max_fibre_strain"] < summary["mesh_fibre_strain"]
-    assert set(commands._PICTURES) <= {p.name for p in out.iterdir()}
+    assert set(pictures.PICTURES) <= {p.name for p in out.iterdir()}
     assert len(list((out / "fields").glob("*.vtu"))) == summary["load_steps"] + 1
     assert (out / "history.csv").exists()
 
@@ -611,36 +607,16 @@ def test_a_run_takes_the_automatic_stabilisation(tmp_path):
     assert summary["inputs"]["cs"] == "auto"
 
 
-def test_two_element_writes_its_systems(tmp_path, capsys):
-    assert cli.main(["run", "two_element", "--out", str(tmp_path / "out")]) == 0
-    report = json.loads((tmp_path / "out" / "systems.json").read_text())
-    assert len(report["systems"]) == 3 * 2 * 2 * 2
-    assert len(report["slips"]) == 8
-    assert "0.38225928 u3 - 0.57338893 u4 = 0" in capsys.readouterr().out
-
-
-def test_the_paper_is_tabled_and_a_case_that_stops_does_not_stop_the_others(
-    tmp_path, capsys, monkeypatch
-):
-    few = [
-        paper.Case("3", "aligned", Full(), "< 2e-6", "none"),
-        paper.Case("11", "irregular", OnePoint(10.0), "1.39e-3", "some"),
-        paper.Case("0", "irregular", OnePoint(0.0), "-", "-"),
-    ]
-    monkeypatch.setattr(paper, "cases", lambda: few)
-    out = tmp_path / "out"
-    command = ["run", "strip", "--paper", "--no-render", "--out", str(out)]
-    assert cli.main(command) == 0
-    with open(out / "paper.csv") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["outcome"] for row in rows] == [
-        "stable",
-        "stable",
-        "no acceptable state beyond load factor 0.000; figures at that",
-    ]
-    assert float(rows[1]["load (N)"]) == pytest.approx(-3.49714, rel=1e-5)
-    assert (out / "paper.md").read_text().count("\n") == 5
-    assert "Fig. 11" in capsys.readouterr().out
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("study", "stability", "--out", "o"),
+        ("run", "two_element", "--out", "o"),
+        ("run", "strip", "--no-render", "--paper", "--out", "o"),
+    ],
+)
+def test_studies_are_said_to_be_elsewhere(capsys, command):
+    assert "run `python -m studies NAME --out DIR`" in refused(capsys, *command)
 
 
 def test_a_second_run_into_a_folder_is_told_before_any_work(

@@ -6,7 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from skfem_textile import Full, LoadStepper, Macro, OnePoint, Ply, Quadratic, cli
+from skfem_textile import Full, LoadStepper, Macro, OnePoint, Ply, Quadratic
+from skfem_textile.cli import main as cli
 from skfem_textile.studies import comparison, findings, formulations, tables
 from skfem_textile.studies.comparison import (
     AUTO,

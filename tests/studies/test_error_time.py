@@ -4,7 +4,8 @@ import json
 import numpy as np
 import pytest
 
-from skfem_textile import LoadStepper, Macro, OnePoint, Ply, Quadratic, cli
+from skfem_textile import LoadStepper, Macro, OnePoint, Ply, Quadratic
+from skfem_textile.cli import main as cli
 from skfem_textile.studies import contestants, error_time, time_tables
 from skfem_textile.studies.comparison import AUTO, BIAS, Case
 from skfem_textile.studies.contestants import Other, Own

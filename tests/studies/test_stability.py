@@ -14,8 +14,8 @@ from skfem_textile import (
     LoadStepper,
     Mixed,
     OnePoint,
-    cli,
 )
+from skfem_textile.cli import main as cli
 from skfem_textile.scenes import Scene, picture_frame, strip
 from skfem_textile.solve.stepper import DEFAULT_STRATEGIES
 from skfem_textile.solve.verdict import CHECKS

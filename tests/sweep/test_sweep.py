@@ -26,7 +26,7 @@ import pytest
 import sweep_cases
 from threadpoolctl import threadpool_limits
 
-from skfem_textile.files.output import OutputError
+from skfem_textile.cli.output import OutputError
 from skfem_textile.sweep import Processes, SweepError, sweep
 
 ROOT = Path(__file__).parents[2]
@@ -481,7 +481,8 @@ def test_processes_end_at_once_when_their_block_ends_with_an_error(tmp_path):
 STUDY = """
 import os, sys, time
 from pathlib import Path
-from skfem_textile import Full, cli
+from skfem_textile import Full
+from skfem_textile.cli import main as cli
 from skfem_textile.studies import stability
 from skfem_textile.studies.extremes import Extreme
 

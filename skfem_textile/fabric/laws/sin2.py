@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy import ndarray
 
-from ..law import LawRegistration
-from .one_stiffness import STIFFNESS, OneStiffness
+from ...registration import LawRegistration
+from ..law import OneStiffness
+from .linear import STIFFNESS
 
 
 @dataclass(frozen=True)
@@ -38,5 +39,4 @@ REGISTRATION = LawRegistration(
     build=Sin2,
     options=(STIFFNESS,),
     resists=("shear",),
-    rank=2,
 )

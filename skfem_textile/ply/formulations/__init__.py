@@ -1,7 +1,6 @@
 """Formulations, one a file: on which element, at which points, what stabilises it."""
 
-from ...registration import registered
-from .common import FormulationRegistration
+from ...registration import FormulationRegistration, registered
 from .full import Full
 from .macro import Macro
 from .one_point import Kind, OnePoint

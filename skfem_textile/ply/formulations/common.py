@@ -1,7 +1,5 @@
-"""What formulations share, and how one is registered."""
+"""What formulations share."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from numbers import Real
 from typing import ClassVar
@@ -14,29 +12,14 @@ from ... import forms
 from ...fabric import Fabric
 from ...forms.mean_tension import mean_fibre_tension, mean_strain
 from ...forms.tension import fibre_tension
-from ...mesh.bases import CENTRE, GAUSS, MeanBasis, quad_basis
+from ...mesh.bases import CENTRE, GAUSS, HourglassBasis, MeanBasis, quad_basis
 from ...mesh.checks import check_quads
-from ...registration import Registration
-from ..kernels.kernel import MeanTensionKernel, TensionKernel
-from ..term import Term
-from ..terms import TensionTerm
-
-
-@dataclass(frozen=True, kw_only=True)
-class FormulationRegistration(Registration):
-    """A formulation that can be chosen by name.
-
-    Attributes
-    ----------
-    on_triangles
-        Whether it takes triangles, and not quadrilaterals.
-    is_default
-        Whether a mesh may get it where no formulation is named: of those that say so,
-        and that take the options which are given, it gets the last.
-    """
-
-    on_triangles: bool = False
-    is_default: Callable[[Mesh], bool] = lambda mesh: False
+from ...mesh.jumps import JumpBasis
+from ...registration import Option
+from ..kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
+from ..memory import HeldStabilisation
+from ..term import Memory, Term
+from ..terms import FormTerm, TensionTerm
 
 
 class Pointwise:
@@ -92,3 +75,45 @@ def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:
         return
     if not isinstance(value, Real) or not (np.isfinite(value) and value >= 0):
         raise ValueError(f"{name} must be a finite number >= 0{also}, got {value}")
+
+
+def hourglass_terms(
+    stabilisation: float | str, basis: CellBasis, fabric: Fabric
+) -> list[Term]:
+    """The hourglass term of a number C_s or ``auto``, unless it is zero."""
+    if stabilisation == 0:
+        return []
+    C_s = None if stabilisation == "auto" else float(stabilisation)
+    corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
+    held = HeldStabilisation(fabric, corners) if C_s is None else None
+    kernel = HourglassKernel(fabric, C_s)
+    return [stabilising_term(forms.hourglass(fabric, C_s), corners, kernel, held)]
+
+
+def stabilising_term(
+    forms: forms.Forms,
+    basis: CellBasis | JumpBasis,
+    kernel: HourglassKernel | None = None,
+    memory: Memory | None = None,
+) -> FormTerm:
+    """The term of a stabilisation."""
+    return FormTerm(
+        "stabilisation", forms, basis, kernel, role="stabilisation", memory=memory
+    )
+
+
+def _read_stabilisation(word: str) -> float | str:
+    try:
+        return word if word == "auto" else float(word)
+    except ValueError:
+        raise ValueError(f"{word!r} is no number, nor auto") from None
+
+
+#: C_s, of every formulation that takes one.
+STABILISATION = Option(
+    name="cs",
+    help="stabilisation C_s in N/mm, or auto: eight times the shear stiffness of each "
+    "element, 1e-4 E without any",
+    default="auto",
+    read=_read_stabilisation,
+)

@@ -6,7 +6,8 @@ from typing import ClassVar
 from numpy import ndarray
 
 from ...mesh.bases import GAUSS
-from .common import FormulationRegistration, Quadrilaterals
+from ...registration import FormulationRegistration
+from .common import Quadrilaterals
 
 
 @dataclass(frozen=True)

@@ -11,16 +11,17 @@ from ...fabric import Fabric
 from ...mesh.bases import CENTRE
 from ...mesh.checks import MeshError
 from ...mesh.macro import MacroBasis
+from ...registration import FormulationRegistration
 from ...splitting import SplitMesh, was_split
 from ..term import Term
 from ..terms import TensionTerm
 from .common import (
-    FormulationRegistration,
+    STABILISATION,
     Quadrilaterals,
+    hourglass_terms,
     mean_tension_term,
     refuse_stiffness,
 )
-from .one_point import STABILISATION, OnePoint
 
 
 @dataclass(frozen=True)
@@ -91,8 +92,8 @@ class Macro(Quadrilaterals):
         return mean_tension_term(fabric, deviation[:, None], macro)
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """The hourglass term, unless C_s is zero, or jumps are of no edge."""
-        return OnePoint(self.stabilisation).stabilising_terms(basis, fabric)
+        """The hourglass term, unless C_s is zero."""
+        return hourglass_terms(self.stabilisation, basis, fabric)
 
 
 REGISTRATION = FormulationRegistration(

@@ -10,12 +10,16 @@ from ... import forms
 from ...fabric import Fabric
 from ...mesh.bases import CENTRE, HourglassBasis
 from ...mesh.jumps import JumpBasis
-from ...registration import Option
-from ..kernels.kernel import HourglassKernel
-from ..memory import AccumulatedMoment, HeldStabilisation
-from ..term import Memory, Term
-from ..terms import FormTerm
-from .common import FormulationRegistration, Quadrilaterals, refuse_stiffness
+from ...registration import FormulationRegistration, Option
+from ..memory import AccumulatedMoment
+from ..term import Term
+from .common import (
+    STABILISATION,
+    Quadrilaterals,
+    hourglass_terms,
+    refuse_stiffness,
+    stabilising_term,
+)
 
 Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
 
@@ -70,52 +74,22 @@ class OnePoint(Quadrilaterals):
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """The hourglass term, unless C_s is zero, or jumps are of no edge."""
-        C_s = None if self.stabilisation == "auto" else float(self.stabilisation)
-        if C_s == 0:
+        if self.kind == "energy":
+            return hourglass_terms(self.stabilisation, basis, fabric)
+        if (C_s := float(self.stabilisation)) == 0:
             return []
-        if C_s is not None and self.kind == "continuity":
+        if self.kind == "continuity":
             if basis.mesh.f2t[1].max() < 0:
                 return []
             edges = JumpBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
-            return [_stabilisation(forms.shear_continuity(fabric, C_s), edges)]
+            return [stabilising_term(forms.shear_continuity(fabric, C_s), edges)]
         corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
-        if C_s is not None and self.kind == "isotropic":
-            return [_stabilisation(forms.isotropic_hourglass(C_s), corners)]
-        if C_s is not None and self.kind == "rate":
-            moment = AccumulatedMoment(fabric, C_s, corners)
-            rate = forms.hourglass_rate(fabric, C_s)
-            return [_stabilisation(rate, corners, memory=moment)]
-        held = HeldStabilisation(fabric, corners) if C_s is None else None
-        kernel = HourglassKernel(fabric, C_s)
-        return [_stabilisation(forms.hourglass(fabric, C_s), corners, kernel, held)]
+        if self.kind == "isotropic":
+            return [stabilising_term(forms.isotropic_hourglass(C_s), corners)]
+        moment = AccumulatedMoment(fabric, C_s, corners)
+        rate = forms.hourglass_rate(fabric, C_s)
+        return [stabilising_term(rate, corners, memory=moment)]
 
-
-def _stabilisation(
-    forms: forms.Forms,
-    basis: CellBasis | JumpBasis,
-    kernel: HourglassKernel | None = None,
-    memory: Memory | None = None,
-) -> FormTerm:
-    return FormTerm(
-        "stabilisation", forms, basis, kernel, role="stabilisation", memory=memory
-    )
-
-
-def _read_stabilisation(word: str) -> float | str:
-    try:
-        return word if word == "auto" else float(word)
-    except ValueError:
-        raise ValueError(f"{word!r} is no number, nor auto") from None
-
-
-#: C_s, of every formulation that takes one.
-STABILISATION = Option(
-    name="cs",
-    help="stabilisation C_s in N/mm, or auto: eight times the shear stiffness of each "
-    "element, 1e-4 E without any",
-    default="auto",
-    read=_read_stabilisation,
-)
 
 REGISTRATION = FormulationRegistration(
     name=OnePoint.name,

@@ -10,10 +10,9 @@ from skfem import CellBasis, Mesh
 from ...fabric import Fabric
 from ...mesh.bases import SIX, MeanBasis, triangle_basis
 from ...mesh.checks import check_triangles
-from ...registration import Option
+from ...registration import FormulationRegistration, Option
 from ..terms import TensionTerm
 from .common import (
-    FormulationRegistration,
     Pointwise,
     mean_tension_term,
     refuse_stiffness,

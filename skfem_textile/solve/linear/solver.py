@@ -1,6 +1,5 @@
 """What the load stepper asks of a linear solver."""
 
-from dataclasses import dataclass
 from typing import Any, Protocol
 from weakref import ref
 
@@ -8,38 +7,9 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
-from ...registration import Registration
-
 # A pivot is round-off when it is this small beside the entry that it comes from, or
 # beside the largest pivot.
 _NO_PIVOT, _NOTHING = 1e-12, 1e-16
-
-
-@dataclass(frozen=True, kw_only=True)
-class SolverRegistration(Registration):
-    """A linear solver that can be chosen by name; the fastest known has the least rank.
-
-    ``build`` is its class.
-
-    Attributes
-    ----------
-    module
-        What it needs to import, which is done when a system is to be solved with it.
-    unknowns
-        Number of unknowns from which the time to import that is repaid.
-    rival
-        Whether it may be the fastest for large systems.
-    """
-
-    build: type[Any]
-    module: str
-    unknowns: int
-    rival: bool
-
-    @property
-    def package(self) -> str:
-        """The package that it needs."""
-        return self.module.partition(".")[0]
 
 
 class SingularMatrixError(RuntimeError):

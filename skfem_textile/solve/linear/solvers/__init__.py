@@ -1,7 +1,6 @@
 """Sparse direct solvers, one a file."""
 
-from ....registration import registered
-from ..solver import SolverRegistration
+from ....registration import SolverRegistration, registered
 
 #: The solvers by their names, the fastest known first.  SuperLU takes four times as
 #: long as the others or longer, and three times the memory: it is not worth a

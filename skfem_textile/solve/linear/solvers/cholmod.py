@@ -11,12 +11,8 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import SuperLU as Decomposition
 
-from ..solver import (
-    OneAtATime,
-    SingularMatrixError,
-    SolverRegistration,
-    refuse_round_off,
-)
+from ....registration import SolverRegistration
+from ..solver import OneAtATime, SingularMatrixError, refuse_round_off
 from .superlu import SuperLU
 
 _SUPERNODAL, _SIMPLICIAL = 2, 0

@@ -8,7 +8,8 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU as Decomposition
 
-from ..solver import OneAtATime, SingularMatrixError, SolverRegistration
+from ....registration import SolverRegistration
+from ..solver import OneAtATime, SingularMatrixError
 from .superlu import SuperLU
 
 _SYMMETRIC_INDEFINITE = -2

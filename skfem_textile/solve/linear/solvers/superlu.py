@@ -9,7 +9,8 @@ from scipy.sparse.linalg import SuperLU as Decomposition
 from scipy.sparse.linalg import splu
 
 from ....mesh.pattern import where
-from ..solver import SingularMatrixError, SolverRegistration, refuse_round_off
+from ....registration import SolverRegistration
+from ..solver import SingularMatrixError, refuse_round_off
 
 
 class SuperLU:
