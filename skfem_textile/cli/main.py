@@ -50,19 +50,23 @@ def _answer(arguments: Sequence[str]) -> int:
 def _run(arguments: Sequence[str]) -> int:
     if _is_study(arguments):
         raise ValueError(_STUDIES)
-    known = {name: options_of(scene) for name, scene in SCENES.items()}
+    own = {name: options_of(scene) for name, scene in SCENES.items()}
     try:
-        options = command_parser(known).parse_args(arguments)
+        options = command_parser(own).parse_args(arguments)
+        if options.command == "list":
+            return _list()
+        given = {o.key: getattr(options, o.key) for o in own[options.scene]}
+        case, values = case_of(given | {"scene": options.scene})
+        case = replace(case, pictures=not options.no_render)
+        return run(case, values, options)
     finally:
         say("", end="")  # what argparse has printed
-    if options.command == "list":
-        for name, scene in SCENES.items():
-            say(f"{name:16}{scene.description}")
-        return 0
-    given = {o.key: getattr(options, o.key) for o in known[options.scene]}
-    given["scene"] = options.scene
-    case, values = case_of(given)
-    return run(replace(case, pictures=not options.no_render), values, options)
+
+
+def _list() -> int:
+    for name, scene in SCENES.items():
+        say(f"{name:16}{scene.description}")
+    return 0
 
 
 def _is_study(arguments: Sequence[str]) -> bool:
