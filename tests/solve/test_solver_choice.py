@@ -8,6 +8,7 @@ from scipy.sparse import csc_matrix, identity
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
+from skfem_textile.registration import SolverRegistration
 from skfem_textile.solve.linear import (
     SOLVERS,
     ChosenSolver,
@@ -15,7 +16,6 @@ from skfem_textile.solve.linear import (
     choice,
     solver_named,
 )
-from skfem_textile.solve.linear.solver import SolverRegistration
 from skfem_textile.solve.linear.solvers.superlu import SuperLU
 
 LARGE = choice.MEASURED_FROM
