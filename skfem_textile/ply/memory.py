@@ -9,23 +9,18 @@ from skfem.assembly.form.form import FormExtraParams
 
 from .. import kinematics as kin
 from ..fabric import Fabric, is_zero
-from ..forms.hourglass import hourglass_rate, rate_increment
+from ..forms.hourglass import hourglass, hourglass_rate, rate_increment
+from ..forms.stabilisation import default_stabilisation
 from ..mesh.bases import CENTRE, centre_grad
-from .kernels.exported_forms import hourglass
-
-# C_s by default, as a share of the secant shear stiffness or of the fibre stiffness.
-_OF_SHEAR, _OF_FIBRES = 8.0, 1e-4
-
-# Below this shear angle (radians) the secant is the tangent at rest.
-_SMALL_ANGLE = 1e-6
+from .kernels.kernel import HourglassKernel
+from .kernels.kernel_forms import with_kernel
 
 
 class HeldStabilisation:
     """C_s of `hourglass` in each element, from its shear at the last converged state.
 
-    Eight times the secant shear stiffness M_s/Γ at the centre, at least a tenth of what
-    it was at rest; without shear stiffness at rest 10⁻⁴ of the fibre stiffness, or more
-    where the secant is.  It is held during a step, so that the tangent is exact.
+    That is `default_stabilisation` of the shear angle at the centre.  It is held during
+    a step, so that the tangent is exact.
 
     Parameters
     ----------
@@ -47,7 +42,7 @@ class HeldStabilisation:
 
     def __init__(self, fabric: Fabric, basis: CellBasis) -> None:
         self._fabric, self._basis = fabric, basis
-        self._energy = hourglass(fabric).energy
+        self._energy = with_kernel(hourglass(fabric), HourglassKernel(fabric)).energy
         self.begin()
 
     def begin(self) -> None:
@@ -75,27 +70,17 @@ class HeldStabilisation:
 
     @np.errstate(over="ignore")  # a run refuses what is not finite
     def _stabilisation(self, u: ndarray) -> ndarray:
-        fabric, n = self._fabric.at(), self._basis.nelems
-        law, least = fabric.shear_law, np.broadcast_to(_at_rest(fabric), (n, 1))
-        if is_zero(law):
-            return least.copy()
+        fabric = self._fabric.at()
+        if is_zero(fabric.shear_law):  # whatever the angle
+            rest = default_stabilisation(fabric)
+            return np.broadcast_to(rest, (self._basis.nelems, 1)).copy()
         # The centre's gradient is the same at the four points of an element.
         field: Any = self._basis.interpolate(u)
         F = kin.deformation_gradient(centre_grad(field)[..., :1])
         centre, _ = CENTRE
         x = self._basis.mapping.F(centre, self._basis.tind)
         angle = kin.shear_angle(F, *self._fabric.directions(x))
-        at_rest = law.tangent(np.zeros((1, 1)))
-        sheared = np.abs(angle) > _SMALL_ANGLE
-        divisor = np.where(sheared, angle, 1.0)
-        secant = np.where(sheared, law.value(angle) / divisor, at_rest)
-        return np.maximum(_OF_SHEAR * secant, least)
-
-
-def _at_rest(fabric: Fabric) -> ndarray:
-    """The least C_s of `HeldStabilisation`, shape (n_elements, 1) or (1, 1)."""
-    E_1, E_2, G = (law.tangent(np.zeros((1, 1))) for law in fabric.laws)
-    return np.where(G > 0, 0.1 * _OF_SHEAR * G, _OF_FIBRES * (E_1 + E_2) / 2)
+        return default_stabilisation(fabric, angle)
 
 
 class AccumulatedMoment:
