@@ -1,6 +1,6 @@
 """Mechanics of woven reinforcements on scikit-fem, free of tension locking."""
 
-from .files import interruption as interruption  # isort: skip  # first: Ctrl-C
+from .cli import interruption as interruption  # isort: skip  # first: Ctrl-C
 
 from . import forms as forms
 from .fabric import Fabric, Law, Linear, Sin2

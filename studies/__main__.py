@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
-from skfem_textile.files.interruption import INTERRUPTED, raised
-from skfem_textile.files.output import OutputError, complain, say, silence
+from skfem_textile.cli.interruption import INTERRUPTED, raised
+from skfem_textile.cli.output import OutputError, complain, say, silence
 
 from .common.workers import executor_of
 from .study import Row, Study, descriptions, load
@@ -94,7 +94,7 @@ def _positive(text: str) -> int:
 
 def _run(study: Study[Any], options: argparse.Namespace) -> int:
     """Examine the cases and write the report; a case that fails is not in it."""
-    from skfem_textile.io import ResultFolder
+    from skfem_textile.cli.result_folder import ResultFolder
     from skfem_textile.sweep import SweepError
 
     if study.timed:  # before libraries of linear algebra are loaded

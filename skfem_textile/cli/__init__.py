@@ -1,5 +1,1 @@
-"""The command line ``skfem-textile``."""
-
-from .main import main
-
-__all__ = ["main"]
+"""The command line ``skfem-textile``: arguments, and what they build."""

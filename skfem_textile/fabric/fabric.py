@@ -1,14 +1,16 @@
 """What a ply is made of: fibre directions, tension law and shear law."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeAlias
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.user_input import call_user_function, real_numbers
+from .law import Law, Linear, domain_of, law_at
 
 
 class Varied(Protocol):
@@ -28,106 +30,6 @@ Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray] | Varied
 
 # Fibre families closer than this (radians) leave the fabric no second family.
 _PARALLEL = 1e-6
-
-
-class Law(Protocol):
-    """A scalar elastic law: energy, its derivative and its second derivative.
-
-    For fibres ``x`` is the fibre strain ε and ``value`` the tension T in N/mm;
-    for shear ``x`` is the shear angle Γ in radians and ``value`` the shear
-    moment M_s in N/mm.  All three take and return arrays.
-
-    A law that differs from element to element has a method ``at``: of numbers of
-    elements, shape (n, n_points) or (n, 1), or None for all of them, it makes the law
-    at these points, whose parameters broadcast with x.
-
-    A law may have a ``domain``, the least and the largest x for which it holds: no
-    state beyond it is an answer.  One that says nothing ends where its energy is not
-    finite, such as past a pole; one that holds everywhere, ``(-inf, inf)``, saves the
-    load stepper from asking.
-    """
-
-    def energy(self, x: ndarray) -> ndarray:
-        """Energy density in N·mm/mm², zero at x = 0."""
-        ...
-
-    def value(self, x: ndarray) -> ndarray:
-        """Derivative of the energy."""
-        ...
-
-    def tangent(self, x: ndarray) -> ndarray:
-        """Derivative of the value."""
-        ...
-
-
-@dataclass(frozen=True)
-class _OneStiffness:
-    """A law with one parameter, its initial stiffness; finite everywhere.
-
-    The stiffness is a number, or one for each element, shape (n_elements,).
-    """
-
-    stiffness: float | ndarray
-    domain: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
-
-    def __post_init__(self) -> None:
-        stiffness = np.ravel(self.stiffness)
-        if (wrong := stiffness[~(np.isfinite(stiffness) & (stiffness >= 0))]).size:
-            raise ValueError(f"stiffness must be a finite number >= 0, got {wrong[0]}")
-
-    def at(self, element: ndarray | None = None) -> Self:
-        """The law at points, by the numbers of their elements; see `Law`."""
-        every = np.asarray(self.stiffness)
-        if every.ndim == 0:
-            return self
-        own = every[:, None] if element is None else every[element]
-        return replace(self, stiffness=own)
-
-
-@dataclass(frozen=True)
-class Linear(_OneStiffness):
-    """The law ``value = stiffness · x``.
-
-    Raises
-    ------
-    ValueError
-        If the stiffness is negative or not finite.
-    """
-
-    def energy(self, x: ndarray) -> ndarray:
-        """½ stiffness x²."""
-        return 0.5 * self.stiffness * x**2
-
-    def value(self, x: ndarray) -> ndarray:
-        """Stiffness times x."""
-        return self.stiffness * x
-
-    def tangent(self, x: ndarray) -> ndarray:
-        """The stiffness."""
-        return self.stiffness + np.zeros(np.shape(x))
-
-
-@dataclass(frozen=True)
-class Sin2(_OneStiffness):
-    """The shear law w = ½ G sin²Γ, M_s = ½ G sin 2Γ, convex up to 45°.
-
-    Raises
-    ------
-    ValueError
-        If the initial stiffness G is negative or not finite.
-    """
-
-    def energy(self, x: ndarray) -> ndarray:
-        """½ G sin²Γ."""
-        return 0.5 * self.stiffness * np.sin(x) ** 2
-
-    def value(self, x: ndarray) -> ndarray:
-        """½ G sin 2Γ."""
-        return 0.5 * self.stiffness * np.sin(2 * x)
-
-    def tangent(self, x: ndarray) -> ndarray:
-        """G cos 2Γ."""
-        return self.stiffness * np.cos(2 * x)
 
 
 #: A stiffness, one for each element, or a law.
@@ -190,7 +92,7 @@ class Fabric:
         if len(given) == 2:
             self.directions(x)  # refuses parallel families
 
-    @property
+    @cached_property
     def families(self) -> tuple[Family, Family]:
         """Warp and weft."""
         one = not isinstance(self.tension, tuple | list)
@@ -202,12 +104,12 @@ class Fabric:
             Family("weft", self.weft, _law("tension", pair[1])),
         )
 
-    @property
+    @cached_property
     def shear_law(self) -> Law:
         """Shear moment M_s(Γ)."""
         return _law("shear", self.shear)
 
-    @property
+    @cached_property
     def laws(self) -> tuple[Law, Law, Law]:
         """The laws of warp, weft and shear."""
         warp, weft = self.families
@@ -227,10 +129,12 @@ class Fabric:
         if all(new is old for new, old in zip(laws, own, strict=True)):
             return self
         other = object.__new__(Fabric)  # its directions are valid
-        vars(other).update(vars(self), tension=(laws[0], laws[1]), shear=laws[2])
+        vars(other).update(
+            tension=(laws[0], laws[1]), shear=laws[2], warp=self.warp, weft=self.weft
+        )
         return other
 
-    @property
+    @cached_property
     def unbounded(self) -> bool:
         """Whether every law says that it holds everywhere."""
         stated = [getattr(law, "domain", None) for law in self.laws]
@@ -275,21 +179,6 @@ class Fabric:
         if np.any(np.abs(A1[0] * A2[1] - A1[1] * A2[0]) < _PARALLEL):
             raise ValueError("warp and weft are parallel: they must cross at an angle")
         return A1, A2
-
-
-def is_zero(law: Law) -> bool:
-    """Whether a law needs no term at all."""
-    return isinstance(law, _OneStiffness) and not np.any(law.stiffness)
-
-
-def law_at(law: Law, element: ndarray | None) -> Law:
-    """A law at points, by the numbers of their elements, if it differs among these."""
-    return law.at(element) if hasattr(law, "at") else law
-
-
-def domain_of(law: Law) -> tuple[Any, Any]:
-    """The least and the largest argument for which a law says that it holds."""
-    return getattr(law, "domain", (-np.inf, np.inf))
 
 
 def _law(name: str, law: Stiffness) -> Law:

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from .fabric import Fabric, Law, is_zero
+from .fabric import Fabric
+from .law import Law, is_zero
 
 # Arguments at which a law is asked, that has no domain of its own.
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)

@@ -8,7 +8,8 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from .fabric import Direction, Fabric, Law, domain_of, law_at, unit_vectors
+from .fabric import Direction, Fabric, unit_vectors
+from .law import Law, domain_of, law_at
 
 
 @dataclass(frozen=True, eq=False)

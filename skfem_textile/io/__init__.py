@@ -1,11 +1,10 @@
 """Meshes in, in any format that meshio knows, and results out."""
 
 from .reading import read_mesh
-from .results import FIELDS, ResultFolder, write_fields, write_history, write_summary
+from .results import FIELDS, write_fields, write_history, write_summary
 
 __all__ = [
     "FIELDS",
-    "ResultFolder",
     "read_mesh",
     "write_fields",
     "write_history",

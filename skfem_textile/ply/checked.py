@@ -2,15 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 from copy import copy
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
-from skfem.assembly.basis import AbstractBasis
 
 from .term import Load, Role, Term, dimension
-from .terms import FormTerm, MatrixTerm, VectorTerm
 
 # What a memory, and a term, must have.
 _REMEMBERS = (
@@ -58,7 +56,9 @@ def checked(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term, ...]:
         if term.name in names:
             raise ValueError(f"two terms are named {term.name!r}; name them apart")
         names.append(term.name)
-        _refuse_other_ply(term, basis)
+        misfit = getattr(term, "misfit", lambda basis: "")(basis)
+        if misfit:
+            raise ValueError(f"term {term.name!r}: {misfit}")
     return tuple(put)
 
 
@@ -72,41 +72,11 @@ def remembering_apart(term: Term | Load) -> Term | Load:
     return own
 
 
-def _refuse_other_ply(term: Term, basis: CellBasis) -> None:
-    """Refuse a term of other unknowns than those of a basis."""
-    N = basis.N
-    if isinstance(term, FormTerm):
-        fits = _same_unknowns(term.basis, basis)
-        what = "its basis is not one of the displacement: build it on ply.basis.mesh"
-    elif isinstance(term, MatrixTerm):
-        fits, what = np.shape(term.matrix) == (N, N), f"its matrix must be {N} × {N}"
-    elif isinstance(term, VectorTerm):
-        fits = np.shape(term.vector) == (N,) and bool(np.isfinite(term.vector).all())
-        what = f"its vector must be {N} finite numbers"
-    else:
-        return
-    if not fits:
-        raise ValueError(f"term {term.name!r}: {what}")
-
-
-def _same_unknowns(other: Any, basis: CellBasis) -> bool:
-    """Whether a basis has the unknowns of that of the displacement, node by node."""
-    if not isinstance(other, AbstractBasis):
-        return False
-    same = (other.N, dimension(other)) == (basis.N, dimension(basis))
-    mesh, own = other.mesh, basis.mesh
-    return same and (
-        mesh is own or (np.array_equal(mesh.p, own.p) and np.array_equal(mesh.t, own.t))
-    )
-
-
 def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
     """Nodes that a term couples beside those of elements: as it says, or does at rest.
 
     Arrays of shape (n_nodes, n): the nodes of a column all couple.
     """
-    if isinstance(term, FormTerm):
-        return ()
     if (named := term.couples()) is not None:
         return named
     K = term.tangent(basis.zeros(), 1.0)

@@ -1,6 +1,7 @@
 """What a displacement makes of the fibres of a ply."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -11,7 +12,6 @@ from .. import kinematics as kin
 from ..fabric import Fabric
 from ..mesh.bases import node_dofs
 from ..mesh.corners import Corners
-from .terms import TensionTerm
 
 
 class Measures:
@@ -36,7 +36,7 @@ class Measures:
     fine_points: ndarray
     corners: Corners
     gradient: Callable[..., ndarray]
-    _tension: TensionTerm | None
+    _tension: Any  # the term of the fibres, or None
 
     def deformation_gradient(
         self, u: ndarray, points: ndarray | None = None

@@ -10,16 +10,17 @@ from skfem.assembly.form.form import FormExtraParams
 from .. import kinematics as kin
 from ..fabric import Fabric
 from ..forms.form import directions, elements
-from ..forms.hourglass import hourglass_rate, rate_increment
-from ..forms.mean_tension import deviation_energy, mean
-from ..mesh.bases import CENTRE, centre_grad
-from .held_stiffness import (
+from ..forms.held_stiffness import (
     deviation_stiffness,
     fibre_stiffness,
     shear_stiffness,
     stabilisation_stiffness,
 )
-from .kernels.exported_forms import hourglass
+from ..forms.hourglass import hourglass, hourglass_rate, rate_increment
+from ..forms.mean_tension import deviation_energy, mean
+from ..mesh.bases import CENTRE, centre_grad
+from .kernels.kernel import HourglassKernel
+from .kernels.kernel_forms import with_kernel
 
 
 class _HeldStiffness:
@@ -91,7 +92,8 @@ class HeldStabilisation(_HeldStiffness):
 
     def __init__(self, fabric: Fabric, basis: CellBasis) -> None:
         self._fabric = fabric
-        super().__init__("C_s", hourglass(fabric).energy, basis)
+        forms = with_kernel(hourglass(fabric), HourglassKernel(fabric))
+        super().__init__("C_s", forms.energy, basis)
 
     @np.errstate(over="ignore")  # a run refuses what is not finite
     def _stiffness(self, u: ndarray) -> ndarray:

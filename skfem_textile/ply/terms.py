@@ -1,6 +1,6 @@
 """Terms given by scikit-fem forms, by a matrix, and by a vector."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Protocol, TypeAlias
@@ -87,6 +87,16 @@ class FormTerm(Term):
         """The tangent form."""
         return self._asm(self._forms.tangent, u, t)
 
+    def misfit(self, basis: CellBasis) -> str:
+        """Why it is no term on a basis of the displacement; empty where it is one."""
+        if _same_unknowns(self.basis, basis):
+            return ""
+        return "its basis is not one of the displacement: build it on ply.basis.mesh"
+
+    def couples(self) -> Sequence[ndarray]:
+        """None beside the nodes of its elements."""
+        return ()
+
     @property
     def nodes(self) -> ndarray:
         """Nodes of the elements of the basis, shape (n_nodes, n_elements)."""
@@ -160,6 +170,12 @@ class MatrixTerm(Term):
         """K."""
         return csr_matrix(self.matrix)
 
+    def misfit(self, basis: CellBasis) -> str:
+        """Why it is no term on a basis of the displacement; empty where it is one."""
+        N = basis.N
+        fits = np.shape(self.matrix) == (N, N)
+        return "" if fits else f"its matrix must be {N} × {N}"
+
 
 #: A function of the load factor, or a number.
 Factor: TypeAlias = Callable[[float], float] | float
@@ -201,6 +217,12 @@ class VectorTerm(Term):
 
     def tangent(self, u: ndarray, t: float) -> None:
         """None."""
+
+    def misfit(self, basis: CellBasis) -> str:
+        """Why it is no term on a basis of the displacement; empty where it is one."""
+        N = basis.N
+        fits = np.shape(self.vector) == (N,) and bool(np.isfinite(self.vector).all())
+        return "" if fits else f"its vector must be {N} finite numbers"
 
     def _at(self, t: float) -> float:
         told = f"term {self.name!r}: its factor"
@@ -253,3 +275,14 @@ def _elements(basis: Any) -> Parameters:
     if "element" in basis.default_parameters():
         return {}
     return {"element": element_numbers(basis)}
+
+
+def _same_unknowns(other: Any, basis: CellBasis) -> bool:
+    """Whether a basis has the unknowns of that of the displacement, node by node."""
+    if not isinstance(other, AbstractBasis):
+        return False
+    same = (other.N, dimension(other)) == (basis.N, dimension(basis))
+    mesh, own = other.mesh, basis.mesh
+    return same and (
+        mesh is own or (np.array_equal(mesh.p, own.p) and np.array_equal(mesh.t, own.t))
+    )

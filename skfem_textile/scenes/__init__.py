@@ -1,8 +1,22 @@
-"""Problems with a known answer: geometry, conditions and exact solution."""
+"""Problems with a known answer, one a file: geometry, conditions, exact solution."""
 
+from ..registration import SceneRegistration, registered
 from .bias_extension import bias_extension
+from .case import Case
+from .picture_frame import picture_frame
 from .scene import Scene
 from .strip import strip
-from .trellis import picture_frame, trellis
+from .trellis import trellis
 
-__all__ = ["Scene", "bias_extension", "picture_frame", "strip", "trellis"]
+#: The scenes by their names on the command line.
+SCENES = registered(__name__, SceneRegistration)
+
+__all__ = [
+    "SCENES",
+    "Case",
+    "Scene",
+    "bias_extension",
+    "picture_frame",
+    "strip",
+    "trellis",
+]

@@ -8,8 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from ..files.lock import Lock
-from ..files.output import OutputError
+from ..solve.checkpoint.lock import Lock
 
 log = logging.getLogger(__name__)
 
@@ -90,7 +89,7 @@ class ResultsFile:
 
         Raises
         ------
-        OutputError
+        OSError
             If it cannot be written.
         """
         result_text = json.dumps(result, ensure_ascii=False, default=_as_json)
@@ -100,7 +99,7 @@ class ResultsFile:
             with open(self._path, "ab") as file:
                 file.write(start + _digest(start) + b'"}\n')
         except OSError as error:
-            raise OutputError(
+            raise OSError(
                 f"cannot write results to {self._path}: {error.strerror or error}; "
                 "what it holds remains, and a sweep goes on from there"
             ) from None

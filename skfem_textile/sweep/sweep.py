@@ -86,7 +86,7 @@ def sweep(
         If ``out`` is no file of a sweep, or two of its cases have one name.
     BlockingIOError
         If another sweep writes to ``out``.
-    OutputError
+    OSError
         If a result cannot be written, as on a full disk; what ``out`` holds remains.
     TypeError
         If a result that is to be written has no form in JSON.

@@ -14,10 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, StepError, cli
-from skfem_textile.files.interruption import INTERRUPTED, held, raised
-from skfem_textile.files.output import OutputError
-from skfem_textile.io import ResultFolder, write_fields, write_history
+from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, StepError
+from skfem_textile.cli import main as cli
+from skfem_textile.cli.interruption import INTERRUPTED, held, raised
+from skfem_textile.cli.output import OutputError
+from skfem_textile.cli.result_folder import ResultFolder
+from skfem_textile.io import write_fields, write_history
 from skfem_textile.scenes import strip
 from skfem_textile.sweep import WorkerProcesses
 
@@ -39,7 +41,7 @@ def interrupted(out, number, seconds, *options):
     )
     with child:
         lines = iter(child.stderr.readline, "")
-        next(line for line in lines if "skfem_textile.files.interruption" in line)
+        next(line for line in lines if "skfem_textile.cli.interruption" in line)
         late = threading.Timer(seconds, child.send_signal, [number])
         late.start()
         said = [line for line in lines if not line.startswith("import time:")]
@@ -81,12 +83,10 @@ def test_a_signal_while_modules_are_imported_is_answered():
 
 def test_who_imports_the_package_keeps_the_answers_to_signals():
     script = (
-        "import signal; before = signal.getsignal(signal.SIGTERM), "
-        "signal.getsignal(signal.SIGINT); import skfem_textile, skfem_textile.cli; "
-        "assert before == (signal.getsignal(signal.SIGTERM), "
-        "signal.getsignal(signal.SIGINT)); skfem_textile.cli.main(['list']); "
-        "assert before == (signal.getsignal(signal.SIGTERM), "
-        "signal.getsignal(signal.SIGINT))"
+        "import signal; answers = lambda: "
+        "[signal.getsignal(n) for n in (signal.SIGTERM, signal.SIGINT)];"
+        "before = answers(); from skfem_textile.cli.main import main;"
+        "assert before == answers(); main(['list']); assert before == answers()"
     )
     subprocess.run([sys.executable, "-c", script], check=True, capture_output=True)
 

@@ -21,22 +21,27 @@ PACKAGE = Path(skfem_textile.__file__).parent
 
 #: Each layer, and those that it may import from.
 LAYERS = {
+    "registration": (),
     "kinematics": (),
-    "files": (),
+    "cli.interruption": (),
+    "cli.output": (),
     "mesh": (),
-    "fabric": ("mesh",),
+    "fabric": ("mesh", "registration"),
     "splitting": ("mesh",),
     "forms": ("kinematics", "fabric", "mesh"),
     "ply.kernels": ("forms", "fabric", "mesh"),
-    "ply": ("ply.kernels", "forms", "kinematics", "fabric", "mesh", "splitting"),
-    "solve": ("fabric", "mesh", "files"),
-    "scenes": ("solve", "fabric", "mesh", "splitting"),
-    "io": ("solve", "splitting", "mesh", "files"),
+    "ply": (
+        *("ply.kernels", "forms", "kinematics", "fabric", "mesh", "splitting"),
+        "registration",
+    ),
+    "solve": ("fabric", "mesh", "registration"),
+    "scenes": ("solve", "ply", "fabric", "mesh", "splitting", "registration"),
+    "io": ("solve", "splitting", "mesh"),
     "plot": ("io", "solve"),
-    "sweep": ("files",),
+    "sweep": ("solve", "cli.output"),
     "cli": (
-        *("plot", "sweep", "io", "scenes", "solve", "ply"),
-        *("fabric", "mesh", "splitting", "files"),
+        *("plot", "io", "scenes", "solve", "ply", "fabric", "mesh", "splitting"),
+        *("registration", "cli.interruption", "cli.output"),
     ),
     "__main__": ("cli",),
 }

@@ -16,8 +16,8 @@ from skfem_textile import (
     OnePoint,
     Ply,
 )
+from skfem_textile.cli.result_folder import ResultFolder
 from skfem_textile.io import (
-    ResultFolder,
     read_mesh,
     write_fields,
     write_history,

@@ -17,8 +17,8 @@ from skfem_textile import (
     Ply,
     Quadratic,
     Sin2,
-    cli,
 )
+from skfem_textile.cli import main as cli
 from skfem_textile.io import read_mesh
 from skfem_textile.scenes import bias_extension, picture_frame, strip, trellis
 from skfem_textile.scenes.bias_extension import WIDTH, lost_to_stretch

@@ -18,8 +18,8 @@ from skfem_textile import (
     OnePoint,
     Ply,
     Sin2,
-    cli,
 )
+from skfem_textile.cli import main as cli
 from skfem_textile.scenes import bias_extension, strip, trellis
 from skfem_textile.solve.path import Path
 from skfem_textile.solve.result import State

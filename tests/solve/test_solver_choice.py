@@ -1,8 +1,6 @@
 import json
-import sys
 from importlib import import_module
 from importlib.util import find_spec
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +8,7 @@ from scipy.sparse import csc_matrix, identity
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
+from skfem_textile.registration import SolverRegistration
 from skfem_textile.solve.linear import (
     SOLVERS,
     ChosenSolver,
@@ -17,8 +16,7 @@ from skfem_textile.solve.linear import (
     choice,
     solver_named,
 )
-from skfem_textile.solve.linear.choice import Offer
-from skfem_textile.solve.linear.superlu import SuperLU
+from skfem_textile.solve.linear.solvers.superlu import SuperLU
 
 LARGE = choice.MEASURED_FROM
 
@@ -46,11 +44,15 @@ class Fakes:
                 fakes.time += seconds[min(times, len(seconds)) - 1]
                 return super().factorise(data)
 
-        module = SimpleNamespace(Fake=Fake)
-        self._monkeypatch.setitem(
-            sys.modules, f"skfem_textile.solve.linear.{name}", module
+        fake = SolverRegistration(
+            name=name,
+            description="",
+            build=Fake,
+            module="scipy",
+            unknowns=0,
+            rival=True,
         )
-        first = {name: Offer("Fake", "scipy", 0, rival=True)}
+        first = {name: fake}
         others = {k: o for k, o in choice.SOLVERS.items() if k != "superlu"}
         offers = others | first | {"superlu": SOLVERS["superlu"]}
         self._monkeypatch.setattr(choice, "SOLVERS", offers)
@@ -227,15 +229,15 @@ def test_a_run_is_resumed_whichever_solver_is_chosen(fakes, monkeypatch, tmp_pat
 
 
 def test_auto_passes_over_a_package_that_is_not_whole(monkeypatch, caplog):
-    def broken(name, package):
-        if name == ".superlu":
-            return import_module(name, package)
+    def broken(name):
+        if name == "scipy":
+            return import_module(name)
         raise ImportError(f"no {name}")
 
     monkeypatch.setattr(choice, "import_module", broken)
     monkeypatch.setattr(choice, "find_spec", lambda name: True)
     assert chosen(LARGE - 1).name == "superlu"
-    assert "solver cholmod: no .cholmod" in caplog.text
+    assert "solver cholmod: no cvxopt.cholmod" in caplog.text
 
 
 def test_auto_takes_superlu_for_few_unknowns_and_the_fastest_known_for_more():

@@ -20,7 +20,8 @@ from skfem_textile import (
 )
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve.linear import SOLVERS, superlu
+from skfem_textile.solve.linear import SOLVERS
+from skfem_textile.solve.linear.solvers import superlu
 from skfem_textile.solve.problem import NoEquilibriumError
 from skfem_textile.splitting import split
 

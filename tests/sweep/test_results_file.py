@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from sweep_cases import lines, square
 
-from skfem_textile.files.output import OutputError
 from skfem_textile.sweep import sweep
 
 FOREIGN = "not what a sweep wrote"
@@ -189,7 +188,7 @@ def test_a_full_disk_is_told_and_the_next_sweep_goes_on(out, thread, monkeypatch
     next(results)
     with monkeypatch.context() as patch:
         patch.setattr("skfem_textile.sweep.results_file.open", full, raising=False)
-        with pytest.raises(OutputError, match=told):
+        with pytest.raises(OSError, match=told):
             next(results)
     assert len(lines(out)) == 1
     assert len(list(sweep(square, range(3), thread, out=out))) == 3

@@ -12,12 +12,12 @@ from uuid import uuid4
 import numpy as np
 from numpy import ndarray
 
-from ...files.lock import Lock
 from ..problem import Problem, Start
 from ..result import State
 from . import fingerprint, sealed
 from .consistency import check_state, same
 from .contents import VECTORS, Progress, progress_of, state_of
+from .lock import Lock
 from .sealed import Content
 
 _FORMAT = 5

@@ -1,8 +1,9 @@
 """Sparse direct solvers of symmetric systems, by name."""
 
-from .choice import SOLVERS, Choice, ChosenSolver, check_solver, solver_named
+from .choice import Choice, ChosenSolver, check_solver, solver_named
 from .dissection import nested_dissection
 from .solver import Factors, SingularMatrixError, Solver
+from .solvers import SOLVERS
 
 __all__ = [
     "SOLVERS",

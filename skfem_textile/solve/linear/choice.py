@@ -16,29 +16,10 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix
 
 from .solver import Factors, Solver
+from .solvers import SOLVERS
 
 log = logging.getLogger(__name__)
 
-
-class Offer(NamedTuple):
-    """A solver: its class, its package, and when loading that package is repaid.
-
-    ``rival`` tells that it may be the fastest for large systems.
-    """
-
-    cls: str
-    package: str
-    unknowns: int
-    rival: bool
-
-
-#: Solvers by name, the fastest known first.  SuperLU takes four times as long as the
-#: others or longer, and three times the memory: it is not worth a measurement.
-SOLVERS = {
-    "cholmod": Offer("Cholmod", "cvxopt", 500, rival=True),
-    "pardiso": Offer("Pardiso", "pypardiso", 20_000, rival=True),
-    "superlu": Offer("SuperLU", "scipy", 0, rival=False),
-}
 
 #: Unknowns from which ``auto`` measures.  There it takes 2 s, 0.6 s of them to load
 #: PARDISO; a solver that saves a third of the time repays that in 25 factorisations.
@@ -122,7 +103,8 @@ class ChosenSolver:
 def solver_named(name: str) -> type[Solver]:
     """The solver of a name of `SOLVERS`; errors are those of `check_solver`."""
     check_solver(name)
-    return getattr(import_module(f".{name}", __package__), SOLVERS[name].cls)
+    import_module(SOLVERS[name].module)
+    return SOLVERS[name].build
 
 
 def check_solver(name: str) -> None:

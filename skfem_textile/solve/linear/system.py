@@ -1,14 +1,21 @@
 """The linear system that constraints leave of a tangent, its places found once."""
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
 from ...mesh.pattern import Pattern, matrix_of_slots
-from ..conditions import Constraints
 from . import ChosenSolver, nested_dissection
+
+
+class Fixing(Protocol):
+    """Which unknowns are fixed and which are free, and how inclined ones are turned."""
+
+    free: ndarray
+    fixed: ndarray
+    turn: csr_matrix | None
 
 
 class Reduced(NamedTuple):
@@ -58,7 +65,7 @@ class System:
         self,
         pattern: Pattern,
         positions: ndarray,
-        constraints: Constraints,
+        constraints: Fixing,
         solver: str,
     ) -> None:
         nodes = nested_dissection(positions, np.array([pattern.rows, pattern.cols]))

@@ -13,9 +13,9 @@ from time import perf_counter, sleep
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from skfem_textile import cli
 from skfem_textile import io as _loaded_before_the_fork  # noqa: F401
-from skfem_textile.files.interruption import INTERRUPTED
+from skfem_textile.cli import main as cli
+from skfem_textile.cli.interruption import INTERRUPTED
 
 from ..trial import WrongAnswerError
 from ..workers import end_with_parent

@@ -16,8 +16,9 @@ from skfem_textile import (
     State,
     StepError,
 )
-from skfem_textile.files.output import OutputError
-from skfem_textile.io import FIELDS, ResultFolder, write_fields, write_history
+from skfem_textile.cli.output import OutputError
+from skfem_textile.cli.result_folder import ResultFolder
+from skfem_textile.io import FIELDS, write_fields, write_history
 from skfem_textile.io import write_summary as write
 from skfem_textile.scenes import strip
 from skfem_textile.sweep import sweep

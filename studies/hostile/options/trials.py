@@ -11,7 +11,7 @@ from random import Random
 import meshio
 import numpy as np
 
-from skfem_textile import cli
+from skfem_textile.cli import main as cli
 
 from ..folders import folder_content
 from ..trial import RIGHT, SILENT, UNCLEAR, Family, Finding, checked, refused

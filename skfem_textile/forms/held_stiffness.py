@@ -9,8 +9,7 @@ are local: no size of the mesh is in them.
 import numpy as np
 from numpy import ndarray
 
-from ..fabric import Law
-from ..fabric.fabric import domain_of
+from ..fabric.law import Law, domain_of
 
 # C_s over the shear stiffness: measured, `python -m studies formulations`.
 _C_S_OF_SHEAR = 8.0

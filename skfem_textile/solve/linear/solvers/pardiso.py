@@ -5,12 +5,11 @@ from weakref import finalize
 
 import numpy as np
 from numpy import ndarray
-from pypardiso import PyPardisoSolver
-from pypardiso.pardiso_wrapper import PyPardisoError
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU as Decomposition
 
-from .solver import OneAtATime, SingularMatrixError
+from ....registration import SolverRegistration
+from ..solver import OneAtATime, SingularMatrixError
 from .superlu import SuperLU
 
 _SYMMETRIC_INDEFINITE = -2
@@ -33,6 +32,8 @@ class Pardiso(OneAtATime):
     """
 
     def __init__(self, lower: csc_matrix) -> None:
+        from pypardiso import PyPardisoSolver  # when the first system is to be solved
+
         self.lower = lower
         # The lower triangle by columns is the upper one by rows.
         self._A = csr_matrix(
@@ -99,6 +100,8 @@ class PardisoFactors:
 
     def refactorise(self) -> None:
         """Factors and inertia."""
+        from pypardiso.pardiso_wrapper import PyPardisoError
+
         solver = self._solver
         try:
             solver.call(_FACTORISE, self._data)
@@ -121,3 +124,14 @@ class PardisoFactors:
     def _pivoted(self) -> Decomposition:
         self.factorisations += 1
         return self._solver.pivoting.pivoted(self._data)
+
+
+REGISTRATION = SolverRegistration(
+    name="pardiso",
+    description="MKL's PARDISO",
+    build=Pardiso,
+    module="pypardiso",
+    unknowns=20_000,
+    rival=True,
+    rank=2,
+)

@@ -2,16 +2,17 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cache, cached_property
 from threading import Lock
+from typing import Any
 
 import numpy as np
-from cvxopt import cholmod, matrix, spmatrix
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import SuperLU as Decomposition
 
-from .solver import OneAtATime, SingularMatrixError, refuse_round_off
+from ....registration import SolverRegistration
+from ..solver import OneAtATime, SingularMatrixError, refuse_round_off
 from .superlu import SuperLU
 
 _SUPERNODAL, _SIMPLICIAL = 2, 0
@@ -32,7 +33,9 @@ class Cholmod(OneAtATime):
     def __init__(self, lower: csc_matrix) -> None:
         self.lower, n = lower, lower.shape[0]
         col = np.repeat(np.arange(n), np.diff(lower.indptr))
-        self.A = spmatrix(0.0, _integers(lower.indices), _integers(col), (n, n))
+        self.A = _cvxopt().spmatrix(
+            0.0, _integers(lower.indices), _integers(col), (n, n)
+        )
         self._order = _integers(np.arange(n))
         self.factors = self._analysed(_SUPERNODAL)
 
@@ -52,7 +55,7 @@ class Cholmod(OneAtATime):
 
     def _analysed(self, kind: int) -> object:
         with _option(kind):
-            return cholmod.symbolic(self.A, p=self._order)
+            return _cvxopt().cholmod.symbolic(self.A, p=self._order)
 
 
 class CholmodFactors:
@@ -69,7 +72,9 @@ class CholmodFactors:
         factors = self._solver.factors
         try:
             self._numeric(factors, _SUPERNODAL)
-            self._refuse_round_off(factors, _array(cholmod.diag(factors)) ** 2)
+            self._refuse_round_off(
+                factors, _array(_cvxopt().cholmod.diag(factors)) ** 2
+            )
         except (ArithmeticError, SingularMatrixError):
             self.definite = False
 
@@ -84,8 +89,8 @@ class CholmodFactors:
             self._numeric(factors, _SIMPLICIAL)
         except ArithmeticError:
             raise SingularMatrixError from None
-        reciprocal = matrix(1.0, (len(self._diagonal), 1))
-        cholmod.solve(factors, reciprocal, sys=6)
+        reciprocal = _cvxopt().matrix(1.0, (len(self._diagonal), 1))
+        _cvxopt().cholmod.solve(factors, reciprocal, sys=6)
         pivots = 1.0 / _array(reciprocal)
         self._refuse_round_off(factors, np.abs(pivots))
         return int(np.sum(pivots < 0))
@@ -95,8 +100,8 @@ class CholmodFactors:
         if not self.definite:
             return self._pivoted.solve(b)
         self._solver.hold(self)
-        x = matrix(b)
-        cholmod.solve(self._solver.factors, x)
+        x = _cvxopt().matrix(b)
+        _cvxopt().cholmod.solve(self._solver.factors, x)
         return _array(x)
 
     @cached_property
@@ -105,36 +110,55 @@ class CholmodFactors:
         return self._solver.pivoting.pivoted(self._data)
 
     def _numeric(self, factors: object, kind: int) -> None:
-        self._solver.A.V = matrix(self._data)
+        self._solver.A.V = _cvxopt().matrix(self._data)
         with _option(kind):
-            cholmod.numeric(self._solver.A, factors)
+            _cvxopt().cholmod.numeric(self._solver.A, factors)
 
     @property
     def _diagonal(self) -> ndarray:
         return self._data[self._solver.lower.indptr[:-1]]
 
     def _refuse_round_off(self, factors: object, pivots: ndarray) -> None:
-        diagonal = matrix(self._diagonal)
-        cholmod.solve(factors, diagonal, sys=7)  # in the order of the pivots
+        diagonal = _cvxopt().matrix(self._diagonal)
+        _cvxopt().cholmod.solve(factors, diagonal, sys=7)  # in the order of the pivots
         refuse_round_off(pivots, _array(diagonal))
+
+
+@cache
+def _cvxopt() -> Any:
+    """The package, imported when the first system is to be solved."""
+    import cvxopt.cholmod
+
+    return cvxopt
 
 
 @contextmanager
 def _option(kind: int) -> Iterator[None]:
     """Have cvxopt make factors of a kind."""
     with _LOCK:
-        before = dict(cholmod.options)
-        cholmod.options["supernodal"] = kind
+        before = dict(_cvxopt().cholmod.options)
+        _cvxopt().cholmod.options["supernodal"] = kind
         try:
             yield
         finally:
-            cholmod.options.clear()
-            cholmod.options.update(before)
+            _cvxopt().cholmod.options.clear()
+            _cvxopt().cholmod.options.update(before)
 
 
-def _integers(x: ndarray) -> matrix:
-    return matrix(x.astype(np.int64), tc="i")
+def _integers(x: ndarray) -> Any:
+    return _cvxopt().matrix(x.astype(np.int64), tc="i")
 
 
-def _array(x: matrix) -> ndarray:
+def _array(x: Any) -> ndarray:
     return np.array(x).ravel()
+
+
+REGISTRATION = SolverRegistration(
+    name="cholmod",
+    description="CHOLMOD of SuiteSparse",
+    build=Cholmod,
+    module="cvxopt.cholmod",
+    unknowns=500,
+    rival=True,
+    rank=1,
+)

@@ -1,0 +1,189 @@
+"""The case that the options of a run describe."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from skfem import Mesh
+
+from ..fabric import Fabric
+from ..fabric.laws import LAWS
+from ..ply.formulations import FORMULATIONS
+from ..ply.loads import Force
+from ..ply.terms import Formulation
+from ..registration import Option, Registration, SceneRegistration
+from ..scenes.case import Case
+from ..solve.linear import SOLVERS
+from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY
+from ..solve.strategies import STRATEGIES
+from ..solve.verdict import CHECKS
+from .mesh import mesh_options, scene_of
+
+# The shear laws, and what the names of their options begin with.
+_SHEAR_LAWS = {name: law for name, law in LAWS.items() if "shear" in law.resists}
+_OF_SHEAR = "shear-"
+
+_STEPPING = (
+    Option(name="steps", help="load steps", default=20, read=int),
+    Option(
+        name="strategy",
+        help=f"what a step tries, in this order, of {', '.join(STRATEGIES)}",
+        default=list(DEFAULT_STRATEGIES),
+        choices=tuple(STRATEGIES),
+        metavar="NAME",
+        words="+",
+    ),
+    Option(
+        name="warn-only",
+        help=f"checks that do not refuse a state, of {', '.join(CHECKS)}",
+        default=list(DEFAULT_WARN_ONLY),
+        choices=tuple(CHECKS),
+        metavar="CHECK",
+        words="*",
+    ),
+    Option(
+        name="solver",
+        help="linear solver: cholmod needs cvxopt, pardiso pypardiso; auto takes the "
+        "fastest that is there, which it measures for large systems",
+        default="auto",
+        choices=("auto", *SOLVERS),
+    ),
+)
+
+
+def options_of(scene: SceneRegistration) -> tuple[Option, ...]:
+    """Every option that describes a case of the scene."""
+    return (
+        *mesh_options(scene),
+        *_formulation_options(),
+        *_fabric_options(),
+        *_STEPPING,
+        *scene.options,
+    )
+
+
+def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
+    """The case that values describe, by the keys of their options.
+
+    Parameters
+    ----------
+    values
+        A value for each of `options_of`, and the name of the ``scene``.
+
+    Returns
+    -------
+    tuple
+        The case, and the values with those filled in that depend on others.
+
+    Raises
+    ------
+    ValueError
+        If they describe none.
+    """
+    scene, values = scene_of(values)
+    shear = _chosen("shear-law", values["shear_law"], _SHEAR_LAWS, values, _OF_SHEAR)
+    try:
+        shear_law = shear()
+    except ValueError as error:
+        raise ValueError(f"shear {error}") from None
+    return Case(
+        scene=scene,
+        fabric=Fabric(values["fibre_stiffness"], shear_law, scene.warp, scene.weft),
+        loads=tuple(Force(name, scene.turn @ total) for name, total in values["force"]),
+        formulation=_formulation(values, scene.mesh),
+        steps=values["steps"],
+        strategies=values["strategy"],
+        warn_only=values["warn_only"],
+        solver=values["solver"],
+    ), values
+
+
+def _formulation_options() -> tuple[Option, ...]:
+    names = Option(
+        name="formulation",
+        help=f"{_described(FORMULATIONS)} (default: macro on a mesh that was split, "
+        "else one-point)",
+        choices=tuple(FORMULATIONS),
+    )
+    return names, *_own_options(FORMULATIONS)
+
+
+def _formulation(values: Mapping[str, Any], mesh: Mesh) -> Formulation:
+    """The formulation that is named, or the default one of the mesh."""
+    name = values["formulation"]
+    if name is None:
+        own = _own_options(FORMULATIONS)
+        given = [option for option in own if values[option.key] != option.default]
+        defaults = [f for f in FORMULATIONS.values() if f.is_default(mesh)]
+        taking = [f for f in defaults if all(option in f.options for option in given)]
+        name = taking[-1].name if taking else defaults[0].name
+    return _chosen("formulation", name, FORMULATIONS, values)()
+
+
+def _fabric_options() -> tuple[Option, ...]:
+    return (
+        Option(
+            name="fibre-stiffness", help="N/mm", default=1e4, read=float, metavar="E"
+        ),
+        Option(
+            name="shear-law",
+            help=_described(_SHEAR_LAWS),
+            default="linear",
+            choices=tuple(_SHEAR_LAWS),
+        ),
+        *_own_options(_SHEAR_LAWS, _OF_SHEAR),
+        Option(
+            name="force",
+            help="a force in N in all, spread over a named boundary beside the "
+            "scene's conditions, in proportion to the load factor; may be repeated",
+            default=(),
+            read=_force,
+            metavar="NAME=FX,FY",
+            repeated=True,
+        ),
+    )
+
+
+def _described(among: Mapping[str, Registration]) -> str:
+    return "; ".join(f"{name}: {one.description}" for name, one in among.items())
+
+
+def _own_options(
+    among: Mapping[str, Registration], prefix: str = ""
+) -> tuple[Option, ...]:
+    """The options that any of them has, their names after a prefix."""
+    own = {o.name: o for one in among.values() for o in one.options}
+    return tuple(replace(option, name=prefix + name) for name, option in own.items())
+
+
+def _chosen(
+    option: str,
+    name: str,
+    among: Mapping[str, Registration],
+    values: Mapping[str, Any],
+    prefix: str = "",
+) -> Callable[[], Any]:
+    """What builds the one that an option names; refuses the options of others."""
+    chosen = among[name]
+    given: dict[str, Any] = {}
+    for own in _own_options(among):
+        full = replace(own, name=prefix + own.name)
+        if own in chosen.options:
+            given[own.key] = values[full.key]
+        elif values[full.key] != own.default:
+            names = [one.name for one in among.values() if own in one.options]
+            raise ValueError(f"--{full.name} goes with --{option} {' or '.join(names)}")
+    return partial(chosen.build, **given)
+
+
+def _force(word: str) -> tuple[str, tuple[float, float]]:
+    name, _, components = word.partition("=")
+    try:
+        x, y = (float(component) for component in components.split(","))
+    except ValueError:
+        x = math.nan
+    if not (name and math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f"{word!r} is not like top=0,100")
+    return name, (x, y)

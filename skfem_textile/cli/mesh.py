@@ -1,0 +1,118 @@
+"""The mesh that the options of a run describe, and the scene on it."""
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from skfem import Mesh, MeshQuad, MeshTri
+
+from ..mesh.user_input import printable
+from ..ply.formulations import FORMULATIONS
+from ..registration import Option, SceneRegistration, angle
+from ..scenes import SCENES, Scene
+from ..scenes.rectangle import KINDS
+from ..splitting import SplitMesh, cut, split
+
+_SEED = 1
+
+
+def mesh_options(scene: SceneRegistration) -> tuple[Option, ...]:
+    """The options of a scene's mesh."""
+    nx, ny = scene.size
+    return (
+        Option(
+            name="mesh",
+            help=f"{', '.join(KINDS)}, or a file of quadrilaterals or triangles",
+            default="irregular",
+            metavar="KIND|FILE",
+        ),
+        Option(
+            name="size",
+            help=f"elements along x and y of a mesh to make (default: {nx}x{ny})",
+            read=_size,
+        ),
+        Option(
+            name="jitter",
+            help=f"its node moves per spacing (default: {scene.jitter:g})",
+            read=float,
+        ),
+        Option(
+            name="split",
+            help="cut the quadrilaterals in triangles, and these in three each; or "
+            "quads: cut them in four",
+            choices=("triangles", "quads"),
+            words="?",
+            const="triangles",
+        ),
+        Option(
+            name="seed", help=f"seed of its node moves (default: {_SEED})", read=int
+        ),
+        angle("rotate", 0.0, "turn it all"),
+    )
+
+
+def scene_of(values: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
+    """The scene on its mesh, and the values with those of a mesh to make filled in."""
+    registration = SCENES[values["scene"]]
+    mesh, formulation = values["mesh"], FORMULATIONS.get(values["formulation"])
+    triangles = formulation is not None and formulation.on_triangles
+    if formulation and triangles and values["split"]:
+        raise ValueError(
+            f"--split makes quadrilaterals, --formulation {formulation.name} takes "
+            "triangles: leave one of them out"
+        )
+    if mesh not in KINDS and not Path(mesh).is_file():
+        raise ValueError(
+            f"--mesh {printable(mesh)}: neither a file nor {', '.join(KINDS)}"
+        )
+    values = _completed(values, registration)
+    if mesh not in KINDS:
+        from ..io import read_mesh  # loads meshio
+
+        mesh = read_mesh(mesh, split=not triangles)
+    own = {option.key: values[option.key] for option in registration.options}
+    made = {name: values[name] for name in ("size", "jitter", "seed")}
+    build = partial(registration.build, **made, **own)
+    scene = build(mesh=mesh)
+    fitting = _fitting(scene.mesh, values["split"], triangles)
+    if fitting is not scene.mesh:
+        scene = build(mesh=fitting)
+    return scene.rotated(np.radians(values["rotate"])), values
+
+
+def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str, Any]:
+    """Fill in what is not given of a mesh to make, and refuse it beside a file."""
+    made = {"size": scene.size, "jitter": scene.jitter, "seed": _SEED}
+    if values["mesh"] in KINDS:
+        given = {name: values[name] for name in made if values[name] is not None}
+        return {**values, **made, **given}
+    for name in made:
+        if values[name] is not None:
+            raise ValueError(
+                f"--{name} is of a mesh to make, but --mesh names a file: leave one of "
+                "them out"
+            )
+    return dict(values)
+
+
+def _fitting(mesh: Mesh, into: str | None, triangles: bool) -> Mesh:
+    """The mesh cut and split as asked, and as triangles or quadrilaterals."""
+    if into == "quads" and isinstance(mesh, MeshTri | SplitMesh):
+        raise ValueError("--split quads: the mesh has triangles; leave it out")
+    if isinstance(mesh, SplitMesh):
+        return mesh
+    if isinstance(mesh, MeshQuad) and (triangles or into == "triangles"):
+        mesh = cut(mesh)
+    if into or (isinstance(mesh, MeshTri) and not triangles):
+        mesh = split(mesh)
+    return mesh
+
+
+def _size(word: str) -> tuple[int, int]:
+    try:
+        nx, ny = (int(n) for n in word.split("x"))
+    except ValueError:
+        raise ValueError(f"{word!r} is not like 10x15") from None
+    return nx, ny

@@ -1,0 +1,140 @@
+"""The parser of the command line, built from what can be chosen by name."""
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+from .. import __version__
+from ..registration import Option
+from ..scenes import SCENES
+from .output import complain
+
+#: Exit code of bad input.
+BAD_INPUT = 2
+
+_EXIT_CODES = (
+    "exit code: 0, every step converged; 1, stopped early and the last good state "
+    "written, or what was found cannot be written; 2, bad input and nothing written; "
+    "130, interrupted by Ctrl-C or SIGTERM and the last good state written"
+)
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that answers bad input with one line."""
+
+    def error(self, message: str) -> NoReturn:
+        complain(f"error: {message}")
+        self.exit(BAD_INPUT)
+
+    def parse_args(self, arguments: Any = None, namespace: Any = None) -> Any:
+        """The options; ``--name=--`` is no value, which argparse takes for none."""
+        for word in sys.argv[1:] if arguments is None else arguments:
+            if word.startswith("--") and word.endswith("=--"):
+                self.error(f"argument {word[:-3]}: '--' is no value")
+        return super().parse_args(arguments, namespace)
+
+
+def command_parser(
+    options: Mapping[str, Sequence[Option]],
+) -> argparse.ArgumentParser:
+    """The parser; ``command`` is the command, and of ``run`` ``scene`` the scene.
+
+    Parameters
+    ----------
+    options
+        The options that describe a case of each scene, by the scene's name.
+    """
+    whole = _Parser(
+        prog="skfem-textile",
+        description="Mechanics of woven reinforcements on scikit-fem.",
+    )
+    whole.add_argument("--version", action="version", version=__version__)
+    commands = whole.add_subparsers(dest="command", required=True)
+    commands.add_parser("list", help="list the scenes")
+    run = commands.add_parser(
+        "run", help="run a scene and write its results to a folder"
+    )
+    scenes = run.add_subparsers(dest="scene", required=True)
+    for name, scene in SCENES.items():
+        one = scenes.add_parser(name, help=scene.description, epilog=_EXIT_CODES)
+        _add_outputs(one)
+        for option in options[name]:
+            _add(one, option)
+        _add_course(one)
+    return whole
+
+
+def _add(parser: argparse.ArgumentParser, option: Option) -> None:
+    """Add an option; its default is shown where it is a value."""
+    given: dict[str, Any] = {"default": option.default, "help": option.help}
+    if option.default not in (None, ()):
+        given["help"] += " (default: %(default)s)"
+    if option.repeated:
+        given |= {"action": "extend" if option.words else "append", "default": []}
+    if option.read is not str:
+        given["type"] = _reader(option.read)
+    for key, value in (
+        ("nargs", option.words),
+        ("choices", option.choices),
+        ("metavar", option.metavar),
+        ("const", option.const),
+    ):
+        if value:
+            given[key] = value
+    parser.add_argument(f"--{option.name}", **given)
+
+
+def _reader(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """A reader whose errors argparse tells in its own words, or in the reader's."""
+    return read if isinstance(read, type) else partial(_told, read)
+
+
+def _told(read: Callable[[str], Any], word: str) -> Any:
+    try:
+        return read(word)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("--out", type=_folder, required=True, metavar="DIR", help="where results go")
+    add("--no-render", action="store_true", help="write no pictures")
+
+
+def _add_course(parser: argparse.ArgumentParser) -> None:
+    """Add the options on which no result depends."""
+    parser.add_argument(
+        "--checkpoint",
+        type=_folder,
+        nargs="?",
+        const=True,
+        metavar="FOLDER",
+        help="write every converged step, to `checkpoint` in DIR if no folder is named",
+    )
+    parser.add_argument(
+        "--resume",
+        type=_folder,
+        nargs="?",
+        const=True,
+        metavar="FOLDER",
+        help="go on from the checkpoint of an interrupted run, and keep writing it",
+    )
+    parser.add_argument(
+        "-v",
+        "--verbose",
+        action="count",
+        default=0,
+        help="tell of every step; twice: of every iteration",
+    )
+
+
+def _folder(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError("a folder must have a name")
+    if text.startswith("--"):  # which argparse takes for none of its options
+        raise argparse.ArgumentTypeError(f"{text!r} is no option; a folder is ./{text}")
+    return Path(text)

@@ -1,0 +1,76 @@
+"""A run under way: its progress bar, its log, and how it ends."""
+
+import logging
+
+from ..solve.result import Iteration, State, StepError
+from ..solve.stepper import LoadStepper
+from .interruption import INTERRUPTED
+
+#: Exit code of a run that stops early.
+STOPPED_EARLY = 1
+
+
+def load(stepper: LoadStepper, resume: bool, verbose: int) -> tuple[int, str]:
+    """Run with a progress bar on a terminal.
+
+    Parameters
+    ----------
+    stepper
+        The load stepper.
+    resume
+        As of `LoadStepper.run`.
+    verbose
+        1 to tell of every step, 2 of every iteration.
+
+    Returns
+    -------
+    tuple
+        Exit code, and what to say at the end.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    console = Console(stderr=True)
+    columns = (BarColumn(), TextColumn("{task.description}"))
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        _log(verbose)
+        task = bar.add_task("load factor 0", total=1.0)
+
+        def told(at: Iteration) -> None:
+            bar.update(
+                task,
+                description=f"load factor {at.load_factor:.4g}, step {at.step:.2g}, "
+                f"{at.strategy} {at.number}",
+            )
+
+        def reached(state: State) -> None:
+            bar.update(task, completed=state.load_factor)
+
+        stepper.on_iteration, stepper.on_step = told, reached
+        try:
+            stepper.run(resume=resume)
+        except StepError as error:
+            return STOPPED_EARLY, str(error)
+        except KeyboardInterrupt:
+            if not stepper.states:
+                raise
+            return INTERRUPTED, _interrupted(stepper)
+    return 0, ""
+
+
+def _interrupted(stepper: LoadStepper) -> str:
+    at = stepper.states[-1].load_factor
+    kept, lost = "--resume goes on from there", "--checkpoint lets a run resume"
+    advice = kept if stepper.checkpoint else lost
+    return f"interrupted; the state at load factor {at:.6g} is written, {advice}"
+
+
+def _log(verbose: int) -> None:
+    """Send the log to stderr, past the progress bar."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(message)s"))
+    log = logging.getLogger("skfem_textile")
+    log.handlers[:] = [handler]
+    log.setLevel([logging.WARNING, logging.INFO, logging.DEBUG][min(verbose, 2)])

@@ -1,0 +1,105 @@
+"""The command ``run``: it checks, then computes, then writes."""
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..mesh.user_input import printable
+from ..scenes.case import Case
+from ..solve.result import Result
+from ..solve.stepper import LoadStepper
+from . import pictures
+from .interruption import INTERRUPTED, held
+from .output import OutputError, complain, say
+from .progress import load
+from .result_folder import ResultFolder
+
+
+def run(case: Case, values: Mapping[str, Any], options: argparse.Namespace) -> int:
+    """Load a case and write its results; returns the exit code.
+
+    Parameters
+    ----------
+    case
+        The case.
+    values
+        What it was described by, for the summary.
+    options
+        Where results and checkpoint go, and what is told meanwhile.
+
+    Raises
+    ------
+    OutputError
+        If the results cannot be written.
+    """
+    from .. import io  # loads meshio
+
+    stepper = case.stepper(_checkpoint(options))
+    fields = (f"fields/{name}" for name in io.FIELDS)
+    written = ("summary.json", "history.csv", *fields, *pictures.PICTURES)
+    results = ResultFolder(options.out, written)
+    code, said = load(stepper, options.resume is not None, options.verbose)
+    result = stepper.result
+    summary = case.summary(result)
+    inputs = {"inputs": {"version": __version__, **values}}
+    complete = False
+    try:
+        with held():
+            with results as folder:
+                io.write_summary(summary | inputs, folder / "summary.json")
+                io.write_history(result, folder / "history.csv")
+                io.write_fields(result, folder / "fields")
+            complete = True
+    except OutputError as error:
+        raise OutputError(f"{error}; {_kept(stepper)}") from None
+    except KeyboardInterrupt:
+        if not complete:
+            raise
+        code, said = INTERRUPTED, "interrupted; the results are written"
+    if case.pictures and code != INTERRUPTED and not _draw(case, result, options.out):
+        code = INTERRUPTED
+    for key, value in summary.items():
+        shown = f"{value:.6g}" if isinstance(value, float) else value
+        say(f"{key:28}{shown}")
+    say(f"results in {printable(options.out)}")
+    if said:
+        complain(said)
+    return code
+
+
+def _draw(case: Case, result: Result, out: Path) -> bool:
+    """Draw pictures, or say in one line why not; whether no interruption came.
+
+    The numbers are written already.
+    """
+    try:
+        with ResultFolder(out, pictures.PICTURES) as folder:
+            pictures.draw(case.scene, result, folder)
+    except ImportError as error:
+        say(f"no pictures: {printable(error)}; pip install 'skfem-textile[plot]'")
+    except Exception as error:
+        say(f"no pictures: {printable(error)}")
+    except KeyboardInterrupt:
+        complain("interrupted; the numbers are written, pictures are not")
+        return False
+    return True
+
+
+def _checkpoint(options: argparse.Namespace) -> Path | None:
+    """The folder that --checkpoint or --resume name, or theirs in the output folder."""
+    named = {f for f in (options.checkpoint, options.resume) if f not in (None, True)}
+    if len(named) > 1:
+        raise ValueError("--checkpoint and --resume name different folders")
+    if options.checkpoint is None and options.resume is None:
+        return None
+    return named.pop() if named else options.out / "checkpoint"
+
+
+def _kept(stepper: LoadStepper) -> str:
+    """What is left of a run whose results cannot be written."""
+    if stepper.checkpoint is None:
+        return "nothing is kept, as --checkpoint was not given"
+    kept = stepper.checkpoint.folder
+    return f"the checkpoint {kept} remains, and --resume goes on from there"

@@ -1,1 +1,0 @@
-"""Files and streams: locks, signals, and what is said where one cannot write."""

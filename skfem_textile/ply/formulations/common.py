@@ -1,0 +1,126 @@
+"""What formulations share."""
+
+from functools import partial
+from numbers import Real
+from typing import ClassVar
+
+import numpy as np
+from numpy import ndarray
+from skfem import CellBasis, Mesh
+
+from ... import forms
+from ...fabric import Fabric
+from ...forms.mean_tension import mean_fibre_tension, mean_strain
+from ...forms.tension import fibre_tension
+from ...mesh.bases import CENTRE, GAUSS, HourglassBasis, MeanBasis, quad_basis
+from ...mesh.checks import check_quads
+from ...mesh.interior_edges import JumpBasis
+from ...registration import Option
+from ..kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
+from ..memory import HeldDeviation, HeldStabilisation
+from ..term import Memory, Term
+from ..terms import FormTerm, TensionTerm
+
+
+class Pointwise:
+    """Every point has the tension of its own fibre strain, and nothing is added."""
+
+    def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
+        """The tension T(ε) at every point."""
+        return TensionTerm(
+            "tension",
+            forms.tension(fabric),
+            basis,
+            TensionKernel(fabric),
+            law=partial(fibre_tension, fabric.at()),
+            seen=lambda strain: strain,
+        )
+
+    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
+        """None."""
+        return []
+
+
+class Quadrilaterals(Pointwise):
+    """Bilinear quadrilaterals, judged at the 2×2 points."""
+
+    rule: ClassVar[tuple[ndarray, ndarray]]
+    centre: ClassVar[ndarray] = CENTRE[0]
+    fine_points: ClassVar[ndarray] = GAUSS[0]
+
+    def basis(self, mesh: Mesh) -> CellBasis:
+        """Basis of the displacement."""
+        check_quads(mesh)
+        return quad_basis(mesh, self.rule)
+
+
+def mean_tension_term(
+    fabric: Fabric, deviation: float | ndarray, basis: MeanBasis
+) -> TensionTerm:
+    """The term of fibres that meet their whole stiffness in mean stretches alone."""
+    held = HeldDeviation(fabric, deviation, basis)
+
+    def law(strain: ndarray, change: ndarray | float = 0.0) -> ndarray:
+        E_d = held.parameters["E_d"]
+        return mean_fibre_tension(fabric, E_d, basis, strain, change)
+
+    return TensionTerm(
+        "tension",
+        forms.mean_tension(fabric),
+        basis,
+        MeanTensionKernel(fabric),
+        memory=held,
+        law=law,
+        seen=partial(mean_strain, basis),
+        arrange=basis.from_ply_points,
+    )
+
+
+def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:
+    """Refuse what is no stiffness, nor ``auto`` where that may be."""
+    if also and isinstance(value, str) and value == "auto":
+        return
+    if not isinstance(value, Real) or not (np.isfinite(value) and value >= 0):
+        raise ValueError(f"{name} must be a finite number >= 0{also}, got {value}")
+
+
+def hourglass_terms(
+    stabilisation: float | str, basis: CellBasis, fabric: Fabric
+) -> list[Term]:
+    """The hourglass term of a number C_s or ``auto``, unless it is zero."""
+    if stabilisation == 0:
+        return []
+    C_s = None if stabilisation == "auto" else float(stabilisation)
+    corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
+    held = HeldStabilisation(fabric, corners) if C_s is None else None
+    kernel = HourglassKernel(fabric, C_s)
+    return [stabilising_term(forms.hourglass(fabric, C_s), corners, kernel, held)]
+
+
+def stabilising_term(
+    forms: forms.Forms,
+    basis: CellBasis | JumpBasis,
+    kernel: HourglassKernel | None = None,
+    memory: Memory | None = None,
+) -> FormTerm:
+    """The term of a stabilisation."""
+    return FormTerm(
+        "stabilisation", forms, basis, kernel, role="stabilisation", memory=memory
+    )
+
+
+def _read_stabilisation(word: str) -> float | str:
+    try:
+        return word if word == "auto" else float(word)
+    except ValueError:
+        raise ValueError(f"{word!r} is no number, nor auto") from None
+
+
+#: C_s, of every formulation that takes one.
+STABILISATION = Option(
+    name="cs",
+    help="stabilisation C_s in N/mm, or auto: eight times the shear stiffness of each "
+    "element, 1e-4 E without any",
+    default="auto",
+    read=_read_stabilisation,
+)

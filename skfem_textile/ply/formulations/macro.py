@@ -1,0 +1,108 @@
+"""Macro-elements, of what a mesh was split from."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy import ndarray
+from skfem import CellBasis, Mesh
+
+from ...fabric import Fabric
+from ...mesh.bases import CENTRE
+from ...mesh.checks import MeshError
+from ...mesh.macro import MacroBasis
+from ...registration import FormulationRegistration
+from ...splitting import SplitMesh, was_split
+from ..term import Term
+from ..terms import TensionTerm
+from .common import (
+    STABILISATION,
+    Quadrilaterals,
+    hourglass_terms,
+    mean_tension_term,
+    refuse_stiffness,
+)
+
+
+@dataclass(frozen=True)
+class Macro(Quadrilaterals):
+    """One point in every quadrilateral of a mesh that was split, nothing to tune.
+
+    The elements that were split (`split`) are macro-elements, whose fibres meet their
+    whole stiffness in the mean stretch alone (`mean_tension`); each of the parts is
+    stabilised as by `OnePoint`.
+
+    Parameters
+    ----------
+    stabilisation
+        As of `OnePoint`.
+    deviation
+        Stiffness that meets deviations from the mean stretch, as a multiple of that of
+        shear (`deviation_stiffness`), in what was a triangle and a quadrilateral.
+        Measured on the bias extension at 45°: half and twice as much change the load
+        by less than 3 % at 16 edges across.
+
+    Raises
+    ------
+    ValueError
+        If one of them is negative or not finite.
+    """
+
+    stabilisation: float | Literal["auto"] = "auto"
+    deviation: tuple[float, float] = (5000.0, 18000.0)
+
+    name: ClassVar[str] = "macro"
+    rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
+
+    def __post_init__(self) -> None:
+        refuse_stiffness("stabilisation", self.stabilisation, " or 'auto'")
+        if np.shape(np.asarray(self.deviation, dtype=object)) != (2,):
+            raise ValueError(
+                "deviation must be a pair (triangles, quadrilaterals), got "
+                f"{self.deviation}"
+            )
+        for deviation in self.deviation:
+            refuse_stiffness("deviation", deviation)
+
+    @property
+    def title(self) -> str:
+        """What to call it in a picture."""
+        C_s, own = self.stabilisation, self.deviation == Macro.deviation
+        return (
+            "macro-elements"
+            + ("" if C_s == "auto" else f", Cs = {C_s:g}")
+            + ("" if own else ", {:g} and {:g}".format(*self.deviation))
+        )
+
+    def basis(self, mesh: Mesh) -> CellBasis:
+        """Basis of the displacement."""
+        if not was_split(mesh):
+            raise MeshError(
+                "macro-elements need a mesh that was split, and not changed since, nor "
+                "renumbered: "
+                "split(mesh), or --split"
+            )
+        return super().basis(mesh)
+
+    def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
+        """The tension of the mean strain of each macro-element."""
+        mesh: Any = basis.mesh
+        macro = MacroBasis(mesh, mapping=basis.mapping, dofs=basis.dofs)
+        of_triangles, of_quadrilaterals = self.deviation
+        four = (macro.parts >= 0).sum(axis=1) == 4
+        deviation = np.where(four, of_quadrilaterals, of_triangles)
+        return mean_tension_term(fabric, deviation[:, None], macro)
+
+    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
+        """The hourglass term, unless C_s is zero."""
+        return hourglass_terms(self.stabilisation, basis, fabric)
+
+
+REGISTRATION = FormulationRegistration(
+    name=Macro.name,
+    description="macro-elements of what was split",
+    build=lambda cs: Macro(cs),
+    options=(STABILISATION,),
+    is_default=lambda mesh: isinstance(mesh, SplitMesh),
+    rank=2,
+)

@@ -1,0 +1,216 @@
+"""What can be chosen by name, declared in the file that defines it.
+
+A scene, a law, a formulation or a linear solver is one file of its folder, with a
+constant ``REGISTRATION``.  The command line is built from what `registered` finds.
+"""
+
+import math
+import pkgutil
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Literal, TypeAlias, TypeVar
+
+from skfem import Mesh
+
+# So far from zero an angle still has ten decimals; at 1e17 a turn by 45 is lost.
+_MOST_DEGREES = 36_000.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """A value that a user may give, by the name of the option.
+
+    Attributes
+    ----------
+    name
+        Its name in words with hyphens: ``shear-angle`` is ``--shear-angle`` on the
+        command line, and ``shear_angle`` among the values.
+    help
+        What it is, for the command line's help.
+    default
+        The value where none is given.
+    read
+        Makes a value of a word; a ValueError says what is wrong with the word.
+    choices
+        The words that are allowed; empty where all are.
+    metavar
+        What stands for the value in the help.
+    words
+        How many words it takes, as ``nargs`` of `argparse`; empty for one.
+    const
+        The value of an option that is given without a word.
+    repeated
+        Whether it may be given several times, which makes a list.
+    """
+
+    name: str
+    help: str
+    default: Any = None
+    read: Callable[[str], Any] = str
+    choices: tuple[str, ...] = ()
+    metavar: str | None = None
+    words: str = ""
+    const: Any = None
+    repeated: bool = False
+
+    @property
+    def key(self) -> str:
+        """Its name among the values."""
+        return self.name.replace("-", "_")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Registration:
+    """Something that can be chosen by name.
+
+    Attributes
+    ----------
+    name
+        Its name on the command line.
+    description
+        One line for the command line's help.
+    build
+        Makes it; called with the values of its options by their keys.
+    options
+        The options that are its own.
+    rank
+        Its place in lists: the smallest comes first.
+    """
+
+    name: str
+    description: str
+    build: Callable[..., Any]
+    options: tuple[Option, ...] = ()
+    rank: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneRegistration(Registration):
+    """A scene that can be chosen by name.
+
+    ``build`` makes the scene: beside the values of the scene's own options it takes a
+    ``mesh``, which is a mesh or the kind of one to make, and of one to make
+    its ``size``, ``jitter`` and ``seed``.
+
+    Attributes
+    ----------
+    size, jitter
+        Of the mesh to make, where they are not given.
+    """
+
+    size: tuple[int, int]
+    jitter: float = 0.3
+
+
+#: What a law may be the law of.
+Resistance: TypeAlias = Literal["tension", "shear"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawRegistration(Registration):
+    """A law that can be chosen by name.
+
+    Its options are its parameters, without the word that tells which law they are of:
+    the option ``stiffness`` of a shear law is ``--shear-stiffness``.
+
+    Attributes
+    ----------
+    resists
+        What it may be the law of.
+    """
+
+    resists: tuple[Resistance, ...] = ("tension", "shear")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormulationRegistration(Registration):
+    """A formulation that can be chosen by name.
+
+    Attributes
+    ----------
+    on_triangles
+        Whether it takes triangles, and not quadrilaterals.
+    is_default
+        Whether a mesh may get it where no formulation is named: of those that say so,
+        and that take the options which are given, it gets the last.
+    """
+
+    on_triangles: bool = False
+    is_default: Callable[[Mesh], bool] = lambda mesh: False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverRegistration(Registration):
+    """A linear solver that can be chosen by name; the fastest known has the least rank.
+
+    ``build`` is its class.
+
+    Attributes
+    ----------
+    module
+        What it needs to import, which is done when a system is to be solved with it.
+    unknowns
+        Number of unknowns from which the time to import that is repaid.
+    rival
+        Whether it may be the fastest for large systems.
+    """
+
+    build: type[Any]
+    module: str
+    unknowns: int
+    rival: bool
+
+    @property
+    def package(self) -> str:
+        """The package that it needs."""
+        return self.module.partition(".")[0]
+
+
+_Kind = TypeVar("_Kind", bound=Registration)
+
+
+def registered(package: str, kind: type[_Kind]) -> dict[str, _Kind]:
+    """What the modules of a package register, by name, in the order of the ranks.
+
+    Parameters
+    ----------
+    package
+        Name of the package, all of whose modules are imported.
+    kind
+        The class of the registrations.
+
+    Raises
+    ------
+    ValueError
+        If two modules register the same name.
+    """
+    found: dict[str, _Kind] = {}
+    for module in pkgutil.iter_modules(sys.modules[package].__path__):
+        imported = import_module(f"{package}.{module.name}")
+        registration = getattr(imported, "REGISTRATION", None)
+        if not isinstance(registration, kind):
+            continue
+        if registration.name in found:
+            raise ValueError(f"{package}: {registration.name!r} is registered twice")
+        found[registration.name] = registration
+    ordered = sorted(found.values(), key=lambda one: (one.rank, one.name))
+    return {one.name: one for one in ordered}
+
+
+def angle(name: str, default: float, help: str) -> Option:  # noqa: A002
+    """An option that is an angle in degrees."""
+    return Option(name=name, help=help, default=default, read=_degrees, metavar="DEG")
+
+
+def _degrees(word: str) -> float:
+    try:
+        number = float(word)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{word!r} is no finite number")
+    if abs(number) > _MOST_DEGREES:
+        raise ValueError(f"{word!r} is more than a hundred turns")
+    return number

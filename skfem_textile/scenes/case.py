@@ -1,0 +1,101 @@
+"""A case: all that one run needs, from the scene to the outputs."""
+
+import os
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+from ..fabric import Fabric
+from ..ply import Ply
+from ..ply.term import Load
+from ..ply.terms import Formulation
+from ..solve.result import Result
+from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
+from ..solve.strategies import Strategy
+from .scene import Scene
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Case:
+    """A scene with its fabric, formulation, loads, load steps and outputs.
+
+    Attributes
+    ----------
+    scene
+        Mesh, displacement conditions and exact answer.
+    fabric
+        Fibre directions and laws; the scene tells the directions for which its exact
+        answer holds.
+    formulation
+        As of `Ply`.
+    loads
+        Loads beside the scene's conditions.
+    steps, strategies, warn_only, solver
+        As of `LoadStepper`.
+    pictures
+        Whether pictures are among the outputs, beside summary, history and fields.
+
+    Examples
+    --------
+    >>> from skfem_textile import Macro, split
+    >>> from skfem_textile.scenes import strip
+    >>> from skfem_textile.scenes.rectangle import rectangle
+    >>> scene = strip(split(rectangle(40, 60, (2, 3))))
+    >>> fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
+    >>> case = Case(scene=scene, fabric=fabric, formulation=Macro(), steps=2)
+    >>> case.summary(case.run())["converged"]
+    True
+    """
+
+    scene: Scene
+    fabric: Fabric
+    formulation: Formulation
+    loads: tuple[Load, ...] = ()
+    steps: int = 20
+    strategies: Sequence[str | Strategy] = DEFAULT_STRATEGIES
+    warn_only: Collection[str] = DEFAULT_WARN_ONLY
+    solver: str = "auto"
+    pictures: bool = True
+
+    def ply(self) -> Ply:
+        """The ply at rest.
+
+        Raises
+        ------
+        ValueError
+            As from `Ply`.
+        """
+        return Ply(self.scene.mesh, self.fabric, self.formulation, self.loads)
+
+    def stepper(self, checkpoint: str | os.PathLike[str] | None = None) -> LoadStepper:
+        """The load stepper of the ply.
+
+        Parameters
+        ----------
+        checkpoint
+            As of `LoadStepper`.
+
+        Raises
+        ------
+        ValueError
+            As from `Ply` and `LoadStepper`.
+        """
+        return LoadStepper(
+            self.ply(),
+            self.scene.conditions,
+            self.steps,
+            strategies=self.strategies,
+            warn_only=self.warn_only,
+            checkpoint=checkpoint,
+            solver=self.solver,
+        )
+
+    def run(self) -> Result:
+        """Apply the whole load; errors are those of `stepper` and of its run."""
+        return self.stepper().run()
+
+    def summary(self, result: Result) -> dict[str, str | int | float | bool]:
+        """As of `Scene.summary`; no exact answer holds beside loads."""
+        scene = self.scene
+        if self.loads:
+            scene = replace(scene, misfit="forces act beside the scene's conditions")
+        return scene.summary(result)

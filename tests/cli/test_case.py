@@ -1,0 +1,189 @@
+"""What options of scene, fabric, formulation and solver describe."""
+
+import json
+
+import pytest
+from command_line import QUICK, refused, run
+
+from skfem_textile.cli import main as cli
+
+
+def test_a_solver_is_taken_by_name_or_refused_in_one_line(
+    tmp_path, capsys, monkeypatch
+):
+    assert run(tmp_path, *QUICK, "--solver", "superlu") == 0
+    capsys.readouterr()
+    monkeypatch.setattr(
+        "skfem_textile.solve.linear.choice.find_spec", lambda name: None
+    )
+    again = ("run", "strip", "--out", str(tmp_path / "b"), *QUICK)
+    said = refused(capsys, *again, "--solver", "cholmod")
+    assert "solver 'cholmod' needs cvxopt: pip install cvxopt" in said
+
+
+def test_a_run_takes_strategies_and_checks_by_name(tmp_path):
+    arguments = ("--strategy", "newton", "--warn-only", "stability", "work")
+    assert run(tmp_path, *QUICK, *arguments) == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["inputs"]["strategy"] == ["newton"]
+    assert summary["inputs"]["warn_only"] == ["stability", "work"]
+
+
+@pytest.mark.parametrize(
+    ("scene", "options", "shear"),
+    [
+        ("picture_frame", ("--shear-angle", "60"), 60),
+        ("trellis", ("--warp", "10", "--weft", "80", "--bend", "0"), 45),
+    ],
+)
+def test_the_frames_are_run_by_name(tmp_path, scene, options, shear):
+    out = tmp_path / "out"
+    common = ("--size", "4x4", "--steps", "2", "--rotate", "20", "--no-render")
+    assert cli.main(["run", scene, "--out", str(out), *common, *options]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["scene"] == scene
+    assert summary["stable"]
+    assert summary["max_shear_angle_deg"] == pytest.approx(shear)
+    assert summary["displacement_error_max"] < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("options", "rollers"),
+    [
+        (("--free", "right", "--roller", "left=60"), [["left", 60]]),
+        (
+            ("--roller", "top=20", "--roller", "right=-70"),
+            [["top", 20], ["right", -70]],
+        ),
+    ],
+)
+def test_sides_may_be_free_or_on_inclined_rollers(tmp_path, options, rollers):
+    out = tmp_path / "out"
+    common = ("--size", "4x4", "--steps", "3", "--no-render", "--bend", "0")
+    fibres = ("--warp", "20", "--weft", "100")
+    command = ["run", "trellis", "--out", str(out), *common, *fibres, *options]
+    assert cli.main(command) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["displacement_error_max"] < 1e-9
+    assert summary["inputs"]["roller"] == rollers
+
+
+def test_sides_may_be_freed_one_by_one(tmp_path):
+    free = ("--free", "top", "--free", "left")
+    out = tmp_path / "out"
+    size = ("--size", "3x3", "--steps", "1", "--no-render")
+    assert cli.main(["run", "trellis", "--out", str(out), *size, *free]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["inputs"]["free"] == ["top", "left"]
+
+
+def test_a_run_takes_half_of_a_bias_extension_and_its_fibres(tmp_path):
+    loads = []
+    for part, size in (("whole", "8x16"), ("half", "4x16")):
+        out = tmp_path / part
+        fibres = ("--warp", "40", "--weft", "140", "--shear-stiffness", "0.5")
+        common = ("--mesh", "aligned", "--steps", "2", "--cs", "5", "--no-render")
+        command = ["run", "bias_extension", "--out", str(out), *common, *fibres]
+        assert cli.main([*command, "--part", part, "--size", size]) == 0
+        loads.append(json.loads((out / "summary.json").read_text())["load_over_exact"])
+    assert loads[0] == pytest.approx(loads[1], rel=1e-6)
+    assert loads[0] == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("scene", "options", "message"),
+    [
+        ("trellis", ("--free", "lid"), "argument --free: invalid choice: 'lid'"),
+        ("trellis", ("--roller", "left"), "'left' is not like left=30"),
+        ("trellis", ("--roller", "left=up"), "'left=up' is not like left=30"),
+        ("trellis", ("--roller", "lid=3"), "no side 'lid'"),
+        ("trellis", ("--roller", "left=nan"), "the left side must be held, free or on"),
+        ("trellis", ("--free", "left", "--roller", "left=3"), "--roller left: that"),
+        ("trellis", ("--roller", "top=1", "--roller", "top=2"), "--roller top: that"),
+        ("trellis", ("--free", "left", "right", "top", "bottom"), "no side is held"),
+        ("bias_extension", ("--warp", "30"), "not at 30 and 135"),
+        ("bias_extension", ("--part", "third"), "argument --part: invalid choice"),
+    ],
+)
+def test_sides_fibres_and_parts_that_do_not_fit_are_refused(
+    tmp_path, capsys, scene, options, message
+):
+    out = str(tmp_path / "out")
+    assert message in refused(capsys, "run", scene, "--out", out, *options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_rotated_run_reports_the_unrotated_axes(tmp_path):
+    reactions = []
+    for angle in ("0", "35"):
+        assert run(tmp_path, *QUICK, "--rotate", angle) == 0
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        reactions.append((summary["reaction_x"], summary["reaction_y"]))
+    assert reactions[0] == pytest.approx(reactions[1], rel=1e-6)
+
+
+def test_a_run_takes_the_papers_stabilisation(tmp_path):
+    energies = []
+    for kind in ("energy", "rate"):
+        assert run(tmp_path, *QUICK, "--stabilisation", kind) == 0
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        energies.append(summary["stabilisation_energy"])
+    assert energies[0] != energies[1]
+    assert energies[1] == pytest.approx(energies[0], rel=0.5)
+
+
+def test_a_run_takes_the_automatic_stabilisation(tmp_path):
+    assert run(tmp_path, *QUICK, "--cs", "auto", "--shear-stiffness", "0.5") == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["inputs"]["cs"] == "auto"
+
+
+def test_a_stabilisation_that_would_be_ignored_is_refused(capsys, tmp_path):
+    command = ("run", "strip", "--out", str(tmp_path / "o"))
+    for formulation in ("full", "quadratic"):
+        said = refused(capsys, *command, "--formulation", formulation, "--cs", "4")
+        assert "--cs goes with --formulation one-point or macro" in said
+    more = ("--formulation", "one-point", "--deviation", "20")
+    said = refused(capsys, *command, *more)
+    assert "--deviation goes with --formulation quadratic" in said
+    more = ("--split", "--formulation", "macro", "--cs", "4", "--stabilisation", "rate")
+    assert "goes with --formulation one-point" in refused(capsys, *command, *more)
+
+
+@pytest.mark.parametrize("option", ["--fibre-stiffness", "--shear-stiffness"])
+def test_the_largest_numbers_are_refused_without_warnings(option, capsys, tmp_path):
+    out = ("--out", str(tmp_path / "o"))
+    said = refused(capsys, "run", "strip", *QUICK[:4], option, "1e308", *out)
+    assert "a law has no finite energy or force at rest" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_jumps_between_the_elements_of_one_are_none(tmp_path, capfd):
+    more = ("--size", "1x1", "--stabilisation", "continuity", "--cs", "3")
+    out = ("--out", str(tmp_path / "out"), "--steps", "1", "--no-render")
+    assert cli.main(["run", "picture_frame", *out, *more]) == 0
+    assert "JumpBasis" not in capfd.readouterr().err
+
+
+def test_a_force_acts_beside_the_conditions_of_a_scene(tmp_path, capsys):
+    """Turned with the scene; the summary says that there is no exact answer then."""
+    energies = []
+    for more in (["--rotate", "0"], ["--rotate", "30"]):
+        sheared = ["--shear-stiffness", "1", "--force", "top=2,1", *more]
+        assert run(tmp_path, *QUICK, *sheared) == 0
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        assert summary["inputs"]["force"] == [["top", [2.0, 1.0]]]
+        assert "forces act" in summary["exact_answer"]
+        assert summary["force on top_potential"] < 0
+        energies.append(summary["energy"])
+    assert energies[0] == pytest.approx(energies[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "force", ["top", "top=1", "top=1,2,3", "=1,2", "top=nan,0", "lid=1,2"]
+)
+def test_a_force_that_nobody_can_mean_is_refused(tmp_path, capsys, force):
+    out = ["--out", str(tmp_path / "out")]
+    said = refused(capsys, "run", "strip", *QUICK, *out, "--force", force)
+    assert force.split("=")[0] in said
+    assert not (tmp_path / "out").exists()

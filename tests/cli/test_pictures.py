@@ -1,0 +1,91 @@
+"""Pictures of a run, and what happens where they fail."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from command_line import QUICK, run
+
+from skfem_textile.cli import main as cli
+from skfem_textile.cli import pictures
+from skfem_textile.plot import offscreen
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "told"),
+    [
+        (ValueError("no ink"), 0, ("no pictures: no ink", "")),
+        (
+            KeyboardInterrupt,
+            130,
+            ("", "interrupted; the numbers are written, pictures are not\n"),
+        ),
+    ],
+)
+def test_pictures_that_fail_lose_no_numbers(
+    tmp_path, capsys, monkeypatch, error, code, told
+):
+    def draw(*_):
+        raise error
+
+    monkeypatch.setattr(pictures, "draw", draw)
+    assert run(tmp_path, *QUICK[:-1]) == code
+    assert (tmp_path / "out" / "summary.json").exists()
+    out, err = capsys.readouterr()
+    assert told[0] in out
+    assert err == (f"skfem-textile: {told[1]}" if told[1] else "")
+
+
+def test_the_load_is_drawn_over_the_displacement_of_the_driven_edge(
+    tmp_path, monkeypatch
+):
+    pytest.importorskip("pyvista")
+    curves = pytest.importorskip("skfem_textile.plot.curves")
+    drawn = []
+    monkeypatch.setattr(curves, "curves", lambda *given: drawn.append(given))
+    for scene, axis in (("strip", "x"), ("bias_extension", "y")):
+        out = tmp_path / scene
+        options = ("--size", "2x4", "--steps", "2", "--rotate", "30")
+        assert cli.main(["run", scene, "--out", str(out), *options]) == 0
+        panels, xlabel, ylabel, _ = drawn.pop()
+        assert xlabel == f"Mean displacement of the driven edge along {axis} (mm)"
+        assert ylabel == "Force (N)"
+        summary = json.loads((out / "summary.json").read_text())
+        (lines,) = panels.values()
+        for name in "xy":
+            moved, force = lines[f"along {name}"]
+            assert force[-1] == pytest.approx(summary[f"reaction_{name}"])
+            assert moved[0] == 0
+            assert moved[-1] > 5
+    assert moved[-1] == pytest.approx(2 * moved[1], rel=0.2)
+
+
+def test_without_gl_everything_else_is_written(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("pyvista")
+    monkeypatch.setattr(offscreen, "_can_draw", lambda environment: False)
+    offscreen.require_offscreen.cache_clear()
+    try:
+        assert run(tmp_path, *QUICK[:-1]) == 0
+    finally:
+        offscreen.require_offscreen.cache_clear()
+    assert (tmp_path / "out" / "summary.json").exists()
+    assert not list((tmp_path / "out").glob("*.png"))
+    said = [x for x in capsys.readouterr().out.splitlines() if "libegl1" in x]
+    assert len(said) == 1
+
+
+def test_pictures_are_written_and_nothing_is_said_on_stderr(tmp_path):
+    pytest.importorskip("pyvista")
+    command = [sys.executable, "-m", "skfem_textile", "run", "strip", *QUICK[:-1]]
+    child = subprocess.run(
+        [*command, "--out", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={k: v for k, v in os.environ.items() if k != "DISPLAY"},
+    )
+    assert child.stderr == ""
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert set(pictures.PICTURES) <= names

@@ -1,0 +1,210 @@
+"""What a run writes and tells, and how it is interrupted and resumed."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from command_line import QUICK, refused, run
+
+from skfem_textile import LoadStepper, Ply, Result
+
+
+def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
+    assert run(tmp_path, *QUICK, "--shear-stiffness", "0.5") == 0
+    out = tmp_path / "out"
+    assert {p.name for p in out.iterdir()} == {"summary.json", "history.csv", "fields"}
+    summary = json.loads((out / "summary.json").read_text())
+    assert set(summary) == {
+        *("scene", "formulation", "n_elements", "n_dofs", "converged", "load_factor"),
+        *("load_steps", "linear_solves", "energy", "tension_energy"),
+        *("shear_energy", "corners_energy", "stabilisation_energy", "path_resolved"),
+        *("max_fibre_strain",),
+        *("mesh_fibre_strain", "max_fibre_tension", "max_shear_angle_deg"),
+        *("min_det_F", "wall_time_s", "assembly_time_s", "solve_time_s", "reaction_x"),
+        *("reaction_y", "displacement_error_rms", "displacement_error_max"),
+        *("shear_angle_error_rms_deg", "inputs", "negative_pivots", "stable"),
+        *("steps_cut", "factorisations", "solver", "solver_reason"),
+    }
+    assert summary["inputs"]["cs"] == 10.0
+    assert summary["inputs"]["size"] == [3, 4]
+    assert summary["scene"] == "strip"
+    assert summary["formulation"] == "one-point"
+    assert summary["converged"] is True
+    assert summary["n_elements"] == 12
+    assert summary["shear_energy"] > 0
+    with open(out / "history.csv") as file:
+        assert len(list(csv.DictReader(file))) == summary["load_steps"] + 1
+    assert len(list((out / "fields").glob("*.vtu"))) == summary["load_steps"] + 1
+    assert "max_fibre_strain" in capsys.readouterr().out
+
+
+def interrupt_at(monkeypatch, number):
+    """Interrupt the command line after so many states, the undeformed one included."""
+    keep = LoadStepper._keep
+
+    def interrupt(stepper, *arguments):
+        if len(stepper.states) == number:
+            raise KeyboardInterrupt
+        keep(stepper, *arguments)
+
+    monkeypatch.setattr(LoadStepper, "_keep", interrupt)
+
+
+def test_a_run_interrupted_before_its_first_state_says_so(
+    tmp_path, capsys, monkeypatch
+):
+    interrupt_at(monkeypatch, 0)
+    assert run(tmp_path, *QUICK) == 130
+    assert capsys.readouterr().err == "skfem-textile: interrupted\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_run_leaves_its_last_state_and_is_resumed(
+    tmp_path, capsys, monkeypatch
+):
+    assert run(tmp_path, *QUICK) == 0
+    out = tmp_path / "out"
+    whole = (out / "history.csv").read_text()
+    with monkeypatch.context() as patch:
+        interrupt_at(patch, 2)
+        assert run(tmp_path, *QUICK, "--checkpoint") == 130
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "interrupted; the state at load factor 0.333333 is written" in said
+    assert "--resume goes on" in said
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["load_factor"] == pytest.approx(1 / 3)
+    assert (out / "history.csv").read_text() == "".join(
+        whole.splitlines(keepends=True)[:3]
+    )
+    assert "resume" in refused(
+        capsys, "run", "strip", "--out", str(out), *QUICK, "--checkpoint"
+    )
+    assert run(tmp_path, *QUICK, "--resume") == 0
+    assert (out / "history.csv").read_text() == whole
+
+
+def test_a_checkpoint_may_lie_anywhere_and_is_refused_by_another_run(tmp_path, capsys):
+    folder = str(tmp_path / "c")
+    assert run(tmp_path, *QUICK, "--checkpoint", folder) == 0
+    assert not (tmp_path / "out" / "checkpoint").exists()
+    again = ("--resume", folder, "--fibre-stiffness", "2e4")
+    command = ("run", "strip", "--out", str(tmp_path / "new"), *QUICK, *again)
+    capsys.readouterr()
+    assert "is of another run: warp law was Linear" in refused(capsys, *command)
+    assert not (tmp_path / "new").exists()
+
+
+def test_resume_goes_on_where_checkpoint_says(tmp_path, capsys, monkeypatch):
+    folder = str(tmp_path / "c")
+    with monkeypatch.context() as patch:
+        interrupt_at(patch, 2)
+        assert run(tmp_path, *QUICK, "--checkpoint", folder) == 130
+    capsys.readouterr()
+    assert run(tmp_path, *QUICK, "--checkpoint", folder, "--resume", "-v") == 0
+    assert "resumed at load factor 0.333333" in capsys.readouterr().err
+    other = ("run", "strip", "--out", str(tmp_path / "out"), *QUICK)
+    said = refused(capsys, *other, "--checkpoint", folder, "--resume", folder + "d")
+    assert "name different folders" in said
+
+
+def test_numbers_that_json_does_not_have_are_null(tmp_path, monkeypatch):
+    summary = Result.summary
+    odd = {"energy": np.inf, "stable": np.nan, "load_steps": 1e308}
+    monkeypatch.setattr(Result, "summary", lambda result: summary(result) | odd)
+    assert run(tmp_path, *QUICK) == 0
+
+    def refuse(constant):
+        raise ValueError(constant)
+
+    text = (tmp_path / "out" / "summary.json").read_text()
+    found = json.loads(text, parse_constant=refuse)
+    assert (found["energy"], found["stable"]) == (None, None)
+    assert found["load_steps"] == 1e308
+
+
+def test_steps_and_iterations_are_told_on_request(tmp_path, capsys):
+    lines = []
+    for verbose in ((), ("-v",), ("-vv",)):
+        assert run(tmp_path, *QUICK, *verbose) == 0
+        lines.append(capsys.readouterr().err.splitlines())
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert lines[0] == []
+    solver, *states = lines[1]
+    assert solver.startswith("linear solver ")
+    assert len(states) == summary["load_steps"] + 1
+    assert len(lines[2]) == len(lines[1]) + summary["linear_solves"]
+    assert "N unbalanced, tolerance" in lines[2][2]
+
+
+def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypatch):
+    def area_ratio(ply, u):
+        return 10 - abs(u).max() * np.ones(ply.mesh.nelements)
+
+    monkeypatch.setattr(Ply, "least_area_ratio", area_ratio)
+    assert run(tmp_path, *QUICK) == 1
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["converged"] is False
+    assert 0 < summary["load_factor"] < 1
+    fields = sorted((tmp_path / "out" / "fields").glob("*.vtu"))
+    assert len(fields) == summary["load_steps"] + 1
+    assert capsys.readouterr().err.startswith("skfem-textile: stopped at load factor")
+
+
+def test_an_output_folder_that_cannot_be_written_is_refused(tmp_path, capsys):
+    (tmp_path / "file").write_text("in the way")
+    out = str(tmp_path / "file" / "out")
+    assert "file" in refused(capsys, "run", "strip", "--out", out, *QUICK)
+
+
+def test_a_second_run_into_a_folder_is_told_before_any_work(
+    tmp_path, capsys, monkeypatch
+):
+    keep, codes = LoadStepper._keep, []
+
+    def second(stepper, *arguments):
+        keep(stepper, *arguments)
+        if not codes:
+            codes.append(None)
+            codes[0] = run(tmp_path, *QUICK)
+
+    monkeypatch.setattr(LoadStepper, "_keep", second)
+    assert run(tmp_path, *QUICK) == 0
+    assert codes == [2]
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert f"another run is writing to {tmp_path / 'out'}" in said
+
+
+def test_what_is_refused_at_rest_leaves_no_checkpoint(tmp_path, capsys):
+    quick = ("--size", "2x2", "--steps", "1", "--no-render", "--checkpoint")
+    for stiffness in ("--fibre-stiffness", "--shear-stiffness"):
+        command = ("run", "strip", "--out", str(tmp_path / "o"), *quick)
+        said = refused(capsys, *command, stiffness, "1e308")
+        assert "no finite energy or force at rest" in said
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    out, folder = str(tmp_path / "o"), str(tmp_path / "file" / "c")
+    said = refused(capsys, "run", "strip", "--out", out, *QUICK, "--resume", folder)
+    assert "cannot write checkpoint" in said
+
+
+@pytest.mark.parametrize("name", ["a\nb", "\udcff", "ü"])
+def test_a_folder_of_any_name_is_told_in_one_line(tmp_path, name):
+    command = [sys.executable, "-m", "skfem_textile", "run", "strip", *QUICK]
+    child = subprocess.run(
+        [*command, "--out", str(tmp_path / name)],
+        capture_output=True,
+        check=True,
+        env=os.environ | {"PYTHONIOENCODING": "ascii"},
+    )
+    assert (tmp_path / name / "summary.json").exists()
+    assert child.stderr == b""
+    assert child.stdout.splitlines()[-1].startswith(b"results in ")

@@ -1,0 +1,26 @@
+"""Runs of the command line, for tests."""
+
+from pathlib import Path
+
+from skfem_textile.cli import main as cli
+
+MESH = Path(__file__).parents[2] / "examples" / "strip.msh"
+
+QUICK = ["--size", "3x4", "--steps", "3", "--cs", "10", "--no-render"]
+
+
+def run(tmp_path, *arguments):
+    return cli.main(["run", "strip", "--out", str(tmp_path / "out"), *arguments])
+
+
+def refused(capsys, *arguments):
+    """The one line with which bad input is refused."""
+    try:
+        code = cli.main(arguments)
+    except SystemExit as end:
+        code = end.code
+    out, err = capsys.readouterr()
+    assert code == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    return err
