@@ -184,40 +184,95 @@ def at_rest(law):
     return 0.0 if law is None else law.at_rest
 
 
-def mean_tension(cloth, x, groups, multiples):
-    """∫ Σ_α ψ(ε̄_α) + ½ E_d (ε_α − ε̄_α)² dΩ, ε̄ the mean over a group of points.
+def secant_of(law, gamma):
+    """M_s(Γ)/Γ, at least a tenth of what it is at rest."""
+    if law is None:
+        return 0.0
+    secant = law.value(gamma) / gamma if abs(gamma) > 1e-6 else law.at_rest
+    return max(secant, 0.1 * law.at_rest)
 
-    E_d = min(E, c G √(A/A_e)), E and G at rest; no E is no bound; E/2 if G is zero.
-    ``multiples`` has the c of each group.
+
+def slope_within(law, eps=0.0):
+    """Mean slope of a tension law within a percent of strain to either side."""
+    if law is None:
+        return 0.0
+    return max((law.value(eps + 0.01) - law.value(eps - 0.01)) / 0.02, 0.0)
+
+
+def share_without_shear(G, E):
+    """1 without shear stiffness, 0 with any that is more than some 10⁻¹⁰ E."""
+    return np.exp(-G / (1e-11 * E)) if E > 0 else 0.0
+
+
+def deviation_stiffnesses(cloth, x, groups, multiples):
+    """E_d of both families of each group of points at a converged state.
+
+    E_d = c G, ½ E without shear stiffness, and at most E: secant of shear and slope of
+    the tension law, means over the group.  ``multiples`` has the c of each group.
     """
-    whole = sum(p.area for group in groups for p in group)
-    energy = 0.0
+    stiffnesses = []
     for group, c in zip(groups, multiples, strict=True):
-        A_e = sum(p.area for p in group)
+        shares = [p.area / sum(p.area for p in group) for p in group]
+        F = [deformation_gradient(x, p) for p in group]
+        secants = [
+            secant_of(cloth.shear, shear_angle(F_p, p.A)[0])
+            for F_p, p in zip(F, group, strict=True)
+        ]
+        G = sum(share * secant for share, secant in zip(shares, secants, strict=True))
+        pair = []
         for i, law in enumerate(cloth.tension):
-            if law is None:
-                continue
-            E, G = law.at_rest, at_rest(cloth.shear)
-            E_d = c * G * np.sqrt(whole / A_e) if G > 0 else E / 2
-            E_d = min(E_d, E) if E > 0 else E_d
-            strains = [strain(deformation_gradient(x, p), p.A[i]) for p in group]
-            pairs = list(zip(group, strains, strict=True))
-            mean = sum(p.area * eps for p, eps in pairs) / A_e
-            energy = energy + A_e * law.energy(mean)
-            energy = energy + sum(
-                p.area * E_d / 2 * (eps - mean) ** 2 for p, eps in pairs
+            strains = [strain(F_p, p.A[i])[0] for F_p, p in zip(F, group, strict=True)]
+            E = sum(
+                share * slope_within(law, eps)
+                for share, eps in zip(shares, strains, strict=True)
             )
-    return energy
+            pair.append(min(E, c * G + E / 2 * share_without_shear(G, E)))
+        stiffnesses.append(pair)
+    return stiffnesses
 
 
-def macro_tension(cloth, x, macros, multiples):
+def mean_tension(cloth, x, groups, multiples, committed=()):
+    """∫ Σ_α ψ(ln λ̄_α) + ½ E_d (λ_α − λ̄_α)² dΩ, λ̄ the mean over a group of points.
+
+    E_d is that of the last committed state; a change of it at a state changes no energy
+    there.
+    """
+
+    def energy(x, E_d, of_means):
+        whole = 0.0
+        for group, pair in zip(groups, E_d, strict=True):
+            A_e = sum(p.area for p in group)
+            for i, law in enumerate(cloth.tension):
+                if law is None:
+                    continue
+                stretches = [
+                    np.exp(strain(deformation_gradient(x, p), p.A[i])) for p in group
+                ]
+                pairs = list(zip(group, stretches, strict=True))
+                mean = sum(p.area * stretch for p, stretch in pairs) / A_e
+                whole = whole + of_means * A_e * law.energy(np.log(mean))
+                whole = whole + sum(
+                    p.area * pair[i] / 2 * (stretch - mean) ** 2 for p, stretch in pairs
+                )
+        return whole
+
+    E_d, stored = deviation_stiffnesses(cloth, cloth.X[..., None], groups, multiples), 0
+    for state in committed:
+        new = deviation_stiffnesses(cloth, state, groups, multiples)
+        stored += energy(state, E_d, 0) - energy(state, new, 0)
+        E_d = new
+    return stored + energy(x, E_d, 1)
+
+
+def macro_tension(cloth, x, macros, multiples, committed=()):
     """`mean_tension` at the centres of the quadrilaterals of each macro-element.
 
     ``multiples`` is the pair c of what was a triangle and what was a quadrilateral.
     """
     groups = [[points_of(cloth, e, "centre")[0] for e in parts] for parts in macros]
     of_parts = dict(zip((3, 4), multiples, strict=True))
-    return mean_tension(cloth, x, groups, [of_parts[len(parts)] for parts in macros])
+    chosen = [of_parts[len(parts)] for parts in macros]
+    return mean_tension(cloth, x, groups, chosen, committed)
 
 
 def quadratic_mean_tension(cloth, x, c):
@@ -248,18 +303,21 @@ def hourglass(cloth, x, C_s):
 def automatic_stiffness(cloth, x):
     """C_s of each element at a converged state: 8 M_s(Γ)/Γ at the centre.
 
-    At least 0.8 G, or if G is zero 10⁻⁴ E; G and E, the mean of both families, at rest.
+    At least 0.8 G with G at rest.  Without shear stiffness 10⁻⁴ E, the mean of both
+    families, within a percent of strain of that at the centre.
     """
-    G, E = at_rest(cloth.shear), sum(at_rest(law) for law in cloth.tension) / 2
-    least = 0.1 * 8 * G if G > 0 else 1e-4 * E
     C_s = []
     for e in range(len(cloth.elements)):
         centre = point(cloth, e, (0, 0))
-        gamma = shear_angle(deformation_gradient(x, centre), centre.A)[0]
-        secant = G  # the limit for small Γ
-        if cloth.shear is not None and abs(gamma) > 1e-6:
-            secant = cloth.shear.value(gamma) / gamma
-        C_s.append(max(8 * secant, least))
+        F = deformation_gradient(x, centre)
+        gamma = shear_angle(F, centre.A)[0]
+        G = secant_of(cloth.shear, gamma)
+        slopes = [
+            slope_within(law, strain(F, A)[0])
+            for law, A in zip(cloth.tension, centre.A, strict=True)
+        ]
+        E = sum(slopes) / 2
+        C_s.append(8 * G + 1e-4 * E * share_without_shear(G, E))
     return C_s
 
 

@@ -68,7 +68,7 @@ def of_triangles(c):
 
 
 def of_macros(*c):
-    return lambda p, x: plain.macro_tension(p.cloth, x, p.macros, c)
+    return lambda p, x: plain.macro_tension(p.cloth, x, p.macros, c, p.committed)
 
 
 def hourglass(C_s):
@@ -97,7 +97,7 @@ def one_point(formulation, stabilisation=None, **others):
 
 
 def macro(mesh, **others):
-    return Case(Macro(), mesh, "centre", of_macros(400, 1600), automatic, **others)
+    return Case(Macro(), mesh, "centre", of_macros(5000, 18000), automatic, **others)
 
 
 def macro_of(C_s, c):
