@@ -57,7 +57,7 @@ class Measures:
         """Fibre strain of warp and weft that the law of tension sees.
 
         At the ply's own points, shape (2, n_elements, n_points): the fibre strain
-        there, or where fibres have the tension of the mean strain (`Macro`,
+        there, or where fibres have the tension of the mean stretch (`Macro`,
         `Quadratic` with a deviation) this mean.
         """
         strain = self.fibre_strain(u)

@@ -46,7 +46,7 @@ CODES: tuple[TimedCode, ...] = (
     ThisLibrary("macro, quads", MACRO),
     ThisLibrary("macro, triangles", MACRO_TRIANGLES),
     ThisLibrary("P2, 3 points", _BY_NAME["quadratic"]),
-    ThisLibrary("P2, mean strain", MEAN_QUADRATIC),
+    ThisLibrary("P2, mean stretch", MEAN_QUADRATIC),
     ThisLibrary("Q4, 2×2", _BY_NAME["2×2 points"]),
     ThisLibrary("Q4, isotropic", _BY_NAME["isotropic, κ = C"]),
     *map(OtherCode, RIVALS),

@@ -262,15 +262,14 @@ def test_a_rotated_problem_and_a_resumed_run_are_the_same(formulation, tmp_path)
     assert stepper().run(resume=True).summary()["energy"] == plain["energy"]
 
 
-def test_half_of_a_ply_takes_about_half_of_the_force():
-    """Not quite: the stiffness of deviations counts the elements along the mesh."""
+def test_half_of_a_ply_takes_half_of_the_force():
+    """Nothing in an element knows how large the mesh is."""
     loads = []
     for part, width, size in (("whole", 50, (8, 16)), ("half", 25, (4, 16))):
         mesh = split(rectangle(width, 100, size, "aligned"))
         scene = bias_extension(mesh, part=part)
-        loads.append(run(scene, Macro(), 1e6, 0.5)["load_over_exact"])
-    assert loads[0] != loads[1]
-    assert loads[1] == pytest.approx(loads[0], abs=0.01)
+        loads.append(run(scene, Macro(), 1e5, 0.5)["load_over_exact"])
+    assert loads[1] == pytest.approx(loads[0], rel=1e-9)
 
 
 def test_quadratic_triangles_of_mean_strain_do_not_lock_at_kinks():

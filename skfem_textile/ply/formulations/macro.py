@@ -85,7 +85,7 @@ class Macro(Quadrilaterals):
         return super().basis(mesh)
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
-        """The tension of the mean strain of each macro-element."""
+        """The tension of the mean stretch of each macro-element."""
         mesh: Any = basis.mesh
         macro = MacroBasis(mesh, mapping=basis.mapping, dofs=basis.dofs)
         of_triangles, of_quadrilaterals = self.deviation

@@ -61,7 +61,7 @@ class Quadratic(Pointwise):
         return triangle_basis(mesh)
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
-        """The tension at each of the points, or of their mean strain."""
+        """The tension at each of the points, or of their mean stretch."""
         if self.deviation is None:
             return super().tension_term(basis, fabric)
         means = MeanBasis(
@@ -82,7 +82,7 @@ REGISTRATION = FormulationRegistration(
     options=(
         Option(
             name="deviation",
-            help="give quadratic triangles the tension of their mean strain, and "
+            help="give quadratic triangles the tension of their mean stretch, and "
             "deviations from it this multiple of the shear stiffness (300 does well), "
             "or half of the fibre stiffness where there is none",
             read=float,

@@ -1,0 +1,135 @@
+"""A pull along one family, edges free to slide: exact for every mesh and law."""
+
+import numpy as np
+import pytest
+from skfem import MeshTri
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    StepError,
+    split,
+)
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.splitting import cut
+
+STRAIN, WIDTH, HEIGHT = 0.02, 40.0, 60.0
+
+
+class Toe:
+    """T = E(ε − e₀(1 − exp(−ε/e₀))) + k ε in tension, k ε in compression."""
+
+    def __init__(self, k, E=1e5, e_0=0.004):
+        self.k, self.E, self.e_0 = k, E, e_0
+
+    def energy(self, x):
+        p, e_0 = np.maximum(x, 0.0), self.e_0
+        straightened = p**2 / 2 - e_0 * (p + e_0 * np.expm1(-p / e_0))
+        return self.E * straightened + self.k * x**2 / 2
+
+    def value(self, x):
+        p = np.maximum(x, 0.0)
+        return self.E * (p + self.e_0 * np.expm1(-p / self.e_0)) + self.k * x
+
+    def tangent(self, x):
+        return -self.E * np.expm1(-np.maximum(x, 0.0) / self.e_0) + self.k
+
+
+class Stiffening:
+    """T = 10³ ε + 10⁷ ε³."""
+
+    def energy(self, x):
+        return 500.0 * x**2 + 2.5e6 * x**4
+
+    def value(self, x):
+        return 1e3 * x + 1e7 * x**3
+
+    def tangent(self, x):
+        return 1e3 + 3e7 * x**2
+
+
+class Pretensioned:
+    """T = 5 + 10⁴ ε."""
+
+    def energy(self, x):
+        return 5.0 * x + 5e3 * x**2
+
+    def value(self, x):
+        return 5.0 + 1e4 * x
+
+    def tangent(self, x):
+        return np.full(np.shape(x), 1e4)
+
+
+LAWS = {
+    "soft": 1e3,
+    "linear": 1e5,
+    "stiff": 1e8,
+    **{f"toe, k = {k:g}": Toe(k) for k in (1.0, 10.0, 1000.0)},
+    # Slack fibres across the pull would be free to contract: these resist.
+    "no compression": (1e4, Toe(0.0)),
+    "stiffening": Stiffening(),
+}
+FORMULATIONS = {
+    "full": (Full(), "irregular"),
+    "one point": (OnePoint(), "irregular"),
+    "macro, quads": (Macro(), "irregular"),
+    "macro, triangles": (Macro(), "delaunay"),
+    "quadratic": (Quadratic(), "delaunay"),
+    "quadratic, mean": (Quadratic(300.0), "delaunay"),
+    "quadratic of quads": (Quadratic(300.0), "irregular"),
+}
+
+
+def pulled(law, G, formulation, kind, strain=STRAIN):
+    mesh = rectangle(WIDTH, HEIGHT, (4, 6), kind, seed=3)
+    if isinstance(formulation, Macro):
+        mesh = split(mesh)
+    if isinstance(formulation, Quadratic) and not isinstance(mesh, MeshTri):
+        mesh = cut(mesh)
+    ply = Ply(mesh, Fabric(law, G), formulation)
+    conditions = {
+        "bottom": Condition("bottom", direction=(0, 1)),
+        "top": Condition("top", HEIGHT * strain, direction=(0, 1)),
+        "corner": Condition(lambda X: np.hypot(*X) < 1e-9, direction=(1, 0)),
+    }
+    return LoadStepper(ply, conditions, steps=1).run()
+
+
+@pytest.mark.parametrize("G", [0.0, 0.5])
+@pytest.mark.parametrize("formulation", FORMULATIONS.values(), ids=FORMULATIONS)
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_the_force_is_exact(law, formulation, G):
+    result = pulled(law, G, *formulation)
+    state, T = result.states[-1], result.ply.fabric.laws[1]
+    tension = T.value(np.array([np.log1p(STRAIN)]))[0]
+    force = WIDTH * tension / (1 + STRAIN)
+    assert state.reactions["top"][1] == pytest.approx(force, rel=1e-8)
+    assert state.verdict.negative_pivots == 0
+    assert state.linear_solves <= 8
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS.values(), ids=FORMULATIONS)
+def test_pre_tension_contracts_the_other_family(formulation):
+    """Its stress-free length is where T = 0; what is pulled is exact all the same."""
+    result = pulled(Pretensioned(), 0.5, *formulation)
+    tension = 5.0 + 1e4 * np.log1p(STRAIN)
+    width = WIDTH * np.exp(-5e-4)
+    force = WIDTH * tension / (1 + STRAIN)
+    state = result.states[-1]
+    assert state.reactions["top"][1] == pytest.approx(force, rel=1e-8)
+    x = result.ply.nodes[0] + result.ply.nodal(result.u)[0]
+    assert np.ptp(x) == pytest.approx(width, rel=1e-8)
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS.values(), ids=FORMULATIONS)
+def test_a_motion_that_nothing_resists_is_named(formulation):
+    """No shear stiffness, and a family without any: the ply is a mechanism."""
+    with pytest.raises(StepError, match="some motion meets no stiffness"):
+        pulled((1e4, 0.0), 0.0, *formulation)
