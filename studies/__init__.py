@@ -1,1 +1,1 @@
-"""What the library is measured by, outside the installed package."""
+"""Studies that measure the library, outside the installed package."""

@@ -21,7 +21,7 @@ _THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that answers bad input with one line."""
+    """A parser that reports bad input in one line."""
 
     def error(self, message: str) -> NoReturn:
         complain(f"error: {message}")
@@ -31,14 +31,14 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a study; returns the exit code.
 
-    0 when every case was examined and no study complains, 1 when some were not, or
+    0 when every case was examined and the study has no complaint, 1 if not, or if
     results cannot be written, 2 for bad input, 130 after Ctrl-C or SIGTERM.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     try:
         with raised():
             return _answer(words)
-    except BrokenPipeError:  # nobody reads on
+    except BrokenPipeError:  # the reader has closed the output
         silence(sys.stdout)
         return 0
     except OutputError as error:
@@ -93,7 +93,7 @@ def _positive(text: str) -> int:
 
 
 def _run(study: Study[Any], options: argparse.Namespace) -> int:
-    """Examine the cases and write the report; a case that fails is not in it."""
+    """Examine the cases and write the report, without cases that fail."""
     from skfem_textile.cli.result_folder import ResultFolder
     from skfem_textile.sweep import SweepError
 
@@ -116,7 +116,7 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
         code, complaint = STOPPED_EARLY, f"{error}; --resume runs what is left"
     except KeyboardInterrupt:
         code, complaint = INTERRUPTED, "interrupted; --resume runs what is left"
-    finally:  # a study that stops reports on what it has
+    finally:  # a study that stops still reports
         for case in cases:
             rows += rows_by_name.get(study.name(case), [])
         if rows:
@@ -136,7 +136,7 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
 
 
 def _cases(study: Study[Any], options: argparse.Namespace) -> list[Any]:
-    """The cases of the study, or those that are asked for."""
+    """The cases of the study, or those that the options name."""
     cases = list(study.cases(options))
     if options.case is None:
         return cases
@@ -159,7 +159,7 @@ def _examine(
     kept: Path,
     rows_by_name: dict[str, list[Row]],
 ) -> None:
-    """Find the rows of every case, by its name; they are on file as they come."""
+    """Add the rows of every case by its name; they are on file at once."""
     from skfem_textile.sweep import sweep
 
     kept.parent.mkdir(parents=True, exist_ok=True)
@@ -178,7 +178,7 @@ def _write(texts: dict[str, str], folder: Path) -> None:
 
 
 def _render(draw: Callable[[Path], None], results: Any, code: int) -> int:
-    """Draw the pictures, or say in one line why not; returns the exit code."""
+    """Draw the pictures, or print in one line why not; returns the exit code."""
     try:
         with results as folder:
             draw(folder)

@@ -1,4 +1,4 @@
-"""The protocol of all studies: cases, one case examined, tables and figures of rows.
+"""The protocol of all studies: cases, the rows of each case, tables and figures.
 
 A study is a subfolder with a module `study` that defines ``STUDY``.  The first line of
 the subfolder's docstring is its description.
@@ -17,17 +17,17 @@ Row: TypeAlias = dict[str, Any]
 
 
 class Study(Generic[Case]):
-    """What is run by ``python -m studies NAME --out DIR``.
+    """A study, which ``python -m studies NAME --out DIR`` runs.
 
-    A subclass defines `cases`, `examine` and `tables`, and the rest where it needs it.
-    With more than one worker a case, and the study itself, must be picklable.
+    A subclass defines `cases`, `examine`, `line` and `tables`, and other methods if it
+    needs them.  With more than one worker the study and its cases must be picklable.
 
     Attributes
     ----------
     files, pictures
         Names of the files that `tables` and `draw` may write.
     timed
-        Whether cases are timed: then they run one at a time, on one thread.
+        Whether cases are timed.  Timed cases run one at a time, on one thread.
     """
 
     files: ClassVar[tuple[str, ...]] = ()
@@ -35,33 +35,33 @@ class Study(Generic[Case]):
     timed: ClassVar[bool] = False
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
-        """Add command-line options of the study's own; there are none."""
+        """Add further command-line options; by default none."""
 
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
         """The cases, in the order of the report."""
         raise NotImplementedError
 
     def name(self, case: Case) -> str:
-        """A name that no other case has, the same in every run."""
+        """A name that no other case has, and that is the same in every run."""
         return str(case)
 
     def examine(self, case: Case) -> list[Row]:
-        """Run one case; what it returns is kept on file for ``--resume``."""
+        """Run one case and return its rows, which are kept on file for ``--resume``."""
         raise NotImplementedError
 
     def line(self, rows: list[Row]) -> str:
-        """Tell the rows of one case on one line, or on some."""
+        """Text for the rows of one case, in one line or more."""
         raise NotImplementedError
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        """The text of each file by its name; rows may be those of some cases only."""
+        """The text of each file by its name; the rows may come from some cases only."""
         raise NotImplementedError
 
     def draw(self, rows: list[Row], folder: Path) -> None:
-        """Draw `pictures` into a folder; there are none."""
+        """Draw `pictures` into a folder; by default none."""
 
     def complaint(self, rows: list[Row]) -> str:
-        """What makes the study fail, with exit code 1, on one line; or nothing."""
+        """Why the study fails, with exit code 1, on one line; empty if it does not."""
         return ""
 
     def written(self, cases: Sequence[Case]) -> Sequence[str]:
@@ -70,7 +70,7 @@ class Study(Generic[Case]):
 
 
 def descriptions() -> dict[str, str]:
-    """What each study tells, by its name; loads nothing that studies need."""
+    """The description of each study by its name; loads nothing that studies need."""
     here = Path(__file__).parent
     names = sorted(file.parent.name for file in here.glob("*/study.py"))
     documented = ((name, import_module(f"studies.{name}").__doc__) for name in names)
@@ -80,7 +80,7 @@ def descriptions() -> dict[str, str]:
 
 
 def load(name: str) -> Study[Any]:
-    """The study of a name, with what it needs."""
+    """Load the study of this name, and all that it needs."""
     study = import_module(f"studies.{name}.study").STUDY
     assert isinstance(study, Study)
     return study

@@ -1,8 +1,8 @@
 """Ctrl-C and SIGTERM on the command line: one line, and exit code 130.
 
-The package imports this module first.  If it is the command line that runs, a signal
-ends the process at once from here on, as there is nothing to lose while modules are
-imported; within `raised` signals are a `KeyboardInterrupt`, and after it of no account.
+The package imports this module first.  From then on a signal ends the process of the
+command line at once: nothing can be lost while modules are imported.  Within `raised` a
+signal raises `KeyboardInterrupt`.  After `raised` signals are ignored.
 """
 
 import os
@@ -18,7 +18,7 @@ from typing import Any
 #: Exit code after an interruption.
 INTERRUPTED = 130
 
-# Seconds until a signal is sent again that came where nothing can be raised.
+# Seconds until a signal is sent again that came where Python drops errors.
 _LATER = 0.01
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
@@ -33,7 +33,7 @@ def raised() -> Iterator[None]:
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Let what must not be cut in two end first; a second signal cuts it."""
+    """Hold a signal back until the block ends; a second signal interrupts it."""
     first: list[tuple[int, Any]] = []
 
     def note(number: int, frame: Any) -> None:
@@ -51,9 +51,9 @@ def held() -> Iterator[None]:
 
 @contextmanager
 def _answered(answer: Callable[[int, Any], None]) -> Iterator[dict[int, Any]]:
-    """Answer signals that are not ignored; gives the answers before."""
+    """Handle signals that are not ignored; yields the handlers before."""
     before: dict[int, Any] = {}
-    if threading.current_thread() is threading.main_thread():  # no other may
+    if threading.current_thread() is threading.main_thread():  # others may not
         before = {number: signal.getsignal(number) for number in _SIGNALS}
     answered = [n for n, old in before.items() if old not in (signal.SIG_IGN, None)]
     for number in answered:
@@ -61,7 +61,7 @@ def _answered(answer: Callable[[int, Any], None]) -> Iterator[dict[int, Any]]:
     try:
         yield before
     finally:
-        for number in answered:  # a command that has said all has only to end
+        for number in answered:  # a command that is done has only to end
             over = before[number] is _end
             signal.signal(number, signal.SIG_IGN if over else before[number])
 
@@ -74,7 +74,7 @@ def _interrupt(number: int, frame: Any) -> None:
 
 
 def _is_ignored(frame: Any) -> bool:
-    """Whether Python prints and forgets what is raised: where objects are removed."""
+    """Whether Python drops errors here, as it does where it removes objects."""
     while frame is not None:
         module = frame.f_globals.get("__name__")
         if frame.f_code.co_name == "__del__" or module in ("weakref", "_weakrefset"):
@@ -89,9 +89,9 @@ def _end(number: int, frame: Any) -> None:
 
 
 def _is_command() -> bool:
-    """Whether this process was started as the command line; its workers were not."""
+    """Whether this process is the command line, and not one of its workers."""
     script, words = (sys.argv or [""])[0], sys.orig_argv
-    if script == "-m":  # what comes after it is being looked for
+    if script == "-m":  # Python still looks for the module
         return ("-m", "skfem_textile") in pairwise(words)
     return Path(script).stem == "skfem-textile" and script in words
 

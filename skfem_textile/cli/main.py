@@ -1,4 +1,4 @@
-"""The command line ``skfem-textile``: its commands, and the exit code of each end."""
+"""The command line ``skfem-textile``: its commands and exit codes."""
 
 import sys
 from collections.abc import Sequence
@@ -33,10 +33,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _answer(arguments: Sequence[str]) -> int:
-    """The exit code, after one line to stderr if something is wrong."""
+    """Run the command line; an error is one line on stderr.  Returns the exit code."""
     try:
         return _run(arguments)
-    except BrokenPipeError:  # nobody reads on
+    except BrokenPipeError:  # the reader has closed the output
         silence(sys.stdout)
         return 0
     except OutputError as error:
@@ -60,7 +60,7 @@ def _run(arguments: Sequence[str]) -> int:
         case = replace(case, pictures=not options.no_render)
         return run(case, values, options)
     finally:
-        say("", end="")  # what argparse has printed
+        say("", end="")  # flushes what argparse printed
 
 
 def _list() -> int:
@@ -70,7 +70,7 @@ def _list() -> int:
 
 
 def _is_study(arguments: Sequence[str]) -> bool:
-    """Whether they ask for what the command line once did."""
+    """Whether they ask for a study, which the command line once ran."""
     words = list(arguments)
     return (
         words[:1] == ["study"]

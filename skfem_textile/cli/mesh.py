@@ -54,7 +54,7 @@ def mesh_options(scene: SceneRegistration) -> tuple[Option, ...]:
 
 
 def scene_of(values: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
-    """The scene on its mesh, and the values with those of a mesh to make filled in."""
+    """The scene on its mesh, and the values, completed for a generated mesh."""
     registration = SCENES[values["scene"]]
     mesh, formulation = values["mesh"], FORMULATIONS.get(values["formulation"])
     triangles = formulation is not None and formulation.on_triangles
@@ -83,7 +83,7 @@ def scene_of(values: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
 
 
 def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str, Any]:
-    """Fill in what is not given of a mesh to make, and refuse it beside a file."""
+    """Fill in defaults of a generated mesh; refuse its options beside a mesh file."""
     made = {"size": scene.size, "jitter": scene.jitter, "seed": _SEED}
     if values["mesh"] in KINDS:
         given = {name: values[name] for name in made if values[name] is not None}
@@ -98,7 +98,7 @@ def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str,
 
 
 def _fitting(mesh: Mesh, into: str | None, triangles: bool) -> Mesh:
-    """The mesh cut and split as asked, and as triangles or quadrilaterals."""
+    """The mesh, cut and split as asked, of triangles or of quadrilaterals."""
     if into == "quads" and isinstance(mesh, MeshTri | SplitMesh):
         raise ValueError("--split quads: the mesh has triangles; leave it out")
     if isinstance(mesh, SplitMesh):

@@ -1,26 +1,26 @@
-"""What the command line says, and what happens where it cannot be said."""
+"""Output of the command line, and what happens if it cannot be written."""
 
 import os
 import sys
 from typing import TextIO
 
-# Characters of a line on stderr: a word of the command line may have any number.
+# Most characters of a line on stderr: a word of the command line may have any number.
 _LONGEST = 400
 
 
 class OutputError(OSError):
-    """What was found cannot be written or printed."""
+    """Results cannot be written or printed."""
 
 
 def say(text: str, end: str = "\n") -> None:
-    """Print to stdout at once; characters that it does not have by their codes.
+    """Print to stdout at once; escape characters that its encoding lacks.
 
     Raises
     ------
     BrokenPipeError
-        If nobody reads on.
+        If the reader has closed the output.
     OutputError
-        If it cannot be printed for another reason.
+        If printing fails for another reason.
     """
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     shown = text.encode(encoding, "backslashreplace").decode(encoding)
@@ -34,7 +34,7 @@ def say(text: str, end: str = "\n") -> None:
 
 
 def complain(text: str) -> None:
-    """Print one line to stderr, if that can be written; without a long one's middle."""
+    """Print one line to stderr if possible; leave out the middle of a long one."""
     shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     if len(shown) > _LONGEST:
         shown = f"{shown[: _LONGEST // 2]} ... {shown[-_LONGEST // 2 :]}"
@@ -47,5 +47,5 @@ def complain(text: str) -> None:
 
 
 def silence(stream: TextIO) -> None:
-    """Let the last flush of a stream that cannot be written go nowhere."""
+    """Send the last flush of a stream that cannot be written to the null device."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

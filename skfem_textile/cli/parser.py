@@ -1,4 +1,4 @@
-"""The parser of the command line, built from what can be chosen by name."""
+"""The parser of the command line, built from all registrations."""
 
 import argparse
 import sys
@@ -23,14 +23,14 @@ _EXIT_CODES = (
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that answers bad input with one line."""
+    """A parser that reports bad input in one line."""
 
     def error(self, message: str) -> NoReturn:
         complain(f"error: {message}")
         self.exit(BAD_INPUT)
 
     def parse_args(self, arguments: Any = None, namespace: Any = None) -> Any:
-        """The options; ``--name=--`` is no value, which argparse takes for none."""
+        """The options; refuses ``--name=--``, which argparse would read as no value."""
         for word in sys.argv[1:] if arguments is None else arguments:
             if word.startswith("--") and word.endswith("=--"):
                 self.error(f"argument {word[:-3]}: '--' is no value")
@@ -40,12 +40,12 @@ class _Parser(argparse.ArgumentParser):
 def command_parser(
     options: Mapping[str, Sequence[Option]],
 ) -> argparse.ArgumentParser:
-    """The parser; ``command`` is the command, and of ``run`` ``scene`` the scene.
+    """The parser; it sets ``command``, and for the command ``run`` also ``scene``.
 
     Parameters
     ----------
     options
-        The options that describe a case of each scene, by the scene's name.
+        The options that describe a case, for each scene by its name.
     """
     whole = _Parser(
         prog="skfem-textile",
@@ -68,7 +68,7 @@ def command_parser(
 
 
 def _add(parser: argparse.ArgumentParser, option: Option) -> None:
-    """Add an option; its default is shown where it is a value."""
+    """Add an option; the help shows its default if there is one."""
     given: dict[str, Any] = {"default": option.default, "help": option.help}
     if option.default not in (None, ()):
         given["help"] += " (default: %(default)s)"
@@ -88,7 +88,7 @@ def _add(parser: argparse.ArgumentParser, option: Option) -> None:
 
 
 def _reader(read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """A reader whose errors argparse tells in its own words, or in the reader's."""
+    """A reader for argparse, which words errors of types but not of functions."""
     return read if isinstance(read, type) else partial(_told, read)
 
 
@@ -106,7 +106,7 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_course(parser: argparse.ArgumentParser) -> None:
-    """Add the options on which no result depends."""
+    """Add the options that change no result."""
     parser.add_argument(
         "--checkpoint",
         type=_folder,
@@ -135,6 +135,6 @@ def _add_course(parser: argparse.ArgumentParser) -> None:
 def _folder(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("a folder must have a name")
-    if text.startswith("--"):  # which argparse takes for none of its options
+    if text.startswith("--"):  # argparse does not know it as an option
         raise argparse.ArgumentTypeError(f"{text!r} is no option; a folder is ./{text}")
     return Path(text)

@@ -8,7 +8,7 @@ from ..scenes import Scene
 from ..solve.result import Result
 from .interruption import held
 
-#: Their files.
+#: Files of the pictures.
 PICTURES = (
     "fibre_strain.png",
     "shear_angle.png",
@@ -19,8 +19,8 @@ PICTURES = (
 
 
 def draw(scene: Scene, result: Result, folder: Path) -> None:
-    """Draw them all into a folder; a signal lets the one at hand end."""
-    with held():  # VTK may crash where it is interrupted
+    """Draw all pictures into a folder; a signal waits until the current one is done."""
+    with held():  # VTK may crash if it is interrupted
         from .. import plot
     for name, picture in (
         ("fibre_strain.png", plot.fibre_strain),
@@ -39,7 +39,7 @@ def _draw_load(scene: Scene, result: Result, file: Path) -> None:
     from ..plot.curves import curves
 
     moved = np.array([scene.driven_displacement(state) for state in result.states])
-    axis = np.abs(moved).max(axis=0).argmax()  # the one along which it moves further
+    axis = np.abs(moved).max(axis=0).argmax()  # along which the edge moves further
     x, y = np.transpose([scene.reaction(state) for state in result.states])
     lines = {"along x": (moved[:, axis], x), "along y": (moved[:, axis], y)}
     curves(

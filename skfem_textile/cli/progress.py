@@ -1,4 +1,4 @@
-"""A run under way: its progress bar, its log, and how it ends."""
+"""The course of a run: progress bar, log and exit code."""
 
 import logging
 
@@ -18,14 +18,14 @@ def load(stepper: LoadStepper, resume: bool, verbose: int) -> tuple[int, str]:
     stepper
         The load stepper.
     resume
-        As of `LoadStepper.run`.
+        As for `LoadStepper.run`.
     verbose
-        1 to tell of every step, 2 of every iteration.
+        1 to log every step, 2 to log every iteration.
 
     Returns
     -------
     tuple
-        Exit code, and what to say at the end.
+        Exit code, and a message for the end.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
@@ -68,7 +68,7 @@ def _interrupted(stepper: LoadStepper) -> str:
 
 
 def _log(verbose: int) -> None:
-    """Send the log to stderr, past the progress bar."""
+    """Send the log to stderr, beside the progress bar."""
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(message)s"))
     log = logging.getLogger("skfem_textile")

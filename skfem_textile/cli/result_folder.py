@@ -19,9 +19,9 @@ _SCRATCH = ".unfinished-"
 class ResultFolder:
     """A folder that receives the result of one run, all at once.
 
-    It is locked until the result is in it or this object is deleted; a folder that was
-    made for this and is empty is removed then.  Unfinished files of a killed run are
-    removed.
+    The folder is locked until it holds the result or this object is deleted.  If it was
+    made for the result and is still empty, it is removed then.  Unfinished files of a
+    killed run are removed at the start.
 
     ``summary.json`` is removed first and written last, so that it never describes files
     that are missing, even if the process is killed.
@@ -36,11 +36,11 @@ class ResultFolder:
     Raises
     ------
     OSError
-        If the folder cannot be written, or something else stands in its way, or another
-        run writes to it.
+        If the folder cannot be written, something else has its name, or another run
+        writes to it.
     OutputError
-        On leaving, if the result cannot be written, as on a full disk; what the folder
-        held before is left as it was.
+        At the end of the block, if the result cannot be written, as on a full disk.
+        The earlier content of the folder remains.
     """
 
     def __init__(self, path: str | os.PathLike[str], names: Sequence[str]) -> None:
@@ -65,7 +65,7 @@ class ResultFolder:
                 shutil.rmtree(scratch, ignore_errors=True)
 
     def __enter__(self) -> Path:
-        """Give a scratch folder to write into."""
+        """Make a scratch folder to write into."""
         try:
             scratch = tempfile.mkdtemp(prefix=_SCRATCH, dir=self.path)
         except OSError as error:
@@ -76,7 +76,7 @@ class ResultFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, *_: object
     ) -> None:
-        """Put the scratch folder's content in place of an earlier run's."""
+        """Replace the result of an earlier run by the content of the scratch folder."""
         try:
             if error is None:
                 with held():
@@ -112,7 +112,7 @@ class ResultFolder:
 
 
 def _leave(lock: Lock, made: Sequence[Path]) -> None:
-    """Release a folder; remove those that were made for it if they are empty."""
+    """Release the folder; remove the folders that were made if they are empty."""
     with contextlib.suppress(OSError):
         for folder in made:
             folder.rmdir()

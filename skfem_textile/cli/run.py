@@ -25,9 +25,9 @@ def run(case: Case, values: Mapping[str, Any], options: argparse.Namespace) -> i
     case
         The case.
     values
-        What it was described by, for the summary.
+        Values of the options, for the summary.
     options
-        Where results and checkpoint go, and what is told meanwhile.
+        Folders of results and checkpoint, and how much is logged.
 
     Raises
     ------
@@ -70,9 +70,9 @@ def run(case: Case, values: Mapping[str, Any], options: argparse.Namespace) -> i
 
 
 def _draw(case: Case, result: Result, out: Path) -> bool:
-    """Draw pictures, or say in one line why not; whether no interruption came.
+    """Draw pictures, or print in one line why not; False after an interruption.
 
-    The numbers are written already.
+    The numbers are already written.
     """
     try:
         with ResultFolder(out, pictures.PICTURES) as folder:
@@ -88,7 +88,7 @@ def _draw(case: Case, result: Result, out: Path) -> bool:
 
 
 def _checkpoint(options: argparse.Namespace) -> Path | None:
-    """The folder that --checkpoint or --resume name, or theirs in the output folder."""
+    """The folder of --checkpoint or --resume, by default one in the output folder."""
     named = {f for f in (options.checkpoint, options.resume) if f not in (None, True)}
     if len(named) > 1:
         raise ValueError("--checkpoint and --resume name different folders")
@@ -98,7 +98,7 @@ def _checkpoint(options: argparse.Namespace) -> Path | None:
 
 
 def _kept(stepper: LoadStepper) -> str:
-    """What is left of a run whose results cannot be written."""
+    """Tell what remains of a run whose results cannot be written."""
     if stepper.checkpoint is None:
         return "nothing is kept, as --checkpoint was not given"
     kept = stepper.checkpoint.folder

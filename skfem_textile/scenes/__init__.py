@@ -1,4 +1,4 @@
-"""Problems with a known answer, one a file: geometry, conditions, exact solution."""
+"""Problems with a known answer, each in one file: geometry, conditions, solution."""
 
 from ..registration import SceneRegistration, registered
 from .bias_extension import bias_extension

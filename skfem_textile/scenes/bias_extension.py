@@ -2,12 +2,12 @@
 
 A ply [0, W] × [0, H] with warp (cos θ, sin θ) and weft (−cos θ, sin θ), H ≥ 2W tan θ,
 is held at its bottom and pulled at its top, and its sides are free.  If no fibre
-stretches, three kinds of zones can form: at the clamps no shear, in the middle the
-shear angle γ, and half of it between them.  Fibres of the length
-L = (H/sin θ − W/cos θ)/2 between the clamped ones then turn by γ/2, and the ply is
-longer by δ = 2L(sin(θ + γ/2) − sin θ).  For a convex shear energy w and H = 2W tan θ
-this field is the minimiser, and the force at the top is that of `force`; a higher ply
-finds a slightly softer one.
+stretches, three kinds of zones can form: no shear at the clamps, the shear angle γ in
+the middle, and γ/2 between them.  The fibres that meet no clamp have the length
+L = (H/sin θ − W/cos θ)/2.  They turn by γ/2, and the ply becomes longer by
+δ = 2L(sin(θ + γ/2) − sin θ).  For a convex shear energy w and H = 2W tan θ this field
+minimises the energy, and `force` gives the force at the top.  A higher ply has another
+minimum with a slightly smaller force.
 """
 
 from functools import partial
@@ -48,12 +48,13 @@ def bias_extension(
     Parameters
     ----------
     mesh
-        A mesh of the ply or of its left half, its lower left corner at the origin, or
-        the kind of `rectangle` to make: W = `WIDTH`, H = 2W tan θ, or half of it.
-        The exact answer holds where it fills a rectangle whose boundaries ``bottom``
-        and ``top``, of the half also ``right``, are whole sides.
+        A mesh of the ply or of its left half, with the lower left corner at the origin;
+        or the kind of `rectangle` to make, with W = `WIDTH` and H = 2W tan θ, or the
+        left half of it.  The exact answer holds if the mesh fills a rectangle of which
+        the boundaries ``bottom`` and ``top`` are whole sides, and for the half also
+        ``right``.
     size, jitter, seed
-        Of the mesh to make.
+        As for `rectangle`.
     warp, weft
         Inclination of the fibres in radians, θ and π − θ.
     shear_angle
@@ -66,7 +67,8 @@ def bias_extension(
     ------
     ValueError
         If the mesh is not valid or does not fit, the fibres are not mirror images in
-        the direction of the pull, γ is not between 0 and π − 2θ, or the part unknown.
+        the direction of the pull, γ is not between 0 and π − 2θ, or the part is
+        unknown.
     """
     if part not in PARTS:
         raise ValueError(f"unknown part {part!r}: choose {' or '.join(PARTS)}")
@@ -113,10 +115,10 @@ def force(
     height: float,
     inclination: float = np.pi / 4,
 ) -> float:
-    """Force at the top in N, of fibres that do not stretch.
+    """Force at the top in N if fibres do not stretch.
 
-    F = [W(H − 3/2 W tan θ) C(γ) + 1/2 W² tan θ C(γ/2)] / (L cos(θ + γ/2)), C = w′:
-    the rate of the energy of the zones over that of the elongation.
+    F = [W(H − 3/2 W tan θ) C(γ) + 1/2 W² tan θ C(γ/2)] / (L cos(θ + γ/2)), with C = w′,
+    is the rate of the energy of the zones over the rate of the elongation.
 
     Parameters
     ----------
@@ -145,11 +147,12 @@ def lost_to_stretch(
 ) -> float:
     """Estimate of the share of `force` that is lost because fibres do stretch.
 
-    The four fibres from the corners of the clamps to the sides carry most of the load
-    where no fibre stretches.  Stretch spreads each over a layer, which lowers the
-    energy by Φ = ln 4/(2π) N²/(sin 2θ √(E K)), N the force of the fibre at the corner
-    and K the resistance of the crossing fibres to turning, and the load by
-    x F = dΦ/dδ of the four.  The share is x/(1 + x): x to first order, and below one.
+    If no fibre stretches, the four fibres from the corners of the clamps to the sides
+    carry most of the load.  Stretch spreads each of them over a layer.  A layer lowers
+    the energy by Φ = ln 4/(2π) N²/(sin 2θ √(E K)), where N is the force of the fibre at
+    the corner and K the resistance of the crossing fibres to turning.  The four layers
+    lower the load by x F, the sum of their dΦ/dδ.  The share is x/(1 + x), which is x
+    to first order and below one.
 
     Parameters
     ----------
@@ -167,7 +170,7 @@ def lost_to_stretch(
         rate = np.sum(2 / np.sqrt(E)) * (after - before) / (2 * h)
         x = rate / (L * np.cos(inclination + gamma / 2) * force(law, gamma, *sides))
         share = x / (1 + np.abs(x))
-    return float(np.nan_to_num(share, nan=1.0))  # of what resists no stretch: all
+    return float(np.nan_to_num(share, nan=1.0))  # all, if nothing resists stretch
 
 
 def _layer(law: Law, gamma: float, width: float, height: float, theta: float) -> float:
@@ -181,7 +184,7 @@ def _layer(law: Law, gamma: float, width: float, height: float, theta: float) ->
 
 
 def _inclination(warp: float, weft: float) -> float:
-    """θ, of fibres that are mirror images in the direction of the pull."""
+    """θ; refuses fibres that are no mirror images in the direction of the pull."""
     theta = float(warp) % np.pi
     mirrored = abs(theta + float(weft) % np.pi - np.pi) < 1e-9
     if not (mirrored and 1e-6 < theta < np.pi / 2 - 1e-6):
@@ -212,12 +215,12 @@ def _motion(theta: float, gamma: float, width: float, height: float) -> Motion:
 
 
 def _held(share: float) -> tuple[str, ...]:
-    """Sides that are held: both clamps, and of the half its axis."""
+    """Sides that are held: both clamps, and the axis of a half."""
     return ("bottom", "top") if share == 1 else ("bottom", "top", "right")
 
 
 def _sides(mesh: Mesh, theta: float, share: float) -> tuple[float, float]:
-    """Width and height of the ply of which a mesh is this share, if it fits."""
+    """Width and height of the whole ply; refuses a mesh that does not fit."""
     for name in _held(share):
         if name not in mesh.boundaries:
             raise MeshError(f"bias_extension: the mesh has no straight {name} edge")
@@ -226,7 +229,7 @@ def _sides(mesh: Mesh, theta: float, share: float) -> tuple[float, float]:
     if np.abs(mesh.p.min(axis=1)).max() > 1e-6 * H:
         raise MeshError("bias_extension: the lower left corner must be at the origin")
     low = 2 * W * float(np.tan(theta))
-    if H / low < 1 - 1e-6:  # as files round
+    if H / low < 1 - 1e-6:  # files round coordinates
         raise MeshError(
             f"bias_extension: a ply {W:g} mm wide with fibres at "
             f"{np.degrees(theta):g} degrees to its clamps must be at least {low:g} mm "

@@ -23,16 +23,16 @@ class Case:
     scene
         Mesh, displacement conditions and exact answer.
     fabric
-        Fibre directions and laws; the scene tells the directions for which its exact
-        answer holds.
+        Fibre directions and laws.  The exact answer holds for the directions that the
+        scene states.
     formulation
-        As of `Ply`.
+        As for `Ply`.
     loads
         Loads beside the scene's conditions.
     steps, strategies, warn_only, solver
-        As of `LoadStepper`.
+        As for `LoadStepper`.
     pictures
-        Whether pictures are among the outputs, beside summary, history and fields.
+        Whether pictures are drawn, beside summary, history and fields.
 
     Examples
     --------
@@ -72,7 +72,7 @@ class Case:
         Parameters
         ----------
         checkpoint
-            As of `LoadStepper`.
+            As for `LoadStepper`.
 
         Raises
         ------
@@ -90,11 +90,11 @@ class Case:
         )
 
     def run(self) -> Result:
-        """Apply the whole load; errors are those of `stepper` and of its run."""
+        """Apply the whole load; raises what `stepper` and `LoadStepper.run` raise."""
         return self.stepper().run()
 
     def summary(self, result: Result) -> dict[str, str | int | float | bool]:
-        """As of `Scene.summary`; no exact answer holds beside loads."""
+        """As `Scene.summary`; with further loads no exact answer holds."""
         scene = self.scene
         if self.loads:
             scene = replace(scene, misfit="forces act beside the scene's conditions")

@@ -25,8 +25,8 @@ def picture_frame(
     shear angle is γ = t·shear_angle everywhere.  With sides of length L the force on
     the top bar is L·C(γ)·(cos γ, −sin γ), where C is the shear moment per area; a
     machine that pulls two corners apart would need F = L·C(γ)/sin(π/4 − γ/2).  The
-    nodes at its ends carry half an element of the side bars too, which cancels where
-    these elements are equally high.
+    nodes at the ends of the top bar also carry half an element of each side bar.  These
+    two parts cancel if the elements are equally high.
 
     Parameters
     ----------

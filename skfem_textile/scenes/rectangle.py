@@ -14,7 +14,7 @@ Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "del
 
 KINDS: tuple[str, ...] = get_args(Kind)
 
-# As shares of the rectangle: how far an edge may be off a side, and the area off.
+# How far an edge may be off a side, as a share of the rectangle.
 _OFF = 1e-6
 
 
@@ -85,18 +85,18 @@ def rectangle(
 
 
 def misfit(mesh: Mesh, sides: Iterable[str]) -> str:
-    """Why a mesh does not fill its bounding rectangle; empty where it does.
+    """Why a mesh does not fill its bounding rectangle; empty if it does.
 
-    It does where every boundary edge lies on one of the four sides, to a millionth:
-    what a file with seven digits keeps.
+    It does if every boundary edge lies on one of the four sides, to a millionth of the
+    rectangle.  Files with seven digits keep that much.
 
     Parameters
     ----------
     mesh
         A mesh with named boundaries, its sides along the axes.
     sides
-        Those of ``left``, ``bottom``, ``right`` and ``top`` of which the boundary of
-        this name must be the whole.
+        Names among ``left``, ``bottom``, ``right`` and ``top``.  The boundary of each
+        name must be the whole side.
     """
     low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
     boundary = mesh.boundary_facets()

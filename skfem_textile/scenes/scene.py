@@ -13,13 +13,13 @@ from ..solve.result import Result, State
 
 ExactField = Callable[[ndarray, float], ndarray]
 
-# From this share of the load on, what fibre stretch costs is said in a sentence.
+# From this share of the load on, a sentence tells what fibre stretch costs.
 _WORTH_SAYING = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One problem, ready to be given a fabric's stiffness and a formulation.
+    """One problem: mesh, fibre directions, conditions and exact answer.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Scene:
     conditions
         Displacement conditions by name.
     driven
-        The condition on whose nodes the reaction is reported.
+        Name of the condition whose nodes have the reported reaction.
     displacement
         Exact displacement ``(X, t) -> (2, n)`` at the load factor t.
     shear_angle
@@ -40,13 +40,13 @@ class Scene:
     rotation
         Angle in radians by which the whole problem has been turned.
     load
-        Exact force along y on the driven edge in N, ``(shear law, t) -> float``, of
-        fibres that do not stretch; None where it is not known or zero.
+        Exact force along y on the driven edge in N, ``(shear law, t) -> float``, if
+        fibres do not stretch; None if it is unknown or zero.
     load_lost
-        Estimate of the share of that force that is lost because fibres do stretch,
-        ``(fabric, t) -> float``; None where there is none.
+        Estimate of the share of this force that is lost because fibres do stretch,
+        ``(fabric, t) -> float``; None if there is no estimate.
     misfit
-        Why the exact answer does not hold on this mesh; empty where it does.
+        Why the exact answer does not hold on this mesh; empty if it does.
     """
 
     name: str
@@ -111,7 +111,7 @@ class Scene:
     def errors(self, result: Result) -> dict[str, float]:
         """Distance of the last converged state from the exact answer; see `distance`.
 
-        Nothing where the exact answer does not hold on the mesh.
+        Empty if the exact answer does not hold on the mesh.
         """
         if self.misfit:
             return {}
@@ -152,9 +152,9 @@ class Scene:
     def summary(self, result: Result) -> dict[str, str | int | float | bool]:
         """The result's summary with this scene's reaction and errors.
 
-        ``load_over_exact``, ``displacement_error_...`` and ``shear_angle_error_...``
-        are there where the exact answer holds on the mesh.  ``exact_answer`` is there
-        where something limits them: a sentence that says what.
+        If the exact answer holds on the mesh, the summary has ``load_over_exact``,
+        ``displacement_error_...`` and ``shear_angle_error_...``.  If something limits
+        them, the sentence ``exact_answer`` says what.
         """
         reaction_x, reaction_y = self.reaction(result.states[-1]).tolist()
         return {
@@ -170,9 +170,9 @@ class Scene:
     def _load_over_exact(
         self, result: Result, reaction_y: float
     ) -> dict[str, float | str]:
-        """The load as a share of the exact one, where that is known and not zero."""
+        """The load over the exact load, if this is known and not zero."""
         fabric, t = result.ply.fabric, result.states[-1].load_factor
-        uniform = fabric.at() is fabric  # the exact load is that of one law
+        uniform = fabric.at() is fabric  # the exact load holds for one law
         if self.misfit or self.load is None or not uniform:
             return {}
         if is_zero(fabric.shear_law) or t == 0:

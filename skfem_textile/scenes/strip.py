@@ -31,11 +31,11 @@ def strip(
     ----------
     mesh
         A mesh with its bottom on y = 0 and less than 86 mm high, or the kind of
-        `rectangle` to make.  Boundaries named ``bottom`` and ``right`` are used
-        where the mesh has them; else the lowest and the rightmost edges.  The exact
-        answer holds where the mesh fills a rectangle of which these are whole sides.
+        `rectangle` to make.  The scene uses the boundaries ``bottom`` and ``right`` if
+        the mesh names them, and else the lowest and the rightmost edges.  The exact
+        answer holds if the mesh fills a rectangle of which these are whole sides.
     size, jitter, seed
-        Of the mesh to make.
+        As for `rectangle`.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 """Scene `trellis`: a motion that stretches no fibre, enforced.
 
 Every planar motion without fibre strain is x = f(X₁) + g(X₂) with ‖f′‖ = ‖g′‖ = 1,
-where X = X₁ A₁ + X₂ A₂ are coordinates along warp and weft: a trellis of bars.  Here
-it is given by the angles through which f′ and g′ turn away from A₁ and A₂, and
-enforced on the boundary; sides of it may be free or on inclined rollers.
+where X = X₁ A₁ + X₂ A₂ are coordinates along warp and weft: a trellis of bars.  The
+angles through which f′ and g′ turn away from A₁ and A₂ describe the motion here.  The
+boundary follows it; sides may be free or on inclined rollers.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,11 +30,11 @@ SIDE = 100.0
 #: fibres (mm) and the load factor t: ``(s, t) -> (n,)``.
 Turn: TypeAlias = Callable[[ndarray, float], ndarray]
 
-#: How a side is carried: its whole displacement prescribed, none of it, or on a roller
-#: that rolls along a line of this inclination in radians.
+#: Support of a side: ``held`` prescribes the whole displacement, ``free`` nothing.  A
+#: number is the inclination in radians of the line along which a roller rolls.
 Edge: TypeAlias = Literal["held", "free"] | float
 
-#: The sides; the driven edge is the first that is not free.
+#: The sides; the first that is not free is the driven edge.
 SIDES = ("top", "right", "bottom", "left")
 
 _XI, _WEIGHTS = leggauss(24)
@@ -52,33 +52,33 @@ def trellis(
 ) -> Scene:
     """A ply whose boundary follows a motion that stretches no fibre.
 
-    Without shear stiffness the motion is in equilibrium with no force at all, whatever
-    is free.  With shear stiffness it is the answer only where every side is held and
-    the fibres stay straight: free sides and rollers give in to the shear moment.
+    Without shear stiffness the motion needs no force, whichever sides are free.  With
+    shear stiffness it is the answer only if every side is held and the fibres stay
+    straight: the shear moment moves free sides and rollers.
 
     Parameters
     ----------
     mesh
-        A mesh, or the kind of `rectangle` to make, a square of side `SIDE`.  It may
-        have any outline and holes: their edges are held and follow the motion too.
+        A mesh, or the kind of `rectangle` to make, a square of side `SIDE`.  A mesh
+        may have any outline and holes, whose edges are held and follow the motion too.
     size, jitter, seed
-        Of the mesh to make.
+        As for `rectangle`.
     warp, weft
         Inclination of the fibres in radians.
     turns
         How warp and weft turn; by default as `sheared` by 45° and bent by 30°.
     edges
-        Which of the sides ``left``, ``bottom``, ``right`` and ``top`` are ``"free"``,
-        or on a roller that rolls along a line of this inclination in radians: only the
-        displacement across that line follows the motion.  The others, and boundary
-        edges in none of the sides, are held, their corners included.  The driven edge
-        is the top, or if that is free the right, the bottom or the left side.
+        Supports of the sides ``left``, ``bottom``, ``right`` and ``top``: ``"free"``,
+        or the inclination in radians of the line along which a roller rolls.  On a
+        roller only the displacement across that line follows the motion.  Other sides,
+        and boundary edges on no side, are held, and so are their corners.  The driven
+        edge is the first of top, right, bottom and left that is not free.
 
     Raises
     ------
     ValueError
         If the mesh is not valid, the fibres are parallel, or they would fold onto one
-        another somewhere; if a side is unknown or what carries it, or none is held.
+        another somewhere; if a side or its support is unknown, or no side is held.
 
     Examples
     --------
@@ -111,7 +111,7 @@ def trellis(
 
 
 def sheared(shear_angle: float, bend: float = 0.0) -> tuple[Turn, Turn]:
-    """Both families turn by half of the shear angle, and bend along the way.
+    """Turn both families by half of the shear angle, and bend them along their length.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def sheared(shear_angle: float, bend: float = 0.0) -> tuple[Turn, Turn]:
 
 
 def _with_held(mesh: Mesh, edges: Mapping[str, Edge]) -> Mesh:
-    """The mesh with the boundary ``held``: all but the sides that are not held."""
+    """The mesh with the boundary ``held``: all but free sides and rollers."""
     held = mesh.boundary_facets()
     for side, edge in edges.items():
         if side not in SIDES:
@@ -155,7 +155,7 @@ def _with_held(mesh: Mesh, edges: Mapping[str, Edge]) -> Mesh:
 def _conditions(
     mesh: Mesh, edges: Mapping[str, Edge], motion: "Motion"
 ) -> tuple[dict[str, Condition], str]:
-    """The conditions by name, and which of them is the driven one."""
+    """The conditions by name, and the name of the driven one."""
     conditions = {"held": Condition("held", motion.displacement)}
     conditions |= {
         side: _roller(side, edge, motion)
@@ -169,7 +169,7 @@ def _conditions(
 
 
 def _roller(side: str, inclination: float, motion: "Motion") -> Condition:
-    """The displacement across a line of this inclination is that of the motion."""
+    """A condition: the displacement across an inclined line follows the motion."""
     normal = np.array([-np.sin(inclination), np.cos(inclination)])
     return Condition(side, lambda X, t: normal @ motion.displacement(X, t), normal)
 
@@ -179,16 +179,16 @@ def _is_angle(edge: Edge) -> bool:
 
 
 class Motion:
-    """x = f(X₁) + g(X₂), from the inclinations of the fibres and how they turn.
+    """x = f(X₁) + g(X₂), from the inclinations of the fibres and their turns.
 
     Parameters
     ----------
     inclinations
-        Of warp and weft in radians.
+        Inclinations of warp and weft in radians.
     turns
         How warp and weft turn.
     kinks
-        Coordinates along warp and weft at which they turn in a jump, ascending.
+        Ascending coordinates along warp and weft at which the turn jumps.
 
     Raises
     ------
@@ -216,13 +216,13 @@ class Motion:
         return sum(_curve(*family, s, t) for family, s in along) - X
 
     def shear_angle(self, X: ndarray, t: float) -> ndarray:
-        """The turn of the warp less that of the weft."""
+        """The turn of the warp minus the turn of the weft."""
         s1, s2 = self._coordinates @ X
         (_, turn1, _), (_, turn2, _) = self._families
         return turn1(s1, t) - turn2(s2, t)
 
     def check(self, X: ndarray) -> None:
-        """Refuse fibres that fold onto one another on the way."""
+        """Refuse fibres that fold onto one another at some load factor."""
         for t in np.linspace(0.0, 1.0, 11):
             shear = self.shear_angle(X, t)
             angle = np.sign(self._crossing) * (self._crossing - shear)

@@ -1,4 +1,4 @@
-"""Many cases side by side, each result on disk as soon as it comes."""
+"""Many cases in parallel, each result on file as soon as it is known."""
 
 from .sweep import SweepError, sweep
 from .workers import WorkerProcesses

@@ -1,4 +1,4 @@
-"""A file with the results of a sweep, a line for each."""
+"""A file with the results of a sweep, one line for each."""
 
 import json
 import logging
@@ -12,7 +12,7 @@ from ..solve.checkpoint.lock import Lock
 
 log = logging.getLogger(__name__)
 
-# How every line begins, and what it holds in this order.
+# How every line begins, and the names of its entries in order.
 _LINE_START = b'{"case": '
 _ENTRIES = ["case", "found", "digest"]
 
@@ -23,7 +23,8 @@ _LISTED = 5
 class ResultsFile:
     """A file with a line of JSON for every case that has a result, each with a digest.
 
-    It is locked, and changed only if it is new or holds a line that a sweep wrote.
+    The file is locked.  It is changed only if it is new or holds a line that a sweep
+    wrote.
 
     Attributes
     ----------
@@ -44,25 +45,25 @@ class ResultsFile:
             raise
 
     def close(self) -> None:
-        """Let others have the file."""
+        """Release the lock of the file."""
         self._lock.release()
 
     def _read(self) -> dict[str, Any]:
-        """Results on file; a warning lists the lines that are not used."""
+        """Read the results; a warning lists the lines that are not used."""
         content = self._path.read_bytes()
         *lines, unfinished = content.split(b"\n")
         entries = [_entry(line) for line in lines]
         if content and not any(entries):
             raise _not_a_sweeps(self._path)
         if _LINE_START.startswith(unfinished[: len(_LINE_START)]):
-            # A sweep died as it wrote; nothing to cut if the last line is whole.
+            # A sweep died while it wrote; if the last line is whole this cuts nothing.
             os.truncate(self._path, len(content) - len(unfinished))
         else:
             with open(self._path, "ab") as file:
                 file.write(b"\n")
         if unfinished:
             entries.append(None)
-        # A case that has several results has none, unless they are equal.
+        # Several results of a case count as none, unless they are equal.
         count = Counter(case for case, _ in set(filter(None, entries)))
         used = {i: e for i, e in enumerate(entries, 1) if e and count[e[0]] == 1}
         unused = [str(i) for i in range(1, len(entries) + 1) if i not in used]
@@ -76,7 +77,7 @@ class ResultsFile:
         return {case: json.loads(result) for case, result in used.values()}
 
     def check_name(self, name: str) -> str:
-        """The name, unless another case has it, or the next run will not have it."""
+        """The name; refuses one that another case has, or that changes between runs."""
         if name in self._names:
             raise ValueError(f"two cases are named {name}: give a key that tells them")
         if " at 0x" in name:
@@ -85,7 +86,7 @@ class ResultsFile:
         return name
 
     def add(self, name: str, result: Any) -> Any:
-        """Write a result; returns what a later sweep will read.
+        """Write a result; return what a later sweep will read.
 
         Raises
         ------
@@ -107,7 +108,7 @@ class ResultsFile:
 
 
 def _entry(line: bytes) -> tuple[str, str] | None:
-    """Name and result, as JSON, of a line; None for one that no sweep wrote."""
+    """Name and result, as JSON, of a line; None if no sweep wrote the line."""
     start, digest, end = line[:-18], line[-18:-2], line[-2:]
     if end != b'"}' or digest != _digest(start):
         return None

@@ -1,7 +1,7 @@
 """Parameter studies: a function of many cases, on any executor.
 
-Results are given as they come, and kept on file if one is named.  A case that fails, or
-whose worker dies, is run again.
+Results are yielded as soon as they are known, and kept on file if a file is named.  A
+case is run again if it fails or its worker dies.
 """
 
 import logging
@@ -23,15 +23,15 @@ Result = TypeVar("Result")
 
 log = logging.getLogger(__name__)
 
-# Number of cases that an executor has at a time: more than the workers of any cluster
-# that is likely, and few enough to hold in memory.
+# Most cases that an executor has at a time.  Chosen: more than a cluster is likely to
+# have workers, and few enough to hold in memory.
 _MAX_PENDING = 4096
 
 _THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
 
 class SweepError(RuntimeError):
-    """A sweep that lacks cases; the results that it gave before are not lost.
+    """Cases of a sweep have failed; the results of the others are not lost.
 
     Attributes
     ----------
@@ -53,10 +53,10 @@ def sweep(
     key: Callable[[Case], str] = repr,
     retries: int = 1,
 ) -> Iterator[tuple[Case, Result]]:
-    """Every case with the function's result, as they come.
+    """Yield every case with the function's result, as soon as it is known.
 
-    Every call has one thread of linear algebra, and so has the caller until the end, so
-    that they do not compete for the processors.  No more than 4096 cases are taken from
+    Linear algebra uses one thread in each call, and in the caller until the end, so
+    that they do not compete for the processors.  At most 4096 cases are taken from
     ``cases`` ahead of their results.
 
     Parameters
@@ -64,14 +64,14 @@ def sweep(
     function
         Function of a case.  On processes it and the cases must be picklable.
     cases
-        The cases, any number of them.
+        The cases; their number has no limit.
     executor
         `WorkerProcesses`, the executor of a dask client, or any other one.
     out
-        File to which every result is appended as it comes, as a line of JSON with a
-        digest.  Cases that it holds are not run again, so that a sweep resumes where it
-        was interrupted; lines that were changed are listed in a warning and not used.
-        Results are then given as JSON reads them back: numbers, text, lists and dicts.
+        File to which every result is appended at once, as a line of JSON with a digest.
+        Cases in the file are not run again, so that a sweep resumes where it was
+        interrupted.  Lines that were changed are not used, and a warning lists them.
+        Results are yielded as JSON reads them back: numbers, text, lists and dicts.
     key
         Name of a case in ``out`` and in messages, the same in every run.
     retries
@@ -80,24 +80,24 @@ def sweep(
     Raises
     ------
     SweepError
-        At the end, if cases have failed; no more cases are begun once the executor
-        breaks as a whole.
+        At the end, if cases have failed.  If the executor itself breaks, no further
+        case begins.
     ValueError
-        If ``out`` is no file of a sweep, or two of its cases have one name.
+        If ``out`` is no file of a sweep, or two cases have the same name.
     BlockingIOError
         If another sweep writes to ``out``.
     OSError
-        If a result cannot be written, as on a full disk; what ``out`` holds remains.
+        If a result cannot be written, as on a full disk.  What ``out`` holds remains.
     TypeError
-        If a result that is to be written has no form in JSON.
+        If a result cannot be written as JSON.
     """
     from threadpoolctl import threadpool_limits
 
     file = None if out is None else ResultsFile(Path(out))
     calls = _Calls(function, executor, key, retries, file)
-    # Workers load the libraries before they are told what to do, and variables such as
-    # OMP_NUM_THREADS would come too late: hence threadpoolctl.  Where the workers are
-    # threads of this process, the limit is the caller's to set and to lift.
+    # Workers load the libraries before their first call.  Variables such as
+    # OMP_NUM_THREADS would come too late, threadpoolctl does not.  If the workers are
+    # threads of this process, only the caller knows when to lift the limit.
     with threadpool_limits(1), closing(calls), closing(file) if file else nullcontext():
         for case in cases:
             if file and file.check_name(name := key(case)) in file.earlier:
@@ -114,7 +114,7 @@ def sweep(
 
 @dataclass
 class _Calls(Generic[Case, Result]):
-    """The calls that an executor has, and the cases that have failed for good."""
+    """The pending calls of an executor, and the cases that failed in every attempt."""
 
     function: Callable[[Case], Result]
     executor: Executor
@@ -138,7 +138,7 @@ class _Calls(Generic[Case, Result]):
             future.add_done_callback(self.done.put)
 
     def results(self, max_pending: int) -> Iterator[tuple[Case, Result]]:
-        """Results as they come, until no more than so many calls are pending."""
+        """Yield results until at most ``max_pending`` calls are pending."""
         while len(self.pending) > max_pending or not self.done.empty():
             future = self.done.get()
             case, attempt = self.pending.pop(future)
@@ -156,7 +156,7 @@ class _Calls(Generic[Case, Result]):
                 yield case, result
 
     def error(self) -> SweepError:
-        """The failed cases, in one line."""
+        """An error that lists the failed cases in one line."""
         listed = [f"{self.key(case)}: {_one_line(e)}" for case, e in self.failed]
         message = f"{len(listed)} case(s) failed: {shortened(listed, '; ')}"
         if self.is_broken:
@@ -168,7 +168,7 @@ class _Calls(Generic[Case, Result]):
         return SweepError(message, self.failed)
 
     def close(self) -> None:
-        """Take back the cases that have not begun."""
+        """Cancel the calls that have not begun."""
         for future in self.pending:
             future.cancel()
 
@@ -178,15 +178,17 @@ def _one_line(error: Exception) -> str:
 
 
 def _call(function: Callable[[Case], Result], case: Case, attempt: int) -> Result:
-    """Call the function; of equal attempts dask would take the first's error for all.
+    """Call the function with a case.
 
-    A worker keeps to one thread: with several at work, none can tell when to lift that.
-    An error that cannot be pickled, such as `StepError`, would break some executors.
+    The number of the attempt makes each call different: dask would answer an equal call
+    with the error of the first.  A worker keeps the limit of one thread, because no
+    call knows when the last one ends.  An error that cannot be pickled, such as
+    `StepError`, would break some executors and is replaced.
     """
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(1)
-    if parent_process() is not None:  # for libraries that the call loads
+    if parent_process() is not None:  # for libraries loaded later
         os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:
         return function(case)

@@ -1,4 +1,4 @@
-"""Worker processes of which one that dies takes only its own call with it."""
+"""Worker processes; one that dies fails only its own call."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import Any
 
-# A fork would share the threads and locks of whatever the caller has loaded.
+# A fork would share threads and locks of the libraries that the caller has loaded.
 _SPAWN = get_context("spawn")
 
 
@@ -24,8 +24,8 @@ class WorkerProcesses(ThreadPoolExecutor):
 
     A process that dies fails its own call with `BrokenExecutor`, and another process
     takes its place.  A ``with`` block that ends with an error ends the processes at
-    once.  They ignore Ctrl-C, which is for the caller to answer, and end when the
-    caller dies.  A script must have its ``if __name__ == "__main__"``.
+    once.  The processes ignore Ctrl-C, which the caller handles, and end when the
+    caller dies.  A script that uses them needs ``if __name__ == "__main__"``.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class WorkerProcesses(ThreadPoolExecutor):
     def submit(
         self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any
     ) -> Future[Any]:
-        """Call a function in a process that is idle."""
+        """Call a function in an idle process."""
         return super().submit(self._call, fn, *args, **kwargs)
 
     def _call(self, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
@@ -61,7 +61,7 @@ class WorkerProcesses(ThreadPoolExecutor):
             self._idle_pools.put(pool)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Take no more calls; wait for those there are, or cancel them."""
+        """Take no more calls; wait for the pending ones, or cancel them."""
         super().shutdown(wait, cancel_futures=cancel_futures)
         while wait and not self._idle_pools.empty():
             self._idle_pools.get().shutdown()
@@ -74,7 +74,7 @@ class WorkerProcesses(ThreadPoolExecutor):
 
 
 def _block_interrupts() -> None:
-    """Let processes that this thread starts never hear Ctrl-C, not even at imports."""
+    """Block Ctrl-C in processes that this thread starts, from their first import on."""
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
 

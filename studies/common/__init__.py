@@ -1,1 +1,1 @@
-"""What several studies use."""
+"""Modules that several studies use."""

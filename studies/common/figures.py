@@ -1,4 +1,4 @@
-"""What the figures of studies share: styles of lines, frame and legend."""
+"""Shared parts of the figures of studies: styles of lines, frame and legend."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -35,7 +35,7 @@ def figure_of(
     Raises
     ------
     ValueError, FileNotFoundError
-        As `picture_path`, before anything is drawn.
+        As from `picture_path`, before anything is drawn.
     """
     path = None if filename is None else picture_path(filename)
     style = {"axes.spines.top": False, "axes.spines.right": False}

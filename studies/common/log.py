@@ -1,4 +1,4 @@
-"""Warnings of runs that a study judges for itself."""
+"""The log of runs whose warnings a study does not show."""
 
 import logging
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def errors_only() -> Iterator[None]:
-    """Let the log say errors only."""
+    """Log errors only."""
     log = logging.getLogger("skfem_textile")
     level = log.level
     log.setLevel(logging.ERROR)

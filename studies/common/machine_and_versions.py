@@ -1,4 +1,4 @@
-"""On what machine, and with what versions, times were taken."""
+"""The machine and the versions with which times were taken."""
 
 import os
 import platform
@@ -15,7 +15,7 @@ _PACKAGES = (
 
 
 def described() -> dict[str, Any]:
-    """Processor, cores, threads and versions; None for what is not installed."""
+    """Processor, cores, threads and versions; None for a package that is missing."""
     versions = {name: _version(name) for name in _PACKAGES}
     there = with_dolfinx.interpreter()
     return {

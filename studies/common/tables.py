@@ -8,7 +8,7 @@ from typing import Any
 
 
 def csv_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as CSV, a column for every key of any of them.
+    """Rows as CSV, with a column for every key of any row.
 
     Examples
     --------
@@ -39,5 +39,5 @@ def markdown_table(head: Sequence[object], lines: Iterable[Sequence[object]]) ->
 
 
 def json_text(content: Any) -> str:
-    """What is given as JSON, which has no nan."""
+    """Content as JSON; refuses nan, which JSON does not have."""
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -13,7 +13,7 @@ class InProcess(Executor):
     def submit(
         self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any
     ) -> Future[Any]:
-        """Call the function; only errors that are no interruption are kept."""
+        """Call the function; the future keeps errors, but interruptions are raised."""
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
@@ -23,11 +23,11 @@ class InProcess(Executor):
 
 
 def executor_of(workers: int) -> Executor:
-    """The present process for one worker, else processes of their own."""
+    """The present process for one worker, and worker processes for more."""
     return InProcess() if workers == 1 else WorkerProcesses(workers)
 
 
 def in_new_process(function: Callable[..., Any], *arguments: Any) -> Any:
-    """What a function returns in a process that has done nothing before."""
+    """The result of a function, called in a new process."""
     with WorkerProcesses(1) as workers:
         return workers.submit(function, *arguments).result()

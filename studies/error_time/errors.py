@@ -1,4 +1,4 @@
-"""How far a displacement is from the exact one, whatever code it is from."""
+"""The distance of a displacement from the exact one, for results of any code."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from skfem_textile.scenes import Scene
 
 
 def errors(scene: Scene, basis: CellBasis, u: ndarray, load: float) -> dict[str, float]:
-    """Distance of the end of a load from the exact answer.
+    """Distance of the last state from the exact answer.
 
     Parameters
     ----------
@@ -23,14 +23,14 @@ def errors(scene: Scene, basis: CellBasis, u: ndarray, load: float) -> dict[str,
     u
         Displacement.
     load
-        Load in N, or as a share of the exact one where the scene knows it.
+        Load in N, or as a share of the exact load if the scene knows it.
 
     Returns
     -------
     dict
-        ``position``, rms over the nodes in mm; ``angle``, rms over the elements'
-        centres in degrees; ``strain``, largest fibre strain at the points; ``load``
-        and its distance ``load_error`` from what it should be.
+        ``position``, rms over the nodes in mm; ``angle``, rms over the centres of the
+        elements in degrees; ``strain``, the largest fibre strain at the points;
+        ``load``, and its distance ``load_error`` from the exact load.
     """
     warp, weft = (np.reshape(A, (2, 1, 1)) for A in (scene.warp, scene.weft))
     strains = [kin.fibre_strain(_F(basis, u), A) for A in (warp, weft)]
@@ -48,7 +48,7 @@ def errors(scene: Scene, basis: CellBasis, u: ndarray, load: float) -> dict[str,
 
 
 def unfolded(basis: CellBasis, u: ndarray) -> bool:
-    """Whether det F is positive at the 2×2 points, or at six of triangles."""
+    """Whether det F is positive at the 2×2 points, or the six of triangles."""
     points, _ = SIX if basis.mesh.elem is ElementTriP1 else GAUSS
     return bool((kin.area_ratio(_F(_at_points(basis, points), u)) > 0).all())
 

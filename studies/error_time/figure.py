@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 
 from ..common.figures import colour_of, figure_of, legend, marker_of
 
-# What is this small beside the largest error is round-off, and not drawn.
+# Errors below this share of the largest one are round-off, and are not drawn.
 _DECADES = 1e-8
 
 
 def _best(seconds: ArrayLike, error: ArrayLike) -> tuple[ndarray, ndarray]:
-    """The points to which none is preferable: sooner there, and closer."""
+    """The points for which no other is both faster and closer."""
     order = np.argsort(seconds, kind="stable")
     t, e = np.asarray(seconds)[order], np.asarray(error)[order]
     before = np.minimum.accumulate(np.append(np.inf, e[:-1]))
@@ -33,16 +33,16 @@ def work_precision(
     Parameters
     ----------
     panels
-        By what is off, the curves ``(seconds, error)`` by code and element.  A code
-        has one colour, an element one marker; the first code stands out.  A line
-        joins the points to which no other of the same curve is preferable.
+        For each kind of error, the curves ``(seconds, error)`` by code and element.
+        A code has one colour, an element one marker; the first code has a thicker line.
+        A line joins the points for which no other of the curve is faster and closer.
     filename
         Where to write a PNG.
 
     Raises
     ------
     ValueError, FileNotFoundError
-        As `picture_path`.
+        As from `picture_path`.
 
     Examples
     --------

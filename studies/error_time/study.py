@@ -1,6 +1,6 @@
 """Error against run time, of this library and of its rivals.
 
-A scene is loaded with every formulation and every rival on finer and finer meshes.
+Every formulation and every rival loads a scene on finer and finer meshes.
 The clock runs from mesh and fabric in memory to the end of the load, in a process that
 has done the same once before.
 """
@@ -29,7 +29,7 @@ from ..study import Row, Study
 from . import tables
 from .timed_codes import LONG, OtherCode, ThisLibrary, TimedCode
 
-#: Refinements: edges of elements across, after any division.
+#: Refinements: element edges across the scene, after any division.
 ACROSS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 
 #: Scenes in one load step: the strip, and the bias extension to 40° at E/G = 2·10⁵.
@@ -80,8 +80,8 @@ class ErrorTime(Study[Case]):
     def examine(self, case: Case) -> list[Row]:
         """The results of one code, from coarse to fine meshes.
 
-        The mesh is refined until a run takes longer than `LONG`; a code that is not
-        installed is one row that says so.
+        The mesh is refined until a run takes longer than `LONG`.  A code that is not
+        installed has one row that says so.
         """
         code = case.code
         head: Row = {"scene": case.scene, "code": code.code, "element": code.element}

@@ -1,4 +1,4 @@
-"""Tables of the study of error against time: which method is how many times faster."""
+"""Tables of the study of error against time: how many times faster each method is."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from .timed_codes import ThisLibrary
 
 @dataclass(frozen=True)
 class Bar:
-    """What a result has to reach."""
+    """A condition that a result must fulfil."""
 
     text: str
     reached: Callable[[Row], bool]
@@ -29,7 +29,7 @@ BARS = {
     ),
 }
 
-#: What is off, and how to call it.
+#: The kinds of errors, and their labels.
 ERRORS = {
     "position": "Position error (mm)",
     "angle": "Shear-angle error (°)",
@@ -41,7 +41,7 @@ Key = tuple[str, str]
 
 
 def of(rows: Sequence[Row]) -> dict[Key, list[Row]]:
-    """Results by code and element, from coarse to fine; those of refused runs not."""
+    """Results by code and element, from coarse to fine, without refused runs."""
     by: dict[Key, list[Row]] = {}
     for row in rows:
         if "seconds" in row:
@@ -51,7 +51,7 @@ def of(rows: Sequence[Row]) -> dict[Key, list[Row]]:
 
 
 def fastest(rows: Sequence[Row], bar: Bar) -> Row | None:
-    """The fastest run that reaches a bar and stays there on finer meshes.
+    """The fastest run that reaches a bar, as do all runs on finer meshes.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def fastest(rows: Sequence[Row], bar: Bar) -> Row | None:
 
 
 def standing(rows: Sequence[Row]) -> list[tuple[Key, Row | None]]:
-    """The methods with their fastest run that reaches the bar, the fastest first."""
+    """Each method with its fastest run that reaches the bar; fastest method first."""
     bar = BARS[rows[0]["scene"]]
     methods = [(key, fastest(meshes, bar)) for key, meshes in of(rows).items()]
     return sorted(methods, key=lambda pair: pair[1]["seconds"] if pair[1] else np.inf)
@@ -115,7 +115,7 @@ def tables(rows: Sequence[Row]) -> str:
 
 
 def to_the_bar(rows: Sequence[Row]) -> str:
-    """The fastest run of each method that reaches the bar, and its finest if none."""
+    """The fastest run of each method that reaches the bar, or else its finest run."""
     order = standing(rows)
     best = order[0][1] if order else None
     own = next((row for method, row in order if row and _is_own(method)), None)
@@ -142,7 +142,7 @@ def to_the_bar(rows: Sequence[Row]) -> str:
 
 
 def same_mesh(rows: Sequence[Row]) -> str:
-    """Codes with the same element on the same mesh: times over this library's."""
+    """Other codes on the same element and mesh: their times over this library's."""
     by = of(rows)
     lines = []
     for (code, element), meshes in by.items():
@@ -170,7 +170,7 @@ def same_mesh(rows: Sequence[Row]) -> str:
 
 
 def curves(rows: Sequence[Row]) -> dict[str, dict[Key, tuple[list, list]]]:
-    """Errors over seconds for the figure, by what is off, by code and element."""
+    """Errors over seconds for the figure, by kind of error, code and element."""
     return {
         label: {
             key: ([row["seconds"] for row in meshes], [row[error] for row in meshes])

@@ -1,4 +1,4 @@
-"""What is timed on a mesh: the elements of this library, and those of other codes."""
+"""Codes that are timed on a mesh: elements of this library and of other codes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ from .errors import errors, unfolded
 #: Seconds of a run after which a method is not refined further.
 LONG = 5.0
 
-# Seconds in which a rival may look for a number of steps with which it converges.
+# Seconds for which a rival may search for a number of steps with which it converges.
 _PATIENCE = 60.0
 
 _SEED = 1
 
-# Runs on the clock; fewer will do when one takes some seconds.
+# Number of timed runs; fewer for runs that take longer than some seconds.
 _REPEATS, _FEWER, _SOME_SECONDS = 5, 3, 1.0
 
 _NOTHING = dict.fromkeys(
@@ -56,11 +56,11 @@ class TimedCode(Protocol):
         ...
 
     def missing(self) -> str:
-        """What has to be installed first; empty if nothing."""
+        """Packages to install first; empty if nothing is missing."""
         ...
 
     def measured(self, problem: Problem, across: int) -> Row:
-        """Errors and times on a mesh so many edges wide."""
+        """Errors and times on a mesh with so many edges across."""
         ...
 
 
@@ -78,7 +78,7 @@ class ThisLibrary:
 
     @errors_only()
     def measured(self, problem: Problem, across: int) -> Row:
-        """Load in one step, which the load stepper halves where it has to."""
+        """Load in one step, which the load stepper halves if it must."""
         scene = Case("", problem, self.method, across, _SEED).scene()
 
         def loaded() -> Result:
@@ -115,7 +115,7 @@ class OtherCode:
         return self.rival.shape.name
 
     def missing(self) -> str:
-        """What has to be installed first."""
+        """Packages to install first."""
         return self.rival.missing()
 
     def measured(self, problem: Problem, across: int) -> Row:
@@ -140,7 +140,7 @@ class OtherCode:
         return _row(task.basis, figures, steps, run.linear_solves)
 
     def _fewest_steps(self, task: Task) -> tuple[int, Run | None]:
-        """Number of steps and the run; None if none gets there, or not in time."""
+        """Number of steps and the run; None if no run converges, or not in time."""
         start = perf_counter()
         for steps in STEPS:
             try:
@@ -156,7 +156,7 @@ class OtherCode:
 
 
 def _load(scene: Scene, problem: Problem, reaction: ndarray) -> float:
-    """Force along what is prescribed in N, or its share of the exact one."""
+    """Force along the prescribed displacement in N, or its share of the exact one."""
     if scene.load is not None:
         return float(reaction[1] / scene.load(problem.law, 1.0))
     direction = scene.conditions[scene.driven].direction
@@ -196,7 +196,7 @@ def _row(
     linear_solves: int = 0,
     note: str = "",
 ) -> Row:
-    """A row of the table; figures that are not there are nan."""
+    """A row of the table; missing figures are nan."""
     return {
         "elements": basis.mesh.nelements,
         "unknowns": basis.N,

@@ -1,4 +1,4 @@
-"""What the study of formulations compares: methods, problems and their cases."""
+"""Methods, problems and cases of the study of formulations."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -20,10 +20,10 @@ from skfem_textile.splitting import split
 #: Shear stiffness of the bias extension in N/mm, and its shear angles in degrees.
 G, ANGLES = 0.5, (10, 20, 30, 40, 50)
 
-#: Refinements: edges of elements across, after any split.
+#: Refinements: element edges across the scene, after any split.
 ACROSS = (8, 16, 32)
 
-#: For what is left of the differences from the exact load.
+#: The finest refinement, for the remaining differences from the exact load.
 RESOLVED = 64
 
 SEEDS = (1, 2, 3, 4, 5)
@@ -33,9 +33,9 @@ SEEDS = (1, 2, 3, 4, 5)
 class Method:
     """An element on a kind of mesh.
 
-    ``mesh`` is ``quads`` or ``triangles``, ``parts`` in how many one of their edges is
-    split, 2 of quadratic triangles.  ``formulation`` is given C, which is C_s of
-    ``auto`` at rest.
+    ``mesh`` is ``quads`` or ``triangles``.  ``parts`` is the number of parts into which
+    an edge is split, 2 for quadratic triangles.  ``formulation`` takes C, which is the
+    C_s of ``auto`` at rest.
     """
 
     name: str
@@ -72,7 +72,7 @@ MEAN_QUADRATIC = _method(
     "quadratic, mean stretch", "triangles", 2, Quadratic(deviation=300.0)
 )
 
-#: Of every formulation one or two, those with nothing to tune first.
+#: One or two methods of each formulation, those with nothing to tune first.
 METHODS = (
     *(MACRO, MACRO_TRIANGLES, AUTO),
     _method("one point, triangles", "triangles", 2, OnePoint()),
@@ -103,8 +103,8 @@ DEVIATIONS = tuple(
 class Problem:
     """A scene and a material.
 
-    ``steps`` load steps lead to the end; results are taken at the step ``last``.
-    ``exact_load`` is what the load should be, in N or as a share of the exact one.
+    The load is applied in ``steps`` steps; results are those after the step ``last``.
+    ``exact_load`` is the right load, in N or as a share of the exact one.
     """
 
     name: str
@@ -156,13 +156,13 @@ FRAME = Problem(
 BIAS = tuple(_bias(ratio, Linear(G)) for ratio in RATIOS)
 BIAS_SIN2 = tuple(_bias(ratio, Sin2(G)) for ratio in RATIOS)
 
-#: The methods that the bars on the load are set for.
+#: The methods with a limit for the error of the load.
 FOR_LOAD = (MACRO, MACRO_TRIANGLES, AUTO, MEAN_QUADRATIC)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A run: a method on a problem, on a mesh so many edges wide, with a seed."""
+    """A run: a method on a problem, on a mesh with so many edges across and a seed."""
 
     group: str
     problem: Problem
@@ -180,7 +180,7 @@ class Case:
 
 
 def all_cases() -> Iterator[Case]:
-    """Every case, by groups that the report keeps apart."""
+    """Every case; the report has one table for each group."""
     every = (STRIP, TRELLIS, FRAME, *BIAS)
     yield from _grid("methods", every, METHODS, ACROSS)
     yield from _grid("methods", BIAS_SIN2, FOR_LOAD, ACROSS)

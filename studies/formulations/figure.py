@@ -23,15 +23,15 @@ def convergence(
     Parameters
     ----------
     rows
-        By what is off, a row of panels by their title, and in these the curves
-        ``(unknowns, error)`` by their label, which has one colour in all of them.
+        For each kind of error a row of panels by title, and in each panel the curves
+        ``(unknowns, error)`` by label.  A label has one colour in all panels.
     filename
         Where to write a PNG.
 
     Raises
     ------
     ValueError, FileNotFoundError
-        As `picture_path`.
+        As from `picture_path`.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Medians over the seeds, and what the study of formulations states in words."""
+"""Medians over the seeds, and numbers that the page on formulations states."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -20,7 +20,7 @@ from .cases import (
     Problem,
 )
 
-# The load may be off by so much more than that of `auto`, in the comparison of C_s.
+# Factor by which the load may be further off than with `auto`, where C_s is compared.
 _LOAD_MARGIN = 2.0
 
 _NOT_DRAWN = ("rates, C_s = 1", "isotropic, κ = C/8", "one point, triangles")
@@ -29,14 +29,14 @@ _NOT_DRAWN = ("rates, C_s = 1", "isotropic, κ = C/8", "one point, triangles")
 def of(
     rows: Iterable[Row], group: str, problem: Problem, method: Method, across: int
 ) -> list[Row]:
-    """Rows of the cases that differ in their seed alone."""
+    """Rows of the cases that differ only in their seed."""
     key = (group, problem.name, method.name, across)
     names = ("group", "problem", "method", "across")
     return [row for row in rows if tuple(row[name] for name in names) == key]
 
 
 def median(rows: Sequence[Row], key: str) -> float:
-    """Median of what was reached; nan if nothing was."""
+    """Median of the known values; nan if there is none."""
     values = [row[key] for row in rows if not np.isnan(row[key])]
     return float(np.median(values)) if values else np.nan
 
@@ -48,7 +48,7 @@ def load_error(rows: Sequence[Row], problem: Problem) -> float:
 
 
 def over_angles(rows: Sequence[Row]) -> tuple[float, float]:
-    """Of 10° to 40° the median and the single load that are furthest from the exact."""
+    """The median and the single load from 10° to 40° that are furthest from exact."""
     keys = [f"load_{angle}" for angle in ANGLES if angle <= 40]
     medians = [median(rows, key) for key in keys]
     return _furthest(medians), _furthest([row[key] for row in rows for key in keys])
@@ -60,7 +60,7 @@ def per_stiffness(row: Row) -> float:
 
 
 def summary(rows: list[Row]) -> dict[str, Any]:
-    """What the page states in words, as numbers; None where a case is missing."""
+    """Numbers that the page states in words; None if a case is missing."""
     strips = [row for row in rows if row["group"] == "triangulations"]
     shares = {
         chosen.name: {
@@ -85,7 +85,7 @@ def summary(rows: list[Row]) -> dict[str, Any]:
 def best_position(rows: list[Row], problem: Problem, chosen: Method) -> float:
     """Smallest position error of a fixed C_s as a share of that of ``chosen``.
 
-    Of those whose load is off by at most twice as much; nan if there is none.
+    Only a C_s whose load is off by at most twice as much counts; nan if there is none.
     """
     own = of(rows, "methods", problem, chosen, ACROSS[1])
     allowed = _LOAD_MARGIN * load_error(own, problem)
@@ -99,7 +99,7 @@ def best_position(rows: list[Row], problem: Problem, chosen: Method) -> float:
 
 
 def errors(rows: list[Row]) -> dict[str, dict[str, dict[str, Any]]]:
-    """Curves for the figure: by what is off, by problem, by method."""
+    """Curves for the figure, by kind of error, problem and method."""
     shown = [m for m in METHODS if m.name not in _NOT_DRAWN]
     what = {
         "load": "Load error (N, or share)",

@@ -45,7 +45,7 @@ class Formulations(Study[Case]):
 
     @errors_only()
     def examine(self, case: Case) -> list[Row]:
-        """One case with its result, a row; numbers that it does not reach are nan."""
+        """Run one case; its row has nan for numbers that it does not reach."""
         problem, scene, refused = case.problem, case.scene(), ""
         formulation = case.method.formulation(problem.stabilisation)
         ply = Ply(scene.mesh, problem.fabric(scene), formulation)

@@ -1,6 +1,6 @@
 """Tables of the study of formulations: medians over the seeds, in Markdown.
 
-Where not every seed reached a figure, it says how many did.
+If not every seed reached a figure, the table says how many did.
 """
 
 from collections.abc import Callable, Sequence
@@ -109,7 +109,7 @@ def load(rows: list[Row]) -> str:
 
 
 def constants(rows: list[Row]) -> str:
-    """Errors with other constants than those of ``auto``."""
+    """Errors with other constants than ``auto`` takes."""
     lines = []
     for method in (*STABILISATIONS, AUTO, MACRO):
         group = "methods" if method in METHODS else "stabilisation"
@@ -127,7 +127,7 @@ def constants(rows: list[Row]) -> str:
 
 
 def _deviations(rows: list[Row]) -> str:
-    """Loads with other stiffnesses of deviations."""
+    """Loads with other stiffnesses against deviations."""
     problems = (*BIAS[::2], *BIAS_SIN2[::2])
     lines = []
     for chosen, c in zip((MACRO_TRIANGLES, MACRO), Macro().deviation, strict=True):
@@ -215,7 +215,7 @@ def _count(x: float) -> str:
 
 
 def _cell(rows: Sequence[Row], key: str, show: Callable[[float], str] = _figure) -> str:
-    """The median, and how many of the rows have it if not all."""
+    """The median, and the number of rows that have a value if not all have."""
     known = sum(not np.isnan(row[key]) for row in rows)
     if not known:
         return "-"

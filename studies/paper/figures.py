@@ -50,7 +50,7 @@ def draw(rows: Sequence[tuple[Strip, Row]], folder: Path) -> None:
 
 
 def _last_state(case: Strip, row: Row) -> Any:
-    """What pictures need of the result."""
+    """The part of the result that pictures need."""
     u = np.array(row["u"])
     state = SimpleNamespace(u=u, load_factor=row["load_factor"])
     return SimpleNamespace(ply=case.ply(), u=u, states=[state])

@@ -22,7 +22,7 @@ _STEPS = 40
 
 
 class Strip(NamedTuple):
-    """A figure of the paper: what was run, and what the paper says of it."""
+    """A figure of the paper: the run, and what the paper says about it."""
 
     figure: str
     mesh: str
@@ -72,7 +72,7 @@ def _stabilised(kind: Kind) -> list[Strip]:
 
 @errors_only()
 def examined(case: Strip) -> Row:
-    """A strip as far as it goes.
+    """Run a strip as far as it goes.
 
     Its figures beside the paper's, its load curve as displacements at the top of the
     right edge and forces on that edge, its last load factor and displacement.

@@ -2,7 +2,7 @@
 
 Two elements, A = 1-2-3-4 and above it B = 4-3-6-5, clamped at nodes 1 and 2, fibres
 along x and y.  That no fibre is stretched at a point is one linear equation in the
-nodal velocities; the paper writes these equations at 2×2 points and at the centre, and
+nodal velocities.  The paper writes these equations at 2×2 points and at the centre, and
 asks which velocities they leave free.  Coefficients are printed as 4 ∂N/∂x.
 """
 
@@ -88,24 +88,23 @@ class System(NamedTuple):
     Attributes
     ----------
     mesh, points, element, direction
-        Which of them: a key of `MESHES`, one of `POINTS`, ``A`` or ``B``, ``x`` or
-        ``y``.
+        A key of `MESHES`, one of `POINTS`, ``A`` or ``B``, and ``x`` or ``y``.
     unknowns
-        Their names: velocities u (along x) or v (along y) of nodes 3 and 4 in element
-        A; those of nodes 5 and 6 in element B, as w and z in units of u₃ or v₃ where
-        element A leaves these free.
+        Names of the unknowns: velocities u (along x) or v (along y) of nodes 3 and 4 in
+        element A; velocities of nodes 5 and 6 in element B, as w and z in units of u₃
+        or v₃ if element A leaves these free.
     rows
         Coefficients of both unknowns and the right side, one row per point.
     rank
         Rank of the coefficients.
     solution
-        The two unknowns; None where the equations leave one of them free.
+        The two unknowns; None if the equations leave one of them free.
     equations
         The paper's numbers of the rows.
     printed
-        The rows as the paper prints them; empty where it prints none.
+        The rows as the paper prints them; empty if it prints none.
     conclusion
-        What the paper says of rank and solution.
+        What the paper says about rank and solution.
     """
 
     mesh: str
@@ -122,7 +121,7 @@ class System(NamedTuple):
 
     @property
     def factor(self) -> float:
-        """By how much the printed coefficients are multiples of the computed ones."""
+        """The factor from the computed coefficients to the printed ones."""
         if self.printed.size == 0:
             return np.nan
         computed, printed = self.rows[:, :2].ravel(), self.printed[:, :2].ravel()
@@ -130,7 +129,7 @@ class System(NamedTuple):
 
     @property
     def difference(self) -> ndarray:
-        """Printed rows minus that multiple of the computed ones."""
+        """Printed rows minus the computed rows times this factor."""
         return (
             self.printed - self.factor * self.rows
             if self.printed.size

@@ -56,7 +56,7 @@ class System(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """The end of the load, and the time that it took, again and again.
+    """The end of the load, and the times of repeated runs.
 
     ``u`` and the nodal forces ``f`` in N are numbered as in `Task.nodes`.
     """
@@ -104,7 +104,7 @@ def loaded(system: System, values: ndarray) -> tuple[ndarray, ndarray, int]:
 
 
 def timed(begin: Callable[[], System], values: ndarray, repeats: int) -> Run:
-    """Load a ply once to be warm, then again and again with a clock.
+    """Load a ply once to warm up, then several times with a clock.
 
     The clock runs from before ``begin`` makes the system.
 
@@ -113,7 +113,7 @@ def timed(begin: Callable[[], System], values: ndarray, repeats: int) -> Run:
     NotConvergedError
         If a step does not converge.
     """
-    # A singular tangent gives what is not finite, and that is caught.
+    # A singular tangent gives numbers that are not finite, which are caught.
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         end = loaded(begin(), values)
@@ -135,9 +135,9 @@ def one_iteration(system: System, u: ndarray) -> tuple[float, float]:
 
 
 def iterations(system: System, u: ndarray, repeats: int) -> list[tuple[float, float]]:
-    """The same for several iterations, after one to be warm.
+    """The same for several iterations, after one to warm up.
 
-    The displacement is never quite the same, or factors might be kept.
+    The displacement changes a little each time, because factors might be kept.
     """
     shares = 1 + 1e-9 * np.arange(1 + repeats)
     return [one_iteration(system, share * u) for share in shares][1:]

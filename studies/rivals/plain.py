@@ -29,7 +29,7 @@ QUAD4_CENTRE = Shape("Q4, one point", "quads", 1, QUAD4.element, CENTRE)
 
 @dataclass(frozen=True, eq=False)
 class Plain(InProcess):
-    """What a straightforward script does.
+    """The element and stabilisation of a straightforward script.
 
     Parameters
     ----------

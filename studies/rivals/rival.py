@@ -1,4 +1,4 @@
-"""What a rival can do."""
+"""The protocol of rivals."""
 
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -18,8 +18,8 @@ from .task import Task
 class Shape:
     """An element with its rule, as scikit-fem has them.
 
-    ``mesh`` is ``quads`` or ``triangles``, ``parts`` in how many one of their edges is
-    divided by nodes.
+    ``mesh`` is ``quads`` or ``triangles``.  ``parts`` is the number of parts into which
+    nodes divide an edge.
     """
 
     name: str
@@ -49,16 +49,16 @@ class Rival(Protocol):
         ...
 
     def missing(self) -> str:
-        """What has to be installed first; empty if nothing."""
+        """Packages to install first; empty if nothing is missing."""
         ...
 
     def run(self, task: Task, steps: int, repeats: int) -> Run:
-        """Load a ply in equal steps, once to be warm, then with a clock.
+        """Load a ply in equal steps, once to warm up, then with a clock.
 
         Parameters
         ----------
         task
-            What to load, with the element of `shape`.
+            The task, with the element of `shape`.
         steps
             Number of load steps.
         repeats
@@ -83,7 +83,7 @@ class InProcess:
 
     @property
     def packages(self) -> dict[str, str]:
-        """What it needs beside this library: how to import and to install it."""
+        """Packages beside this library: how to import and to install them."""
         return {}
 
     def missing(self) -> str:

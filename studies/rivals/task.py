@@ -1,4 +1,4 @@
-"""A scene as what any finite element code needs to know of it."""
+"""A scene, described for any finite element code."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -76,7 +76,7 @@ class Task:
         return self._constraints.fixed
 
     def values(self, steps: int) -> ndarray:
-        """Their values at the end of each of some equal steps, (steps, n_fixed)."""
+        """Their values at the end of each equal step, (steps, n_fixed)."""
         factors = np.linspace(0.0, 1.0, steps + 1)[1:]
         return np.array([self._constraints.fixed_values(t) for t in factors])
 

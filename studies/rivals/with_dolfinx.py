@@ -1,7 +1,7 @@
 """DOLFINx: the same energy in UFL, with MUMPS' LDLᵀ.
 
-It runs in a process of its own, of the first interpreter that can import it: this one,
-or the system's, where Debian's python3-dolfinx is.
+It runs in a new process of the first interpreter that can import it: the present one,
+or that of the system, which has Debian's python3-dolfinx.
 """
 
 import os
@@ -25,7 +25,7 @@ _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class DolfinxError(RuntimeError):
-    """The process of DOLFINx failed; the message is the last line that it said."""
+    """The process of DOLFINx failed; the message is its last line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ def interpreter() -> tuple[str, str] | None:
 
 
 def _child(task: Task, **more: Any) -> dict[str, ndarray]:
-    """What the process finds of a task."""
+    """The results of the process for a task."""
     if (there := interpreter()) is None:
         raise DolfinxError("DOLFINx: no interpreter can import it")
     with tempfile.TemporaryDirectory() as folder:
@@ -104,7 +104,7 @@ def _child(task: Task, **more: Any) -> dict[str, ndarray]:
 
 
 def _run(python: str, *arguments: str, timeout: float | None = None) -> str:
-    """What the script prints."""
+    """The output of the script."""
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
     environment |= dict.fromkeys(_ONE_THREAD, "1")
     child = subprocess.run(

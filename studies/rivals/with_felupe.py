@@ -1,4 +1,4 @@
-"""FElupe: the same energy as a material of its own, on its own assembly."""
+"""FElupe: the same energy as a user material, on the assembly of FElupe."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,12 +31,12 @@ class FElupe(InProcess):
 
     @property
     def code(self) -> str:
-        """FElupe, and with which solver if not SciPy's."""
+        """FElupe, with the name of the solver unless it is SciPy's."""
         return "FElupe" if self.solver == "scipy" else "FElupe with Pardiso"
 
     @property
     def packages(self) -> dict[str, str]:
-        """What it needs."""
+        """Packages to import."""
         needed = {"felupe": "felupe"}
         return needed if self.solver == "scipy" else needed | {"pypardiso": "pypardiso"}
 

@@ -1,7 +1,7 @@
 """scikit-fem-native: assembly in C++ of forms as scikit-fem has them.
 
-It takes no tensor of fourth order as a coefficient of vector fields: the blocks of the
-tangent are assembled one by one, as forms of scalar fields.
+It takes no tensor of fourth order as a coefficient of vector fields.  The blocks of the
+tangent are therefore assembled one by one, as forms of scalar fields.
 """
 
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class Native(InProcess):
 
     @property
     def packages(self) -> dict[str, str]:
-        """What it needs."""
+        """Packages to import."""
         return {"skfemntv": "scikit-fem-native"}
 
     def system(self, task: Task) -> System:

@@ -1,7 +1,7 @@
 """One Newton iteration in two checkouts of this project, by turns.
 
-The processor time of a linear solve with its assembly in both, the least over the
-turns, and their ratio.
+For each checkout it measures the processor time of a linear solve with its assembly,
+the least over the turns, and gives the ratio of both.
 """
 
 import json

@@ -1,7 +1,7 @@
 """One Newton iteration on 60 000 quadrilaterals, beside other codes.
 
-Residual, tangent, factorisation and solution at one displacement, in warm processes of
-their own, by turns, round after round.
+Residual, tangent, factorisation and solution at one displacement.  Each code has a warm
+process.  The processes take turns in each round.
 """
 
 from statistics import median
@@ -63,7 +63,7 @@ class _ThisLibrary:
     def round(self) -> list[float]:
         """Seconds of assembly, factorisation and solution."""
         ply, system = self._ply, self._problem.system
-        u = self._u = (1 + 1e-9) * self._u  # or the ply would remember its strains
+        u = self._u = (1 + 1e-9) * self._u  # else the ply would keep its strains
         times = [perf_counter()]
         f = ply.residual(u)
         K = system.reduced(ply.stiffness(u))
@@ -88,7 +88,7 @@ class _OtherCode:
 
     def round(self) -> list[float]:
         """Seconds of assembly, and of factorisation and solution together."""
-        self._u = (1 + 1e-9) * self._u  # or factors might be kept
+        self._u = (1 + 1e-9) * self._u  # else factors might be kept
         if self._system:
             return [*one_iteration(self._system, self._u)]
         return [*self._rival.iterations(self._task, self._u, 1)[0]]  # has one before
@@ -121,7 +121,7 @@ def measured(settings: Settings) -> Row:
 
 
 def _codes() -> tuple[dict[str, tuple[Any, ...]], dict[str, str]]:
-    """By name what makes each code that is here; and why others are not."""
+    """What makes each installed code, by name; and why others are missing."""
     codes: dict[str, tuple[Any, ...]] = {}
     missing = {}
     for element in ELEMENTS:
@@ -143,7 +143,7 @@ def _codes() -> tuple[dict[str, tuple[Any, ...]], dict[str, str]]:
 
 
 def _timed(name: str, elements: int) -> list[list[float]]:
-    """Two iterations of one code, after one to be warm."""
+    """Two iterations of one code, after a first one to warm up."""
     scene = strip_of(elements)
     u = scene.displacement(scene.mesh.p, _LOAD_FACTOR).T.ravel()
     make, *given = _codes()[0][name]
@@ -153,7 +153,7 @@ def _timed(name: str, elements: int) -> list[list[float]]:
 
 
 def _ratios(codes: dict[str, Row]) -> dict[str, float]:
-    """What the codes take beside one another, where all of them are there."""
+    """Ratios of the times, if all the codes are there."""
     own, ratios = "Q4, 2×2: skfem_textile, cholmod", {}
     for rival in ("DOLFINx", "FElupe with Pardiso"):
         pair = [codes[name] for name in (f"Q4, 2×2: {rival}", own) if name in codes]

@@ -1,8 +1,8 @@
 """Conjugate gradients beside direct solvers, on larger and larger plies.
 
-Of one tangent, definite, with a right-hand side: order and analysis, factorisation and
-solution by the direct solver; set-up and solution to 10⁻⁸ by conjugate gradients, with
-smoothed aggregation (pyamg) that is told the rigid motions.
+Both solve one system with a definite tangent.  The direct solver is timed for order and
+analysis, factorisation and solution.  Conjugate gradients are timed for set-up and
+solution to 10⁻⁸; their smoothed aggregation (pyamg) knows the rigid motions.
 """
 
 from importlib.util import find_spec

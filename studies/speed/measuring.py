@@ -1,4 +1,4 @@
-"""What the benchmarks share: settings, a clock, and the strip of any size."""
+"""Settings, a clock, and the strip of any size, for all benchmarks."""
 
 from collections.abc import Callable, Sequence
 from statistics import median
@@ -9,7 +9,7 @@ from skfem_textile.scenes import Scene, strip
 
 
 class Settings(NamedTuple):
-    """What a user may choose.
+    """Settings that a user may choose.
 
     Parameters
     ----------
@@ -28,14 +28,14 @@ class Settings(NamedTuple):
 
 
 def seconds(function: Callable[..., Any], *arguments: Any) -> tuple[Any, float]:
-    """What a function returns, and the time that it took."""
+    """The result of a function, and the seconds that it took."""
     start = perf_counter()
     result = function(*arguments)
     return result, perf_counter() - start
 
 
 def strip_of(elements: int, **more: Any) -> Scene:
-    """The strip on about so many elements."""
+    """The strip on about this number of elements."""
     across = (elements / 1.5) ** 0.5
     return strip(size=(round(across), round(1.5 * across)), **more)
 

@@ -1,7 +1,7 @@
-"""Only what a scene needs: what leaving terms, pictures and packages out saves.
+"""Only what a scene needs: time saved without some terms, pictures and packages.
 
-Times of the set-up and of an iteration of plies that need less and less, and of
-imports, each import in a process of its own.
+It measures the set-up and an iteration of plies that need less and less, and imports,
+each in a new process.
 """
 
 import subprocess
@@ -54,7 +54,7 @@ def measured(settings: Settings) -> Row:
         plies[name] = {"seconds": values, "shares": shares}
     imports = {}
     for name in _IMPORTS:
-        _imported(name)  # once to have it in the file cache
+        _imported(name)  # once, to load it into the file cache
         imports[name] = median(_imported(name) for _ in range(_ROUNDS))
     return {"elements": scene.mesh.nelements, "plies": plies, "imports": imports}
 

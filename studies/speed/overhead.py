@@ -1,4 +1,4 @@
-"""What the load stepper costs beside assembly and factorisation, and what corners."""
+"""The cost of the load stepper beside assembly and factorisation, and of corners."""
 
 from statistics import median
 
@@ -15,7 +15,7 @@ _SIZES = (20, 30), (60, 100), (200, 300)
 
 
 def measured(settings: Settings) -> Row:
-    """Seconds of a linear solve, and shares of what takes them, on each mesh."""
+    """Seconds of a linear solve, and the share of each part, on each mesh."""
     sizes = [size for size in _SIZES if size[0] * size[1] <= settings.most]
     return {"sizes": [_on_mesh(size) for size in sizes]}
 
@@ -26,7 +26,7 @@ def _on_mesh(size: tuple[int, int]) -> Row:
     result = LoadStepper(ply, scene.conditions, steps=4).run()
     whole = result.wall_time_s
     rest = whole - result.assembly_time_s - result.solve_time_s
-    moved = [(1 + 1e-9 * i) * result.u for i in range(9)]  # no answer is there twice
+    moved = [(1 + 1e-9 * i) * result.u for i in range(9)]  # every displacement is new
     corners = median(seconds(ply.corners.area_ratio, u)[1] for u in moved)
     return {
         "elements": ply.mesh.nelements,

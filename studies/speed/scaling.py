@@ -1,8 +1,8 @@
 """Cost of a Newton iteration against the number of elements, and peak memory.
 
-From 10³ to 10⁶ jittered quadrilaterals, each size in a process of its own: what is done
-once (bases, pattern, order of elimination, symbolic analysis) and one iteration, with
-the exponents of power laws through the sizes from 10⁴ on.
+It measures 10³ to 10⁶ jittered quadrilaterals, each size in a new process.  It times
+the work that is done once (bases, pattern, order of elimination, symbolic analysis) and
+one iteration, and fits power laws through the sizes from 10⁴ on.
 """
 
 import resource
@@ -25,7 +25,7 @@ _SIZES = 1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000
 
 _ROUNDS = 3
 
-# What takes the time, in the order of the table.
+# The timed parts, in the order of the table.
 _PARTS = "once", "assembly", "factorisation", "solution", "iteration"
 
 
@@ -39,7 +39,7 @@ def measured(settings: Settings) -> Row:
 
 
 def _iteration(size: int, solver: str) -> Row:
-    """Seconds of one size, by what takes them, and the peak of the memory in GiB."""
+    """Seconds of each part at one size, and the peak of the memory in GiB."""
     scene = strip_of(size)
     ply, built = seconds(Ply, scene.mesh, Fabric(1e4, 0.5), OnePoint(4.0))
     constraints, held = seconds(Constraints, ply.basis, scene.conditions)
@@ -90,7 +90,7 @@ def _peak() -> float:
 
 
 def _exponents(rows: list[Row]) -> dict[str, float]:
-    """Of power laws through the sizes from 10⁴ elements on, by what takes the time."""
+    """Exponents of power laws through the sizes from 10⁴ elements on, for each part."""
     large = [row for row in rows if row["elements"] > 9_000] or rows
     n = np.log([row["elements"] for row in large])
     return {

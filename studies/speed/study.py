@@ -27,7 +27,7 @@ class Benchmark(NamedTuple):
 
     @property
     def module(self) -> ModuleType:
-        """The module that has its functions."""
+        """The module with the functions of the benchmark."""
         return import_module(f"studies.speed.{self.name}")
 
 
@@ -55,7 +55,7 @@ class Speed(Study[Benchmark]):
         return case.name
 
     def examine(self, case: Benchmark) -> list[Row]:
-        """What a benchmark finds, and on what machine, as a row."""
+        """The results of a benchmark and its machine, as a row."""
         results = in_new_process(case.module.measured, case.settings)
         machine = machine_and_versions.described()
         return [{"benchmark": case.name, "machine": machine, "results": results}]

@@ -1,7 +1,7 @@
 """The whole strip on 60 000 quadrilaterals, beside plain Newton in scikit-fem.
 
-Both load the same ply, one point and the hourglass energy with the same C_s, to 62.5°:
-plain Newton in the equal steps that it needs, this library from one step on.
+Both load the same ply to 62.5°, with one point and the hourglass energy with the same
+C_s.  Plain Newton takes the equal steps that it needs.  This library begins with one.
 """
 
 from statistics import median
@@ -27,7 +27,7 @@ _SIZE, _E, _G = 60_000, 1e4, 0.0
 # Load steps of plain Newton, and repeats of this library.
 _STEPS, _REPEATS = 20, 5
 
-# C_s in N/mm, and the same as a multiple of that of `Plain`, which is 10⁻⁴ E.
+# C_s in N/mm, and the same as a multiple of the C_s of `Plain`, which is 10⁻⁴ E.
 _C_S = 10.0
 _MULTIPLE = _C_S / (1e-4 * _E)
 
@@ -35,7 +35,7 @@ _MULTIPLE = _C_S / (1e-4 * _E)
 def measured(settings: Settings) -> Row:
     """Seconds and linear solves of both, and how far apart they end."""
     scene = strip_of(min(_SIZE, settings.most), jitter=0.3)
-    _own(scene, settings.solver)  # to be warm
+    _own(scene, settings.solver)  # to warm up
     runs = [seconds(_own, scene, settings.solver) for _ in range(_REPEATS)]
     result, times = runs[0][0], [took for _, took in runs]
     (u, _, solves), took = seconds(_stock, scene)

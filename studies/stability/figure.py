@@ -35,7 +35,7 @@ def draw_outcomes(
     Parameters
     ----------
     groups
-        By the group's title, its lines, with a cell for each number of steps.
+        The lines of each group by its title, with a cell for each number of steps.
     steps
         Numbers of load steps.
     filename

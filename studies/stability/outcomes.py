@@ -16,7 +16,7 @@ WRONG = "wrong"
 #: The outcomes, in the order of reports.
 OUTCOMES = (RIGHT, OTHER, REFUSED, MISSED, WRONG)
 
-# Energies and reactions that differ by a smaller share are of one state.
+# Energies and reactions that differ by a smaller share belong to one state.
 _SAME = 0.01
 
 
@@ -36,7 +36,7 @@ class End:
     energy, reactions
         Energy in N·mm, and all components of all reactions in N.
     no_energy, no_force
-        Energy and force that round-off leaves.
+        Energy and force that are round-off.
     """
 
     converged: bool
@@ -56,7 +56,7 @@ class End:
         return _off(self.reactions, other.reactions, other.no_force)
 
     def agrees(self, reference: "End") -> bool:
-        """Whether both runs ended on one sound state."""
+        """Whether both runs ended on the same sound state."""
         return (
             self.sound
             and reference.sound
@@ -87,7 +87,7 @@ def outcome(end: End, reference: End, solvable: bool) -> str:
 
 
 def summary(rows: list[Row]) -> dict[str, Any]:
-    """How many cases ended how, and what the runs say of their path."""
+    """The number of cases by outcome, and what the runs say about their path."""
     n = Counter(row["outcome"] for row in rows)
     solvable = sum(row["solvable"] for row in rows)
     agreeing = [row for row in rows if row["agrees"]]

@@ -1,4 +1,4 @@
-"""Stiff and extreme problems: what the stability study asks of the load stepper."""
+"""Stiff and extreme problems of the stability study."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Extreme:
     Attributes
     ----------
     family, label
-        What is varied, and its value here.
+        The quantity that the family varies, and its value in this problem.
     scene
         Makes the scene.
     formulation, E, G
@@ -39,7 +39,7 @@ class Extreme:
     exact
         Whether the mesh can represent the scene's exact motion.
     seed
-        Seed of the mesh, where problems differ in it alone.
+        Seed of the mesh, if problems differ only in it.
     """
 
     family: str
@@ -165,7 +165,7 @@ def _coordinates() -> Iterator[Extreme]:
 
 
 def _macro_elements() -> Iterator[Extreme]:
-    """What is extreme for others, on quadrilaterals or triangles that were split."""
+    """Problems that are extreme for other formulations, on split elements."""
 
     def problem(
         label: str,
@@ -210,7 +210,7 @@ def _macro_elements() -> Iterator[Extreme]:
 
 
 def _folding() -> Iterator[Extreme]:
-    """Plies of which elements tend to fold, on mesh after mesh."""
+    """Plies whose elements tend to fold, on many meshes."""
 
     def on_meshes(
         label: str,

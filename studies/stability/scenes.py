@@ -63,7 +63,7 @@ def placed_strip(scale: float, shift: float, **options: Any) -> Scene:
 
 
 def strip_with_flat_angles(mesh: Mesh | None = None) -> Scene:
-    """The strip on elements with angles of 179°, or on what is made of them."""
+    """The strip on elements with angles of 179°, or on parts of such elements."""
     return strip(mesh or _with_flat_angles(WIDTH, HEIGHT, (10, 16)))
 
 
@@ -73,7 +73,7 @@ def frame_with_flat_angles() -> Scene:
 
 
 def _with_flat_angles(width: float, height: float, size: tuple[int, int]) -> MeshQuad:
-    """Every other node moved so far that it opens an element to an angle of 179°.
+    """Move every other node until it opens an element to an angle of 179°.
 
     In an element with sides a, b the corner at (a, b) comes to c·(a, b), where the
     edges to (a, 0) and (0, b) make that angle.

@@ -1,4 +1,4 @@
-"""Whether a state is an answer, found out apart from the load stepper."""
+"""Whether a state is an answer, judged independently of the load stepper."""
 
 import numpy as np
 from numpy import ndarray
@@ -10,23 +10,23 @@ from skfem_textile.solve.conditions import Constraints
 # A corner is flat where its parallelogram is less than this share of the largest.
 _FLAT = 1e-9
 
-# Nodes may be off what is prescribed, and off equilibrium, by these shares of sizes.
+# Shares of sizes by which nodes may be off prescribed values, and off equilibrium.
 _OFF, _LEFT = 1e-9, 1e-6
 
 
 def is_sound(ply: Ply, scene: Scene, u: ndarray) -> bool:
     """Whether a state is a stable, unfolded equilibrium under the whole load.
 
-    By the area ratio at the corners and the fine points of the elements, by Cholesky's
-    factors of the dense tangent, scaled to a unit diagonal, and by the Newton step that
-    is left to take.
+    It is judged by the area ratio at the corners and the fine points of the elements,
+    by Cholesky's factors of the dense tangent, scaled to a unit diagonal, and by one
+    more Newton step.
 
     Parameters
     ----------
     ply
         The ply.
     scene
-        Its scene, of which the conditions are needed.
+        Its scene, for the conditions.
     u
         Displacement, DOF vector of the ply's basis.
 
@@ -86,7 +86,7 @@ def _at_corners(ply: Ply, x: ndarray) -> ndarray:
 
 
 def _of_quadratic_triangles(ply: Ply, x: ndarray) -> ndarray:
-    """The same of triangles with nodes at the middles of their edges.
+    """The same for triangles with nodes at the middles of their edges.
 
     In area coordinates L the map is Σ L_a (2 L_a − 1) x_a + 4 Σ L_a L_b x_ab.
     """

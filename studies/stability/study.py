@@ -4,16 +4,16 @@ Every problem of `problems` is loaded in 1, 2, 5, 20 and 100 steps, and for comp
 in 400.  A run ends as
 
 - *right*: on a stable, unfolded equilibrium, with the energy and the reactions that 400
-  steps reach, to 1 %; where the mesh can represent the exact motion, on that motion;
-- *right, another equilibrium*: on a stable, unfolded one with other energies or
-  reactions, of a path that the run itself says was not resolved;
+  steps reach, to 1 %; if the mesh can represent the exact motion, on that motion;
+- *right, another equilibrium*: on a stable, unfolded equilibrium with other energies or
+  reactions, if the run itself says that its path was not resolved;
 - *refused*: with an error;
-- *refused though solvable*: with an error, where another run of the same formulation,
+- *refused though solvable*: with an error, if another run of the same formulation,
   in other steps or by another strategy, finds a stable, unfolded equilibrium;
 - *wrong*: on anything else.
 
-Whether a state is a stable, unfolded equilibrium is found out again in `soundness`, by
-dense algebra and apart from the load stepper.
+`soundness` judges by dense algebra, independently of the load stepper, whether a state
+is a stable, unfolded equilibrium.
 """
 
 import argparse
@@ -38,16 +38,16 @@ from .tables import markdown, picture_lines
 STEPS = (1, 2, 5, 20, 100)
 _REFERENCE = 400
 
-# What else may solve a problem that is refused in any number of steps.
+# Other strategies, for a problem that is refused in any number of steps.
 _OTHER_STRATEGIES = ("descent",), ("newton",)
 
 # Fibre strains of which energies are nothing, and such that round-off makes.
 _NO_STRAIN, _ROUND_OFF = 1e-10, 1e-13
 
-# An exact motion is met when no node is off by more, as a share of the ply's size.
+# Share of the size of the ply by which nodes may be off an exact motion.
 _EXACT = 1e-8
 
-# What is reported of a run's summary.
+# The reported entries of a run's summary.
 _FIGURES = (
     *("energy", "corners_energy", "min_det_F", "mesh_fibre_strain"),
     *("displacement_error_rms", "load_factor", "steps_cut"),

@@ -18,7 +18,7 @@ _TITLES = "right", "another", "refused", "though solvable", "wrong"
 
 
 def markdown(rows: list[Row], steps: Sequence[int]) -> str:
-    """A line per family, and a line per problem that was refused or wrong.
+    """A line for each family, and one for each problem that was refused or wrong.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def _failures(rows: list[Row], steps: Sequence[int]) -> str:
 
 
 def _family(row: Row) -> str:
-    """The family; where problems differ in the seed alone, with their kind."""
+    """The family, with the kind if problems differ only in the seed."""
     family: str = row["family"]
     return family if row["seed"] is None else f"{family}: {row['kind']}"
 
@@ -95,8 +95,8 @@ def picture_lines(
 ) -> dict[str, dict[str, list[Cell]]]:
     """Lines of the figure, by family and kind, with a cell for each number of steps.
 
-    Problems that differ in their seed alone share a line: the shares of the outcomes,
-    and how many of them are right.
+    Problems that differ only in their seed share a line, with the shares of the
+    outcomes and the number of right ones.
     """
     groups: dict[str, dict[str, dict[int, list[Row]]]] = {}
     for row in rows:
@@ -112,7 +112,7 @@ def picture_lines(
 
 
 def _cell(rows: list[Row]) -> Cell:
-    """Counts of the outcomes in their order, and what to say of them."""
+    """Counts of the outcomes in their order, and the text of the cell."""
     n = Counter(row["outcome"] for row in rows)
     if len(rows) > 1:
         text = f"{n[RIGHT] + n[OTHER]}/{len(rows)}"
