@@ -135,7 +135,15 @@ class MeanBasis(CellBasis):
     ``w["share"]`` is the share of each point in the area of its element, shape
     (n_elements, n_points), and ``w["fineness"]`` √(A/A_e) for the areas of the mesh and
     of the element, shape (n_elements, 1): the number of elements along the mesh.
+
+    Attributes
+    ----------
+    parts
+        Numbers of the quadrilaterals into which each element was split, as of
+        `MacroBasis`; None where the elements are those of the mesh.
     """
+
+    parts: ndarray | None = None
 
     def default_parameters(self) -> dict[str, Any]:
         """Position, share and fineness."""

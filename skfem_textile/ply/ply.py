@@ -23,7 +23,8 @@ from ..mesh.pattern import Pattern
 from .checked import checked, coupled_nodes, remembering_apart
 from .corners import CornerTerm, corner_stiffness
 from .kernels.assembly import KernelSum
-from .kernels.kernel import Parameters, ShearKernel
+from .kernels.element_groups import Parameters
+from .kernels.kernel import ShearKernel
 from .measures import Measures
 from .term import Load, Memory, Role, Term, dimension, refuse_unsymmetric
 from .term_check import check_term

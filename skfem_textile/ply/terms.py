@@ -16,7 +16,7 @@ from ..forms import Forms
 from ..mesh.bases import element_numbers
 from ..mesh.user_input import call_user_function, real_numbers
 from .kernels.assembly import node_pair_blocks
-from .kernels.kernel import Kernel, Parameters
+from .kernels.element_groups import Kernel, Parameters
 from .kernels.kernel_forms import can_compute, with_kernel
 from .term import Memory, Role, Term, dimension, refuse_unsymmetric
 
