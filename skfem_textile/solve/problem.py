@@ -2,18 +2,17 @@
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
-from .body import Body
-from .conditions import Constraints
-from .linear import SingularMatrixError
+from .body import Body, Supports
+from .linear.solver import SingularMatrixError, SolverOfPattern
 from .linear.system import System
+from .states import Clock, NoEquilibriumError
 
 # Share of the largest force that an equilibrium may leave unbalanced; under loads what
 # comes back in the reactions is to be seen to ten digits.
@@ -21,54 +20,12 @@ _CONVERGED, _CONVERGED_LOADED = 1e-8, 1e-12
 
 _ROUND_OFF = 2.0**-53
 
-#: Load factors at which loads and further terms are compared, at no regular distances.
-PROBED = (
-    *(0.0, 0.0313, 0.1303, 0.2541, 0.3719, 0.5, 0.6237),
-    *(0.7177, 0.8119, 0.9091, 0.9707, 1.0),
-)
-
 _MORE_STIFFNESS = (
     "holding the ply in more places, or more stabilisation or shear stiffness"
 )
 
 
 _NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
-
-
-class NoEquilibriumError(Exception):
-    """An attempt at a load factor failed.
-
-    Attributes
-    ----------
-    elements
-        Numbers of the elements where it failed; empty where no one place is to blame.
-    advice
-        What to try.
-    """
-
-    def __init__(self, message: str, elements: Any = (), advice: str = "") -> None:
-        super().__init__(message)
-        self.elements = np.asarray(elements, dtype=int)
-        self.advice = advice
-
-
-@dataclass(eq=False)
-class Clock:
-    """Linear solves and factorisations, and the time that these and assembly took."""
-
-    solves: int = 0
-    factorisations: int = 0
-    seconds: dict[str, float] = field(
-        default_factory=lambda: {"assembly": 0.0, "solve": 0.0}
-    )
-
-    def time(self, part: str, function: Callable, *args: Any) -> Any:
-        """Call the function and add its time to that part."""
-        start = perf_counter()
-        try:
-            return function(*args)
-        finally:
-            self.seconds[part] += perf_counter() - start
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,21 +41,16 @@ class Start:
     tangent: "Tangent | None"
 
 
-class Equilibrium(NamedTuple):
-    """Where an iteration ended, and how it converged.
-
-    ``altered`` is the number of its tangents that had to be altered.
-    """
-
-    u: ndarray
-    f: ndarray
-    residuals: tuple[float, ...]
-    tolerance: float
-    altered: int = 0
-
-
 class Problem:
     """A ply under conditions at one load factor: what an iteration needs to know.
+
+    Parameters
+    ----------
+    ply, constraints
+        The ply, and its conditions as fixed unknowns.
+    solver
+        Makes the linear solver of a pattern: the class of one, or `ChosenSolver` with
+        the name that it is to take.
 
     Attributes
     ----------
@@ -111,7 +63,7 @@ class Problem:
     """
 
     def __init__(
-        self, ply: Body, constraints: Constraints, solver: str = "auto"
+        self, ply: Body, constraints: Supports, solver: SolverOfPattern
     ) -> None:
         self.ply = ply
         self.load_factor = 0.0

@@ -8,7 +8,8 @@ from typing import ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy import ndarray
 
-from .problem import Equilibrium, NoEquilibriumError, Problem, Start, Tangent
+from .problem import Problem, Start, Tangent
+from .states import Equilibrium, NoEquilibriumError
 
 # Shares of the compression to keep in the geometric stiffness, tried in this order.
 _SHARES = (1.0, 0.5, 0.0)

@@ -10,15 +10,8 @@ from functools import cached_property
 import numpy as np
 from numpy import ndarray
 
-from .problem import (
-    Equilibrium,
-    NoEquilibriumError,
-    Problem,
-    Start,
-    Tangent,
-    tangent_at,
-)
-from .result import Verdict
+from .problem import Problem, Start, Tangent, tangent_at
+from .states import Equilibrium, NoEquilibriumError, Verdict
 
 _STIFFER = "more steps, or a larger stabilisation"
 
@@ -42,7 +35,7 @@ class Trial:
     ----------
     problem
         The problem.
-    found
+    equilibrium
         The equilibrium.
     start
         The last good state; None for a state before the load.
@@ -55,31 +48,32 @@ class Trial:
     def __init__(
         self,
         problem: Problem,
-        found: Equilibrium,
+        equilibrium: Equilibrium,
         start: Start | None = None,
         rise: float = 0.0,
         energies: Mapping[str, float] | None = None,
         potentials: Mapping[str, float] | None = None,
     ) -> None:
-        self.problem, self.found, self.start, self.rise = problem, found, start, rise
+        self.problem, self.equilibrium = problem, equilibrium
+        self.start, self.rise = start, rise
         self.energies, self.potentials = energies or {}, potentials or {}
         self.warnings: dict[str, str] = {}
 
     @cached_property
     def tangent(self) -> Tangent | None:
         """The consistent tangent; None where it is singular."""
-        return tangent_at(self.problem, self.found.u)
+        return tangent_at(self.problem, self.equilibrium.u)
 
     @cached_property
     def area_ratio(self) -> ndarray:
         """Smallest det F of each element at its nodes and the ply's fine points."""
-        return self.problem.ply.least_area_ratio(self.found.u)
+        return self.problem.ply.least_area_ratio(self.equilibrium.u)
 
     @cached_property
     def strains(self) -> ndarray:
         """Fibre strain at the ply's fine points, shape (2, n_elements, n_points)."""
         ply = self.problem.ply
-        return ply.fibre_strain(self.found.u, ply.fine_points)
+        return ply.fibre_strain(self.equilibrium.u, ply.fine_points)
 
     @property
     def strain(self) -> ndarray:
@@ -89,7 +83,7 @@ class Trial:
     @property
     def move(self) -> ndarray:
         """Displacement in the step."""
-        return self.found.u - self.start.u if self.start else np.zeros(1)
+        return self.equilibrium.u - self.start.u if self.start else np.zeros(1)
 
     @cached_property
     def works(self) -> tuple[float, float]:
@@ -97,7 +91,7 @@ class Trial:
 
         They balance reactions and loads.
         """
-        start, found = self.start, self.found
+        start, found = self.start, self.equilibrium
         if start is None:
             return 0.0, 0.0
         forces = start.f + start.load, found.f + self.problem.load(found.u)
@@ -132,7 +126,7 @@ class Trial:
                     f"the energy of {name} is not finite",
                     advice="a smaller load, or a law that is finite there",
                 )
-        if not self.problem.in_domain(self.found.u):
+        if not self.problem.in_domain(self.equilibrium.u):
             raise NoEquilibriumError(
                 "a law is asked beyond its domain",
                 advice="a smaller load, or a law that holds there",
@@ -151,7 +145,7 @@ class Trial:
         return Verdict(
             negative_pivots=self.tangent.negative_pivots if self.tangent else None,
             min_det_F=float(self.area_ratio.min()),
-            max_fibre_strain=float(np.abs(ply.law_strain(self.found.u)).max()),
+            max_fibre_strain=float(np.abs(ply.law_strain(self.equilibrium.u)).max()),
             mesh_fibre_strain=float(self.strain.max()),
             work=0.5 * sum(self.works),
         )
@@ -169,7 +163,7 @@ def _folding(trial: Trial) -> None:
 
 
 def _strain(trial: Trial) -> None:
-    torn = np.flatnonzero(trial.problem.ply.past_peak(trial.found.u))
+    torn = np.flatnonzero(trial.problem.ply.past_peak(trial.equilibrium.u))
     if torn.size:
         raise NoEquilibriumError(
             f"fibre strain up to {trial.strain[torn].max():.2g} in {torn.size} "
@@ -200,7 +194,7 @@ def _work(trial: Trial) -> None:
     rise, works = trial.of_move
     low, high = sorted(works)
     margin = _NEGLIGIBLE * max(abs(low), abs(high), abs(rise))
-    margin += trial.found.tolerance * float(np.abs(trial.move).sum())
+    margin += trial.equilibrium.tolerance * float(np.abs(trial.move).sum())
     stored = (*trial.energies.values(), *trial.potentials.values())
     margin += _ROUND_OFF * sum(map(abs, stored))
     if not low - margin <= rise <= high + margin:

@@ -21,6 +21,7 @@ import skfem_textile
 from skfem_textile import Fabric, Macro, OnePoint, Ply, split
 from skfem_textile.scenes import strip
 from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.linear.solvers.superlu import SuperLU
 from skfem_textile.solve.problem import Problem
 from skfem_textile.solve.strategies import Mixed
 
@@ -226,7 +227,7 @@ def files_of_an_iteration(formulation, mesh):
     scene = strip(size=(6, 9))
     ply = Ply(mesh(scene.mesh), Fabric(1e4, 0.5), formulation)
     constraints = Constraints(ply.basis, scene.conditions)
-    problem = Problem(ply, constraints).at(0.1).without_corners()
+    problem = Problem(ply, constraints, SuperLU).at(0.1).without_corners()
     start, values = problem.start(ply.basis.zeros()), constraints.fixed_values(0.1)
     iterates, entered = Mixed().iterates(problem, start, values), set()
     next(iterates), next(iterates)

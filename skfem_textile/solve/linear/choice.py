@@ -9,13 +9,12 @@ from importlib import import_module
 from importlib.util import find_spec
 from threading import Lock
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
-from .solver import Factors, Solver
+from .solver import Choice, Factors, Solver
 from .solvers import SOLVERS
 
 log = logging.getLogger(__name__)
@@ -28,13 +27,6 @@ MEASURED_FROM = 100_000
 # Unknowns that are eliminated at most to measure: more would take longer and rank the
 # solvers alike.  A quarter of this tells too little: PARDISO gains as systems grow.
 _ENOUGH = 200_000
-
-
-class Choice(NamedTuple):
-    """Name of a solver, and why it was chosen."""
-
-    name: str
-    reason: str
 
 
 # What this process has measured, by who took part; one measurement at a time.

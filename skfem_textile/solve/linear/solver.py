@@ -1,6 +1,7 @@
 """What the load stepper asks of a linear solver."""
 
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol, TypeAlias
 from weakref import ref
 
 import numpy as np
@@ -92,6 +93,17 @@ class Solver(Protocol):
             If a pivot vanishes; one that is round-off may be told later.
         """
         ...
+
+
+#: Makes the solver of a pattern, given as its lower triangle.
+SolverOfPattern: TypeAlias = Callable[[csc_matrix], Solver]
+
+
+class Choice(NamedTuple):
+    """Name of a solver, and why it was chosen."""
+
+    name: str
+    reason: str
 
 
 class OneAtATime:

@@ -1,17 +1,69 @@
-"""Whether a state that was read is one of the problem."""
+"""Whether the states that were read are those of the problem, one after the other."""
 
 from dataclasses import asdict
 
 import numpy as np
 from numpy import ndarray
 
-from ..problem import Equilibrium, Problem, Start
-from ..result import State
+from ..problem import Problem, Start
+from ..states import Equilibrium, State
 from ..verdict import Trial
-from .contents import SAME
+from .contents import SAME, same
+from .sealed import Content
 
 # What round-off leaves of strains and area ratios.
 _ROUND_OFF = 1e-13
+
+
+class Replay:
+    """Finds anew the forces of each state, and what the ply remembers of it.
+
+    Called with one state after the other and what its file holds, from the first on.
+    At the end the ply's terms remember what the last file holds.
+
+    Parameters
+    ----------
+    problem
+        The problem that is run.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self._start: Start | None = None
+
+    def __call__(self, state: State, content: Content) -> None:
+        """Compare a state with what the problem makes of it.
+
+        Raises
+        ------
+        ValueError
+            If they disagree.
+        """
+        if self._start is None:
+            self._problem.ply.reset()
+        problem, u = self._problem.at(state.load_factor), state.u
+        check_state(problem, state, self._start)
+        problem.ply.commit(u)
+        expected = self._memories()
+        self._restore(content)
+        pairs = zip(self._memories(), expected, strict=True)
+        if not all(same(old, new) for old, new in pairs):
+            raise ValueError("what its ply remembers is not of its displacement")
+        self._start = Start(u, problem.residual(u), problem.load(u), None)
+
+    def _memories(self) -> list[ndarray]:
+        memories = self._problem.ply.memories.values()
+        return [a for m in memories for a in (np.array(m.work), *m.parameters.values())]
+
+    def _restore(self, content: Content) -> None:
+        """Let the ply's terms remember what a file holds."""
+        for term, memory in self._problem.ply.memories.items():
+            saved = {k: content.arrays[f"{term} {k}"] for k in memory.parameters}
+            for name, value in memory.parameters.items():
+                old = np.asarray(value)
+                if saved[name].shape != old.shape or saved[name].dtype != old.dtype:
+                    raise ValueError(f"its {name} is not of this ply")
+            memory.restore(saved, content.text["work"][term])
 
 
 def check_state(problem: Problem, state: State, before: Start | None) -> None:
@@ -73,12 +125,3 @@ def _compare(
         off = np.abs(np.subtract(told[key], value))
         if np.shape(told[key]) != np.shape(value) or not np.all(off <= error):
             raise ValueError(f"its {name} are not those of its displacement")
-
-
-def same(old: ndarray, new: ndarray) -> bool:
-    """Whether arrays are those of one problem on two machines; laws may have poles."""
-    finite = np.isfinite(new)
-    if old.shape != new.shape or not np.array_equal(np.isfinite(old), finite):
-        return False
-    allowed = SAME * np.abs(new[finite]).max(initial=0.0)
-    return bool(np.all(np.abs(old[finite] - new[finite]) <= allowed))

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from .result import State
+from ..states import State
 
 # Energies and reactions that differ by a smaller share are of one state.
 _SAME = 0.01
@@ -30,6 +30,9 @@ _MOST_ALTERED = 2
 
 # How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.
 _PATH_HALVINGS = 6
+
+# Load factors that a warning names at most.
+_SHOWN = 5
 
 
 class StepEnd(NamedTuple):
@@ -74,7 +77,7 @@ class StepEnd(NamedTuple):
 
 
 @dataclass
-class Path:
+class LoadPath:
     """The hard steps of a run, and how they ended.
 
     Attributes
@@ -105,7 +108,7 @@ class Path:
         return asdict(self)
 
     @classmethod
-    def of(cls, saved: Mapping[str, Any]) -> "Path":
+    def of(cls, saved: Mapping[str, Any]) -> "LoadPath":
         """The path that a checkpoint holds."""
         to_compare = [StepEnd(*past) for past in saved["to_compare"]]
         return cls(**{**saved, "to_compare": to_compare})
@@ -206,6 +209,17 @@ class Path:
     def _mark(self, t: float) -> None:
         if t not in self.unresolved:
             self.unresolved.append(t)
+
+    def warning(self) -> str:
+        """What to say of the load factors at which the path was not resolved."""
+        if not self.unresolved:
+            return ""
+        shown = ", ".join(f"{t:.4g}" for t in self.unresolved[:_SHOWN])
+        more = ", ..." if len(self.unresolved) > _SHOWN else ""
+        return (
+            f"the path was not resolved at load factor {shown}{more}: another number "
+            "of steps may lead to another equilibrium; compare with more steps"
+        )
 
     def until(self, goal: float) -> float:
         """The load factor that the next step must not pass."""

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from .problem import Equilibrium, NoEquilibriumError, Problem, Start
-from .result import Iteration
-from .strategies import STRATEGIES, Strategy, balanced
-from .verdict import Trial
+from ..problem import Problem, Start
+from ..states import Equilibrium, Iteration, NoEquilibriumError
+from ..strategies import STRATEGIES, Strategy, balanced
+from ..verdict import Trial
 
 _AT_REST = (
     "less tension, compression or load at rest, loads that grow with the load factor, "
@@ -43,7 +43,7 @@ class Goal(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Search:
+class EquilibriumSearch:
     """Strategies, and what their states must stand.
 
     Attributes
