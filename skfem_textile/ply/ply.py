@@ -20,14 +20,13 @@ from ..forms.form import directions
 from ..mesh.bases import node_positions
 from ..mesh.corners import Corners
 from ..mesh.pattern import Pattern
-from .checked import checked, coupled_nodes, remembering_apart
 from .corners import CornerTerm, corner_stiffness
 from .kernels.assembly import KernelSum
 from .kernels.element_groups import Parameters
 from .kernels.kernel import ShearKernel
 from .measures import Measures
 from .term import Load, Memory, Role, Term, dimension, refuse_unsymmetric
-from .term_check import check_term
+from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
 from .terms import FormTerm, Formulation
 
 
@@ -113,13 +112,13 @@ class Ply(Measures):
         self._tension = None
         if not all(is_zero(family.tension) for family in fabric.families):
             self._tension = formulation.tension_term(self.basis, fabric)
-        own = self._needed_terms()
-        for term in own:  # refuses directions that are not valid
+        needed = self._needed_terms()
+        for term in needed:  # refuses directions that are not valid
             if isinstance(term, FormTerm):
                 parameters = term.basis.default_parameters()
                 directions(fabric, FormExtraParams(parameters))
-        self._further = tuple(map(remembering_apart, terms))
-        self._terms = checked((*own, *self._further), self.basis)
+        self._further = tuple(map(with_own_memory, terms))
+        self._terms = terms_on_basis((*needed, *self._further), self.basis)
         for term in self.further_terms:
             check_term(term, self.basis, self.element_size)
 
@@ -174,7 +173,7 @@ class Ply(Measures):
         if not _is_fused(term):
             return term.energy(u, t)
         stored = term.memory.work if term.memory else 0.0
-        return self._fused.energy(u, _given([term], t)) + stored
+        return self._fused.energy(u, _kernel_parameters([term], t)) + stored
 
     def energy(self, u: ndarray, t: float = 1.0, corners: bool = True) -> float:
         """Energy in N·mm, potentials of loads included; parameters of `residual`."""
@@ -186,7 +185,7 @@ class Ply(Measures):
 
     def _forces(self, terms: Sequence[Term], u: ndarray, t: float) -> ndarray:
         others = (term.residual(u, t) for term in terms if not _is_fused(term))
-        return sum(others, self._fused.forces(u, _given(terms, t)))
+        return sum(others, self._fused.forces(u, _kernel_parameters(terms, t)))
 
     def residual(self, u: ndarray, t: float = 1.0, corners: bool = True) -> ndarray:
         """Nodal forces in N, internal ones less loads: the derivative of the energy.
@@ -244,13 +243,13 @@ class Ply(Measures):
             Whether corners resist.
         """
         terms = self._acting(corners)
-        given = _given(terms, t)
-        if self._tension in given and tension is not None:
-            given[self._tension]["tension"] = tension
+        parameters = _kernel_parameters(terms, t)
+        if self._tension in parameters and tension is not None:
+            parameters[self._tension]["tension"] = tension
         others = [term for term in terms if not _is_fused(term)]
         plain = [term for term in others if isinstance(term, FormTerm)]
         matrices = (term.matrices(u, t) for term in plain)
-        blocks = self.pattern.sum(chain(self._fused.matrices(u, given), matrices))
+        blocks = self.pattern.sum(chain(self._fused.matrices(u, parameters), matrices))
         for term in others:
             if term not in plain and (K := term.tangent(u, t)) is not None:
                 refuse_unsymmetric(term.name, K - K.T, K)
@@ -298,26 +297,6 @@ class Ply(Measures):
         """What terms remember, by their names."""
         return {term.name: term.memory for term in self.terms if term.memory}
 
-    def gradient(self, u: ndarray, points: ndarray | None = None) -> ndarray:
-        """Displacement gradient ∇u, shape (2, 2, n_elements, n_points).
-
-        Parameters
-        ----------
-        u
-            Displacement.
-        points
-            Reference coordinates in the unit square or triangle, shape (2,
-            n_points); the ply's own points if not given.
-        """
-        xi = self.basis.X if points is None else points
-        vector: Any = self.basis.elem
-        scalar = vector.elem
-        n_nodes = len(scalar.doflocs)
-        dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
-        nodal = u[self.basis.element_dofs].reshape(n_nodes, vector.dim, -1)
-        du_dxi = nodal.transpose(1, 2, 0)[:, None] @ dN.transpose(1, 0, 2)
-        return np.einsum("ijnq,jknq->iknq", du_dxi, self.basis.mapping.invDF(xi))
-
     def commit(self, u: ndarray) -> bool:
         """Make ``u`` the last converged state, for terms that remember one.
 
@@ -360,7 +339,7 @@ def _is_fused(term: Any) -> bool:
     return isinstance(term, FormTerm) and term.fused
 
 
-def _given(terms: Sequence[Any], t: float) -> dict[Any, Parameters]:
+def _kernel_parameters(terms: Sequence[Any], t: float) -> dict[Any, Parameters]:
     """What the kernels of terms are given beside the displacement."""
     return {
         term: {"t": t, **(term.memory.parameters if term.memory else {})}

@@ -26,6 +26,7 @@ from .stepping.equilibrium_search import (
 )
 from .stepping.limit import is_known, limit_error, load_growth, loads_grow
 from .stepping.load_path import LoadPath
+from .stepping.step_length import StepLength
 from .strategies import Strategy
 from .verdict import Trial
 
@@ -34,9 +35,6 @@ log = logging.getLogger(__name__)
 #: What a step tries and which checks only warn, unless told otherwise.
 DEFAULT_STRATEGIES = "mixed", "descent"
 DEFAULT_WARN_ONLY = "work", "stabilisation", "corners"
-
-# After a step of no more linear solves than this the next may be twice as long.
-_EASY_SOLVES = 6
 
 
 class LoadStepper:
@@ -204,9 +202,11 @@ class LoadStepper:
         """Start from the ply at rest, or from where the checkpoint ends."""
         problem, checkpoint = self.problem, self.checkpoint
         problem.clock, self._began = Clock(), perf_counter()
-        self._length, self._steps_cut, self._states = self.load_factors[0], 0, []
-        halvings = self.max_halvings if self._follows else 0
-        self._path = LoadPath(self._length, halvings)
+        self._steps_cut, self._states = 0, []
+        longest = self.load_factors[0]
+        shortest = longest / 2.0**self.max_halvings
+        self._length = StepLength(longest, shortest, next=longest)
+        self._path = LoadPath(longest, self.max_halvings if self._follows else 0)
         self._warned: set[str] = set()
         if checkpoint and resume and (saved := checkpoint.load(Replay(problem))):
             self._go_on(saved)
@@ -256,7 +256,7 @@ class LoadStepper:
         problem, u = self.problem.at(last.load_factor), last.u
         self._start = problem.start(u)
         self._states = saved.states
-        self._length, self._steps_cut = progress.length, progress.steps_cut
+        self._length.next, self._steps_cut = progress.length, progress.steps_cut
         self._path = progress.path
         problem.clock = self.problem.clock = progress.clock  # with that tangent
         self._began -= progress.elapsed
@@ -266,25 +266,14 @@ class LoadStepper:
         """Reach the requested load factors one after the other."""
         for goal in self.load_factors:
             while (t := self._states[-1].load_factor) < goal:
-                target = self._next_load_factor(t, goal)
+                target = self._length.end(t, self._path.until(goal))
                 try:
                     kept = self._advance(target)
                 except NoEquilibriumError as failure:
                     kept = self._go_on_after(failure, target, goal)
                 if not kept:
-                    self._length = 0.5 * (target - t)
+                    self._length.halve(target - t)
                     self._steps_cut += 1
-
-    @property
-    def _shortest(self) -> float:
-        """Length of a step that is not halved any more."""
-        return self.load_factors[0] / 2.0**self.max_halvings
-
-    def _next_load_factor(self, t: float, goal: float) -> float:
-        """Where the next step ends; none is left over that is shorter than needed."""
-        target, until = t + self._length, self._path.until(goal)
-        tolerance = 0.5 * min(self._shortest, self._length)
-        return until if target > until - tolerance else target
 
     def _go_on_after(
         self, failure: NoEquilibriumError, target: float, goal: float
@@ -300,7 +289,7 @@ class LoadStepper:
         last = self._states[-1]
         step = target - last.load_factor
         growth = load_growth(self.problem.ply, last, target) if self._loaded else 0.0
-        if step > 1.5 * self._shortest or not is_known(growth, step):
+        if self._length.may_be_halved(step) or not is_known(growth, step):
             log.info("step to %g failed, halved: %s", target, failure)
             return False
         if growth:
@@ -308,7 +297,7 @@ class LoadStepper:
         if not self._path.stop_following(goal):
             raise failure
         log.info("step to %g failed, however short: %s", target, failure)
-        self._length = self.load_factors[0]
+        self._length.restore()
         return True
 
     def _advance(self, t: float) -> bool:
@@ -340,37 +329,25 @@ class LoadStepper:
             self.on_iteration(iteration)
 
     def _state(self, t: float, trial: Trial) -> State:
-        problem, found = self.problem, trial.equilibrium
-        return State(
-            load_factor=t,
-            u=found.u,
-            reactions=problem.reactions(found.f),
-            displacements=problem.displacements(found.u),
-            energies=dict(trial.energies),
-            potentials=dict(trial.potentials),
-            verdict=trial.verdict(),
-            linear_solves=problem.clock.solves
-            - sum(before.linear_solves for before in self._states),
-            residuals=found.residuals,
-            tolerance=found.tolerance,
-        )
+        before = sum(state.linear_solves for state in self._states)
+        return trial.state(t, self.problem.clock.solves - before)
 
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step."""
-        problem, found, t = trial.problem, trial.equilibrium, state.load_factor
+        problem, t = trial.problem, state.load_factor
         for check, warning in trial.warnings.items():
             first = check not in self._warned
             level = logging.WARNING if first else logging.INFO
             log.log(level, "load factor %g: %s", t, warning)
             self._warned.add(check)
-        if problem.ply.commit(u := found.u):
+        u, f = trial.equilibrium.u, trial.equilibrium.f
+        if problem.ply.commit(u):
             self._start = problem.start(u)
         else:
-            self._start = Start(u, found.f, problem.load(u), trial.tangent)
+            self._start = Start(u, f, problem.load(u), trial.tangent)
         if t > 0:
             self._judge_drift(state)
-        if state.linear_solves <= _EASY_SOLVES:
-            self._length = min(2 * self._length, self.load_factors[0])
+        self._length.after(state.linear_solves)
         self._save(state)
         self._states.append(state)
         log.info("load factor %g: %d linear solves", t, state.linear_solves)
@@ -394,7 +371,8 @@ class LoadStepper:
         if not self.checkpoint:
             return
         elapsed, clock = perf_counter() - self._began, self.problem.clock
-        progress = Progress(self._length, self._steps_cut, self._path, clock, elapsed)
+        length = self._length.next
+        progress = Progress(length, self._steps_cut, self._path, clock, elapsed)
         try:
             self.checkpoint.save(len(self._states), state, progress)
         except CheckpointError as error:

@@ -11,21 +11,22 @@ import numpy as np
 from numpy import ndarray
 
 from .problem import Problem, Start, Tangent, tangent_at
-from .states import Equilibrium, NoEquilibriumError, Verdict
+from .states import Equilibrium, NoEquilibriumError, State, Verdict
 
 _STIFFER = "more steps, or a larger stabilisation"
 
 # Share of the energy that the trapezoidal rule may miss before a step stands out.
-_NEGLIGIBLE = 0.01
+# This share and the two below are chosen, not measured.
+_MISSED_WORK = 0.01
 
 # Share of the energy that the stabilisation of a sheared ply may hold unremarked.
-_ARTIFICIAL = 0.1
+_STABILISATION_SHARE = 0.1
 
 # Of the energies of two states, what round-off leaves of their difference.
 _ROUND_OFF = 64 * 2.0**-53
 
 # Share of the energy that corners which resist may hold unremarked.
-_RESISTED = 0.01
+_CORNER_SHARE = 0.01
 
 
 class Trial:
@@ -91,10 +92,10 @@ class Trial:
 
         They balance reactions and loads.
         """
-        start, found = self.start, self.equilibrium
+        start, end = self.start, self.equilibrium
         if start is None:
             return 0.0, 0.0
-        forces = start.f + start.load, found.f + self.problem.load(found.u)
+        forces = start.f + start.load, end.f + self.problem.load(end.u)
         before, after = (float(f @ self.move) for f in forces)
         return before, after
 
@@ -150,6 +151,30 @@ class Trial:
             work=0.5 * sum(self.works),
         )
 
+    def state(self, load_factor: float, linear_solves: int) -> State:
+        """The state that it becomes.
+
+        Parameters
+        ----------
+        load_factor
+            Load factor.
+        linear_solves
+            Linear solves since the state before.
+        """
+        problem, equilibrium = self.problem, self.equilibrium
+        return State(
+            load_factor=load_factor,
+            u=equilibrium.u,
+            reactions=problem.reactions(equilibrium.f),
+            displacements=problem.displacements(equilibrium.u),
+            energies=dict(self.energies),
+            potentials=dict(self.potentials),
+            verdict=self.verdict(),
+            linear_solves=linear_solves,
+            residuals=equilibrium.residuals,
+            tolerance=equilibrium.tolerance,
+        )
+
 
 def _folding(trial: Trial) -> None:
     folded = np.flatnonzero(~(trial.area_ratio > 0))
@@ -193,7 +218,7 @@ def _work(trial: Trial) -> None:
         return
     rise, works = trial.of_move
     low, high = sorted(works)
-    margin = _NEGLIGIBLE * max(abs(low), abs(high), abs(rise))
+    margin = _MISSED_WORK * max(abs(low), abs(high), abs(rise))
     margin += trial.equilibrium.tolerance * float(np.abs(trial.move).sum())
     stored = (*trial.energies.values(), *trial.potentials.values())
     margin += _ROUND_OFF * sum(map(abs, stored))
@@ -210,9 +235,13 @@ def _stabilisation(trial: Trial) -> None:
     if "shear" not in trial.energies:
         return
     roles = trial.problem.ply.roles
-    held = sum(e for k, e in trial.energies.items() if roles[k] == "stabilisation")
+    held = sum(
+        energy
+        for name, energy in trial.energies.items()
+        if roles[name] == "stabilisation"
+    )
     whole = abs(sum(trial.energies.values()))
-    if held > _ARTIFICIAL * whole:
+    if held > _STABILISATION_SHARE * whole:
         raise NoEquilibriumError(
             f"the stabilisation holds {held / whole:.0%} of the energy: the mesh is "
             "coarse, or the stabilisation stiff"
@@ -222,7 +251,7 @@ def _stabilisation(trial: Trial) -> None:
 def _corners(trial: Trial) -> None:
     held = trial.energies.get("corners", 0.0)
     whole = abs(sum(trial.energies.values()))
-    if held > _RESISTED * whole:
+    if held > _CORNER_SHARE * whole:
         raise NoEquilibriumError(
             f"corners that resist before they close hold {held / whole:.0%} of the "
             "energy: the mesh is coarse there, or the stabilisation small"

@@ -153,7 +153,7 @@ def test_a_matrix_that_is_not_definite_tells_nothing_and_the_next_one_does(fakes
 def test_of_very_large_systems_what_is_eliminated_first_is_measured(fakes):
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
-    n = choice._ENOUGH + 1
+    n = choice._MOST_MEASURED + 1
     chosen(n)
     measured = [size for _, size in fakes.factorised]
     assert measured == [n - 1] * 4 + [n]

@@ -19,6 +19,7 @@ from .contents import VECTORS, Progress, progress_of, same, state_of
 from .lock import Lock
 from .sealed import Content
 
+# Version of the files; another one is refused.
 _FORMAT = 5
 _RUN, _STATES = "run.npz", "state_*.npz"
 
@@ -174,8 +175,8 @@ class Checkpoint:
             with self._using(file):
                 check(state, content)
         with self._using(files[-1]):
-            told = contents[-1].text["progress"]
-            progress = progress_of(told, states, self._settings)
+            saved = contents[-1].text["progress"]
+            progress = progress_of(saved, states, self._settings)
         self._last = contents[-1].digest
         return Saved(states, progress)
 
@@ -219,7 +220,8 @@ class Checkpoint:
         self._run = run.run
         identity = self._fingerprint()
         for name in identity | arrays:
-            new, old = (some.get(name, np.empty(0)) for some in (identity, arrays))
+            missing = np.empty(0)
+            new, old = identity.get(name, missing), arrays.get(name, missing)
             if not same(old, new):
                 raise CheckpointError(
                     f"checkpoint {self.folder} is of another run: its {name} differ"
@@ -246,10 +248,12 @@ class Checkpoint:
         try:
             yield
         except OSError as error:
-            said = f"cannot write checkpoint {self.folder}: {error.strerror or error}"
+            message = (
+                f"cannot write checkpoint {self.folder}: {error.strerror or error}"
+            )
             if error.strerror and self._files():  # not where another run writes to it
-                said += "; what it holds remains"
-            raise CheckpointError(said) from None
+                message += "; what it holds remains"
+            raise CheckpointError(message) from None
 
     @contextmanager
     def _using(self, file: Path) -> Iterator[None]:
@@ -264,13 +268,13 @@ class Checkpoint:
             LookupError,
             TypeError,
             ValueError,
-        ) as e:
+        ) as error:
             raise CheckpointError(
-                f"checkpoint file {file} is damaged: {_shown(e)}"
+                f"checkpoint file {file} is damaged: {_shown(error)}"
             ) from None
 
 
 def _shown(value: object) -> str:
     """What a file may hold, short and on one line."""
-    text = "".join(c if c.isprintable() else " " for c in str(value))
+    text = "".join(char if char.isprintable() else " " for char in str(value))
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

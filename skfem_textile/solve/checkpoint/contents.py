@@ -62,9 +62,9 @@ def progress_of(
     longest = 1.0 / settings["steps"]
     if not 0 < progress.length <= longest * (1 + SAME):
         raise ValueError(f"the length of its step is {progress.length}")
-    told = list(path.unresolved)
-    told += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
-    if not np.isfinite([progress.elapsed, *clock.seconds.values(), *told]).all():
+    numbers = list(path.unresolved)
+    numbers += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
+    if not np.isfinite([progress.elapsed, *clock.seconds.values(), *numbers]).all():
         raise ValueError("its times or load factors are not finite")
     if set(clock.seconds) != set(Clock().seconds):
         raise ValueError("its times are not those of a run")

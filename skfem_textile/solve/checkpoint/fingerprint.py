@@ -32,7 +32,7 @@ def arrays(ply: Body, constraints: Supports, steps: int) -> dict[str, ndarray]:
     are those of a displacement that shears and stretches every element, of a ply that
     remembers nothing.
     """
-    at = np.linspace(0.0, 1.0, 2 * steps + 1)
+    load_factors = np.linspace(0.0, 1.0, 2 * steps + 1)
     turn = constraints.turn
     ply.reset()
     probe = 0.1 * ply.element_size * np.sin(np.arange(ply.basis.N))
@@ -47,11 +47,11 @@ def arrays(ply: Body, constraints: Supports, steps: int) -> dict[str, ndarray]:
         **{f"nodes of {name!r}": nodes for name, nodes in constraints.nodes.items()},
         "fixed unknowns": constraints.fixed,
         "fixed directions": np.empty(0) if turn is None else turn.data,
-        "fixed values": np.array([constraints.fixed_values(t) for t in at]),
+        "fixed values": np.array([constraints.fixed_values(t) for t in load_factors]),
         **{
-            f"{k} forces at {t}": f
+            f"{name} forces at {t}": forces
             for t in (PROBED if ply.further_terms else (1.0,))
-            for k, f in ply.residuals(probe, t).items()
+            for name, forces in ply.residuals(probe, t).items()
         },
     }
 

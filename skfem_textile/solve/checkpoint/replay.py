@@ -115,13 +115,13 @@ def check_state(problem: Problem, state: State, before: Start | None) -> None:
 
 def _compare(
     name: str,
-    told: dict[str, ndarray] | dict[str, float],
-    found: dict[str, ndarray] | dict[str, float],
+    saved: dict[str, ndarray] | dict[str, float],
+    expected: dict[str, ndarray] | dict[str, float],
     error: float,
 ) -> None:
-    if list(told) != list(found):
+    if list(saved) != list(expected):
         raise ValueError(f"its {name} are not those of this problem")
-    for key, value in found.items():
-        off = np.abs(np.subtract(told[key], value))
-        if np.shape(told[key]) != np.shape(value) or not np.all(off <= error):
+    for key, value in expected.items():
+        off = np.abs(np.subtract(saved[key], value))
+        if np.shape(saved[key]) != np.shape(value) or not np.all(off <= error):
             raise ValueError(f"its {name} are not those of its displacement")

@@ -8,9 +8,9 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
-# A pivot is round-off when it is this small beside the entry that it comes from, or
-# beside the largest pivot.
-_NO_PIVOT, _NOTHING = 1e-12, 1e-16
+# A pivot is round-off if it is no larger than this share of the entry that it comes
+# from, or this share of the largest pivot.  Chosen, not measured.
+_LEAST_OF_ENTRY, _LEAST_OF_LARGEST = 1e-12, 1e-16
 
 
 class SingularMatrixError(RuntimeError):
@@ -29,7 +29,9 @@ def refuse_round_off(pivots: ndarray, entries: ndarray) -> None:
         If there is one.
     """
     largest = pivots.max(initial=0.0)
-    round_off = np.maximum(_NO_PIVOT * np.abs(entries), _NOTHING * largest)
+    round_off = np.maximum(
+        _LEAST_OF_ENTRY * np.abs(entries), _LEAST_OF_LARGEST * largest
+    )
     if not np.all(pivots > round_off):
         raise SingularMatrixError
 

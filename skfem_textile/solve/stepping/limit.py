@@ -7,11 +7,10 @@ import numpy as np
 from ..body import PROBED, Body
 from ..states import NoEquilibriumError, State
 
-# How well a limit load is to be known, as a share of it: half a percent is less than
-# laws of fabrics are known to.
+# How well a limit load is to be known, as a share of it.  Chosen, not measured.
 _KNOWN_SHARE = 0.005
 
-# The shortest step on the way to a limit, as a share of the load.
+# The shortest step on the way to a limit, in load factors.  Chosen, not measured.
 _SHORTEST_STEP = 1e-9
 
 # Share of the element size by which nodes are moved to see what loads depend on: small

@@ -17,15 +17,16 @@ from numpy import ndarray
 from ..states import State
 
 # Energies and reactions that differ by a smaller share are of one state.
-_SAME = 0.01
+_SAME_STATE = 0.01
 
 # Below this share of the energy no change of what a ply remembers is looked at.
-_NEGLIGIBLE = 5e-4
+_NEGLIGIBLE_DRIFT = 5e-4
 
 # Keeps a quotient finite, N·mm.
 _TINY = 1e-300
 
-# Altered tangents at most on the way of an easy step.
+# Altered tangents at most on the way of an easy step.  This number and those above are
+# chosen, not measured.
 _MOST_ALTERED = 2
 
 # How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.
@@ -71,8 +72,8 @@ class StepEnd(NamedTuple):
         force = np.abs([ours, theirs]).max()
         energy = max(abs(self.energy), abs(other.energy))
         return bool(
-            abs(self.energy - other.energy) <= _SAME * energy + other.energy_error
-            and np.abs(ours - theirs).max() <= _SAME * force + other.force_error
+            abs(self.energy - other.energy) <= _SAME_STATE * energy + other.energy_error
+            and np.abs(ours - theirs).max() <= _SAME_STATE * force + other.force_error
         )
 
 
@@ -193,12 +194,12 @@ class LoadPath:
         """
         if drift > 0 and rise:  # which may be without end, times nothing
             self.energy_error += 0.5 * drift * min(1.0, abs(rise) / max(held, _TINY))
-        if self.energy_error > _SAME * abs(sum(state.energies.values())):
+        if self.energy_error > _SAME_STATE * abs(sum(state.energies.values())):
             self._mark(state.load_factor)
 
     def matters(self, state: State, drift: float) -> bool:
         """Whether a change of what the ply remembers may change its reactions."""
-        return drift > _NEGLIGIBLE * abs(sum(state.energies.values()))
+        return drift > _NEGLIGIBLE_DRIFT * abs(sum(state.energies.values()))
 
     def settles(self, state: State, reactions: Mapping[str, ndarray]) -> None:
         """Mark a state whose reactions change with what the ply remembers of it."""
