@@ -1,5 +1,6 @@
 """What a displacement makes of the fibres of a ply."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,33 +27,16 @@ class Measures:
         Reference coordinates at which strain and folding are judged, (2, n_points).
     corners
         Det F at the nodes of the elements, at which folding is judged too.
+    gradient
+        Displacement gradient, ``(u, points) -> gradient``.
     """
 
     basis: CellBasis
     fabric: Fabric
     fine_points: ndarray
     corners: Corners
+    gradient: Callable[..., ndarray]
     _tension: Any  # the term of the fibres, or None
-
-    def gradient(self, u: ndarray, points: ndarray | None = None) -> ndarray:
-        """Displacement gradient ∇u, shape (2, 2, n_elements, n_points).
-
-        Parameters
-        ----------
-        u
-            Displacement.
-        points
-            Reference coordinates in the unit square or triangle, shape (2,
-            n_points); the ply's own points if not given.
-        """
-        xi = self.basis.X if points is None else points
-        vector: Any = self.basis.elem
-        scalar = vector.elem
-        n_nodes = len(scalar.doflocs)
-        dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
-        nodal = u[self.basis.element_dofs].reshape(n_nodes, vector.dim, -1)
-        du_dxi = nodal.transpose(1, 2, 0)[:, None] @ dN.transpose(1, 0, 2)
-        return np.einsum("ijnq,jknq->iknq", du_dxi, self.basis.mapping.invDF(xi))
 
     def deformation_gradient(
         self, u: ndarray, points: ndarray | None = None

@@ -297,6 +297,26 @@ class Ply(Measures):
         """What terms remember, by their names."""
         return {term.name: term.memory for term in self.terms if term.memory}
 
+    def gradient(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Displacement gradient ∇u, shape (2, 2, n_elements, n_points).
+
+        Parameters
+        ----------
+        u
+            Displacement.
+        points
+            Reference coordinates in the unit square or triangle, shape (2,
+            n_points); the ply's own points if not given.
+        """
+        xi = self.basis.X if points is None else points
+        vector: Any = self.basis.elem
+        scalar = vector.elem
+        n_nodes = len(scalar.doflocs)
+        dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
+        nodal = u[self.basis.element_dofs].reshape(n_nodes, vector.dim, -1)
+        du_dxi = nodal.transpose(1, 2, 0)[:, None] @ dN.transpose(1, 0, 2)
+        return np.einsum("ijnq,jknq->iknq", du_dxi, self.basis.mapping.invDF(xi))
+
     def commit(self, u: ndarray) -> bool:
         """Make ``u`` the last converged state, for terms that remember one.
 

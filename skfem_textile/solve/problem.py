@@ -10,9 +10,9 @@ import numpy as np
 from numpy import ndarray
 
 from .body import Body, Supports
-from .linear.solver import SingularMatrixError, SolverOfPattern
+from .linear.solver import Clock, SingularMatrixError, SolverOfPattern
 from .linear.system import System
-from .states import Clock, NoEquilibriumError
+from .states import NoEquilibriumError
 
 # Share of the largest force that an equilibrium may leave unbalanced; under loads what
 # comes back in the reactions is to be seen to ten digits.

@@ -1,8 +1,6 @@
-"""Equilibria and states, and the work that they took, as the solver hands them on."""
+"""Equilibria and states, as the parts of the solver hand them on."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,25 +22,6 @@ class NoEquilibriumError(Exception):
         super().__init__(message)
         self.elements = np.asarray(elements, dtype=int)
         self.advice = advice
-
-
-@dataclass(eq=False)
-class Clock:
-    """Linear solves and factorisations, and the time that these and assembly took."""
-
-    solves: int = 0
-    factorisations: int = 0
-    seconds: dict[str, float] = field(
-        default_factory=lambda: {"assembly": 0.0, "solve": 0.0}
-    )
-
-    def time(self, part: str, function: Callable, *args: Any) -> Any:
-        """Call the function and add its time to that part."""
-        start = perf_counter()
-        try:
-            return function(*args)
-        finally:
-            self.seconds[part] += perf_counter() - start
 
 
 class Equilibrium(NamedTuple):

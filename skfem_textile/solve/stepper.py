@@ -14,9 +14,10 @@ from .body import Body
 from .checkpoint import Checkpoint, CheckpointError, Progress, Replay, Saved
 from .conditions import Condition, Constraints
 from .linear import ChosenSolver
+from .linear.solver import Clock
 from .problem import Problem, Start, tangent_at
 from .result import Result, StepError
-from .states import Clock, Equilibrium, Iteration, NoEquilibriumError, State
+from .states import Equilibrium, Iteration, NoEquilibriumError, State
 from .stepping.arguments import check_arguments
 from .stepping.equilibrium_search import (
     EquilibriumSearch,

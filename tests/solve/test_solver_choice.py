@@ -203,7 +203,9 @@ def test_a_measurement_is_on_the_clock_but_not_among_the_factorisations(
     fakes.add("fast", 0.1)
     plain = run()
     monkeypatch.setattr(choice, "MEASURED_FROM", 10)
-    monkeypatch.setattr("skfem_textile.solve.states.perf_counter", lambda: fakes.time)
+    monkeypatch.setattr(
+        "skfem_textile.solve.linear.solver.perf_counter", lambda: fakes.time
+    )
     fakes.factorised.clear()
     result = run()
     summary = result.summary()

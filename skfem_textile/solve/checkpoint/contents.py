@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..states import Clock, State, Verdict
+from ..linear.solver import Clock
+from ..states import State, Verdict
 from ..stepping.load_path import LoadPath
 from .sealed import Content
 

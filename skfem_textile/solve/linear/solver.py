@@ -1,6 +1,8 @@
-"""What the load stepper asks of a linear solver."""
+"""What the load stepper asks of a linear solver, and the time that it takes."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from time import perf_counter
 from typing import Any, NamedTuple, Protocol, TypeAlias
 from weakref import ref
 
@@ -106,6 +108,25 @@ class Choice(NamedTuple):
 
     name: str
     reason: str
+
+
+@dataclass(eq=False)
+class Clock:
+    """Linear solves and factorisations, and the time that these and assembly took."""
+
+    solves: int = 0
+    factorisations: int = 0
+    seconds: dict[str, float] = field(
+        default_factory=lambda: {"assembly": 0.0, "solve": 0.0}
+    )
+
+    def time(self, part: str, function: Callable, *args: Any) -> Any:
+        """Call the function and add its time to that part."""
+        start = perf_counter()
+        try:
+            return function(*args)
+        finally:
+            self.seconds[part] += perf_counter() - start
 
 
 class OneAtATime:
