@@ -26,7 +26,8 @@ from .ply.term import Load, Memory, Term
 from .ply.terms import FormTerm, MatrixTerm, VectorTerm
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition
-from .solve.result import Iteration, Result, State, StepError, Verdict
+from .solve.result import Result, StepError
+from .solve.states import Iteration, State, Verdict
 from .solve.stepper import LoadStepper
 from .solve.strategies import Descent, Mixed, Newton
 from .splitting import split

@@ -82,7 +82,7 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
     ValueError
         If they describe none.
     """
-    scene, values = scene_of(values)
+    scene, values = scene_of(values, FORMULATIONS.get(values["formulation"]))
     shear = _chosen("shear-law", values["shear_law"], _SHEAR_LAWS, values, _OF_SHEAR)
     try:
         shear_law = shear()

@@ -9,8 +9,7 @@ import numpy as np
 from skfem import Mesh, MeshQuad, MeshTri
 
 from ..mesh.user_input import printable
-from ..ply.formulations import FORMULATIONS
-from ..registration import Option, SceneRegistration, angle
+from ..registration import FormulationRegistration, Option, SceneRegistration, angle
 from ..scenes import SCENES, Scene
 from ..scenes.rectangle import KINDS
 from ..splitting import SplitMesh, cut, split
@@ -53,10 +52,19 @@ def mesh_options(scene: SceneRegistration) -> tuple[Option, ...]:
     )
 
 
-def scene_of(values: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
-    """The scene on its mesh, and the values, completed for a generated mesh."""
-    registration = SCENES[values["scene"]]
-    mesh, formulation = values["mesh"], FORMULATIONS.get(values["formulation"])
+def scene_of(
+    values: Mapping[str, Any], formulation: FormulationRegistration | None
+) -> tuple[Scene, dict[str, Any]]:
+    """The scene on its mesh, and the values, completed for a generated mesh.
+
+    Parameters
+    ----------
+    values
+        Values of the options by their keys.
+    formulation
+        The formulation that is named, if one is: it tells which cells it takes.
+    """
+    registration, mesh = SCENES[values["scene"]], values["mesh"]
     triangles = formulation is not None and formulation.on_triangles
     if formulation and triangles and values["split"]:
         raise ValueError(

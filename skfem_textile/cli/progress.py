@@ -2,7 +2,8 @@
 
 import logging
 
-from ..solve.result import Iteration, State, StepError
+from ..solve.result import StepError
+from ..solve.states import Iteration, State
 from ..solve.stepper import LoadStepper
 from .interruption import INTERRUPTED
 

@@ -19,7 +19,7 @@ from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot, grad
 
 from .. import kinematics as kin
-from ..fabric import Fabric
+from ..fabric import Fabric, is_zero
 
 
 class Forms(NamedTuple):
@@ -78,3 +78,26 @@ def outer(S: ndarray, T: ndarray) -> ndarray:
 def contract(S: ndarray, C: ndarray, T: ndarray) -> ndarray:
     """S : C : T."""
     return np.einsum("iJ...,iJkL...,kL...->...", S, C, T)
+
+
+def families_with_law(fabric: Fabric) -> list[int]:
+    """Families with a tension law: 0 for the warp, 1 for the weft."""
+    return [i for i, f in enumerate(fabric.families) if not is_zero(f.tension)]
+
+
+def fibre_tension(
+    fabric: Fabric, strain: ndarray, change: ndarray | float = 0.0
+) -> ndarray:
+    """Tensions T(ε) + T′(ε) Δε of warp and weft in N/mm.
+
+    Parameters
+    ----------
+    fabric
+        Gives the tension laws, at the points of the strains (`Fabric.at`).
+    strain, change
+        Fibre strains of warp and weft and their change, shape (2, ...).
+    """
+    laws = fabric.laws[:2]
+    value = np.array([T.value(e) for T, e in zip(laws, strain, strict=True)])
+    slope = np.array([T.tangent(e) for T, e in zip(laws, strain, strict=True)])
+    return value + slope * change

@@ -25,8 +25,17 @@ from skfem.helpers import ddot, grad
 from .. import kinematics as kin
 from ..fabric import Fabric
 from ..mesh.bases import MeanBasis
-from .form import Forms, contract, deformation, directions, elements, once, outer
-from .tension import families_with_law, fibre_tension
+from .form import (
+    Forms,
+    contract,
+    deformation,
+    directions,
+    elements,
+    families_with_law,
+    fibre_tension,
+    once,
+    outer,
+)
 
 
 def mean_tension(fabric: Fabric) -> Forms:

@@ -1,11 +1,18 @@
 """Fibre tension."""
 
 import numpy as np
-from numpy import ndarray
 
 from .. import kinematics as kin
-from ..fabric import Fabric, is_zero
-from .form import Forms, deformation, directions, elements, of_density, outer
+from ..fabric import Fabric
+from .form import (
+    Forms,
+    deformation,
+    directions,
+    elements,
+    families_with_law,
+    of_density,
+    outer,
+)
 
 
 def tension(fabric: Fabric) -> Forms:
@@ -61,26 +68,3 @@ def tension(fabric: Fabric) -> Forms:
         return C
 
     return of_density(energy, stress, stiffness)
-
-
-def families_with_law(fabric: Fabric) -> list[int]:
-    """Families with a tension law: 0 for the warp, 1 for the weft."""
-    return [i for i, f in enumerate(fabric.families) if not is_zero(f.tension)]
-
-
-def fibre_tension(
-    fabric: Fabric, strain: ndarray, change: ndarray | float = 0.0
-) -> ndarray:
-    """Tensions T(ε) + T′(ε) Δε of warp and weft in N/mm.
-
-    Parameters
-    ----------
-    fabric
-        Gives the tension laws, at the points of the strains (`Fabric.at`).
-    strain, change
-        Fibre strains of warp and weft and their change, shape (2, ...).
-    """
-    laws = fabric.laws[:2]
-    value = np.array([T.value(e) for T, e in zip(laws, strain, strict=True)])
-    slope = np.array([T.tangent(e) for T, e in zip(laws, strain, strict=True)])
-    return value + slope * change

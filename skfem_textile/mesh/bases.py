@@ -134,7 +134,15 @@ class MeanBasis(CellBasis):
 
     ``w["share"]`` is the share of each point in the area of its element, shape
     (n_elements, n_points).
+
+    Attributes
+    ----------
+    parts
+        Numbers of the quadrilaterals into which each element was split, as of
+        `MacroBasis`; None where the elements are those of the mesh.
     """
+
+    parts: ndarray | None = None
 
     def default_parameters(self) -> dict[str, Any]:
         """Position and share."""

@@ -34,6 +34,8 @@ class MacroBasis(MeanBasis):
         (4, n_points, n_elements).
     """
 
+    parts: ndarray
+
     def __init__(self, mesh: Any, **kwargs: Any) -> None:
         element = ElementVector(ElementQuad1())
         super().__init__(mesh, element, quadrature=CENTRE, **kwargs)

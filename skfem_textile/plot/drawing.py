@@ -10,7 +10,8 @@ import pyvista as pv
 from matplotlib.ticker import MaxNLocator
 from numpy import ndarray
 
-from ..solve.result import Result, State
+from ..solve.result import Result
+from ..solve.states import State
 from .offscreen import require_offscreen
 from .picture_files import picture_path
 

@@ -8,7 +8,8 @@ import pyvista as pv
 from numpy import ndarray
 
 from ..io.fields import cell_fields
-from ..solve.result import Result, State
+from ..solve.result import Result
+from ..solve.states import State
 from .drawing import (
     Picture,
     View,

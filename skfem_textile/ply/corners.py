@@ -14,7 +14,8 @@ from ..mesh.corners import CornerBasis, Corners
 from .term import Term
 
 # κ as a share of the fibre stiffness, where this is more than the shear stiffness.
-_OF_FIBRES = 1e-5
+# Chosen, not measured.
+_SHARE_OF_FIBRES = 1e-5
 
 
 @np.errstate(over="ignore")  # a run refuses what is not finite
@@ -23,9 +24,9 @@ def corner_stiffness(fabric: Fabric, basis: CellBasis) -> float:
 
     Means over the points of a basis, as laws may differ there.
     """
-    rest = np.zeros(basis.dx.shape)
-    E_1, E_2, G = (float(np.mean(law.tangent(rest))) for law in fabric.at().laws)
-    return max(G, _OF_FIBRES * (E_1 + E_2) / 2)
+    unstrained = np.zeros(basis.dx.shape)
+    E_1, E_2, G = (float(np.mean(law.tangent(unstrained))) for law in fabric.at().laws)
+    return max(G, _SHARE_OF_FIBRES * (E_1 + E_2) / 2)
 
 
 class CornerTerm(Term):

@@ -153,19 +153,18 @@ def _spread(name: str, value: Vector, basis: Any) -> ndarray:
     """Nodal forces of a force per length or area, given at the points of a basis."""
     x = np.asarray(basis.global_coordinates())
     shape = (dimension(basis), *x.shape[1:])
-    given: Any = (
-        call_user_function(f"load {name!r}", value, x) if callable(value) else value
-    )
-    if not callable(value):
-        vector = _finite(f"load {name!r}", value, shape[:1])
-        given = np.broadcast_to(vector[:, None, None], shape)
-    given = _finite(f"load {name!r}", given, shape)
+    subject = f"load {name!r}"
+    if callable(value):
+        force = _finite(subject, call_user_function(subject, value, x), shape)
+    else:
+        vector = _finite(subject, value, shape[:1])
+        force = np.broadcast_to(vector[:, None, None], shape)
 
     @LinearForm
     def work(v, w):
         return dot(w["force"], v)
 
-    return asm(work, basis, force=given)
+    return asm(work, basis, force=force)
 
 
 def _finite(what: str, value: Any, shape: tuple[int, ...]) -> ndarray:

@@ -20,13 +20,13 @@ from ..forms.form import directions
 from ..mesh.bases import node_positions
 from ..mesh.corners import Corners
 from ..mesh.pattern import Pattern
-from .checked import checked, coupled_nodes, remembering_apart
 from .corners import CornerTerm, corner_stiffness
 from .kernels.assembly import KernelSum
-from .kernels.kernel import Parameters, ShearKernel
+from .kernels.element_groups import Parameters
+from .kernels.kernel import ShearKernel
 from .measures import Measures
 from .term import Load, Memory, Role, Term, dimension, refuse_unsymmetric
-from .term_check import check_term
+from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
 from .terms import FormTerm, Formulation
 
 
@@ -112,13 +112,13 @@ class Ply(Measures):
         self._tension = None
         if not all(is_zero(family.tension) for family in fabric.families):
             self._tension = formulation.tension_term(self.basis, fabric)
-        own = self._needed_terms()
-        for term in own:  # refuses directions that are not valid
+        needed = self._needed_terms()
+        for term in needed:  # refuses directions that are not valid
             if isinstance(term, FormTerm):
                 parameters = term.basis.default_parameters()
                 directions(fabric, FormExtraParams(parameters))
-        self._further = tuple(map(remembering_apart, terms))
-        self._terms = checked((*own, *self._further), self.basis)
+        self._further = tuple(map(with_own_memory, terms))
+        self._terms = terms_on_basis((*needed, *self._further), self.basis)
         for term in self.further_terms:
             check_term(term, self.basis, self.element_size)
 
@@ -173,7 +173,7 @@ class Ply(Measures):
         if not _is_fused(term):
             return term.energy(u, t)
         stored = term.memory.work if term.memory else 0.0
-        return self._fused.energy(u, _given([term], t)) + stored
+        return self._fused.energy(u, _kernel_parameters([term], t)) + stored
 
     def energy(self, u: ndarray, t: float = 1.0, corners: bool = True) -> float:
         """Energy in N·mm, potentials of loads included; parameters of `residual`."""
@@ -185,7 +185,7 @@ class Ply(Measures):
 
     def _forces(self, terms: Sequence[Term], u: ndarray, t: float) -> ndarray:
         others = (term.residual(u, t) for term in terms if not _is_fused(term))
-        return sum(others, self._fused.forces(u, _given(terms, t)))
+        return sum(others, self._fused.forces(u, _kernel_parameters(terms, t)))
 
     def residual(self, u: ndarray, t: float = 1.0, corners: bool = True) -> ndarray:
         """Nodal forces in N, internal ones less loads: the derivative of the energy.
@@ -243,13 +243,13 @@ class Ply(Measures):
             Whether corners resist.
         """
         terms = self._acting(corners)
-        given = _given(terms, t)
-        if self._tension in given and tension is not None:
-            given[self._tension]["tension"] = tension
+        parameters = _kernel_parameters(terms, t)
+        if self._tension in parameters and tension is not None:
+            parameters[self._tension]["tension"] = tension
         others = [term for term in terms if not _is_fused(term)]
         plain = [term for term in others if isinstance(term, FormTerm)]
         matrices = (term.matrices(u, t) for term in plain)
-        blocks = self.pattern.sum(chain(self._fused.matrices(u, given), matrices))
+        blocks = self.pattern.sum(chain(self._fused.matrices(u, parameters), matrices))
         for term in others:
             if term not in plain and (K := term.tangent(u, t)) is not None:
                 refuse_unsymmetric(term.name, K - K.T, K)
@@ -262,7 +262,7 @@ class Ply(Measures):
         if term is None or not _is_fused(term):
             T = self.predicted_tension(u, du)
             return term.arrange(T) if term else T
-        w = _given([term], 1.0)[term]
+        w = _kernel_parameters([term], 1.0)[term]
         return self._fused.predicted_tension(u, du, term, w)
 
     def _acting(self, corners: bool) -> list[Term]:
@@ -360,7 +360,7 @@ def _is_fused(term: Any) -> bool:
     return isinstance(term, FormTerm) and term.fused
 
 
-def _given(terms: Sequence[Any], t: float) -> dict[Any, Parameters]:
+def _kernel_parameters(terms: Sequence[Any], t: float) -> dict[Any, Parameters]:
     """What the kernels of terms are given beside the displacement."""
     return {
         term: {"t": t, **(term.memory.parameters if term.memory else {})}

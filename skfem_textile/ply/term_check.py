@@ -1,27 +1,105 @@
-"""Whether the parts of a term fit the ply, and agree with each other.
+"""Terms as a ply takes them: on its basis, and refused where they do not fit.
 
 Every term beside those of fabric and formulation is asked once, when a ply is built: at
 rest, and at two small displacements a and b, between which the energy must change by a
 residual that lies between those of a and b, and the residual by the tangent in between.
 """
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from copy import copy
+from typing import Any, get_args
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix, issparse
 from skfem import CellBasis
 
-from .term import Term, refuse_unsymmetric
+from .term import Load, Role, Term, dimension, refuse_unsymmetric
+
+# What a memory, and a term, must have.
+_MEMORY_MEMBERS = (
+    *("parameters", "work", "drift", "held"),
+    *("begin", "commit", "restore"),
+)
+_TERM_MEMBERS = "name", "role", "memory", "energy", "residual", "tangent", "couples"
 
 # How far a and b are from rest, and from each other, as shares of the element size.
-_AWAY, _APART = 1e-3, 1e-5
+# Chosen: between them terms are nearly linear, and their changes more than round-off.
+_FROM_REST, _BETWEEN = 1e-3, 1e-5
 
 # How far a change may be off as a share of it, and, for round-off, of what changes.
-_OFF, _NOISE = 1e-3, 1e-13
+_TOLERANCE, _ROUND_OFF = 1e-3, 1e-13
 
 _ADVICE = "residual must be the derivative of energy, tangent that of residual"
+
+
+def terms_on_basis(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term, ...]:
+    """Terms of a ply, loads among them put on its basis.
+
+    Parameters
+    ----------
+    terms
+        Terms and loads.
+    basis
+        Basis of the displacement.
+
+    Raises
+    ------
+    ValueError
+        If one is no term, or not of this ply, or has the name of another.
+    """
+    on_basis = [x.on(basis) if hasattr(x, "on") else x for x in terms]
+    names: list[str] = []
+    for term in on_basis:
+        _check_members(term)
+        if term.name in names:
+            raise ValueError(f"two terms are named {term.name!r}; name them apart")
+        names.append(term.name)
+        misfit = getattr(term, "misfit", lambda basis: "")(basis)
+        if misfit:
+            raise ValueError(f"term {term.name!r}: {misfit}")
+    return tuple(on_basis)
+
+
+def _check_members(term: Any) -> None:
+    """Refuse what lacks a member of a term, or has one of the wrong kind."""
+    missing = [name for name in _TERM_MEMBERS if not hasattr(term, name)]
+    if isinstance(term, type):
+        raise ValueError(f"{term!r} is no term: it is a class")
+    if missing:
+        raise ValueError(f"{term!r} is no term: it has no {', '.join(missing)}")
+    if not (isinstance(term.name, str) and term.name):
+        raise ValueError(f"a term's name must be some text, got {term.name!r}")
+    lacking = [name for name in _MEMORY_MEMBERS if not hasattr(term.memory, name)]
+    if term.memory is not None and lacking:
+        raise ValueError(f"term {term.name!r}: its memory has no {', '.join(lacking)}")
+    if term.role not in get_args(Role):
+        raise ValueError(
+            f"term {term.name!r}: role must be one of {', '.join(get_args(Role))}, "
+            f"got {term.role!r}"
+        )
+
+
+def with_own_memory(term: Term | Load) -> Term | Load:
+    """The term with a memory of its own, at rest: another ply may have it too."""
+    memory = copy(getattr(term, "memory", None))
+    if memory is None or not hasattr(memory, "begin"):
+        return term
+    copied = copy(term)
+    object.__setattr__(copied, "memory", memory)  # terms may be frozen
+    memory.begin()
+    return copied
+
+
+def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
+    """Nodes that a term couples beside those of elements: as it says, or does at rest.
+
+    Arrays of shape (n_nodes, n): the nodes of a column all couple.
+    """
+    if (named := term.couples()) is not None:
+        return named
+    K = term.tangent(basis.zeros(), 1.0)
+    return () if K is None else (np.array(K.nonzero()) // dimension(basis),)
 
 
 def check_term(term: Term, basis: CellBasis, size: float) -> None:
@@ -47,7 +125,7 @@ def check_term(term: Term, basis: CellBasis, size: float) -> None:
     _refuse_infinite(term, "at rest", *_forces(term, basis.zeros(), 0.0))
     rng = np.random.default_rng(0)
     u, d = rng.uniform(-1.0, 1.0, (2, basis.N))
-    low, high = (_AWAY * u + sign * 0.5 * _APART * d for sign in (-1, 1))
+    low, high = (_FROM_REST * u + sign * 0.5 * _BETWEEN * d for sign in (-1, 1))
     E_low, r_low = _forces(term, size * low, 1.0)
     E_high, r_high = _forces(term, size * high, 1.0)
     step = size * (high - low)
@@ -56,9 +134,9 @@ def check_term(term: Term, basis: CellBasis, size: float) -> None:
     refuse_unsymmetric(term.name, K - K.T, K)
     if term.memory is not None:
         return
-    noise = _NOISE * (abs(E_low) + abs(E_high))
+    noise = _ROUND_OFF * (abs(E_low) + abs(E_high))
     _compare(term, "energy", E_high - E_low, (r_low @ step, r_high @ step), noise)
-    change, noise = (r_high - r_low) @ step, _NOISE * np.abs(r_low) @ np.abs(step)
+    change, noise = (r_high - r_low) @ step, _ROUND_OFF * np.abs(r_low) @ np.abs(step)
     _compare(term, "residual", change, (step @ (K @ step),), noise)
 
 
@@ -66,7 +144,7 @@ def _compare(
     term: Term, part: str, change: float, told: tuple[float, ...], noise: float
 ) -> None:
     """Refuse a change that lies beyond what the derivatives tell."""
-    slack = _OFF * max(map(abs, told)) + noise
+    slack = _TOLERANCE * max(map(abs, told)) + noise
     if not min(told) - slack <= change <= max(told) + slack:
         derivative = {"energy": "residual", "residual": "tangent"}[part]
         raise ValueError(

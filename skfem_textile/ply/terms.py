@@ -16,7 +16,7 @@ from ..forms import Forms
 from ..mesh.bases import element_numbers
 from ..mesh.user_input import call_user_function, real_numbers
 from .kernels.assembly import node_pair_blocks
-from .kernels.kernel import Kernel, Parameters
+from .kernels.element_groups import Kernel, Parameters
 from .kernels.kernel_forms import can_compute, with_kernel
 from .term import Memory, Role, Term, dimension, refuse_unsymmetric
 
@@ -209,11 +209,11 @@ class VectorTerm(Term):
 
     def energy(self, u: ndarray, t: float) -> float:
         """Potential −g(t) F·u."""
-        return -self._at(t) * float(self.vector @ u)
+        return -self._factor_at(t) * float(self.vector @ u)
 
     def residual(self, u: ndarray, t: float) -> ndarray:
         """−g(t) F."""
-        return -self._at(t) * self.vector
+        return -self._factor_at(t) * self.vector
 
     def tangent(self, u: ndarray, t: float) -> None:
         """None."""
@@ -224,14 +224,16 @@ class VectorTerm(Term):
         fits = np.shape(self.vector) == (N,) and bool(np.isfinite(self.vector).all())
         return "" if fits else f"its vector must be {N} finite numbers"
 
-    def _at(self, t: float) -> float:
-        told = f"term {self.name!r}: its factor"
+    def _factor_at(self, t: float) -> float:
+        subject = f"term {self.name!r}: its factor"
         answer: Any = self.factor
         if callable(self.factor):
-            answer = call_user_function(told, self.factor, t)
-        factor = real_numbers(told, answer)
+            answer = call_user_function(subject, self.factor, t)
+        factor = real_numbers(subject, answer)
         if factor.shape or not np.isfinite(factor):
-            raise ValueError(f"{told} must be a finite number, got {answer} at {t:g}")
+            raise ValueError(
+                f"{subject} must be a finite number, got {answer} at {t:g}"
+            )
         return float(factor)
 
 
@@ -281,8 +283,9 @@ def _same_unknowns(other: Any, basis: CellBasis) -> bool:
     """Whether a basis has the unknowns of that of the displacement, node by node."""
     if not isinstance(other, AbstractBasis):
         return False
-    same = (other.N, dimension(other)) == (basis.N, dimension(basis))
-    mesh, own = other.mesh, basis.mesh
-    return same and (
-        mesh is own or (np.array_equal(mesh.p, own.p) and np.array_equal(mesh.t, own.t))
+    if (other.N, dimension(other)) != (basis.N, dimension(basis)):
+        return False
+    mesh, ply_mesh = other.mesh, basis.mesh
+    return mesh is ply_mesh or (
+        np.array_equal(mesh.p, ply_mesh.p) and np.array_equal(mesh.t, ply_mesh.t)
     )

@@ -9,7 +9,8 @@ from skfem import Mesh
 
 from ..fabric import Fabric, Law, is_zero
 from ..solve.conditions import Condition
-from ..solve.result import Result, State
+from ..solve.result import Result
+from ..solve.states import State
 
 ExactField = Callable[[ndarray, float], ndarray]
 

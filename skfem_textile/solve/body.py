@@ -1,11 +1,21 @@
-"""What the load stepper asks of what it loads; `skfem_textile.Ply` has it all."""
+"""What the load stepper asks of a ply, and of what holds it.
+
+`skfem_textile.Ply` and `Constraints` have it all.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from numpy import ndarray
+from scipy.sparse import csr_matrix
 
 from ..mesh.pattern import Pattern
+
+#: Load factors at which loads and further terms are compared, at no regular distances.
+PROBED = (
+    *(0.0, 0.0313, 0.1303, 0.2541, 0.3719, 0.5, 0.6237),
+    *(0.7177, 0.8119, 0.9091, 0.9707, 1.0),
+)
 
 
 class Body(Protocol):
@@ -136,4 +146,17 @@ class Body(Protocol):
 
     def in_domain(self, u: ndarray) -> bool:
         """Whether no law is asked beyond the domain that it states."""
+        ...
+
+
+class Supports(Protocol):
+    """Conditions as fixed unknowns; see `Constraints`."""
+
+    nodes: dict[str, ndarray]
+    turn: csr_matrix | None
+    fixed: ndarray
+    free: ndarray
+
+    def fixed_values(self, t: float) -> ndarray:
+        """Values of the fixed unknowns at the load factor ``t``."""
         ...

@@ -18,8 +18,12 @@ from ..mesh.user_input import call_user_function, real_numbers
 
 Value: TypeAlias = ArrayLike | Callable[[ndarray, float], ndarray]
 
-# Two directions at a node closer than this (radians) are one.
-_PARALLEL = 1e-6
+# Two directions at a node closer than this (radians) are one.  Chosen, not measured.
+_PARALLEL_ANGLE = 1e-6
+
+# Conditions agree at a node if their displacements differ by no more than this share of
+# the largest, and, for round-off, this share of the largest coordinate.
+_AGREEING, _ROUND_OFF = 1e-9, 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,8 +167,11 @@ class Constraints:
             raise ValueError("no conditions: a ply must be held somewhere")
         self._conditions = dict(conditions)
         self._X = node_positions(basis)
-        self._acting = {k: c.nodes(k, basis) for k, c in self._conditions.items()}
-        self.nodes = {k: np.unique(nodes) for k, nodes in self._acting.items()}
+        self._acting = {
+            name: condition.nodes(name, basis)
+            for name, condition in self._conditions.items()
+        }
+        self.nodes = {name: np.unique(nodes) for name, nodes in self._acting.items()}
 
         node, direction = [], []
         for name, condition in self._conditions.items():
@@ -182,7 +189,7 @@ class Constraints:
         """
         dofs, n = node_dofs(basis)[:, self._node], self._direction
         first = self._first_rows()
-        along = np.abs(n[0] * n[1, first] - n[1] * n[0, first]) < _PARALLEL
+        along = np.abs(n[0] * n[1, first] - n[1] * n[0, first]) < _PARALLEL_ANGLE
         whole = np.zeros(self._X.shape[1], dtype=bool)
         whole[self._node[~along]] = True
 
@@ -225,13 +232,13 @@ class Constraints:
         """
         g = np.concatenate(
             [
-                c.values(name, self._X[:, self._acting[name]], t).ravel()
-                for name, c in self._conditions.items()
+                condition.values(name, self._X[:, self._acting[name]], t).ravel()
+                for name, condition in self._conditions.items()
             ]
         )
         q = self._normal.solve(self._rows.T @ g)
         remainder = np.abs(self._rows @ q - g)
-        allowed = 1e-9 * np.abs(g).max() + 1e-15 * np.abs(self._X).max()
+        allowed = _AGREEING * np.abs(g).max() + _ROUND_OFF * np.abs(self._X).max()
         if remainder.max() > allowed:
             node = self._node[remainder.argmax()]
             names = [name for name, nodes in self.nodes.items() if node in nodes]

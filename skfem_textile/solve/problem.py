@@ -2,73 +2,30 @@
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
-from .body import Body
-from .conditions import Constraints
-from .linear import SingularMatrixError
+from .body import Body, Supports
+from .linear.solver import Clock, SingularMatrixError, SolverOfPattern
 from .linear.system import System
+from .states import NoEquilibriumError
 
 # Share of the largest force that an equilibrium may leave unbalanced; under loads what
 # comes back in the reactions is to be seen to ten digits.
-_CONVERGED, _CONVERGED_LOADED = 1e-8, 1e-12
+_UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 
-_ROUND_OFF = 2.0**-53
-
-#: Load factors at which loads and further terms are compared, at no regular distances.
-PROBED = (
-    *(0.0, 0.0313, 0.1303, 0.2541, 0.3719, 0.5, 0.6237),
-    *(0.7177, 0.8119, 0.9091, 0.9707, 1.0),
-)
+# Relative round-off of a number.
+_EPSILON = 2.0**-53
 
 _MORE_STIFFNESS = (
     "holding the ply in more places, or more stabilisation or shear stiffness"
 )
 
-
 _NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
-
-
-class NoEquilibriumError(Exception):
-    """An attempt at a load factor failed.
-
-    Attributes
-    ----------
-    elements
-        Numbers of the elements where it failed; empty where no one place is to blame.
-    advice
-        What to try.
-    """
-
-    def __init__(self, message: str, elements: Any = (), advice: str = "") -> None:
-        super().__init__(message)
-        self.elements = np.asarray(elements, dtype=int)
-        self.advice = advice
-
-
-@dataclass(eq=False)
-class Clock:
-    """Linear solves and factorisations, and the time that these and assembly took."""
-
-    solves: int = 0
-    factorisations: int = 0
-    seconds: dict[str, float] = field(
-        default_factory=lambda: {"assembly": 0.0, "solve": 0.0}
-    )
-
-    def time(self, part: str, function: Callable, *args: Any) -> Any:
-        """Call the function and add its time to that part."""
-        start = perf_counter()
-        try:
-            return function(*args)
-        finally:
-            self.seconds[part] += perf_counter() - start
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,21 +41,16 @@ class Start:
     tangent: "Tangent | None"
 
 
-class Equilibrium(NamedTuple):
-    """Where an iteration ended, and how it converged.
-
-    ``altered`` is the number of its tangents that had to be altered.
-    """
-
-    u: ndarray
-    f: ndarray
-    residuals: tuple[float, ...]
-    tolerance: float
-    altered: int = 0
-
-
 class Problem:
     """A ply under conditions at one load factor: what an iteration needs to know.
+
+    Parameters
+    ----------
+    ply, constraints
+        The ply, and its conditions as fixed unknowns.
+    solver
+        Makes the linear solver of a pattern: the class of one, or `ChosenSolver` with
+        the name that it is to take.
 
     Attributes
     ----------
@@ -111,7 +63,7 @@ class Problem:
     """
 
     def __init__(
-        self, ply: Body, constraints: Constraints, solver: str = "auto"
+        self, ply: Body, constraints: Supports, solver: SolverOfPattern
     ) -> None:
         self.ply = ply
         self.load_factor = 0.0
@@ -121,31 +73,32 @@ class Problem:
         self.clock = Clock()
         self.element_size = ply.element_size
         loaded = "load" in ply.roles.values()
-        self.converged = _CONVERGED_LOADED if loaded else _CONVERGED
+        self.converged = _UNBALANCED_LOADED if loaded else _UNBALANCED
 
     @cached_property
     def system(self) -> System:
         """Where the tangent's entries are among the free unknowns, on the clock."""
-        ply, given = self.ply, self.constraints
-        pattern = self.clock.time("assembly", lambda: ply.pattern)
-        return self.clock.time("solve", System, pattern, ply.nodes, given, self._solver)
+        clock, ply, constraints = self.clock, self.ply, self.constraints
+        pattern = clock.time("assembly", lambda: ply.pattern)
+        arguments = pattern, ply.nodes, constraints, self._solver
+        return clock.time("solve", System, *arguments)
 
     def energy(self, u: ndarray) -> float:
         """Energy, potential of loads included, on the clock."""
-        given = self.load_factor, self.corners_resist
-        return self.clock.time("assembly", self.ply.energy, u, *given)
+        arguments = u, self.load_factor, self.corners_resist
+        return self.clock.time("assembly", self.ply.energy, *arguments)
 
     def residual(self, u: ndarray) -> ndarray:
         """Nodal forces, internal ones less loads, on the clock."""
-        given = self.load_factor, self.corners_resist
-        return self.clock.time("assembly", self.ply.residual, u, *given)
+        arguments = u, self.load_factor, self.corners_resist
+        return self.clock.time("assembly", self.ply.residual, *arguments)
 
     def energies(self, u: ndarray) -> tuple[dict[str, float], dict[str, float]]:
         """Energies of the terms by name, and potentials of the loads, on the clock."""
-        of = self.clock.time("assembly", self.ply.energies, u, self.load_factor)
-        roles = self.ply.roles
-        loads = {name: of.pop(name) for name in roles if roles[name] == "load"}
-        return of, loads
+        every = self.clock.time("assembly", self.ply.energies, u, self.load_factor)
+        loads = [name for name, role in self.ply.roles.items() if role == "load"]
+        potentials = {name: every.pop(name) for name in loads}
+        return every, potentials
 
     def load(self, u: ndarray) -> ndarray:
         """Nodal forces of the loads."""
@@ -219,7 +172,7 @@ class Problem:
         """Whether the fixed unknowns have their values, to round-off of positions."""
         off = np.abs(self.turned(u)[self.constraints.fixed] - fixed_values)
         size = np.abs(u).max(initial=0.0) + np.abs(self.ply.nodes).max()
-        return bool((off <= 8 * _ROUND_OFF * size).all())
+        return bool((off <= 8 * _EPSILON * size).all())
 
     def in_domain(self, u: ndarray) -> bool:
         """Whether every law holds at ``u``, and has a finite energy."""
@@ -259,8 +212,8 @@ class Tangent:
     ) -> None:
         self._problem, clock, system = problem, problem.clock, problem.system
         self.altered = False
-        given = problem.load_factor, tension, problem.corners_resist
-        blocks = clock.time("assembly", problem.ply.stiffness, u, *given)
+        arguments = u, problem.load_factor, tension, problem.corners_resist
+        blocks = clock.time("assembly", problem.ply.stiffness, *arguments)
         if not np.isfinite(blocks.sum()):
             raise NoEquilibriumError("the tangent is not finite", advice=_NOT_FINITE)
         self._matrix = clock.time("assembly", system.reduced, blocks)
@@ -344,7 +297,7 @@ class Tangent:
         Rounding moves nodes by 2⁻⁵³ of their displacement and changes gradients by
         2⁻⁵³; the stiffness turns both into forces.
         """
-        rounding = _ROUND_OFF * (np.abs(u).max() + self._problem.element_size)
+        rounding = _EPSILON * (np.abs(u).max() + self._problem.element_size)
         largest = np.abs(f).max()
         return float(self._problem.converged * largest + rounding * self.stiffness)
 

@@ -1,118 +1,22 @@
-"""What a run of the load stepper tells on the way, and what it leaves behind."""
+"""What a run of the load stepper leaves behind."""
 
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy import ndarray
 
 from .body import Body
-from .linear import Choice
+from .linear.solver import Choice
+from .states import State
 
 # States that a printed result lists at most.
 _LINES = 11
 
+# Elements that the message of an error names at most.
+_ELEMENTS = 5
+
 #: Terms that every table has, in this order before others.
 TERMS = ("tension", "shear", "stabilisation", "corners")
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What was found of a state.
-
-    Attributes
-    ----------
-    negative_pivots
-        Negative eigenvalues of the consistent tangent; None where it is singular.
-    min_det_F
-        Smallest det F of the elements, at their nodes and at the ply's fine points: of
-        quadrilaterals the 2×2 points, of quadratic triangles six points.
-    max_fibre_strain
-        Largest magnitude of the fibre strain that the law of tension sees.
-    mesh_fibre_strain
-        Largest magnitude of the fibre strain at the fine points, most of which no law
-        sees: a measure of the mesh, not of what fibres carry.
-    work
-        Work of reactions and loads since the state before in N·mm (trapezoidal rule).
-    """
-
-    negative_pivots: int | None
-    min_det_F: float
-    max_fibre_strain: float
-    mesh_fibre_strain: float
-    work: float
-
-    @property
-    def stable(self) -> bool:
-        """Whether every small motion costs energy."""
-        return self.negative_pivots == 0
-
-
-class Iteration(NamedTuple):
-    """What ``on_iteration`` is told: an iteration on the way to a load factor.
-
-    ``step`` is the length of the step, ``residual`` the largest free nodal force in N,
-    which must fall below ``tolerance``.
-    """
-
-    load_factor: float
-    step: float
-    strategy: str
-    number: int
-    residual: float
-    tolerance: float
-
-    def __str__(self) -> str:
-        return (
-            f"load factor {self.load_factor:g}, {self.strategy} {self.number}: "
-            f"{self.residual:.3g} N unbalanced, tolerance {self.tolerance:.3g} N"
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """A converged state.
-
-    Attributes
-    ----------
-    load_factor
-        Load factor t in [0, 1]; the first state of a run, t = 0, is the
-        undeformed ply.
-    u
-        Displacement, DOF vector of the ply's basis.
-    reactions
-        Force of the support on the ply in N, shape (2,), by condition: the sum
-        over its nodes of the internal forces less the loads.
-    displacements
-        Mean displacement of the nodes of the condition in mm, shape (2,), by condition.
-    energies
-        Energy in N·mm by term, those of loads aside.
-    linear_solves
-        Linear solves since the state before, those of abandoned attempts included.
-    residuals
-        Largest free nodal force in N after each iteration of the last attempt.
-    tolerance
-        What the last of them had to fall below.
-    verdict
-        What was found of the state: stability, folding, strain and work.
-    potentials
-        Potential of each load in N·mm.
-    """
-
-    load_factor: float
-    u: ndarray
-    reactions: dict[str, ndarray]
-    displacements: dict[str, ndarray]
-    energies: dict[str, float]
-    linear_solves: int
-    residuals: tuple[float, ...]
-    tolerance: float
-    verdict: Verdict
-    potentials: dict[str, float] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        stable = "stable" if self.verdict.stable else "not stable"
-        return f"<State at load factor {self.load_factor:g}, {stable}>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,6 +170,27 @@ class StepError(RuntimeError):
         super().__init__(message)
         self.result = result
         self.elements = elements
+
+    @classmethod
+    def after(cls, error: Exception, result: Result) -> "StepError":
+        """The error that ends a run, with what the run has found."""
+        elements = getattr(error, "elements", np.empty(0, dtype=int))
+        advice = getattr(error, "advice", "")
+        return cls(
+            f"stopped at load factor {result.states[-1].load_factor:.6g}: {error}"
+            + _among(elements)
+            + (f"; try {advice}" if advice else ""),
+            result,
+            elements,
+        )
+
+
+def _among(elements: ndarray) -> str:
+    """The first of some elements, for a message."""
+    if not elements.size:
+        return ""
+    first = ", ".join(map(str, elements[:_ELEMENTS]))
+    return f" (element {first}{', ...' if elements.size > _ELEMENTS else ''})"
 
 
 def _energies(state: State) -> dict[str, float]:

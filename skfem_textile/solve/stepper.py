@@ -8,46 +8,34 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
+from scipy.sparse import csc_matrix
 
 from .body import Body
-from .checkpoint import Checkpoint, CheckpointError, Progress, Saved
+from .checkpoint import Checkpoint, CheckpointError, Progress, Replay, Saved
 from .conditions import Condition, Constraints
-from .linear import check_solver
-from .path import Path
-from .problem import (
-    PROBED,
-    Clock,
-    Equilibrium,
-    NoEquilibriumError,
-    Problem,
-    Start,
-    tangent_at,
+from .linear import ChosenSolver
+from .linear.solver import Clock
+from .problem import Problem, Start, tangent_at
+from .result import Result, StepError
+from .states import Equilibrium, Iteration, NoEquilibriumError, State
+from .stepping.arguments import check_arguments
+from .stepping.equilibrium_search import (
+    EquilibriumSearch,
+    Goal,
+    follows_path,
+    strategy_of,
 )
-from .result import Iteration, Result, State, StepError
-from .search import Goal, Search, follows_path, strategy_of
-from .strategies import STRATEGIES, Strategy
-from .verdict import CHECKS, Trial
+from .stepping.limit import is_known, limit_error, load_growth, loads_grow
+from .stepping.load_path import LoadPath
+from .stepping.step_length import StepLength
+from .strategies import Strategy
+from .verdict import Trial
 
 log = logging.getLogger(__name__)
 
 #: What a step tries and which checks only warn, unless told otherwise.
 DEFAULT_STRATEGIES = "mixed", "descent"
 DEFAULT_WARN_ONLY = "work", "stabilisation", "corners"
-
-# After a step of no more linear solves than this the next may be twice as long.
-_EASY_SOLVES = 6
-
-_MOST_STEPS = 1_000_000
-
-# How well a limit load is to be known, as a share of it, and the shortest step on the
-# way to it, as a share of the load.
-_LIMIT_KNOWN, _SHORTEST = 0.005, 1e-9
-
-# Share of the element size by which nodes are moved to see what loads depend on.
-_PROBE = 1e-3
-
-# A load factor near 1 has 53 binary digits, and 20 of them are for the steps.
-_MOST_HALVINGS = 30
 
 
 class LoadStepper:
@@ -121,39 +109,30 @@ class LoadStepper:
         checkpoint: str | os.PathLike[str] | None = None,
         solver: str = "auto",
     ) -> None:
-        if isinstance(ply, type) or not hasattr(ply, "stiffness"):
-            raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
-        _refuse_numbers(steps, max_halvings)
-        _refuse_no_list("strategies", strategies, STRATEGIES)
-        _refuse_no_list("checks in warn_only", warn_only, CHECKS)
-        if not strategies:
-            raise ValueError(f"name at least one strategy of {', '.join(STRATEGIES)}")
-        for name in warn_only:
-            if name not in [*CHECKS]:
-                known = ", ".join(CHECKS)
-                raise ValueError(f"unknown check {name!r}: choose of {known}")
-        for name, function in (("on_iteration", on_iteration), ("on_step", on_step)):
-            if function is not None and not callable(function):
-                raise ValueError(f"{name} must be a function, not {function!r}")
-        check_solver(solver)
-        self.problem = Problem(ply, Constraints(ply.basis, conditions), solver)
+        callbacks = {"on_iteration": on_iteration, "on_step": on_step}
+        check_arguments(
+            ply, steps, max_halvings, strategies, warn_only, solver, callbacks
+        )
+        constraints = Constraints(ply.basis, conditions)
+        self._solver_name = solver
+        self.problem = Problem(ply, constraints, self._choose_solver)
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         for t in (0.0, *self.load_factors):
-            self.problem.constraints.fixed_values(t)  # refuses what is not valid
+            constraints.fixed_values(t)  # refuses what is not valid
         chosen = [strategy_of(strategy) for strategy in strategies]
         self._follows = any(map(follows_path, chosen))
         # Loads that grow may jump to another equilibrium: there work must agree.
-        self._loaded = self._follows and self._loads_grow()
+        self._loaded = self._follows and loads_grow(ply, self.load_factors)
         at_rest = ply.load(ply.basis.zeros(), 0.0)
         self._loaded_at_rest = self._follows and bool(np.any(at_rest))
         refusing = {"work"} if self._loaded else set()
-        self._search = Search(
+        self._search = EquilibriumSearch(
             self.problem, chosen, frozenset(warn_only) - refusing, self._tell
         )
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
         self.checkpoint = (
-            Checkpoint(checkpoint, self.problem, self._settings())
+            Checkpoint(checkpoint, ply, constraints, self._settings())
             if checkpoint
             else None
         )
@@ -183,9 +162,10 @@ class LoadStepper:
             self._begin(resume)
             self._march()
         except NoEquilibriumError as failure:
-            raise self._stopped(failure) from None
+            raise StepError.after(failure, self.result) from None
         finally:
-            self._warn_of_path()
+            if warning := self._path.warning():
+                log.warning(warning)
             if self.checkpoint:
                 self.checkpoint.release()
         return self.result
@@ -212,19 +192,24 @@ class LoadStepper:
             wall_time_s=perf_counter() - self._began,
             assembly_time_s=clock.seconds["assembly"],
             solve_time_s=clock.seconds["solve"],
-            solver=self.problem.system.solver.choice,
+            solver=self._solver.choice,
         )
+
+    def _choose_solver(self, lower: csc_matrix) -> ChosenSolver:
+        self._solver = ChosenSolver(self._solver_name, lower)
+        return self._solver
 
     def _begin(self, resume: bool) -> None:
         """Start from the ply at rest, or from where the checkpoint ends."""
         problem, checkpoint = self.problem, self.checkpoint
         problem.clock, self._began = Clock(), perf_counter()
-        self._length, self._steps_cut, self._states = self.load_factors[0], 0, []
-        halvings = self.max_halvings if self._follows else 0
-        self._path = Path(self._length, halvings)
+        self._steps_cut, self._states = 0, []
+        longest = self.load_factors[0]
+        shortest = longest / 2.0**self.max_halvings
+        self._length = StepLength(longest, shortest, next=longest)
+        self._path = LoadPath(longest, self.max_halvings if self._follows else 0)
         self._warned: set[str] = set()
-        saved = checkpoint.load() if checkpoint and resume else None
-        if saved:
+        if checkpoint and resume and (saved := checkpoint.load(Replay(problem))):
             self._go_on(saved)
             return
         problem.ply.reset()
@@ -237,22 +222,9 @@ class LoadStepper:
                 checkpoint.begin()
             if resume:
                 log.warning("nothing to resume: the run starts from the undeformed ply")
-            self._rest(u, f, energies, potentials)
+            self._keep_rest(u, f, energies, potentials)
 
-    def _loads_grow(self) -> bool:
-        """Whether the load factor drives loads, and not only displacements."""
-        ply = self.problem.ply
-        if "load" not in ply.roles.values():
-            return False
-        moved = np.random.default_rng(0).uniform(-1.0, 1.0, ply.basis.N)
-        u = _PROBE * ply.element_size * moved  # some loads depend on it
-        at_rest = ply.load(u, 0.0)
-        return any(
-            not np.array_equal(ply.load(u, t), at_rest)
-            for t in (*PROBED, *self.load_factors)
-        )
-
-    def _rest(
+    def _keep_rest(
         self,
         u: ndarray,
         f: ndarray,
@@ -285,7 +257,7 @@ class LoadStepper:
         problem, u = self.problem.at(last.load_factor), last.u
         self._start = problem.start(u)
         self._states = saved.states
-        self._length, self._steps_cut = progress.length, progress.steps_cut
+        self._length.next, self._steps_cut = progress.length, progress.steps_cut
         self._path = progress.path
         problem.clock = self.problem.clock = progress.clock  # with that tangent
         self._began -= progress.elapsed
@@ -293,30 +265,41 @@ class LoadStepper:
 
     def _march(self) -> None:
         """Reach the requested load factors one after the other."""
-        longest = self.load_factors[0]
-        shortest = longest / 2.0**self.max_halvings
         for goal in self.load_factors:
             while (t := self._states[-1].load_factor) < goal:
-                ahead, until = t + self._length, self._path.until(goal)
-                if ahead > until - 0.5 * min(shortest, self._length):
-                    ahead = until
+                target = self._length.end(t, self._path.until(goal))
                 try:
-                    kept = self._advance(ahead)
+                    kept = self._advance(target)
                 except NoEquilibriumError as failure:
-                    step = ahead - t
-                    if step > 1.5 * shortest or self._brackets(t, ahead):
-                        log.info("step to %g failed, halved: %s", ahead, failure)
-                        kept = False
-                    elif self._growth(t, ahead):
-                        raise _limit(failure, t, ahead) from None
-                    elif self._path.stop_following(goal):
-                        log.info("step to %g failed, however short: %s", ahead, failure)
-                        self._length, kept = longest, True
-                    else:
-                        raise
+                    kept = self._go_on_after(failure, target, goal)
                 if not kept:
-                    self._length = 0.5 * (ahead - t)
+                    self._length.halve(target - t)
                     self._steps_cut += 1
+
+    def _go_on_after(
+        self, failure: NoEquilibriumError, target: float, goal: float
+    ) -> bool:
+        """Whether to go on at full length after a step that failed, or to halve it.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If the run cannot go on, for the load passes a limit or steps fail however
+            short they are.
+        """
+        last = self._states[-1]
+        step = target - last.load_factor
+        growth = load_growth(self.problem.ply, last, target) if self._loaded else 0.0
+        if self._length.may_be_halved(step) or not is_known(growth, step):
+            log.info("step to %g failed, halved: %s", target, failure)
+            return False
+        if growth:
+            raise limit_error(failure, last.load_factor, target)
+        if not self._path.stop_following(goal):
+            raise failure
+        log.info("step to %g failed, however short: %s", target, failure)
+        self._length.restore()
+        return True
 
     def _advance(self, t: float) -> bool:
         """Find a state at the load factor ``t``; whether it was kept."""
@@ -324,14 +307,14 @@ class LoadStepper:
             values = self.problem.constraints.fixed_values(t)
             self.problem.ply.load(self._start.u, t)  # whose factor is a user's function
         except ValueError as error:
-            raise self._stopped(error) from None
+            raise StepError.after(error, self.result) from None
         before = self._states[-1]
         step, energy = t - before.load_factor, sum(before.energies.values())
         loaded = self._loaded if t else self._loaded_at_rest
         most_altered = self._path.most_altered(step, t, loaded)
         goal = Goal(t, step, values, self._start, energy, most_altered)
         trial, followed_path = self._search(goal)
-        state, altered = self._state(t, trial), trial.found.altered
+        state, altered = self._state(t, trial), trial.equilibrium.altered
         if self._path.must_repeat(step, state, altered, followed_path):
             log.info("step to %g was hard, taken again as two", t)
             return False
@@ -341,60 +324,31 @@ class LoadStepper:
         self._keep(state, trial)
         return True
 
-    def _brackets(self, t: float, beyond: float) -> bool:
-        """Whether a limit between two load factors is not yet known well enough."""
-        return beyond - t > _SHORTEST and self._growth(t, beyond) > _LIMIT_KNOWN
-
-    def _growth(self, t: float, beyond: float) -> float:
-        """By how much loads grow between load factors, over their growth from 0 on.
-
-        Zero where some motion of the last good state meets no stiffness: whatever the
-        load, it finds no balance there.
-        """
-        if not self._loaded or self._states[-1].verdict.negative_pivots is None:
-            return 0.0
-        ply, u = self.problem.ply, self._states[-1].u
-        none, least, most = (ply.load(u, factor) for factor in (0.0, t, beyond))
-        largest = max(np.abs(least - none).max(), np.abs(most - none).max())
-        return float(np.abs(most - least).max() / largest) if largest else 0.0
-
     def _tell(self, iteration: Iteration) -> None:
         log.debug("%s", iteration)
         if self.on_iteration is not None:
             self.on_iteration(iteration)
 
     def _state(self, t: float, trial: Trial) -> State:
-        problem, found = self.problem, trial.found
-        return State(
-            load_factor=t,
-            u=found.u,
-            reactions=problem.reactions(found.f),
-            displacements=problem.displacements(found.u),
-            energies=dict(trial.energies),
-            potentials=dict(trial.potentials),
-            verdict=trial.verdict(),
-            linear_solves=problem.clock.solves
-            - sum(before.linear_solves for before in self._states),
-            residuals=found.residuals,
-            tolerance=found.tolerance,
-        )
+        before = sum(state.linear_solves for state in self._states)
+        return trial.state(t, self.problem.clock.solves - before)
 
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step."""
-        problem, found, t = trial.problem, trial.found, state.load_factor
+        problem, t = trial.problem, state.load_factor
         for check, warning in trial.warnings.items():
             first = check not in self._warned
             level = logging.WARNING if first else logging.INFO
             log.log(level, "load factor %g: %s", t, warning)
             self._warned.add(check)
-        if problem.ply.commit(u := found.u):
+        u, f = trial.equilibrium.u, trial.equilibrium.f
+        if problem.ply.commit(u):
             self._start = problem.start(u)
         else:
-            self._start = Start(u, found.f, problem.load(u), trial.tangent)
+            self._start = Start(u, f, problem.load(u), trial.tangent)
         if t > 0:
             self._judge_drift(state)
-        if state.linear_solves <= _EASY_SOLVES:
-            self._length = min(2 * self._length, self.load_factors[0])
+        self._length.after(state.linear_solves)
         self._save(state)
         self._states.append(state)
         log.info("load factor %g: %d linear solves", t, state.linear_solves)
@@ -413,39 +367,19 @@ class LoadStepper:
             settled = self.problem.reactions(tangent.settled(self._start.f))
             self._path.settles(state, settled)
 
-    def _warn_of_path(self) -> None:
-        if places := self._path.unresolved:
-            shown = ", ".join(f"{t:.4g}" for t in places[:5])
-            log.warning(
-                "the path was not resolved at load factor %s: another number of steps "
-                "may lead to another equilibrium; compare with more steps",
-                shown + (", ..." if len(places) > 5 else ""),
-            )
-
     def _save(self, state: State) -> None:
         """Write a state to the checkpoint, if there is one."""
         if not self.checkpoint:
             return
         elapsed, clock = perf_counter() - self._began, self.problem.clock
-        progress = Progress(self._length, self._steps_cut, self._path, clock, elapsed)
+        length = self._length.next
+        progress = Progress(length, self._steps_cut, self._path, clock, elapsed)
         try:
             self.checkpoint.save(len(self._states), state, progress)
         except CheckpointError as error:
             if not self._states:
                 raise
-            raise self._stopped(error) from None
-
-    def _stopped(self, error: Exception) -> StepError:
-        """The error that ends a run, with what the run has found."""
-        at = self._states[-1].load_factor
-        elements = getattr(error, "elements", np.empty(0, dtype=int))
-        return StepError(
-            f"stopped at load factor {at:.6g}: {error}"
-            + _among(elements)
-            + (f"; try {advice}" if (advice := getattr(error, "advice", "")) else ""),
-            self.result,
-            elements,
-        )
+            raise StepError.after(error, self.result) from None
 
     def _settings(self) -> dict[str, Any]:
         """What the states depend on beyond the problem."""
@@ -455,49 +389,3 @@ class LoadStepper:
             "max_halvings": self.max_halvings,
             "warn_only": sorted(self._search.warn_only),
         }
-
-
-def _refuse_numbers(steps: Any, max_halvings: Any) -> None:
-    if not _is_whole(steps, 1, _MOST_STEPS):
-        raise ValueError(
-            "steps must be at least 1, and whole, and no more than "
-            f"{_MOST_STEPS}; got {steps!r}"
-        )
-    if not _is_whole(max_halvings, 0, _MOST_HALVINGS):
-        raise ValueError(
-            f"max_halvings must be a whole number from 0 to {_MOST_HALVINGS}, got "
-            f"{max_halvings!r}"
-        )
-
-
-def _limit(failure: NoEquilibriumError, t: float, beyond: float) -> NoEquilibriumError:
-    """What to say where a load cannot grow."""
-    return NoEquilibriumError(
-        f"between the load factors {t:.6g} and {beyond:.6g} the load passes a limit: "
-        f"no acceptable state near the last one carries more of it ({failure})",
-        failure.elements,
-        "displacements in place of the load, or a smaller load",
-    )
-
-
-def _is_whole(number: Any, least: int, most: int) -> bool:
-    try:
-        return least <= int(number) == number <= most
-    except (TypeError, ValueError, OverflowError):
-        return False
-
-
-def _refuse_no_list(what: str, given: Any, known: Collection[str]) -> None:
-    """Refuse a name alone, whose letters would be taken for names, and what is none."""
-    if isinstance(given, str) or not isinstance(given, Collection):
-        raise ValueError(
-            f"{what} must be given as a list, of {', '.join(known)}; got {given!r}"
-        )
-
-
-def _among(elements: ndarray) -> str:
-    """The first of some elements, for a message."""
-    if not elements.size:
-        return ""
-    first = ", ".join(map(str, elements[:5]))
-    return f" (element {first}{', ...' if elements.size > 5 else ''})"

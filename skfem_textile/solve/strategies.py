@@ -8,10 +8,11 @@ from typing import ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy import ndarray
 
-from .problem import Equilibrium, NoEquilibriumError, Problem, Start, Tangent
+from .problem import Problem, Start, Tangent
+from .states import Equilibrium, NoEquilibriumError
 
 # Shares of the compression to keep in the geometric stiffness, tried in this order.
-_SHARES = (1.0, 0.5, 0.0)
+_COMPRESSION_SHARES = (1.0, 0.5, 0.0)
 
 # Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
 # singular.  Chosen: along the fibres it must not outweigh the stiffness of a crimped
@@ -20,6 +21,10 @@ _FIRST_TENSION = 0.1
 
 # Halvings of an increment in a line search.
 _LINE_SEARCH_HALVINGS = 20
+
+# Share of the slope by which the energy must fall in a line search (Armijo 1966; the
+# value is the usual one), and round-off as a share of the energy.
+_ARMIJO, _ROUND_OFF = 1e-4, 1e-12
 
 
 class Iterate(NamedTuple):
@@ -204,7 +209,7 @@ def definite(problem: Problem, u: ndarray, tension: ndarray) -> Tangent:
 
     Where that does not suffice it is returned as it is without any.
     """
-    shares = _SHARES if tension.min() < 0 else _SHARES[:1]
+    shares = _COMPRESSION_SHARES if tension.min() < 0 else _COMPRESSION_SHARES[:1]
     for share in shares:
         try:
             tangent = Tangent(
@@ -254,7 +259,7 @@ def _shortened(problem: Problem, u: ndarray, du: ndarray, f: ndarray) -> ndarray
         du, slope = -du, -slope
     unfolded = min(problem.ply.least_area_ratio(u).min(), 0.0)
     for _ in range(_LINE_SEARCH_HALVINGS):
-        allowed = energy + 1e-4 * slope + 1e-12 * abs(energy)
+        allowed = energy + _ARMIJO * slope + _ROUND_OFF * abs(energy)
         if (
             problem.energy(u + du) <= allowed
             and problem.ply.least_area_ratio(u + du).min() > unfolded

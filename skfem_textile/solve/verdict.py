@@ -10,29 +10,23 @@ from functools import cached_property
 import numpy as np
 from numpy import ndarray
 
-from .problem import (
-    Equilibrium,
-    NoEquilibriumError,
-    Problem,
-    Start,
-    Tangent,
-    tangent_at,
-)
-from .result import Verdict
+from .problem import Problem, Start, Tangent, tangent_at
+from .states import Equilibrium, NoEquilibriumError, State, Verdict
 
 _STIFFER = "more steps, or a larger stabilisation"
 
 # Share of the energy that the trapezoidal rule may miss before a step stands out.
-_NEGLIGIBLE = 0.01
+# This share and the two below are chosen, not measured.
+_MISSED_WORK = 0.01
 
 # Share of the energy that the stabilisation of a sheared ply may hold unremarked.
-_ARTIFICIAL = 0.1
+_STABILISATION_SHARE = 0.1
 
 # Of the energies of two states, what round-off leaves of their difference.
 _ROUND_OFF = 64 * 2.0**-53
 
 # Share of the energy that corners which resist may hold unremarked.
-_RESISTED = 0.01
+_CORNER_SHARE = 0.01
 
 
 class Trial:
@@ -42,7 +36,7 @@ class Trial:
     ----------
     problem
         The problem.
-    found
+    equilibrium
         The equilibrium.
     start
         The last good state; None for a state before the load.
@@ -55,31 +49,32 @@ class Trial:
     def __init__(
         self,
         problem: Problem,
-        found: Equilibrium,
+        equilibrium: Equilibrium,
         start: Start | None = None,
         rise: float = 0.0,
         energies: Mapping[str, float] | None = None,
         potentials: Mapping[str, float] | None = None,
     ) -> None:
-        self.problem, self.found, self.start, self.rise = problem, found, start, rise
+        self.problem, self.equilibrium = problem, equilibrium
+        self.start, self.rise = start, rise
         self.energies, self.potentials = energies or {}, potentials or {}
         self.warnings: dict[str, str] = {}
 
     @cached_property
     def tangent(self) -> Tangent | None:
         """The consistent tangent; None where it is singular."""
-        return tangent_at(self.problem, self.found.u)
+        return tangent_at(self.problem, self.equilibrium.u)
 
     @cached_property
     def area_ratio(self) -> ndarray:
         """Smallest det F of each element at its nodes and the ply's fine points."""
-        return self.problem.ply.least_area_ratio(self.found.u)
+        return self.problem.ply.least_area_ratio(self.equilibrium.u)
 
     @cached_property
     def strains(self) -> ndarray:
         """Fibre strain at the ply's fine points, shape (2, n_elements, n_points)."""
         ply = self.problem.ply
-        return ply.fibre_strain(self.found.u, ply.fine_points)
+        return ply.fibre_strain(self.equilibrium.u, ply.fine_points)
 
     @property
     def strain(self) -> ndarray:
@@ -89,7 +84,7 @@ class Trial:
     @property
     def move(self) -> ndarray:
         """Displacement in the step."""
-        return self.found.u - self.start.u if self.start else np.zeros(1)
+        return self.equilibrium.u - self.start.u if self.start else np.zeros(1)
 
     @cached_property
     def works(self) -> tuple[float, float]:
@@ -97,10 +92,10 @@ class Trial:
 
         They balance reactions and loads.
         """
-        start, found = self.start, self.found
+        start, end = self.start, self.equilibrium
         if start is None:
             return 0.0, 0.0
-        forces = start.f + start.load, found.f + self.problem.load(found.u)
+        forces = start.f + start.load, end.f + self.problem.load(end.u)
         before, after = (float(f @ self.move) for f in forces)
         return before, after
 
@@ -132,7 +127,7 @@ class Trial:
                     f"the energy of {name} is not finite",
                     advice="a smaller load, or a law that is finite there",
                 )
-        if not self.problem.in_domain(self.found.u):
+        if not self.problem.in_domain(self.equilibrium.u):
             raise NoEquilibriumError(
                 "a law is asked beyond its domain",
                 advice="a smaller load, or a law that holds there",
@@ -151,9 +146,33 @@ class Trial:
         return Verdict(
             negative_pivots=self.tangent.negative_pivots if self.tangent else None,
             min_det_F=float(self.area_ratio.min()),
-            max_fibre_strain=float(np.abs(ply.law_strain(self.found.u)).max()),
+            max_fibre_strain=float(np.abs(ply.law_strain(self.equilibrium.u)).max()),
             mesh_fibre_strain=float(self.strain.max()),
             work=0.5 * sum(self.works),
+        )
+
+    def state(self, load_factor: float, linear_solves: int) -> State:
+        """The state that it becomes.
+
+        Parameters
+        ----------
+        load_factor
+            Load factor.
+        linear_solves
+            Linear solves since the state before.
+        """
+        problem, equilibrium = self.problem, self.equilibrium
+        return State(
+            load_factor=load_factor,
+            u=equilibrium.u,
+            reactions=problem.reactions(equilibrium.f),
+            displacements=problem.displacements(equilibrium.u),
+            energies=dict(self.energies),
+            potentials=dict(self.potentials),
+            verdict=self.verdict(),
+            linear_solves=linear_solves,
+            residuals=equilibrium.residuals,
+            tolerance=equilibrium.tolerance,
         )
 
 
@@ -169,7 +188,7 @@ def _folding(trial: Trial) -> None:
 
 
 def _strain(trial: Trial) -> None:
-    torn = np.flatnonzero(trial.problem.ply.past_peak(trial.found.u))
+    torn = np.flatnonzero(trial.problem.ply.past_peak(trial.equilibrium.u))
     if torn.size:
         raise NoEquilibriumError(
             f"fibre strain up to {trial.strain[torn].max():.2g} in {torn.size} "
@@ -199,8 +218,8 @@ def _work(trial: Trial) -> None:
         return
     rise, works = trial.of_move
     low, high = sorted(works)
-    margin = _NEGLIGIBLE * max(abs(low), abs(high), abs(rise))
-    margin += trial.found.tolerance * float(np.abs(trial.move).sum())
+    margin = _MISSED_WORK * max(abs(low), abs(high), abs(rise))
+    margin += trial.equilibrium.tolerance * float(np.abs(trial.move).sum())
     stored = (*trial.energies.values(), *trial.potentials.values())
     margin += _ROUND_OFF * sum(map(abs, stored))
     if not low - margin <= rise <= high + margin:
@@ -216,9 +235,13 @@ def _stabilisation(trial: Trial) -> None:
     if "shear" not in trial.energies:
         return
     roles = trial.problem.ply.roles
-    held = sum(e for k, e in trial.energies.items() if roles[k] == "stabilisation")
+    held = sum(
+        energy
+        for name, energy in trial.energies.items()
+        if roles[name] == "stabilisation"
+    )
     whole = abs(sum(trial.energies.values()))
-    if held > _ARTIFICIAL * whole:
+    if held > _STABILISATION_SHARE * whole:
         raise NoEquilibriumError(
             f"the stabilisation holds {held / whole:.0%} of the energy: the mesh is "
             "coarse, or the stabilisation stiff"
@@ -228,7 +251,7 @@ def _stabilisation(trial: Trial) -> None:
 def _corners(trial: Trial) -> None:
     held = trial.energies.get("corners", 0.0)
     whole = abs(sum(trial.energies.values()))
-    if held > _RESISTED * whole:
+    if held > _CORNER_SHARE * whole:
         raise NoEquilibriumError(
             f"corners that resist before they close hold {held / whole:.0%} of the "
             "energy: the mesh is coarse there, or the stabilisation small"

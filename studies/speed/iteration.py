@@ -4,6 +4,7 @@ Residual, tangent, factorisation and solution at one displacement.  Each code ha
 process.  The processes take turns in each round.
 """
 
+from functools import partial
 from statistics import median
 from time import perf_counter
 from typing import Any
@@ -15,7 +16,7 @@ from skfem_textile import Fabric, Full, OnePoint, Ply
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene
 from skfem_textile.solve.conditions import Constraints
-from skfem_textile.solve.linear import check_solver
+from skfem_textile.solve.linear import ChosenSolver, check_solver
 from skfem_textile.solve.problem import Problem
 
 from ..common.tables import markdown_table
@@ -57,7 +58,8 @@ class _ThisLibrary:
     def __init__(self, element: str, solver: str, scene: Scene, u: ndarray) -> None:
         ply = Ply(scene.mesh, Fabric(_E, _G), ELEMENTS[element])
         constraints = Constraints(ply.basis, scene.conditions)
-        self._ply, self._problem = ply, Problem(ply, constraints, SOLVERS[solver])
+        solver_of_pattern = partial(ChosenSolver, SOLVERS[solver])
+        self._ply, self._problem = ply, Problem(ply, constraints, solver_of_pattern)
         self._u = u
 
     def round(self) -> list[float]:

@@ -5,6 +5,7 @@ analysis, factorisation and solution.  Conjugate gradients are timed for set-up 
 solution to 10⁻⁸; their smoothed aggregation (pyamg) knows the rigid motions.
 """
 
+from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.sparse.linalg import cg
 
 from skfem_textile import Fabric, OnePoint, Ply
 from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.linear import ChosenSolver
 from skfem_textile.solve.problem import Problem
 
 from ..common.tables import markdown_table
@@ -41,7 +43,7 @@ def _on_mesh(size: int, E_over_G: float) -> Row:
     G = 0.5
     ply = Ply(scene.mesh, Fabric(E_over_G * G, G), OnePoint(8 * G))
     constraints = Constraints(ply.basis, scene.conditions)
-    problem = Problem(ply, constraints)
+    problem = Problem(ply, constraints, partial(ChosenSolver, "auto"))
     system, analysed = seconds(lambda: problem.system)
     u = scene.displacement(ply.nodes, 0.02).T.ravel()
     b, K = -ply.residual(u)[system.free], system.reduced(ply.stiffness(u))

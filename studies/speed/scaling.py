@@ -6,12 +6,14 @@ one iteration, and fits power laws through the sizes from 10⁴ on.
 """
 
 import resource
+from functools import partial
 from statistics import median
 
 import numpy as np
 
 from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.linear import ChosenSolver
 from skfem_textile.solve.problem import Problem
 
 from ..common.tables import markdown_table
@@ -43,7 +45,7 @@ def _iteration(size: int, solver: str) -> Row:
     scene = strip_of(size)
     ply, built = seconds(Ply, scene.mesh, Fabric(1e4, 0.5), OnePoint(4.0))
     constraints, held = seconds(Constraints, ply.basis, scene.conditions)
-    problem = Problem(ply, constraints, solver)
+    problem = Problem(ply, constraints, partial(ChosenSolver, solver))
     system, analysed = seconds(lambda: problem.system)
     u = scene.displacement(ply.nodes, 0.02).T.ravel()
     parts = []

@@ -1,5 +1,12 @@
 """The layers of the package: what may import what, and how high they stand.
 
+A floor is a module that imports from the one below.  A package that only hands names on
+is no floor: what imports from it stands on the modules that define the names, and on
+those that `registered` finds in its folder.  What is imported for its type alone, under
+``TYPE_CHECKING``, keeps to the layers but is no floor.  Not seen are modules that are
+imported by a name which is put together in a running program, of which `registered`
+has the only one.
+
 As a script it prints the longest chain of imports and the files of a Newton iteration.
 """
 
@@ -14,6 +21,7 @@ import skfem_textile
 from skfem_textile import Fabric, Macro, OnePoint, Ply, split
 from skfem_textile.scenes import strip
 from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.linear.solvers.superlu import SuperLU
 from skfem_textile.solve.problem import Problem
 from skfem_textile.solve.strategies import Mixed
 
@@ -47,7 +55,7 @@ LAYERS = {
 }
 
 #: Longest chain of imports.
-FLOORS = 12
+FLOORS = 10
 
 
 def modules():
@@ -76,35 +84,77 @@ def hands_on(module):
     )
 
 
-def named(module):
-    """Names that a module imports from others of the package, and from where."""
-    own = module.split(".") if module else []
-    base = own if MODULES[module].name == "__init__.py" else own[:-1]
+def is_for_types(node):
+    """Whether a node is ``if TYPE_CHECKING:``."""
+    return isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+
+
+def named(module, types):
+    """Names that a module imports from others of the package, and from where.
+
+    With or without those that it imports for their types alone.
+    """
+    parts = module.split(".") if module else []
+    base = parts if MODULES[module].name == "__init__.py" else parts[:-1]
+    unseen = {
+        inner
+        for node in ast.walk(tree(module))
+        if is_for_types(node) and not types
+        for inner in ast.walk(node)
+    }
     for node in ast.walk(tree(module)):
-        if isinstance(node, ast.ImportFrom) and node.level:
+        if isinstance(node, ast.ImportFrom) and node.level and node not in unseen:
             there = base[: len(base) - node.level + 1]
             place = [*there, *(node.module.split(".") if node.module else [])]
             for alias in node.names:
                 yield ".".join(place), alias.name
 
 
-def origin(place, name):
-    """The module that defines a name, which packages may have handed on."""
+def origins(place, name):
+    """Modules that define a name, which packages may have handed on.
+
+    Of a package, which stands for its names, and of what `registered` finds in one
+    these are several.
+    """
     inside = f"{place}.{name}" if place else name
-    if inside in MODULES and not hands_on(inside):
-        return inside
-    if hands_on(place):
-        for other, own in named(place):
-            if own == name and (other, own) != (place, name):
-                return origin(other, own)
-        return inside if inside in MODULES else None
-    return place
+    if inside in MODULES:
+        return imports(inside) if hands_on(inside) else {inside}
+    if not hands_on(place):
+        return {place}
+    for other, handed in named(place, types=True):
+        if handed == name and (other, handed) != (place, name):
+            return origins(other, handed)
+    return registering(place) if name in registries(place) else set()
+
+
+def registries(package):
+    """Names that a package gives to what `registered` finds in its folder."""
+    return {
+        ast.unparse(node.targets)
+        for node in tree(package).body
+        if isinstance(node, ast.Assign)
+        and ast.unparse(node.value).startswith("registered(")
+    }
+
+
+def registering(package):
+    """Modules of a package's folder that register something."""
+    return {
+        module
+        for module in MODULES
+        if module.rpartition(".")[0] == package
+        and any(
+            isinstance(node, ast.Assign) and ast.unparse(node.targets) == "REGISTRATION"
+            for node in tree(module).body
+        )
+    }
 
 
 @cache
-def imports(module):
-    found = {origin(*pair) for pair in named(module)}
-    return frozenset(found - {None, module})
+def imports(module, types=False):
+    """Modules from which a module imports something."""
+    pairs = named(module, types)
+    return frozenset(set().union(*(origins(*pair) for pair in pairs)) - {module})
 
 
 @cache
@@ -146,7 +196,7 @@ def test_every_layer_imports_only_those_below():
     wrong = [
         (module, other)
         for module in WORKING
-        for other in imports(module)
+        for other in imports(module, types=True)
         if layer(module) != layer(other) and layer(other) not in LAYERS[layer(module)]
     ]
     assert wrong == []
@@ -177,7 +227,7 @@ def files_of_an_iteration(formulation, mesh):
     scene = strip(size=(6, 9))
     ply = Ply(mesh(scene.mesh), Fabric(1e4, 0.5), formulation)
     constraints = Constraints(ply.basis, scene.conditions)
-    problem = Problem(ply, constraints).at(0.1).without_corners()
+    problem = Problem(ply, constraints, SuperLU).at(0.1).without_corners()
     start, values = problem.start(ply.basis.zeros()), constraints.fixed_values(0.1)
     iterates, entered = Mixed().iterates(problem, start, values), set()
     next(iterates), next(iterates)

@@ -114,7 +114,7 @@ def test_strips_with_little_stabilisation_end_unfolded(seed):
 @pytest.mark.parametrize("scale", [0.1, 10.0])
 @pytest.mark.parametrize("seed", [0, 3])
 def test_how_stiff_corners_are_decides_little(scale, seed, monkeypatch):
-    monkeypatch.setattr(corners, "_OF_FIBRES", scale * corners._OF_FIBRES)
+    monkeypatch.setattr(corners, "_SHARE_OF_FIBRES", scale * corners._SHARE_OF_FIBRES)
     scene = strip(size=(6, 9), seed=seed)
     ply = Ply(scene.mesh, Fabric(1e4), OnePoint(1.0))
     ends_unfolded(ply, scene.conditions, 5)

@@ -24,6 +24,7 @@ from skfem_textile.mesh.checks import check_quads, check_triangles
 from skfem_textile.scenes import bias_extension, picture_frame, strip, trellis
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.linear.solvers.superlu import SuperLU
 from skfem_textile.solve.problem import Problem
 from skfem_textile.splitting import cut
 from studies.stability.soundness import is_sound
@@ -146,7 +147,7 @@ def test_an_inclined_roller_holds_at_the_middles_of_edges():
 
 def test_elements_around_the_middle_of_an_edge_are_those_beside_it():
     ply = ply_on(SQUARES)
-    problem = Problem(ply, Constraints(ply.basis, {"c": Condition("bottom")}))
+    problem = Problem(ply, Constraints(ply.basis, {"c": Condition("bottom")}), SuperLU)
     edge = np.flatnonzero(SQUARES.f2t[1] >= 0)[3]
     u = ply.basis.zeros()
     u[ply.nodal(np.arange(ply.basis.N))[1, SQUARES.nvertices + edge]] = 1.0

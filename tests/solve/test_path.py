@@ -21,9 +21,9 @@ from skfem_textile import (
 )
 from skfem_textile.cli import main as cli
 from skfem_textile.scenes import bias_extension, strip, trellis
-from skfem_textile.solve.path import Path
-from skfem_textile.solve.result import State
-from skfem_textile.solve.verdict import CHECKS, Verdict
+from skfem_textile.solve.states import State, Verdict
+from skfem_textile.solve.stepping.load_path import LoadPath
+from skfem_textile.solve.verdict import CHECKS
 from skfem_textile.splitting import split
 
 
@@ -48,8 +48,8 @@ def test_the_strip_ends_alike_however_many_steps_it_takes():
 def test_an_easy_path_costs_nothing_more(scene, steps, monkeypatch):
     result = loaded(scene(), Full(), steps, 0.5)
     assert result.path_resolved
-    monkeypatch.setattr(Path, "most_altered", lambda *_: np.inf)
-    monkeypatch.setattr(Path, "must_repeat", lambda *_: False)
+    monkeypatch.setattr(LoadPath, "most_altered", lambda *_: np.inf)
+    monkeypatch.setattr(LoadPath, "must_repeat", lambda *_: False)
     assert loaded(scene(), Full(), steps, 0.5).linear_solves == result.linear_solves
 
 
@@ -117,7 +117,7 @@ def state(t, energy, force):
     [(1.009, 2.0, True), (1.02, 2.0, False), (1.0, 2.03, False)],
 )
 def test_a_hard_step_and_its_halves_must_agree_to_1_per_cent(energy, force, resolved):
-    path = Path(longest=1.0, halvings=8)
+    path = LoadPath(longest=1.0, halvings=8)
     step = 2.0**-6
     assert path.must_repeat(step, state(step, 1.0, 2.0), altered=3, followed_path=True)
     assert path.until(1.0) == step
@@ -130,14 +130,14 @@ def test_a_hard_step_and_its_halves_must_agree_to_1_per_cent(energy, force, reso
 
 
 def test_a_path_is_saved_and_taken_up_again():
-    path = Path(longest=1.0, halvings=8, unresolved=[0.5])
+    path = LoadPath(longest=1.0, halvings=8, unresolved=[0.5])
     path.must_repeat(2.0**-6, state(2.0**-6, 1.0, 2.0), altered=3, followed_path=True)
     kept = json.loads(json.dumps(path.saved()))
-    assert Path.of(kept) == path
+    assert LoadPath.of(kept) == path
 
 
 def test_a_drift_without_end_of_what_holds_nothing_is_no_error():
-    path = Path(1.0, 8)
+    path = LoadPath(1.0, 8)
     path.drifted(state(0.5, 1.0, 1.0), rise=0.0, drift=np.inf, held=0.0)
     assert path.energy_error == 0.0
     assert path.unresolved == []

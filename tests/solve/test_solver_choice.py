@@ -153,7 +153,7 @@ def test_a_matrix_that_is_not_definite_tells_nothing_and_the_next_one_does(fakes
 def test_of_very_large_systems_what_is_eliminated_first_is_measured(fakes):
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
-    n = choice._ENOUGH + 1
+    n = choice._MOST_MEASURED + 1
     chosen(n)
     measured = [size for _, size in fakes.factorised]
     assert measured == [n - 1] * 4 + [n]
@@ -203,7 +203,9 @@ def test_a_measurement_is_on_the_clock_but_not_among_the_factorisations(
     fakes.add("fast", 0.1)
     plain = run()
     monkeypatch.setattr(choice, "MEASURED_FROM", 10)
-    monkeypatch.setattr("skfem_textile.solve.problem.perf_counter", lambda: fakes.time)
+    monkeypatch.setattr(
+        "skfem_textile.solve.linear.solver.perf_counter", lambda: fakes.time
+    )
     fakes.factorised.clear()
     result = run()
     summary = result.summary()

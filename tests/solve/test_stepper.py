@@ -22,7 +22,7 @@ from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.linear import SOLVERS
 from skfem_textile.solve.linear.solvers import superlu
-from skfem_textile.solve.problem import NoEquilibriumError
+from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.splitting import split
 
 CLAMP = {"clamp": Condition("bottom")}

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from skfem_textile.solve.problem import NoEquilibriumError
+from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.strategies import _shortened
 
 

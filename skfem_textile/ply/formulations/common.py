@@ -10,8 +10,8 @@ from skfem import CellBasis, Mesh
 
 from ... import forms
 from ...fabric import Fabric
+from ...forms.form import fibre_tension
 from ...forms.mean_tension import mean_fibre_tension, mean_strain
-from ...forms.tension import fibre_tension
 from ...mesh.bases import CENTRE, GAUSS, HourglassBasis, MeanBasis, quad_basis
 from ...mesh.checks import check_quads
 from ...mesh.interior_edges import JumpBasis

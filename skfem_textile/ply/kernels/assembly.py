@@ -18,11 +18,18 @@ from numpy import ndarray
 from .element_groups import (
     Deformations,
     ElementGroup,
+    Kernel,
+    Parameters,
     element_groups,
     transformed,
 )
-from .integration_points import FibreDeformation, IntegrationPoints, same_deformation
-from .kernel import Kernel, Parameters, RankOneStiffness, Stress
+from .integration_points import (
+    FibreDeformation,
+    IntegrationPoints,
+    RankOneStiffness,
+    Stress,
+    same_deformation,
+)
 
 
 class KernelOnGroup(NamedTuple):

@@ -3,23 +3,32 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy import ndarray
-from skfem import ElementQuad1
+from skfem import CellBasis, ElementQuad1
 
-from ...fabric import Fabric
-from ...mesh.bases import CENTRE, HourglassBasis, centre_grad, element_numbers
-from ...mesh.macro import MacroBasis
+from ...mesh.bases import (
+    CENTRE,
+    HourglassBasis,
+    MeanBasis,
+    centre_grad,
+    element_numbers,
+)
 from .integration_points import (
     FibreDeformation,
     GeneralPoints,
     IntegrationPoints,
     QuadPoints,
+    RankOneStiffness,
+    Stress,
     angle_between,
 )
+
+if TYPE_CHECKING:
+    from ...fabric import Fabric
 
 # Elements that are computed at a time, so that their values stay in the processor's
 # cache.  Measured: forces and matrices of 59 700 quadrilaterals with `OnePoint`, one
@@ -34,6 +43,9 @@ _GROUPS: WeakKeyDictionary[Any, WeakKeyDictionary] = WeakKeyDictionary()
 
 #: Deformations at the points of a group, set by set.
 Deformations: TypeAlias = list[FibreDeformation]
+
+#: Parameters of a form: numbers, or arrays over elements and points.
+Parameters: TypeAlias = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +71,8 @@ class ElementGroup:
     nodes: ndarray
     modes: ndarray | None
     points: Sequence[IntegrationPoints]
-    fabrics: Sequence[Fabric]
-    fabric: Fabric
+    fabrics: Sequence["Fabric"]
+    fabric: "Fabric"
     elements: Any
     point_numbers: Sequence[Any]
 
@@ -112,7 +124,36 @@ class ElementGroup:
         )
 
 
-def element_groups(basis: Any, fabric: Fabric) -> list[ElementGroup]:
+class Kernel(Protocol):
+    """Energy of a term and its derivatives with respect to strains of fibres."""
+
+    @property
+    def fabric(self) -> "Fabric":
+        """The fabric with its directions and laws."""
+        ...
+
+    def takes(self, basis: CellBasis) -> bool:
+        """Whether the kernel can compute on a basis of the displacement."""
+        ...
+
+    def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
+        """Energy in N·mm."""
+        ...
+
+    def stresses(
+        self, group: ElementGroup, fibres: Deformations, w: Parameters
+    ) -> list[Stress]:
+        """Stresses at the points."""
+        ...
+
+    def rank_one_stiffnesses(
+        self, group: ElementGroup, fibres: Deformations, w: Parameters
+    ) -> list[RankOneStiffness]:
+        """Stiffnesses that couple fibres or points."""
+        ...
+
+
+def element_groups(basis: Any, fabric: "Fabric") -> list[ElementGroup]:
     """Groups of the elements of a basis of the displacement, found once.
 
     The basis must not be changed after this.  Of `HourglassBasis` the centre comes
@@ -142,14 +183,14 @@ def _deformation(
     return FibreDeformation(v, squared, angle_between(points.A) - angle)
 
 
-def _new_groups(basis: Any, fabric: Fabric) -> Iterator[ElementGroup]:
+def _new_groups(basis: Any, fabric: "Fabric") -> Iterator[ElementGroup]:
     dN = np.array([field.grad[0] for (field,) in basis.basis[::2]])
     w, nodes = basis.default_parameters(), basis.element_dofs[::2] // 2
     x = np.asarray(w["x"])
     numbers = np.asarray(w["element"]) if "element" in w else element_numbers(basis)
     pair = fabric.directions(x, numbers)
     A = np.array([np.broadcast_to(a, x.shape) for a in pair])
-    if isinstance(basis, MacroBasis):
+    if isinstance(basis, MeanBasis) and basis.parts is not None:
         yield from _macro(basis, fabric, nodes, dN, A)
         return
     centre = None
@@ -207,7 +248,7 @@ def _of_quadrilaterals(
 
 
 def _macro(
-    basis: MacroBasis, fabric: Fabric, nodes: ndarray, dN: ndarray, A: ndarray
+    basis: Any, fabric: "Fabric", nodes: ndarray, dN: ndarray, A: ndarray
 ) -> Iterator[ElementGroup]:
     """Macro-elements, grouped by which of their nodes their quadrilaterals have."""
     flat = basis.corners.reshape(-1, basis.nelems)

@@ -6,9 +6,9 @@ from typing import ParamSpec
 
 from ... import forms
 from ...forms import Forms
+from .element_groups import Kernel
 from .kernel import (
     HourglassKernel,
-    Kernel,
     MeanTensionKernel,
     ShearKernel,
     TensionKernel,

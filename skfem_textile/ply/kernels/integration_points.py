@@ -11,9 +11,10 @@ Element matrices are symmetric and hold the 2×2 blocks of the pairs of modes (a
 with a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2, n).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -54,6 +55,38 @@ class FibreDeformation:
         ∂ε·Δz = v·Δz, and v·z = 1.
         """
         return (self.v * after.v).sum(axis=2) * after.squared_stretch - 1.0
+
+
+class Stress(NamedTuple):
+    """Tension and its slope, (2, P, n), and shear moment, (P, n), times area.
+
+    None stands for zero.
+    """
+
+    tension: ndarray | None = None
+    moment: ndarray | None = None
+    slope: ndarray | None = None
+
+    def plus(self, other: "Stress") -> "Stress":
+        """The sum of both."""
+        pairs = zip(self, other, strict=True)
+        return Stress(
+            *(y if x is None else x if y is None else x + y for x, y in pairs)
+        )
+
+    def of(self, block: slice) -> "Stress":
+        """The stresses of a block of elements."""
+        return Stress(*(None if x is None else x[..., block] for x in self))
+
+
+class RankOneStiffness(NamedTuple):
+    """Stiffness s of P strains of each element, shape (P, n), and their gradients g.
+
+    ``gradients`` takes a block of elements and returns shape (P, n_modes, 2, n_block).
+    """
+
+    stiffness: ndarray
+    gradients: Callable[[slice], ndarray]
 
 
 class IntegrationPoints(Protocol):

@@ -13,7 +13,7 @@ than one fibre or point: shear angles, their differences, and means.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -21,72 +21,13 @@ from skfem import CellBasis
 
 from ...fabric import Fabric, is_zero
 from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
-from .element_groups import Deformations, ElementGroup
-from .integration_points import FibreDeformation, IntegrationPoints
-
-#: Parameters of a form: numbers, or arrays over elements and points.
-Parameters: TypeAlias = dict[str, Any]
-
-
-class Stress(NamedTuple):
-    """Tension and its slope, (2, P, n), and shear moment, (P, n), times area.
-
-    None stands for zero.
-    """
-
-    tension: ndarray | None = None
-    moment: ndarray | None = None
-    slope: ndarray | None = None
-
-    def plus(self, other: "Stress") -> "Stress":
-        """The sum of both."""
-        pairs = zip(self, other, strict=True)
-        return Stress(
-            *(y if x is None else x if y is None else x + y for x, y in pairs)
-        )
-
-    def of(self, block: slice) -> "Stress":
-        """The stresses of a block of elements."""
-        return Stress(*(None if x is None else x[..., block] for x in self))
-
-
-class RankOneStiffness(NamedTuple):
-    """Stiffness s of P strains of each element, shape (P, n), and their gradients g.
-
-    ``gradients`` takes a block of elements and returns shape (P, n_modes, 2, n_block).
-    """
-
-    stiffness: ndarray
-    gradients: Callable[[slice], ndarray]
-
-
-class Kernel(Protocol):
-    """Energy of a term and its derivatives with respect to strains of fibres."""
-
-    @property
-    def fabric(self) -> Fabric:
-        """The fabric with its directions and laws."""
-        ...
-
-    def takes(self, basis: CellBasis) -> bool:
-        """Whether the kernel can compute on a basis of the displacement."""
-        ...
-
-    def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
-        """Energy in N·mm."""
-        ...
-
-    def stresses(
-        self, group: ElementGroup, fibres: Deformations, w: Parameters
-    ) -> list[Stress]:
-        """Stresses at the points."""
-        ...
-
-    def rank_one_stiffnesses(
-        self, group: ElementGroup, fibres: Deformations, w: Parameters
-    ) -> list[RankOneStiffness]:
-        """Stiffnesses that couple fibres or points."""
-        ...
+from .element_groups import Deformations, ElementGroup, Parameters
+from .integration_points import (
+    FibreDeformation,
+    IntegrationPoints,
+    RankOneStiffness,
+    Stress,
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,7 @@ from ...mesh.scikit_fem import (
     vector_entries,
 )
 from .assembly import KernelOnGroup, element_forces, element_matrices, full_matrices
-from .element_groups import element_groups
-from .kernel import Kernel
+from .element_groups import Kernel, element_groups
 
 
 class KernelEnergy(OwnAssembly, Functional):

@@ -2,5 +2,6 @@
 
 from .checkpoint import Checkpoint, CheckpointError, Saved
 from .contents import Progress
+from .replay import Replay
 
-__all__ = ["Checkpoint", "CheckpointError", "Progress", "Saved"]
+__all__ = ["Checkpoint", "CheckpointError", "Progress", "Replay", "Saved"]

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -12,14 +12,14 @@ from uuid import uuid4
 import numpy as np
 from numpy import ndarray
 
-from ..problem import Problem, Start
-from ..result import State
+from ..body import Body, Supports
+from ..states import State
 from . import fingerprint, sealed
-from .consistency import check_state, same
-from .contents import VECTORS, Progress, progress_of, state_of
+from .contents import VECTORS, Progress, progress_of, same, state_of
 from .lock import Lock
 from .sealed import Content
 
+# Version of the files; another one is refused.
 _FORMAT = 5
 _RUN, _STATES = "run.npz", "state_*.npz"
 
@@ -51,8 +51,8 @@ class Checkpoint:
     ----------
     folder
         The folder; made when a run begins.
-    problem
-        The problem that is run.
+    ply, constraints
+        The ply that is loaded, and its conditions as fixed unknowns.
     settings
         What else the result depends on.
     """
@@ -60,18 +60,21 @@ class Checkpoint:
     def __init__(
         self,
         folder: str | os.PathLike[str],
-        problem: Problem,
+        ply: Body,
+        constraints: Supports,
         settings: Mapping[str, Any],
     ) -> None:
         try:
-            self.folder, self._problem = Path(folder), problem
+            self.folder = Path(folder)
         except TypeError:
             raise CheckpointError(
                 f"checkpoint must be a folder, not {folder!r}"
             ) from None
         if "\0" in str(folder):
             raise CheckpointError(f"checkpoint {str(folder)!r} is no path")
-        given = {"format": _FORMAT, **settings, **fingerprint.settings(problem)}
+        self._ply, self._constraints = ply, constraints
+        described = fingerprint.settings(ply, constraints)
+        given = {"format": _FORMAT, **settings, **described}
         self._settings = json.loads(json.dumps(given))
         self._run, self._last = "", ""
         self._lock: Lock | None = None
@@ -104,7 +107,7 @@ class Checkpoint:
                     "remove the folder"
                 )
         self._run = uuid4().hex
-        arrays = fingerprint.arrays(self._problem, self._settings["steps"])
+        arrays = self._fingerprint()
         with self._writing():
             self._last = sealed.write(
                 self.folder / f".{_RUN}", self._run, "run", "", self._settings, arrays
@@ -126,7 +129,7 @@ class Checkpoint:
         arrays = {"u": text.pop("u")}
         for key in VECTORS:
             text[key] = {name: v.tolist() for name, v in text[key].items()}
-        for term, memory in self._problem.ply.memories.items():
+        for term, memory in self._ply.memories.items():
             text["work"][term] = float(memory.work)
             for name, array in memory.parameters.items():
                 arrays[f"{term} {name}"] = np.asarray(array)
@@ -140,8 +143,14 @@ class Checkpoint:
                 (self.folder / f".{_RUN}").replace(self.folder / _RUN)
             beside.replace(self.folder / f"{name}.npz")
 
-    def load(self) -> Saved | None:
-        """Read every state, and let the ply's terms remember the last; None if none is.
+    def load(self, check: Callable[[State, Content], None]) -> Saved | None:
+        """Read and check every state; None if there is none.
+
+        Parameters
+        ----------
+        check
+            Called with one state after the other and what its file holds; raises
+            ValueError where it is not one of this run.
 
         Raises
         ------
@@ -162,10 +171,12 @@ class Checkpoint:
         for file, content in zip(files, contents, strict=True):
             with self._using(file):
                 states.append(state_of(content, states))
-        self._check(files, states, contents)
+        for file, state, content in zip(files, states, contents, strict=True):
+            with self._using(file):
+                check(state, content)
         with self._using(files[-1]):
-            told = contents[-1].text["progress"]
-            progress = progress_of(told, states, self._settings)
+            saved = contents[-1].text["progress"]
+            progress = progress_of(saved, states, self._settings)
         self._last = contents[-1].digest
         return Saved(states, progress)
 
@@ -207,49 +218,18 @@ class Checkpoint:
                     f"{_shown(settings.get(name))}, is {_shown(value)}"
                 )
         self._run = run.run
-        identity = fingerprint.arrays(self._problem, self._settings["steps"])
+        identity = self._fingerprint()
         for name in identity | arrays:
-            new, old = (some.get(name, np.empty(0)) for some in (identity, arrays))
+            missing = np.empty(0)
+            new, old = identity.get(name, missing), arrays.get(name, missing)
             if not same(old, new):
                 raise CheckpointError(
                     f"checkpoint {self.folder} is of another run: its {name} differ"
                 )
 
-    def _check(
-        self, files: list[Path], states: list[State], contents: list[Content]
-    ) -> None:
-        """Find anew what each state's forces are, and what the ply remembers of it."""
-        self._problem.ply.reset()
-        start = None
-        for file, state, content in zip(files, states, contents, strict=True):
-            with self._using(file):
-                start = self._check_state(state, content, start)
-
-    def _check_state(
-        self, state: State, content: Content, start: Start | None
-    ) -> Start:
-        """Check a state that follows another; returns the start of the next."""
-        problem, u = self._problem.at(state.load_factor), state.u
-        check_state(problem, state, start)
-        problem.ply.commit(u)
-        found = self._memories()
-        self._remember(content)
-        if not all(same(a, b) for a, b in zip(self._memories(), found, strict=True)):
-            raise ValueError("what its ply remembers is not of its displacement")
-        return Start(u, problem.residual(u), problem.load(u), None)
-
-    def _memories(self) -> list[ndarray]:
-        memories = self._problem.ply.memories.values()
-        return [a for m in memories for a in (np.array(m.work), *m.parameters.values())]
-
-    def _remember(self, content: Content) -> None:
-        for term, memory in self._problem.ply.memories.items():
-            found = {k: content.arrays[f"{term} {k}"] for k in memory.parameters}
-            for name, value in memory.parameters.items():
-                old = np.asarray(value)
-                if found[name].shape != old.shape or found[name].dtype != old.dtype:
-                    raise ValueError(f"its {name} is not of this ply")
-            memory.restore(found, content.text["work"][term])
+    def _fingerprint(self) -> dict[str, ndarray]:
+        steps = self._settings["steps"]
+        return fingerprint.arrays(self._ply, self._constraints, steps)
 
     def _hold(self) -> None:
         """Let no other run write to the folder, and remove what one left half done."""
@@ -268,10 +248,12 @@ class Checkpoint:
         try:
             yield
         except OSError as error:
-            said = f"cannot write checkpoint {self.folder}: {error.strerror or error}"
+            message = (
+                f"cannot write checkpoint {self.folder}: {error.strerror or error}"
+            )
             if error.strerror and self._files():  # not where another run writes to it
-                said += "; what it holds remains"
-            raise CheckpointError(said) from None
+                message += "; what it holds remains"
+            raise CheckpointError(message) from None
 
     @contextmanager
     def _using(self, file: Path) -> Iterator[None]:
@@ -286,13 +268,13 @@ class Checkpoint:
             LookupError,
             TypeError,
             ValueError,
-        ) as e:
+        ) as error:
             raise CheckpointError(
-                f"checkpoint file {file} is damaged: {_shown(e)}"
+                f"checkpoint file {file} is damaged: {_shown(error)}"
             ) from None
 
 
 def _shown(value: object) -> str:
     """What a file may hold, short and on one line."""
-    text = "".join(c if c.isprintable() else " " for c in str(value))
+    text = "".join(char if char.isprintable() else " " for char in str(value))
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
-from ..path import Path
-from ..problem import Clock
-from ..result import State, Verdict
+from ..linear.solver import Clock
+from ..states import State, Verdict
+from ..stepping.load_path import LoadPath
 from .sealed import Content
 
 # How far the forces of the same ply may differ between machines.
@@ -22,7 +23,7 @@ class Progress(NamedTuple):
 
     length: float
     steps_cut: int
-    path: Path
+    path: LoadPath
     clock: Clock
     elapsed: float
 
@@ -57,14 +58,14 @@ def progress_of(
     ValueError
         If that is not a place of a run with these states and settings.
     """
-    path, clock = Path.of(text["path"]), Clock(**text["clock"])
+    path, clock = LoadPath.of(text["path"]), Clock(**text["clock"])
     progress = Progress(**{**text, "path": path, "clock": clock})
     longest = 1.0 / settings["steps"]
     if not 0 < progress.length <= longest * (1 + SAME):
         raise ValueError(f"the length of its step is {progress.length}")
-    told = list(path.unresolved)
-    told += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
-    if not np.isfinite([progress.elapsed, *clock.seconds.values(), *told]).all():
+    numbers = list(path.unresolved)
+    numbers += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
+    if not np.isfinite([progress.elapsed, *clock.seconds.values(), *numbers]).all():
         raise ValueError("its times or load factors are not finite")
     if set(clock.seconds) != set(Clock().seconds):
         raise ValueError("its times are not those of a run")
@@ -77,3 +78,12 @@ def progress_of(
     ):
         raise ValueError("its counts are not those of its states")
     return progress
+
+
+def same(old: ndarray, new: ndarray) -> bool:
+    """Whether arrays are those of one problem on two machines; laws may have poles."""
+    finite = np.isfinite(new)
+    if old.shape != new.shape or not np.array_equal(np.isfinite(old), finite):
+        return False
+    allowed = SAME * np.abs(new[finite]).max(initial=0.0)
+    return bool(np.all(np.abs(old[finite] - new[finite]) <= allowed))

@@ -7,36 +7,35 @@ import numpy as np
 from numpy import ndarray
 
 from ...fabric import Law
-from ..problem import PROBED, Problem
+from ..body import PROBED, Body, Supports
 
 # Fibre strain and shear angle (radians) up to which laws are compared.
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)
 
 
-def settings(problem: Problem) -> dict[str, Any]:
+def settings(ply: Body, constraints: Supports) -> dict[str, Any]:
     """Formulation, laws and names of conditions, as they were given."""
-    fabric = problem.ply.fabric
+    fabric = ply.fabric
     laws = {f"{family.name} law": family.tension for family in fabric.families}
     return {
-        "formulation": _said(problem.ply.formulation),
+        "formulation": _said(ply.formulation),
         **{name: _said(law) for name, law in laws.items()},
         "shear law": _said(fabric.shear_law),
-        "conditions": list(problem.constraints.nodes),
+        "conditions": list(constraints.nodes),
     }
 
 
-def arrays(problem: Problem, steps: int) -> dict[str, ndarray]:
+def arrays(ply: Body, constraints: Supports, steps: int) -> dict[str, ndarray]:
     """Mesh, fibre directions, laws, conditions, and the forces of each term.
 
     The conditions are asked at the requested load factors and in between; the forces
     are those of a displacement that shears and stretches every element, of a ply that
     remembers nothing.
     """
-    ply, constraints = problem.ply, problem.constraints
-    at = np.linspace(0.0, 1.0, 2 * steps + 1)
+    load_factors = np.linspace(0.0, 1.0, 2 * steps + 1)
     turn = constraints.turn
     ply.reset()
-    probe = 0.1 * problem.element_size * np.sin(np.arange(ply.basis.N))
+    probe = 0.1 * ply.element_size * np.sin(np.arange(ply.basis.N))
     warp, weft, shear = ply.fabric.at().laws
     return {
         "nodes": ply.mesh.p,
@@ -48,11 +47,11 @@ def arrays(problem: Problem, steps: int) -> dict[str, ndarray]:
         **{f"nodes of {name!r}": nodes for name, nodes in constraints.nodes.items()},
         "fixed unknowns": constraints.fixed,
         "fixed directions": np.empty(0) if turn is None else turn.data,
-        "fixed values": np.array([constraints.fixed_values(t) for t in at]),
+        "fixed values": np.array([constraints.fixed_values(t) for t in load_factors]),
         **{
-            f"{k} forces at {t}": f
+            f"{name} forces at {t}": forces
             for t in (PROBED if ply.further_terms else (1.0,))
-            for k, f in ply.residuals(probe, t).items()
+            for name, forces in ply.residuals(probe, t).items()
         },
     }
 

@@ -1,8 +1,8 @@
 """Sparse direct solvers of symmetric systems, by name."""
 
-from .choice import Choice, ChosenSolver, check_solver, solver_named
+from .choice import ChosenSolver, check_solver, solver_named
 from .dissection import nested_dissection
-from .solver import Factors, SingularMatrixError, Solver
+from .solver import Choice, Factors, SingularMatrixError, Solver
 from .solvers import SOLVERS
 
 __all__ = [

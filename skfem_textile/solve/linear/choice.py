@@ -9,13 +9,12 @@ from importlib import import_module
 from importlib.util import find_spec
 from threading import Lock
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
-from .solver import Factors, Solver
+from .solver import Choice, Factors, Solver
 from .solvers import SOLVERS
 
 log = logging.getLogger(__name__)
@@ -27,14 +26,7 @@ MEASURED_FROM = 100_000
 
 # Unknowns that are eliminated at most to measure: more would take longer and rank the
 # solvers alike.  A quarter of this tells too little: PARDISO gains as systems grow.
-_ENOUGH = 200_000
-
-
-class Choice(NamedTuple):
-    """Name of a solver, and why it was chosen."""
-
-    name: str
-    reason: str
+_MOST_MEASURED = 200_000
 
 
 # What this process has measured, by who took part; one measurement at a time.
@@ -144,24 +136,24 @@ def _measured(
 
     That is one that is not positive definite, or that all of them fail at.
     """
-    n = min(lower.shape[0], _ENOUGH)
+    n = min(lower.shape[0], _MOST_MEASURED)
     with _LOCK:
         if rivals in _MEASURED:
             return _MEASURED[rivals]
         part = csc_matrix((data, lower.indices, lower.indptr), lower.shape)[:n, :n]
-        seconds, told = {}, []
+        seconds, reports = {}, []
         for name in rivals:
             try:
                 seconds[name] = _seconds(name, part)
-                told.append(f"{name} {seconds[name]:.2f} s")
+                reports.append(f"{name} {seconds[name]:.2f} s")
             except _NotDefiniteError:
                 return None
             except Exception as error:  # it would fail in the run too
                 log.info("linear solver %s failed: %s", name, error)
-                told.append(f"{name} failed")
+                reports.append(f"{name} failed")
         if not seconds:
             return None
-        reason = f"fastest of {', '.join(told)}, measured on this machine"
+        reason = f"fastest of {', '.join(reports)}, measured on this machine"
         choice = Choice(min(seconds, key=lambda name: seconds[name]), reason)
         return _MEASURED.setdefault(rivals, choice)
 

@@ -10,8 +10,8 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
-# Parts of no more nodes than this are not divided.
-_SMALL = 32
+# Parts of no more nodes than this are not divided.  Chosen, not measured.
+_LEAF_NODES = 32
 
 
 def nested_dissection(positions: ndarray, pairs: ndarray) -> ndarray:
@@ -42,7 +42,7 @@ def nested_dissection(positions: ndarray, pairs: ndarray) -> ndarray:
     place = np.zeros(n, dtype=np.int64)  # in the order, a digit of three per division
     while True:
         size = np.bincount(part[part >= 0], minlength=n_parts)
-        if size.max(initial=0) <= _SMALL:
+        if size.max(initial=0) <= _LEAF_NODES:
             return np.argsort(place, kind="stable")
         upper = _upper_halves(positions, part, size)
         pairs = pairs[:, (part[pairs[0]] == part[pairs[1]]) & (part[pairs[0]] >= 0)]
@@ -58,16 +58,16 @@ def nested_dissection(positions: ndarray, pairs: ndarray) -> ndarray:
 def _upper_halves(positions: ndarray, part: ndarray, size: ndarray) -> ndarray:
     """Whether each node lies above the middle of its part, along its longer side."""
     nodes = np.flatnonzero(part >= 0)
-    own, x = part[nodes], positions[:, nodes]
+    part_of, x = part[nodes], positions[:, nodes]
     low, high = np.full((2, 2, len(size)), [[[np.inf]], [[-np.inf]]])
     for axis in range(2):
-        np.minimum.at(low[axis], own, x[axis])
-        np.maximum.at(high[axis], own, x[axis])
+        np.minimum.at(low[axis], part_of, x[axis])
+        np.maximum.at(high[axis], part_of, x[axis])
     longer = (high - low).argmax(axis=0)
-    order = np.lexsort((x[longer[own], np.arange(len(nodes))], own))
-    rank = np.arange(len(nodes)) - (np.cumsum(size) - size)[own[order]]
+    order = np.lexsort((x[longer[part_of], np.arange(len(nodes))], part_of))
+    rank = np.arange(len(nodes)) - (np.cumsum(size) - size)[part_of[order]]
     upper = np.zeros(len(part), dtype=bool)
-    upper[nodes[order]] = 2 * rank >= size[own[order]]
+    upper[nodes[order]] = 2 * rank >= size[part_of[order]]
     return upper
 
 

@@ -1,15 +1,18 @@
-"""What the load stepper asks of a linear solver."""
+"""What the load stepper asks of a linear solver, and the time that it takes."""
 
-from typing import Any, Protocol
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any, NamedTuple, Protocol, TypeAlias
 from weakref import ref
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
-# A pivot is round-off when it is this small beside the entry that it comes from, or
-# beside the largest pivot.
-_NO_PIVOT, _NOTHING = 1e-12, 1e-16
+# A pivot is round-off if it is no larger than this share of the entry that it comes
+# from, or this share of the largest pivot.  Chosen, not measured.
+_LEAST_OF_ENTRY, _LEAST_OF_LARGEST = 1e-12, 1e-16
 
 
 class SingularMatrixError(RuntimeError):
@@ -28,7 +31,9 @@ def refuse_round_off(pivots: ndarray, entries: ndarray) -> None:
         If there is one.
     """
     largest = pivots.max(initial=0.0)
-    round_off = np.maximum(_NO_PIVOT * np.abs(entries), _NOTHING * largest)
+    round_off = np.maximum(
+        _LEAST_OF_ENTRY * np.abs(entries), _LEAST_OF_LARGEST * largest
+    )
     if not np.all(pivots > round_off):
         raise SingularMatrixError
 
@@ -92,6 +97,36 @@ class Solver(Protocol):
             If a pivot vanishes; one that is round-off may be told later.
         """
         ...
+
+
+#: Makes the solver of a pattern, given as its lower triangle.
+SolverOfPattern: TypeAlias = Callable[[csc_matrix], Solver]
+
+
+class Choice(NamedTuple):
+    """Name of a solver, and why it was chosen."""
+
+    name: str
+    reason: str
+
+
+@dataclass(eq=False)
+class Clock:
+    """Linear solves and factorisations, and the time that these and assembly took."""
+
+    solves: int = 0
+    factorisations: int = 0
+    seconds: dict[str, float] = field(
+        default_factory=lambda: {"assembly": 0.0, "solve": 0.0}
+    )
+
+    def time(self, part: str, function: Callable, *args: Any) -> Any:
+        """Call the function and add its time to that part."""
+        start = perf_counter()
+        try:
+            return function(*args)
+        finally:
+            self.seconds[part] += perf_counter() - start
 
 
 class OneAtATime:

@@ -7,7 +7,8 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 
 from ...mesh.pattern import Pattern, matrix_of_slots
-from . import ChosenSolver, nested_dissection
+from .dissection import nested_dissection
+from .solver import SolverOfPattern
 
 
 class Fixing(Protocol):
@@ -51,7 +52,7 @@ class System:
     constraints
         What fixes the other unknowns.
     solver
-        Name of a linear solver, or ``auto``.
+        Makes the linear solver of their pattern.
 
     Attributes
     ----------
@@ -66,7 +67,7 @@ class System:
         pattern: Pattern,
         positions: ndarray,
         constraints: Fixing,
-        solver: str,
+        solver: SolverOfPattern,
     ) -> None:
         nodes = nested_dissection(positions, np.array([pattern.rows, pattern.cols]))
         d = pattern.dimension
@@ -86,7 +87,7 @@ class System:
         )
         turn = constraints.turn
         self._turn = None if turn is None else _Turn(pattern, turn)
-        self.solver = ChosenSolver(solver, _lower(self._upper))
+        self.solver = solver(_lower(self._upper))
 
     def reduced(self, blocks: ndarray) -> Reduced:
         """The blocks of a tangent as the free unknowns see it."""

@@ -15,7 +15,11 @@ from ....registration import SolverRegistration
 from ..solver import OneAtATime, SingularMatrixError, refuse_round_off
 from .superlu import SuperLU
 
+# Kinds of factors, as its option ``supernodal`` numbers them: LLᵀ and LDLᵀ.
 _SUPERNODAL, _SIMPLICIAL = 2, 0
+
+# Unknowns from which the time to import it is repaid, see ``docs/speed.md``.
+_REPAID_FROM = 500
 
 # The options of cvxopt are those of the whole process.
 _LOCK = Lock()
@@ -158,7 +162,7 @@ REGISTRATION = SolverRegistration(
     description="CHOLMOD of SuiteSparse",
     build=Cholmod,
     module="cvxopt.cholmod",
-    unknowns=500,
+    unknowns=_REPAID_FROM,
     rival=True,
     rank=1,
 )

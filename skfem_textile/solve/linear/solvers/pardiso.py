@@ -12,6 +12,7 @@ from ....registration import SolverRegistration
 from ..solver import OneAtATime, SingularMatrixError
 from .superlu import SuperLU
 
+# Types of matrices and phases, as its manual numbers them.
 _SYMMETRIC_INDEFINITE = -2
 _ANALYSE, _FACTORISE, _SOLVE = 11, 22, 33
 
@@ -19,7 +20,11 @@ _ANALYSE, _FACTORISE, _SOLVE = 11, 22, 33
 _OWN_PARAMETERS, _ORDER_GIVEN, _REFINEMENTS, _LEAST_PIVOT = 1, 5, 8, 10
 _PERTURBED, _NEGATIVE = 14, 23
 
-_ZERO_PIVOT = -4  # an error of its
+# Number of its error where a pivot vanishes.
+_ZERO_PIVOT = -4
+
+# Unknowns from which the time to import it is repaid, see ``docs/speed.md``.
+_REPAID_FROM = 20_000
 
 
 class Pardiso(OneAtATime):
@@ -131,7 +136,7 @@ REGISTRATION = SolverRegistration(
     description="MKL's PARDISO",
     build=Pardiso,
     module="pypardiso",
-    unknowns=20_000,
+    unknowns=_REPAID_FROM,
     rival=True,
     rank=2,
 )

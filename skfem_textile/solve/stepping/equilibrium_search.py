@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from .problem import Equilibrium, NoEquilibriumError, Problem, Start
-from .result import Iteration
-from .strategies import STRATEGIES, Strategy, balanced
-from .verdict import Trial
+from ..problem import Problem, Start
+from ..states import Equilibrium, Iteration, NoEquilibriumError
+from ..strategies import STRATEGIES, Strategy, balanced
+from ..verdict import Trial
 
 _AT_REST = (
     "less tension, compression or load at rest, loads that grow with the load factor, "
@@ -43,7 +43,7 @@ class Goal(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Search:
+class EquilibriumSearch:
     """Strategies, and what their states must stand.
 
     Attributes
@@ -76,7 +76,7 @@ class Search:
         for strategy in strategies:
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
-                    trial = self._found(strategy, goal)
+                    trial = self._trial_by(strategy, goal)
             except NoEquilibriumError as failure:
                 failures.setdefault(str(failure), failure)
             else:
@@ -88,17 +88,19 @@ class Search:
             advice if goal.load_factor else _AT_REST,
         )
 
-    def _found(self, strategy: Strategy, goal: Goal) -> Trial:
+    def _trial_by(self, strategy: Strategy, goal: Goal) -> Trial:
         """A state that one strategy finds.
 
         On the way to a state in which all corners are open none resists: it is shorter.
         """
         problem = self.problem.at(goal.load_factor)
         if strategy is self.strategies[0] and problem.ply.corners_open(goal.start.u):
-            found = self._balanced(problem.without_corners(), strategy, goal)
-            if problem.ply.corners_open(found.u):
-                return self._tried(problem, found, goal)
-        return self._tried(problem, self._balanced(problem, strategy, goal), goal)
+            open_corners = problem.without_corners()
+            equilibrium = self._balanced(open_corners, strategy, goal)
+            if problem.ply.corners_open(equilibrium.u):
+                return self._checked(problem, equilibrium, goal)
+        equilibrium = self._balanced(problem, strategy, goal)
+        return self._checked(problem, equilibrium, goal)
 
     def _balanced(
         self, problem: Problem, strategy: Strategy, goal: Goal
@@ -106,8 +108,8 @@ class Search:
         name = type(strategy).__name__.lower()
 
         def report(number: int, residual: float, tolerance: float) -> None:
-            at = goal.load_factor, goal.step
-            self.report(Iteration(*at, name, number, residual, tolerance))
+            place = goal.load_factor, goal.step
+            self.report(Iteration(*place, name, number, residual, tolerance))
 
         return balanced(
             problem,
@@ -118,12 +120,12 @@ class Search:
             report,
         )
 
-    def _tried(self, problem: Problem, found: Equilibrium, goal: Goal) -> Trial:
-        """The trial of an equilibrium."""
-        energies, potentials = problem.energies(found.u)
+    def _checked(self, problem: Problem, equilibrium: Equilibrium, goal: Goal) -> Trial:
+        """The trial of an equilibrium that passes every check."""
+        energies, potentials = problem.energies(equilibrium.u)
         rise = sum(energies.values()) - goal.energy
         start = goal.start if goal.step else None
-        trial = Trial(problem, found, start, rise, energies, potentials)
+        trial = Trial(problem, equilibrium, start, rise, energies, potentials)
         trial.apply_checks(self.warn_only)
         return trial
 

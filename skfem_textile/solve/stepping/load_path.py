@@ -14,22 +14,26 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from .result import State
+from ..states import State
 
 # Energies and reactions that differ by a smaller share are of one state.
-_SAME = 0.01
+_SAME_STATE = 0.01
 
 # Below this share of the energy no change of what a ply remembers is looked at.
-_NEGLIGIBLE = 5e-4
+_NEGLIGIBLE_DRIFT = 5e-4
 
 # Keeps a quotient finite, N·mm.
 _TINY = 1e-300
 
-# Altered tangents at most on the way of an easy step.
+# Altered tangents at most on the way of an easy step.  This number and those above are
+# chosen, not measured.
 _MOST_ALTERED = 2
 
 # How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.
 _PATH_HALVINGS = 6
+
+# Load factors that a warning names at most.
+_SHOWN = 5
 
 
 class StepEnd(NamedTuple):
@@ -68,13 +72,13 @@ class StepEnd(NamedTuple):
         force = np.abs([ours, theirs]).max()
         energy = max(abs(self.energy), abs(other.energy))
         return bool(
-            abs(self.energy - other.energy) <= _SAME * energy + other.energy_error
-            and np.abs(ours - theirs).max() <= _SAME * force + other.force_error
+            abs(self.energy - other.energy) <= _SAME_STATE * energy + other.energy_error
+            and np.abs(ours - theirs).max() <= _SAME_STATE * force + other.force_error
         )
 
 
 @dataclass
-class Path:
+class LoadPath:
     """The hard steps of a run, and how they ended.
 
     Attributes
@@ -105,7 +109,7 @@ class Path:
         return asdict(self)
 
     @classmethod
-    def of(cls, saved: Mapping[str, Any]) -> "Path":
+    def of(cls, saved: Mapping[str, Any]) -> "LoadPath":
         """The path that a checkpoint holds."""
         to_compare = [StepEnd(*past) for past in saved["to_compare"]]
         return cls(**{**saved, "to_compare": to_compare})
@@ -190,12 +194,12 @@ class Path:
         """
         if drift > 0 and rise:  # which may be without end, times nothing
             self.energy_error += 0.5 * drift * min(1.0, abs(rise) / max(held, _TINY))
-        if self.energy_error > _SAME * abs(sum(state.energies.values())):
+        if self.energy_error > _SAME_STATE * abs(sum(state.energies.values())):
             self._mark(state.load_factor)
 
     def matters(self, state: State, drift: float) -> bool:
         """Whether a change of what the ply remembers may change its reactions."""
-        return drift > _NEGLIGIBLE * abs(sum(state.energies.values()))
+        return drift > _NEGLIGIBLE_DRIFT * abs(sum(state.energies.values()))
 
     def settles(self, state: State, reactions: Mapping[str, ndarray]) -> None:
         """Mark a state whose reactions change with what the ply remembers of it."""
@@ -206,6 +210,17 @@ class Path:
     def _mark(self, t: float) -> None:
         if t not in self.unresolved:
             self.unresolved.append(t)
+
+    def warning(self) -> str:
+        """What to say of the load factors at which the path was not resolved."""
+        if not self.unresolved:
+            return ""
+        shown = ", ".join(f"{t:.4g}" for t in self.unresolved[:_SHOWN])
+        more = ", ..." if len(self.unresolved) > _SHOWN else ""
+        return (
+            f"the path was not resolved at load factor {shown}{more}: another number "
+            "of steps may lead to another equilibrium; compare with more steps"
+        )
 
     def until(self, goal: float) -> float:
         """The load factor that the next step must not pass."""

@@ -1,0 +1,136 @@
+"""Equilibria and states, as the parts of the solver hand them on."""
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+
+class NoEquilibriumError(Exception):
+    """An attempt at a load factor failed.
+
+    Attributes
+    ----------
+    elements
+        Numbers of the elements where it failed; empty where no one place is to blame.
+    advice
+        What to try.
+    """
+
+    def __init__(self, message: str, elements: Any = (), advice: str = "") -> None:
+        super().__init__(message)
+        self.elements = np.asarray(elements, dtype=int)
+        self.advice = advice
+
+
+class Equilibrium(NamedTuple):
+    """Where an iteration ended, and how it converged.
+
+    ``altered`` is the number of its tangents that had to be altered.
+    """
+
+    u: ndarray
+    f: ndarray
+    residuals: tuple[float, ...]
+    tolerance: float
+    altered: int = 0
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What was found of a state.
+
+    Attributes
+    ----------
+    negative_pivots
+        Negative eigenvalues of the consistent tangent; None where it is singular.
+    min_det_F
+        Smallest det F of the elements, at their nodes and at the ply's fine points: of
+        quadrilaterals the 2×2 points, of quadratic triangles six points.
+    max_fibre_strain
+        Largest magnitude of the fibre strain that the law of tension sees.
+    mesh_fibre_strain
+        Largest magnitude of the fibre strain at the fine points, most of which no law
+        sees: a measure of the mesh, not of what fibres carry.
+    work
+        Work of reactions and loads since the state before in N·mm (trapezoidal rule).
+    """
+
+    negative_pivots: int | None
+    min_det_F: float
+    max_fibre_strain: float
+    mesh_fibre_strain: float
+    work: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether every small motion costs energy."""
+        return self.negative_pivots == 0
+
+
+class Iteration(NamedTuple):
+    """What ``on_iteration`` is told: an iteration on the way to a load factor.
+
+    ``step`` is the length of the step, ``residual`` the largest free nodal force in N,
+    which must fall below ``tolerance``.
+    """
+
+    load_factor: float
+    step: float
+    strategy: str
+    number: int
+    residual: float
+    tolerance: float
+
+    def __str__(self) -> str:
+        return (
+            f"load factor {self.load_factor:g}, {self.strategy} {self.number}: "
+            f"{self.residual:.3g} N unbalanced, tolerance {self.tolerance:.3g} N"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A converged state.
+
+    Attributes
+    ----------
+    load_factor
+        Load factor t in [0, 1]; the first state of a run, t = 0, is the
+        undeformed ply.
+    u
+        Displacement, DOF vector of the ply's basis.
+    reactions
+        Force of the support on the ply in N, shape (2,), by condition: the sum
+        over its nodes of the internal forces less the loads.
+    displacements
+        Mean displacement of the nodes of the condition in mm, shape (2,), by condition.
+    energies
+        Energy in N·mm by term, those of loads aside.
+    linear_solves
+        Linear solves since the state before, those of abandoned attempts included.
+    residuals
+        Largest free nodal force in N after each iteration of the last attempt.
+    tolerance
+        What the last of them had to fall below.
+    verdict
+        What was found of the state: stability, folding, strain and work.
+    potentials
+        Potential of each load in N·mm.
+    """
+
+    load_factor: float
+    u: ndarray
+    reactions: dict[str, ndarray]
+    displacements: dict[str, ndarray]
+    energies: dict[str, float]
+    linear_solves: int
+    residuals: tuple[float, ...]
+    tolerance: float
+    verdict: Verdict
+    potentials: dict[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        stable = "stable" if self.verdict.stable else "not stable"
+        return f"<State at load factor {self.load_factor:g}, {stable}>"
