@@ -3,7 +3,19 @@
 from .cli import interruption as interruption  # isort: skip  # first: Ctrl-C
 
 from . import forms as forms
-from .fabric import Fabric, Law, Linear, Sin2
+from .fabric import (
+    Asymmetric,
+    CrimpToe,
+    Fabric,
+    Law,
+    Linear,
+    Locking,
+    Polynomial,
+    Pretensioned,
+    Sin2,
+    Tabulated,
+    TensionOnly,
+)
 from .forms import Forms, hourglass_rate, shear_continuity
 from .mesh.bases import (
     CENTRE,
@@ -38,9 +50,11 @@ __all__ = [
     "CENTRE",
     "GAUSS",
     "AccumulatedMoment",
+    "Asymmetric",
     "BodyForce",
     "CheckpointError",
     "Condition",
+    "CrimpToe",
     "Descent",
     "ElementQuad1Fluctuation",
     "Fabric",
@@ -56,6 +70,7 @@ __all__ = [
     "Linear",
     "Load",
     "LoadStepper",
+    "Locking",
     "Macro",
     "MacroBasis",
     "MatrixTerm",
@@ -66,11 +81,15 @@ __all__ = [
     "Newton",
     "OnePoint",
     "Ply",
+    "Polynomial",
+    "Pretensioned",
     "Quadratic",
     "Result",
     "Sin2",
     "State",
     "StepError",
+    "Tabulated",
+    "TensionOnly",
     "Term",
     "Traction",
     "VectorTerm",

@@ -119,9 +119,14 @@ class LawRegistration(Registration):
     ----------
     resists
         What it may be the law of.
+    suffix
+        Where it is read from a file, how the file's name ends: that name stands for the
+        law's own.  ``build`` then takes, beside the options, the ``path`` of the file
+        and what it is the law ``of``.
     """
 
     resists: tuple[Resistance, ...] = ("tension", "shear")
+    suffix: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +204,7 @@ def registered(package: str, kind: type[_Kind]) -> dict[str, _Kind]:
     return {one.name: one for one in ordered}
 
 
-def angle(name: str, default: float, help: str) -> Option:  # noqa: A002
+def angle(name: str, default: float | None, help: str) -> Option:  # noqa: A002
     """An option that is an angle in degrees."""
     return Option(name=name, help=help, default=default, read=_degrees, metavar="DEG")
 

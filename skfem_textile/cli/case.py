@@ -1,19 +1,28 @@
 """The case that the options of a run describe."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from skfem import Mesh
 
-from ..fabric import Fabric
+from ..fabric import Fabric, Law
 from ..fabric.laws import LAWS
+from ..fabric.laws.linear import STIFFNESS
+from ..mesh.user_input import printable
 from ..ply.formulations import FORMULATIONS
 from ..ply.loads import Force
 from ..ply.terms import Formulation
-from ..registration import Option, Registration, SceneRegistration
+from ..registration import (
+    LawRegistration,
+    Option,
+    Registration,
+    Resistance,
+    SceneRegistration,
+)
 from ..scenes.case import Case
 from ..solve.linear import SOLVERS
 from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY
@@ -21,9 +30,11 @@ from ..solve.strategies import STRATEGIES
 from ..solve.verdict import CHECKS
 from .mesh import mesh_options, scene_of
 
-# The shear laws, and what the names of their options begin with.
-_SHEAR_LAWS = {name: law for name, law in LAWS.items() if "shear" in law.resists}
-_OF_SHEAR = "shear-"
+# What the names of the options of tension and shear laws begin with.
+_PREFIXES: dict[Resistance, str] = {"tension": "fibre-", "shear": "shear-"}
+
+# Parameters whose default is another for tension.
+_OF_FIBRES = {STIFFNESS: replace(STIFFNESS, default=1e4, metavar="E")}
 
 _STEPPING = (
     Option(name="steps", help="load steps", default=20, read=int),
@@ -83,14 +94,10 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
         If they describe none.
     """
     scene, values = scene_of(values, FORMULATIONS.get(values["formulation"]))
-    shear = _chosen("shear-law", values["shear_law"], _SHEAR_LAWS, values, _OF_SHEAR)
-    try:
-        shear_law = shear()
-    except ValueError as error:
-        raise ValueError(f"shear {error}") from None
+    tension, shear = _law("tension", values), _law("shear", values)
     return Case(
         scene=scene,
-        fabric=Fabric(values["fibre_stiffness"], shear_law, scene.warp, scene.weft),
+        fabric=Fabric(tension, shear, scene.warp, scene.weft),
         loads=tuple(Force(name, scene.turn @ total) for name, total in values["force"]),
         formulation=_formulation(values, scene.mesh),
         steps=values["steps"],
@@ -124,16 +131,8 @@ def _formulation(values: Mapping[str, Any], mesh: Mesh) -> Formulation:
 
 def _fabric_options() -> tuple[Option, ...]:
     return (
-        Option(
-            name="fibre-stiffness", help="N/mm", default=1e4, read=float, metavar="E"
-        ),
-        Option(
-            name="shear-law",
-            help=_described(_SHEAR_LAWS),
-            default="linear",
-            choices=tuple(_SHEAR_LAWS),
-        ),
-        *_own_options(_SHEAR_LAWS, _OF_SHEAR),
+        *_law_options("tension"),
+        *_law_options("shear"),
         Option(
             name="force",
             help="a force in N in all, spread over a named boundary beside the "
@@ -144,6 +143,64 @@ def _fabric_options() -> tuple[Option, ...]:
             repeated=True,
         ),
     )
+
+
+def _laws(of: Resistance) -> dict[str, LawRegistration]:
+    """The laws of tension or of shear, by name."""
+    laws = {name: law for name, law in LAWS.items() if of in law.resists}
+    if of == "shear":
+        return laws
+    return {
+        name: replace(law, options=tuple(_OF_FIBRES.get(o, o) for o in law.options))
+        for name, law in laws.items()
+    }
+
+
+def _law_options(of: Resistance) -> tuple[Option, ...]:
+    laws = _laws(of)
+    law = Option(
+        name=f"{of}-law",
+        help=_described(laws),
+        default="linear",
+        read=partial(_law_word, of),
+        metavar="LAW",
+    )
+    return law, *_own_options(laws, _PREFIXES[of])
+
+
+def _law_name(of: Resistance, word: str) -> str | None:
+    """The name of the law that a word is, or that a file of this name has."""
+    laws, ends = _laws(of), word.lower().endswith
+    files = [law.name for law in laws.values() if law.suffix and ends(law.suffix)]
+    return files[0] if files else word if word in laws else None
+
+
+def _law_word(of: Resistance, word: str) -> str:
+    laws, name = _laws(of), _law_name(of, word)
+    if name is None:
+        raise ValueError(f"{word!r} is none of {', '.join(laws)}")
+    if laws[name].suffix and not Path(word).is_file():
+        raise ValueError(f"{word!r}: there is no such file")
+    return word
+
+
+def _law(of: Resistance, values: Mapping[str, Any]) -> Law:
+    """The law of tension or shear that is chosen."""
+    word, laws, prefix = values[f"{of}_law"], _laws(of), _PREFIXES[of]
+    name = _law_name(of, word) or word
+    build = _chosen(f"{of}-law", name, laws, values, prefix)
+    for option in laws[name].options:
+        if build.keywords[option.key] is None:
+            raise ValueError(f"--{of}-law {name} needs --{prefix}{option.name}")
+    if not laws[name].suffix:
+        try:
+            return build()
+        except ValueError as error:
+            raise ValueError(f"{of} {error}") from None
+    try:
+        return build(path=word, of=of)
+    except (ValueError, OSError) as error:
+        raise ValueError(f"--{of}-law {printable(error)}") from None
 
 
 def _described(among: Mapping[str, Registration]) -> str:
@@ -164,7 +221,7 @@ def _chosen(
     among: Mapping[str, Registration],
     values: Mapping[str, Any],
     prefix: str = "",
-) -> Callable[[], Any]:
+) -> partial[Any]:
     """What builds the one that an option names; refuses the options of others."""
     chosen = among[name]
     given: dict[str, Any] = {}

@@ -2,15 +2,30 @@
 
 from .fabric import Direction, Fabric, Family, unit_vectors
 from .law import Law, Linear, is_zero
+from .law_plot import plot_law
+from .laws.crimp_toe import CrimpToe
+from .laws.locking import Locking
+from .laws.one_sided import Asymmetric, TensionOnly
+from .laws.polynomial import Polynomial
+from .laws.pretensioned import Pretensioned
 from .laws.sin2 import Sin2
+from .laws.tabulated import Tabulated
 
 __all__ = [
+    "Asymmetric",
+    "CrimpToe",
     "Direction",
     "Fabric",
     "Family",
     "Law",
     "Linear",
+    "Locking",
+    "Polynomial",
+    "Pretensioned",
     "Sin2",
+    "Tabulated",
+    "TensionOnly",
     "is_zero",
+    "plot_law",
     "unit_vectors",
 ]

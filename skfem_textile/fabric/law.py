@@ -22,6 +22,9 @@ class Law(Protocol):
     state beyond it is an answer.  One that says nothing ends where its energy is not
     finite, such as past a pole; one that holds everywhere, ``(-inf, inf)``, saves the
     load stepper from asking.
+
+    A law may say by ``shown``, two arguments, where it is drawn, and how far it is
+    checked on a side on which its domain does not end.
     """
 
     def energy(self, x: ndarray) -> ndarray:

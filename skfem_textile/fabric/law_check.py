@@ -98,9 +98,11 @@ def _domain(name: str, law: Law, reach: float) -> tuple[float, float]:
         raise ValueError(
             f"{name} law: domain must be two numbers (low, high), got {stated!r}"
         ) from None
-    low = low if np.isfinite(low) else min(-reach, high - 2 * reach)
-    high = high if np.isfinite(high) else max(reach, low + 2 * reach)
-    return low, high
+    shown = getattr(law, "shown", None) or (-reach, reach)
+    return (
+        low if np.isfinite(low) else min(shown[0], high - 2 * reach),
+        high if np.isfinite(high) else max(shown[1], low + 2 * reach),
+    )
 
 
 def _ask(name: str, law: Law, x: ndarray, shape: tuple[int, ...]) -> _Asked:

@@ -40,8 +40,13 @@ class RegionalLaw:
         return RegionalLaw([law_at(law, element) for law in self.laws], region)
 
     def energy(self, x: ndarray) -> ndarray:
-        """Energy density of the law at each point."""
-        return self._chosen([law.energy(x) for law in self.laws])
+        """Energy density of the law at each point; each law is asked for its own.
+
+        Elsewhere it is asked at 0: a law may warn of an argument beyond its table.
+        """
+        own = (np.where(self.region == i, x, 0.0) for i in range(len(self.laws)))
+        pairs = zip(self.laws, own, strict=True)
+        return self._chosen([law.energy(at) for law, at in pairs])
 
     def value(self, x: ndarray) -> ndarray:
         """Its derivative."""

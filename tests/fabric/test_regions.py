@@ -17,8 +17,10 @@ from skfem_textile import (
     Ply,
     Quadratic,
     Sin2,
+    Tabulated,
     split,
 )
+from skfem_textile.fabric.regions import RegionalLaw
 from skfem_textile.scenes import bias_extension
 from skfem_textile.splitting import cut
 
@@ -35,6 +37,16 @@ def halves(mesh):
 def rectangle():
     mesh = MeshQuad.init_tensor(np.linspace(0, 10, 7), np.linspace(0, 8, 6))
     return halves(mesh.with_defaults())
+
+
+def test_a_table_is_not_told_of_the_arguments_of_other_regions(caplog):
+    table = Tabulated([0.0, 0.1], [0.0, 1.0], "linear")
+    law = RegionalLaw([table, Linear(3.0)], np.array([0, 1])).at()
+    energy = law.energy(np.array([[0.1], [0.5]]))
+    np.testing.assert_allclose(energy, [[0.05], [0.375]])
+    assert caplog.records == []
+    law.energy(np.array([[0.2], [0.5]]))
+    assert len(caplog.records) == 1
 
 
 PLIES = {

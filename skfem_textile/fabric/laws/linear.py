@@ -7,5 +7,8 @@ from ..law import Linear
 STIFFNESS = Option(name="stiffness", help="N/mm", default=0.0, read=float, metavar="G")
 
 REGISTRATION = LawRegistration(
-    name="linear", description="M_s = G gamma", build=Linear, options=(STIFFNESS,)
+    name="linear",
+    description="M_s = G gamma, or T = E eps",
+    build=Linear,
+    options=(STIFFNESS,),
 )

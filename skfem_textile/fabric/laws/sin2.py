@@ -1,17 +1,19 @@
 """The shear law of sin²Γ."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy import ndarray
 
-from ...registration import LawRegistration
+from ...registration import LawRegistration, Resistance
 from ..law import OneStiffness
+from ..law_plot import Drawn
 from .linear import STIFFNESS
 
 
 @dataclass(frozen=True)
-class Sin2(OneStiffness):
+class Sin2(OneStiffness, Drawn):
     """The shear law w = ½ G sin²Γ, M_s = ½ G sin 2Γ, convex up to 45°.
 
     Raises
@@ -19,6 +21,8 @@ class Sin2(OneStiffness):
     ValueError
         If the initial stiffness G is negative or not finite.
     """
+
+    of: ClassVar[Resistance] = "shear"
 
     def energy(self, x: ndarray) -> ndarray:
         """½ G sin²Γ."""

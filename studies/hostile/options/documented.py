@@ -87,6 +87,19 @@ def _folder(word: str) -> str:
 
 _CHECKS = ("stability", "folding", "strain", "work", "stabilisation", "corners")
 
+#: Parameters of laws that are not tried here: any but the default is refused.
+OF_OTHER_LAWS = {
+    "fibre-toe": Option(str, None),
+    "fibre-initial-stiffness": Option(str, None),
+    "fibre-extrapolation": Option(one_of("refuse", "linear"), "refuse"),
+    "fibre-continuation": Option(one_of("none", "odd"), "none"),
+    "shear-extrapolation": Option(one_of("refuse", "linear"), "refuse"),
+    "shear-continuation": Option(one_of("none", "odd"), "none"),
+    "shear-locking-angle": Option(str, None),
+    "shear-coefficients": Option(str, None),
+    "shear-variable": Option(one_of("angle", "sine"), "angle"),
+}
+
 _LOADED = {
     "out": Option(_folder, None),
     "no-render": Option(str, False, "0"),
@@ -104,6 +117,8 @@ _LOADED = {
     "fibre-stiffness": Option(float, 1e4),
     "shear-stiffness": Option(float, 0.0),
     "shear-law": Option(one_of("linear", "sin2"), "linear"),
+    "tension-law": Option(one_of("linear"), "linear"),
+    **OF_OTHER_LAWS,
     "force": Option(_force, [], "", "all"),
     "rotate": Option(_degrees, 0.0),
     "steps": Option(int, 20),

@@ -14,9 +14,13 @@ _SIDE = 100.0
 
 
 def fibres(line: RunLine) -> ndarray:
-    """Inclinations of warp and weft in radians, before the scene is turned."""
+    """Inclinations of warp and weft in radians, before the scene is turned.
+
+    Those of a bias extension are inclinations of lines, between 0 and 180 degrees.
+    """
     v = line.values
-    return np.radians([v.get("warp", 0.0), v.get("weft", 90.0)])
+    degrees = np.array([v.get("warp", 0.0), v.get("weft", 90.0)])
+    return np.radians(degrees % 180 if line.scene == "bias_extension" else degrees)
 
 
 def sides(line: RunLine) -> tuple[float, float]:

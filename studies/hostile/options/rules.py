@@ -5,7 +5,7 @@ from math import isfinite, pi, radians, sin, tan
 from pathlib import Path
 from typing import Any
 
-from .documented import JITTER, KINDS, SEED, UNNAMED, UnreadableError
+from .documented import JITTER, KINDS, OF_OTHER_LAWS, SEED, UNNAMED, UnreadableError
 from .reader import RunLine
 
 #: Stiffnesses, in N/mm, beyond which products of them may overflow, or underflow.
@@ -26,6 +26,8 @@ def refuse_contradictions(line: RunLine) -> None:
         raise UnreadableError("a folder stands where a file goes")
     _refuse_mesh(line)
     _refuse_numbers(values)
+    if any(values[name] != one.default for name, one in OF_OTHER_LAWS.items()):
+        raise UnreadableError("a parameter of another law")
     _refuse_formulation(values)
     _refuse_checkpoint(values)
     _refuse_edges(values)

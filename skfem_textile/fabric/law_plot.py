@@ -1,0 +1,94 @@
+"""Curves of laws, drawn with matplotlib."""
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..registration import Resistance
+from .law import Law, domain_of
+
+# Arguments up to which a law is drawn that does not tell: fibre strain, and radians.
+_STRAIN, _ANGLE = 0.02, np.radians(60.0)
+
+_N_POINTS = 401
+
+# What an axis shows, and the units of the argument's in radians or as a strain.
+_AXES: dict[Resistance | None, tuple[str, str, float]] = {
+    "tension": ("fibre strain ε (-)", "tension T (N/mm)", 1.0),
+    "shear": ("shear angle Γ (deg)", "shear moment (N mm/mm²)", 180.0 / np.pi),
+    None: (
+        "fibre strain (-) or shear angle (rad)",
+        "tension or shear moment (N/mm)",
+        1.0,
+    ),
+}
+
+
+class Drawn:
+    """A law that can be drawn.
+
+    Attributes
+    ----------
+    of
+        What it is the law of; None if it may be either.
+    shown
+        Least and largest argument at which it is drawn; None to leave that open.  Where
+        the law has no end, `check_laws` asks it no further.
+    """
+
+    of: ClassVar[Resistance | None] = None
+
+    @property
+    def shown(self) -> tuple[float, float] | None:
+        """Least and largest argument at which the law is drawn, if it tells."""
+        return None
+
+    def plot(self: Law, axes: Any = None, of: Resistance | None = None) -> Any:
+        """Draw the law; see `plot_law`."""
+        return plot_law(self, axes, of)
+
+
+def plot_law(law: Law, axes: Any = None, of: Resistance | None = None) -> Any:
+    """Draw the value of a law against its argument, with units.
+
+    Parameters
+    ----------
+    law
+        Any law; the points of a table are drawn too.
+    axes
+        Where to draw; axes of a new figure of pyplot if not given.
+    of
+        Whether it is a law of ``tension`` or ``shear``, where the law does not tell.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes.
+    """
+    if axes is None:
+        from matplotlib import pyplot
+
+        axes = pyplot.subplots(layout="constrained")[1]
+    of = of or getattr(law, "of", None)
+    x_label, y_label, unit = _AXES[of]
+    low, high = _ends(law, _STRAIN if of == "tension" else _ANGLE)
+    x = np.linspace(low, high, _N_POINTS)
+    with np.errstate(all="ignore"):  # a gap is drawn where it is not finite
+        (line,) = axes.plot(unit * x, law.value(x))
+    points = getattr(law, "points", None)
+    if points is not None:
+        axes.plot(unit * points[0], points[1], "o", color=line.get_color())
+    axes.set(xlabel=x_label, ylabel=y_label)
+    axes.grid(alpha=0.3)
+    return axes
+
+
+def _ends(law: Law, reach: float) -> tuple[float, float]:
+    """Where to draw a law: where it tells, or its domain as far as that is finite."""
+    shown = getattr(law, "shown", None)
+    if shown is not None:
+        return shown
+    low, high = domain_of(law)
+    low = low if np.isfinite(low) else min(-reach, high - 2 * reach)
+    high = high if np.isfinite(high) else max(reach, low + 2 * reach)
+    return low, high

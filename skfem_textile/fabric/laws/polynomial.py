@@ -1,0 +1,135 @@
+"""A law that is a polynomial in its argument or in the argument's sine."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy import ndarray
+from numpy.polynomial.polynomial import polyval
+
+from ...registration import LawRegistration, Option
+from ..law_plot import Drawn
+
+#: What a law is for negative arguments, if it is given for positive ones.
+CONTINUATION = Option(
+    name="continuation",
+    help="odd: given for arguments >= 0, with the sign of the value turned below",
+    default="none",
+    choices=("none", "odd"),
+)
+
+
+@dataclass(frozen=True)
+class Polynomial(Drawn):
+    """The law c₁ s + c₂ s² + ... of s = x, or of s = sin x.
+
+    Parameters
+    ----------
+    coefficients
+        c₁, c₂, ... in N/mm.
+    sine
+        Whether it is a polynomial in the sine of the argument.
+    odd
+        Whether it holds for arguments >= 0, and for negative ones with the sign of the
+        value turned; as is meant of even powers in a fit to a shear test.
+
+    Raises
+    ------
+    ValueError
+        If there is no coefficient, or one is not finite.
+
+    Examples
+    --------
+    >>> law = Polynomial((0.1, 0.0, 0.6))
+    >>> law.value(np.array([0.5]))
+    array([0.125])
+    """
+
+    coefficients: Sequence[float]
+    sine: bool = False
+    odd: bool = False
+    domain: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
+
+    def __post_init__(self) -> None:
+        try:
+            own = tuple(float(one) for one in self.coefficients)
+        except (TypeError, ValueError):
+            own = ()
+        if not (own and np.isfinite(own).all()):
+            raise ValueError(
+                f"coefficients must be finite numbers, got {self.coefficients!r}"
+            )
+        object.__setattr__(self, "coefficients", own)
+        object.__setattr__(self, "sine", bool(self.sine))
+        object.__setattr__(self, "odd", bool(self.odd))
+
+    def energy(self, x: ndarray) -> ndarray:
+        """The integral of the value from 0."""
+        a = self._side(x)[0]
+        if self.sine:
+            powers = _integrals(a, len(self.coefficients))
+            return sum(
+                (c * own for c, own in zip(self.coefficients, powers, strict=True)),
+                np.zeros(np.shape(x)),
+            )
+        return polyval(a, [0, 0, *(c / k for k, c in enumerate(self.coefficients, 2))])
+
+    def value(self, x: ndarray) -> ndarray:
+        """The polynomial."""
+        a, sign = self._side(x)
+        return sign * polyval(np.sin(a) if self.sine else a, [0, *self.coefficients])
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """Its derivative."""
+        a = self._side(x)[0]
+        own = [k * c for k, c in enumerate(self.coefficients, 1)]
+        return polyval(np.sin(a), own) * np.cos(a) if self.sine else polyval(a, own)
+
+    def _side(self, x: ndarray) -> tuple[ndarray, ndarray | float]:
+        """The argument at which the polynomial is taken, and the sign of its value."""
+        x = np.asarray(x, dtype=float)
+        return (np.abs(x), np.sign(x)) if self.odd else (x, 1.0)
+
+
+def _integrals(x: ndarray, n: int) -> list[ndarray]:
+    """∫ sinᵏ from 0 to x for k = 1 to n: by parts, from that of k − 2."""
+    s, c = np.sin(x), np.cos(x)
+    found = [x, 2 * np.sin(x / 2) ** 2]
+    for k in range(2, n + 1):
+        found.append(((k - 1) * found[k - 2] - s ** (k - 1) * c) / k)
+    return found[1 : n + 1]
+
+
+def _of_words(
+    coefficients: tuple[float, ...], variable: str, continuation: str
+) -> Polynomial:
+    return Polynomial(coefficients, variable == "sine", continuation == "odd")
+
+
+def _numbers(word: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(one) for one in word.split(","))
+    except ValueError:
+        raise ValueError(f"{word!r} is not like 0.5,0,1.2") from None
+
+
+REGISTRATION = LawRegistration(
+    name="polynomial",
+    description="M_s = c1 s + c2 s^2 + ..., s = gamma or sin gamma",
+    build=_of_words,
+    options=(
+        Option(
+            name="coefficients", help="c1, c2, ... in N/mm", read=_numbers, metavar="C"
+        ),
+        Option(
+            name="variable",
+            help="s of the polynomial: the angle in radians or its sine",
+            default="angle",
+            choices=("angle", "sine"),
+        ),
+        CONTINUATION,
+    ),
+    resists=("shear",),
+    rank=1,
+)

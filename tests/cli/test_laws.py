@@ -1,0 +1,141 @@
+"""Laws of the command line: by name with their parameters, and from CSV files."""
+
+import json
+
+import pytest
+from command_line import QUICK, refused, run
+
+SHEAR = "shear angle (deg),moment (N mm/mm2)\n"
+TENSION = "fibre strain (-),tension (N/mm)\n"
+
+
+def summary(tmp_path, *arguments):
+    assert run(tmp_path, *QUICK, *arguments) == 0
+    return json.loads((tmp_path / "out" / "summary.json").read_text())
+
+
+def written(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    return str(tmp_path / name)
+
+
+def test_tables_of_linear_laws_give_the_answer_of_the_linear_laws(tmp_path):
+    """The strip reaches 62.5 degrees; reactions to 1e-9."""
+    linear = summary(tmp_path, "--shear-stiffness", "0.5", "--fibre-stiffness", "2e3")
+    radian = 57.29577951308232
+    angles = "".join(f"{n * radian / 4!r},{n / 8}\n" for n in range(8))
+    strains = "".join(f"{n / 10},{200 * n}\n" for n in range(-5, 6))
+    laws = (
+        *("--shear-law", written(tmp_path, "shear.csv", SHEAR + angles)),
+        *("--shear-continuation", "odd"),
+        *("--tension-law", written(tmp_path, "tension.CSV", TENSION + strains)),
+    )
+    found = summary(tmp_path, *laws)
+    assert found["inputs"]["shear_law"] == laws[1]
+    for key in ("energy", "reaction_x", "reaction_y", "max_fibre_tension"):
+        assert found[key] == pytest.approx(linear[key], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        ("--shear-law", "polynomial", "--shear-coefficients", "0.5"),
+        (
+            *("--shear-law", "polynomial", "--shear-coefficients", "0.5,0.0"),
+            *("--shear-continuation", "odd"),
+        ),
+        (
+            *("--shear-law", "locking", "--shear-stiffness", "0.5"),
+            *("--shear-locking-angle", "36000"),
+        ),
+    ],
+)
+def test_a_law_by_name_takes_its_parameters(tmp_path, law):
+    """Each comes close to the linear law."""
+    linear = summary(tmp_path, "--shear-stiffness", "0.5")
+    found = summary(tmp_path, *law)
+    assert found["energy"] == pytest.approx(linear["energy"], rel=1e-3)
+
+
+def test_a_sine_is_another_variable_and_a_toe_another_tension(tmp_path):
+    sine = ("--shear-law", "polynomial", "--shear-coefficients", "0.5")
+    energies = [
+        summary(tmp_path, *sine, *more)["shear_energy"]
+        for more in ((), ("--shear-variable", "sine"))
+    ]
+    assert energies[1] < 0.96 * energies[0]
+    toe = ("--fibre-toe", "0.004", "--fibre-initial-stiffness", "100")
+    crimped = ("--tension-law", "crimp-toe", *toe)
+    strains = [
+        summary(tmp_path, "--shear-stiffness", "0.5", *more)["max_fibre_strain"]
+        for more in ((), crimped)
+    ]
+    assert strains[1] > 1.5 * strains[0]
+
+
+def test_a_run_beyond_its_table_goes_on_with_one_warning_if_asked(tmp_path, capsys):
+    file = written(tmp_path, "law.csv", SHEAR + "0,0\n20,0.2\n40,0.5\n")
+    law = ("--shear-law", file, "--shear-continuation", "odd")
+    assert run(tmp_path, *QUICK, *law, "--shear-extrapolation", "linear") == 0
+    said = capsys.readouterr().err
+    assert said.count("extrapolated in a straight line") == 1
+
+
+def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
+    folder = str(tmp_path / "c")
+    file = written(tmp_path, "law.csv", SHEAR + "0,0\n90,1\n")
+    law = ("--shear-law", file, "--shear-continuation", "odd")
+    assert run(tmp_path, *QUICK, *law, "--checkpoint", folder) == 0
+    assert run(tmp_path, *QUICK, *law, "--resume", folder) == 0
+    written(tmp_path, "law.csv", SHEAR + "0,0\n90,1.01\n")
+    capsys.readouterr()
+    command = ("run", "strip", "--out", str(tmp_path / "new"), *QUICK, *law)
+    said = refused(capsys, *command, "--resume", folder)
+    assert "is of another run: shear law was Tabulated(" in said
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            ("--shear-law", "sin"),
+            "--shear-law: 'sin' is none of linear, sin2, FILE.csv",
+        ),
+        (("--shear-law", "no.csv"), "--shear-law: 'no.csv': there is no such file"),
+        (("--shear-law", "FILE.csv"), "'FILE.csv': there is no such file"),
+        (("--tension-law", "sin2"), "'sin2' is none of linear, FILE.csv, crimp-toe"),
+        (("--shear-law", "locking"), "locking needs --shear-locking-angle"),
+        (("--tension-law", "crimp-toe"), "crimp-toe needs --fibre-toe"),
+        (
+            ("--shear-law", "locking", "--shear-locking-angle", "60"),
+            "shear stiffness must be a finite number > 0, got 0.0",
+        ),
+        (
+            ("--shear-law", "polynomial", "--shear-coefficients", "1,a"),
+            "'1,a' is not like 0.5,0,1.2",
+        ),
+        (
+            ("--shear-law", "sin2", "--shear-locking-angle", "60"),
+            "--shear-locking-angle goes with --shear-law locking",
+        ),
+        (
+            ("--fibre-extrapolation", "linear"),
+            "--fibre-extrapolation goes with --tension-law FILE.csv",
+        ),
+    ],
+)
+def test_laws_that_nobody_can_mean_are_refused(tmp_path, capsys, options, message):
+    out = ("--out", str(tmp_path / "out"))
+    assert message in refused(capsys, "run", "strip", *QUICK, *out, *options)
+
+
+def test_a_file_that_is_no_table_of_the_law_is_refused(tmp_path, capsys):
+    out = ("--out", str(tmp_path / "out"))
+    file = written(tmp_path, "law.csv", TENSION + "0,0\n0.2,1\n0.1,2\n")
+    said = refused(capsys, "run", "strip", *QUICK, *out, "--tension-law", file)
+    assert "law.csv, row 4: 0.1 comes after 0.2" in said
+    said = refused(capsys, "run", "strip", *QUICK, *out, "--shear-law", file)
+    assert "law.csv, row 1: the header must be like 'shear angle (deg)" in said
+    more = ("--tension-law", file, "--fibre-stiffness", "3")
+    said = refused(capsys, "run", "strip", *QUICK, *out, *more)
+    assert "--fibre-stiffness goes with --tension-law linear or crimp-toe" in said

@@ -1,0 +1,71 @@
+"""CSV files of measured laws: what is read, and what is refused in one line."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import Tabulated
+
+
+def written(tmp_path, text):
+    file = tmp_path / "law.csv"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return file
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "values"),
+    [
+        ("shear angle (deg),moment (N mm/mm2)\n0,0\n90,1\n", [0, np.pi / 2], [0, 1]),
+        ("Shear Angle (rad), shear moment ( N/mm )\n0,0\n1,1", [0, 1], [0, 1]),
+        (
+            "\ufeffshear angle (°),moment (N·mm/mm²)\r\n0,0\r\n\r\n180,2",
+            [0, np.pi],
+            [0, 2],
+        ),
+        ("fibre strain (-),tension (N/mm)\n-0.1,-1\n1e-2,2\n", [-0.1, 0.01], [-1, 2]),
+        ("fibre strain (%),tension (kN/m)\n 0 , 0 \n2,5\n", [0, 0.02], [0, 5]),
+    ],
+)
+def test_the_header_tells_the_units(tmp_path, text, arguments, values):
+    law = Tabulated.from_csv(written(tmp_path, text))
+    np.testing.assert_allclose(law.arguments, arguments)
+    np.testing.assert_allclose(law.values, values)
+
+
+SHEAR = "shear angle (deg),moment (N mm/mm2)\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "law.csv: the file is empty"),
+        (b"\xff\xfe", "law.csv: no CSV file in UTF-8"),
+        ("0,0\n1,1\n", "row 1: the header must be like 'shear angle .*, got '0,0'"),
+        ("shear angle,moment\n0,0\n1,1", "row 1: the header must be like"),
+        ("shear angle (grad),moment (N/mm)\n0,0\n1,1", "row 1: the header must be"),
+        ("shear angle (deg),tension (N/mm)\n0,0\n1,1", "row 1: the header must be"),
+        ("shear angle (deg);moment (N/mm)\n0;0\n1;1", "row 1: the header must be like"),
+        (SHEAR, "law.csv, a table needs at least two points, got 0"),
+        (SHEAR + "0,0\n", "a table needs at least two points, got 1"),
+        (SHEAR + "0,0\n1;1\n", "row 3: '1;1' is not two numbers"),
+        (SHEAR + "0,0\n1,1,1\n", "row 3: '1,1,1' is not two numbers"),
+        (SHEAR + "0,0\n1,x\n", "row 3: '1,x' is not two numbers"),
+        (SHEAR + "0,0\n\n1,inf\n", "row 4: 1, inf are not finite numbers"),
+        (SHEAR + "0,0\n\n2,1\n1,2", "row 5: 1 comes after 2; the first column must"),
+        (
+            SHEAR + "1,0\n2,1\n",
+            "law.csv: the table goes from 0.0174533 to .* leaves",
+        ),
+    ],
+)
+def test_what_is_no_table_is_refused_by_file_and_row(tmp_path, text, message):
+    with pytest.raises(ValueError, match=message) as refusal:
+        Tabulated.from_csv(written(tmp_path, text))
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_table_of_the_other_kind_is_refused(tmp_path):
+    file = written(tmp_path, SHEAR + "0,0\n1,1\n")
+    assert Tabulated.from_csv(file, of="shear").values == (0.0, 1.0)
+    with pytest.raises(ValueError, match=r"must be like 'fibre strain \(-\),tension"):
+        Tabulated.from_csv(file, of="tension")
