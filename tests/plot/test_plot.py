@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
-from skfem_textile.plot import offscreen
 from skfem_textile.scenes import strip
 
 pv = pytest.importorskip("pyvista")
+pytest.importorskip("matplotlib")
 imageio = pytest.importorskip("imageio.v2")
 plot = pytest.importorskip("skfem_textile.plot")
+offscreen = pytest.importorskip("skfem_textile.plot.offscreen")
 curves = pytest.importorskip("skfem_textile.plot.curves").curves
 
 
