@@ -1,5 +1,6 @@
 """What several tests need: distorted meshes and arbitrary states."""
 
+from importlib.util import find_spec
 from itertools import pairwise
 
 import numpy as np
@@ -60,6 +61,11 @@ def wobble(ply, seed: int, amplitude: float | None = None) -> np.ndarray:
         amplitude = 0.015 if isinstance(ply.formulation, Quadratic) else 0.05
     rng = np.random.default_rng(seed)
     return amplitude * rng.standard_normal(ply.basis.N)
+
+
+def drawn_here(study):
+    """The pictures of a study, none where the packages that draw are missing."""
+    return study.pictures if find_spec("matplotlib") and find_spec("pyvista") else ()
 
 
 def derivative(function, x, direction, step=1e-5):

@@ -10,13 +10,16 @@ from skfem_textile.scenes import strip
 
 
 @pytest.fixture(scope="module")
-def both_kinds():
+def in_more_and_more_steps():
+    """Summaries of the strip in 5, 10 and 20 steps, by kind of stabilisation."""
     scene = strip("irregular", (10, 15), 0.3, 1)
-    summaries = []
+    summaries = {}
     for kind in ("energy", "rate"):
         ply = Ply(scene.mesh, Fabric(1e4), OnePoint(10.0, kind))
-        result = LoadStepper(ply, scene.conditions, steps=40).run()
-        summaries.append(scene.summary(result))
+        summaries[kind] = [
+            scene.summary(LoadStepper(ply, scene.conditions, steps).run())
+            for steps in (5, 10, 20)
+        ]
     return summaries
 
 
@@ -31,18 +34,22 @@ def both_kinds():
         "shear_angle_error_rms_deg",
     ],
 )
-def test_rates_and_energy_agree_on_the_strip(both_kinds, key):
-    energy, rate = both_kinds
+def test_rates_and_energy_agree_on_the_strip(in_more_and_more_steps, key):
+    energy, rate = (runs[-1] for runs in in_more_and_more_steps.values())
     assert rate[key] == pytest.approx(energy[key], rel=0.05)
     assert rate[key] != energy[key]
 
 
-def test_the_work_of_the_rates_is_reported(both_kinds):
-    energy, rate = both_kinds
-    assert rate["stabilisation_energy"] == pytest.approx(
-        energy["stabilisation_energy"], rel=0.5
+def test_the_work_of_the_rates_converges_with_the_steps(in_more_and_more_steps):
+    """Of first order, to a fifth more than the energy: it depends on the path."""
+    energy, work = (
+        [summary["stabilisation_energy"] for summary in runs]
+        for runs in in_more_and_more_steps.values()
     )
-    assert rate["stabilisation_energy"] > 0
+    assert energy == pytest.approx([energy[-1]] * 3, rel=1e-9)
+    few, many = np.diff(work)
+    assert few / many == pytest.approx(2.0, rel=0.1)
+    assert extrapolated(work) == pytest.approx(1.205 * energy[-1], rel=0.005)
 
 
 def sheared_while_turning(ply, steps, angle):
@@ -70,7 +77,7 @@ def test_a_rotation_superposed_on_the_loading_changes_nothing_in_the_limit():
     """Differences vanish as 1/steps; what is left of them in the limit is nothing."""
     ply = Ply(distorted(3, jitter=0.25), Fabric(1e4), OnePoint(2.0, "rate"))
     differences = []
-    for steps in (50, 100, 200, 400):
+    for steps in (25, 50, 100, 200):
         plain, turned = (sheared_while_turning(ply, steps, a) for a in (0.0, 2.0))
         differences.append((turned - plain) / np.abs(plain).max())
     sizes = [np.abs(d).max() for d in differences]
@@ -102,12 +109,12 @@ def loaded_while_turning(steps, angle):
 
 def test_the_load_on_a_ply_that_turns_while_it_is_loaded_is_unchanged_in_the_limit():
     differences = []
-    for steps in (20, 40, 80, 160):
+    for steps in (4, 8, 16, 32):
         plain, turned = (loaded_while_turning(steps, a) for a in (0.0, 1.0))
         differences.append((turned - plain) / np.linalg.norm(plain))
-    sizes = [np.abs(d).max() for d in differences]
-    assert sizes == sorted(sizes, reverse=True)
-    assert np.abs(extrapolated(differences)).max() < 1e-6
+    sizes = np.array([np.abs(d).max() for d in differences])
+    np.testing.assert_allclose(sizes[:-1] / sizes[1:], 2.0, rtol=0.15)
+    assert np.abs(extrapolated(differences)).max() < 0.01 * sizes[-1]
 
 
 def test_the_memory_keeps_its_own_copy():

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
-from skfem_textile.plot import offscreen
 from skfem_textile.scenes import strip
 
 pv = pytest.importorskip("pyvista")
+matplotlib = pytest.importorskip("matplotlib")
 imageio = pytest.importorskip("imageio.v2")
 plot = pytest.importorskip("skfem_textile.plot")
+offscreen = pytest.importorskip("skfem_textile.plot.offscreen")
 curves = pytest.importorskip("skfem_textile.plot.curves").curves
+COLOURS = pytest.importorskip("skfem_textile.plot.curves").COLOURS
 
 
 @pytest.fixture(scope="module")
@@ -41,11 +43,37 @@ def test_fibre_strain_is_drawn_on_one_symmetric_scale(results, tmp_path):
     ((low, high),) = limits(plotter)
     assert low == -high
     assert largest <= high < 2 * largest
-    image = pv.read(file)
-    assert image.dimensions[0] > 600
+    assert pv.read(file).dimensions[0] > 600
     assert [p.name for p in tmp_path.iterdir()] == ["strain.png"]
-    colours = np.unique(image.point_data.active_scalars, axis=0)
-    assert len(colours) > 20
+
+
+def colours_at(plotter, panel, points):
+    """Colours in a panel of a picture at points in the plane of the ply."""
+    image, renderer = plotter.screenshot(return_img=True), plotter.renderers[panel]
+    found = []
+    for x, y in points.T:
+        renderer.SetWorldPoint(x, y, 0.0, 1.0)
+        renderer.WorldToDisplay()
+        column, row, _ = np.floor(renderer.GetDisplayPoint()).astype(int)
+        found.append(image[-1 - row, column])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("drawn", ["fibre_strain", "shear_angle"])
+def test_every_element_has_the_colour_of_its_value(results, drawn):
+    """Within 3 of 255: a scale has 256 colours, and neighbours differ by less."""
+    ply, u = results[1].ply, results[1].u
+    plotter = getattr(plot, drawn)(results[1])
+    ((low, high),) = limits(plotter)
+    value, scale = {
+        "fibre_strain": (100 * ply.fibre_strain(u)[0], "RdBu_r"),
+        "shear_angle": (np.degrees(ply.shear_angle(u)), "viridis"),
+    }[drawn]
+    share = (value.mean(axis=-1) - low) / (high - low)
+    centres = (ply.mesh.p + ply.nodal(u))[:, ply.mesh.t].mean(axis=1)
+    expected = 255 * matplotlib.colormaps[scale](share)[:, :3]
+    np.testing.assert_allclose(colours_at(plotter, 0, centres), expected, atol=3.0)
+    assert np.ptp(expected, axis=0).max() > 50  # it tells one scale from another
 
 
 def test_shear_angle_is_drawn_in_degrees(results):
@@ -137,7 +165,12 @@ def test_load_curves_carry_their_labels(tmp_path):
     (legend,) = figure.legends
     assert [t.get_text() for t in legend.get_texts()] == list(lines)
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("mm", "N")
-    assert (tmp_path / "load.png").stat().st_size > 1000
+    pixels = pv.read(tmp_path / "load.png").point_data.active_scalars[:, :3]
+    for line, colour in zip(axes.lines, COLOURS, strict=False):
+        assert line.get_color() == colour
+        drawn = 255 * np.array(matplotlib.colors.to_rgb(colour))
+        assert np.sum(np.abs(pixels - drawn).max(axis=1) < 2) > 500
+    assert [line.get_ydata().tolist() for line in axes.lines] == [[0, 2], [0, 3]]
 
 
 def test_titles_must_match(results):

@@ -224,11 +224,14 @@ def full_after(number, savez):
     return full
 
 
-def test_a_run_killed_at_any_moment_is_resumed(tmp_path):
-    """Killed without warning at 20 random moments between the first and last state."""
+@pytest.mark.parametrize(
+    ("steps", "kills"), [(12, 2), pytest.param(40, 20, marks=pytest.mark.long)]
+)
+def test_a_run_killed_at_any_moment_is_resumed(tmp_path, steps, kills):
+    """Killed without warning, at random between the first state and the last."""
     rng = np.random.default_rng(0)
     command = [sys.executable, "-m", "skfem_textile", "run", "strip", "--no-render"]
-    command += ["--size", "4x6", "--steps", "40", "--cs", "1"]
+    command += ["--size", "4x6", "--steps", str(steps), "--cs", "1"]
     command += ["--stabilisation", "rate", "-v"]
 
     def go(out, *options, kill_at=None):
@@ -250,9 +253,9 @@ def test_a_run_killed_at_any_moment_is_resumed(tmp_path):
 
     assert go(tmp_path / "whole")[0] == 0
     history = (tmp_path / "whole" / "history.csv").read_text()
-    for i in range(20):
+    for i in range(kills):
         out = tmp_path / f"out{i}"
-        code, _ = go(out, "--checkpoint", kill_at=rng.integers(1, 36))
+        code, _ = go(out, "--checkpoint", kill_at=rng.integers(1, steps - 3))
         assert code == -signal.SIGKILL
         assert not (out / "history.csv").exists()
         code, log = go(out, "--resume")

@@ -3,6 +3,7 @@ import json
 
 import numpy as np
 import pytest
+from helpers import drawn_here
 
 from skfem_textile import LoadStepper, Macro, OnePoint, Ply, Quadratic
 from studies.__main__ import main
@@ -90,8 +91,16 @@ def test_the_figure_has_a_panel_for_every_error(tmp_path):
     curves = tables.curves(ROWS)
     assert len(curves) == 4
     assert curves["Position error (mm)"]["other", "P2"][0] == [1.5, 8.0]
+    figures = pytest.importorskip("studies.error_time.figure")
+    figure = figures.work_precision(curves)
+    assert [axes.get_ylabel() for axes in figure.axes] == list(curves)
+    for axes, lines in zip(figure.axes, curves.values(), strict=True):
+        for drawn, (seconds, error) in zip(
+            axes.lines[1::2], lines.values(), strict=True
+        ):
+            np.testing.assert_array_equal(drawn.get_xydata().T, [seconds, error])
     STUDY.draw(ROWS, tmp_path)
-    assert (tmp_path / "error_time.png").stat().st_size > 10_000
+    assert (tmp_path / "error_time.png").read_bytes()[1:4] == b"PNG"
 
 
 def test_every_formulation_and_every_required_rival_takes_part():
@@ -217,7 +226,7 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     out = tmp_path / "out"
     assert main(["error_time", "--scene", "strip", "--out", str(out)]) == 0
     names = {path.name for path in out.iterdir()}
-    assert names == {*STUDY.files, *STUDY.pictures}
+    assert names == {*STUDY.files, *drawn_here(STUDY)}
     summary = json.loads((out / "summary.json").read_text())
     why = "skipped, not installed: scikit-fem-native"
     assert summary["skipped"] == {"scikit-fem-native, Q4, 2×2": why}

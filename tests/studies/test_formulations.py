@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from helpers import drawn_here
 
 from skfem_textile import Full, LoadStepper, Macro, OnePoint, Ply, Quadratic
 from studies.__main__ import main
@@ -148,7 +149,7 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     out = tmp_path / "out"
     assert main(["formulations", "--out", str(out)]) == 0
     names = {p.name for p in out.iterdir()}
-    assert names == {*STUDY.files, *STUDY.pictures}
+    assert names == {*STUDY.files, *drawn_here(STUDY)}
     summary = json.loads((out / "summary.json").read_text())
     assert summary["cases"] == len(some)
     assert 0 < summary["triangulations"]["largest_load_over_E"] < 1e-5

@@ -66,8 +66,15 @@ def started(*words, **options):
     )
 
 
-def test_no_hostile_input_ends_badly(tmp_path):
-    options = "--short", "--workers", "2", "--out", str(tmp_path)
+@pytest.mark.parametrize(
+    "families",
+    [
+        ("--family", "inp", "mesh defects", "conditions"),
+        pytest.param((), id="all", marks=pytest.mark.long),
+    ],
+)
+def test_no_hostile_input_ends_badly(tmp_path, families):
+    options = "--short", "--workers", "2", *families, "--out", str(tmp_path)
     with started("-m", "studies", "hostile", *options) as suite:
         out, err = suite.communicate()
     assert suite.returncode == 0, out + err

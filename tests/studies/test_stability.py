@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from helpers import drawn_here
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -334,7 +335,7 @@ def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
     monkeypatch.setattr(study, "extremes", lambda: problems)
     out = tmp_path / "out"
     assert main(["stability", "--out", str(out)]) == 0
-    assert {p.name for p in out.iterdir()} == {*STUDY.files, *STUDY.pictures}
+    assert {p.name for p in out.iterdir()} == {*STUDY.files, *drawn_here(STUDY)}
     summary = json.loads((out / "summary.json").read_text())
     assert summary["cases"] == 6
     assert summary["right"] == summary["solvable"] == 4

@@ -1,11 +1,22 @@
 """The options of ``skfem-textile run``, as documented."""
 
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from math import isfinite
 from typing import Any, NamedTuple
 
 KINDS = ("aligned", "irregular", "horizontal", "vertical", "delaunay")
 SIDES = ("top", "right", "bottom", "left")
+
+#: Solvers whose packages are installed; others are refused.
+_INSTALLED_SOLVERS = (
+    "superlu",
+    *(
+        solver
+        for solver, package in (("cholmod", "cvxopt"), ("pardiso", "pypardiso"))
+        if find_spec(package)
+    ),
+)
 
 #: The value of an option for a folder that is given without a folder.
 UNNAMED = True
@@ -124,7 +135,7 @@ _LOADED = {
     "steps": Option(int, 20),
     "strategy": Option(one_of("mixed", "descent", "newton"), ["mixed", "descent"], "+"),
     "warn-only": Option(one_of(*_CHECKS), ["work", "stabilisation", "corners"], "*"),
-    "solver": Option(one_of("auto", "cholmod", "pardiso", "superlu"), "auto"),
+    "solver": Option(one_of("auto", *_INSTALLED_SOLVERS), "auto"),
     "checkpoint": Option(_folder, None, "?"),
     "resume": Option(_folder, None, "?"),
     "verbose": Option(str, 0, "0", "count"),

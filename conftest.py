@@ -1,0 +1,29 @@
+"""Doctests of modules that draw are skipped where what they draw with is missing."""
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent
+MODULES_THAT_DRAW = ("skfem_textile/plot/*.py", "studies/*/figure*.py")
+MISSING = [
+    name for name in ("pyvista", "matplotlib", "imageio") if find_spec(name) is None
+]
+
+
+class Undrawable(pytest.File):
+    """A module that cannot be imported here."""
+
+    def collect(self):
+        pytest.skip(f"without {', '.join(MISSING)}", allow_module_level=True)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path, parent):
+    collected = yield
+    if MISSING and collected and file_path.is_relative_to(ROOT):
+        module = file_path.relative_to(ROOT)
+        if any(module.match(pattern) for pattern in MODULES_THAT_DRAW):
+            return [Undrawable.from_parent(parent, path=file_path)]
+    return collected
