@@ -188,6 +188,11 @@ def test_a_crimp_toe_is_as_exact_in_its_toe_as_beyond(strain):
     assert found == pytest.approx([exact[0], abs(exact[1])], rel=1e-12)
 
 
+def test_a_table_may_rise_by_almost_nothing():
+    law = Tabulated([0.0, 1.0, 2.0], [0.0, 0.0, 5e-324])
+    assert np.isfinite(law.value(np.linspace(0.0, 2.0, 9))).all()
+
+
 @given(st.lists(st.floats(0.001, 1.0), min_size=1, max_size=12), st.data())
 def test_a_table_is_monotone_between_its_points_and_meets_them(steps, data):
     n = len(steps)

@@ -166,7 +166,8 @@ class Tabulated(Drawn):
             steep = not np.isfinite(np.diff(y) / np.diff(x)).all()
         if steep:
             raise ValueError("the table rises faster than numbers go")
-        value = PchipInterpolator(x, y)
+        with np.errstate(over="ignore"):  # of slopes that are almost none
+            value = PchipInterpolator(x, y)
         energy = value.antiderivative()
         return _Curve(*self.shown, energy, value, value.derivative())
 
