@@ -1,3 +1,5 @@
+"""What the documentation shows works, and what it names exists."""
+
 import re
 import runpy
 from pathlib import Path
@@ -7,6 +9,12 @@ import pytest
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 OPTIONAL = ("pyvista", "matplotlib", "imageio", "pypardiso", "cvxopt", "dask")
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
+CODE = "".join(
+    file.read_text()
+    for folder in ("skfem_textile", "studies", "tests")
+    for file in (ROOT / folder).rglob("*.py")
+)
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
@@ -30,3 +38,13 @@ def test_python_on_a_page_works_as_printed(page, tmp_path, monkeypatch):
             missing.add(error.name)
     if missing:
         pytest.skip(f"but for snippets that need {', '.join(missing)}")
+
+
+def test_the_page_on_the_architecture_names_what_there_is():
+    places = set(re.findall(r"`((?:[a-z_]+/)+(?:[a-z_]+\.py)?)`", ARCHITECTURE))
+    bases = ROOT, ROOT / "skfem_textile"
+    assert [p for p in places if not any((b / p).exists() for b in bases)] == []
+    names = set(re.findall(r"`(?:[A-Z]\w+\.)?(_?[A-Za-z]\w{3,})`", ARCHITECTURE))
+    assert len(places) > 30
+    assert len(names) > 60
+    assert [n for n in names if not re.search(rf"\b{n}\b", CODE)] == []
