@@ -396,6 +396,7 @@ def test_parameters_that_make_no_law_are_refused_in_one_line(build, message):
 
 @pytest.mark.parametrize("law", [case[0] for case in LAWS.values()] + [Sin2(0.5)])
 def test_a_law_draws_its_value_against_its_argument(law):
+    pytest.importorskip("matplotlib")
     from matplotlib.figure import Figure
 
     axes = law.plot(Figure().subplots(), "shear" if law.of is None else None)
