@@ -409,6 +409,7 @@ def test_a_law_draws_its_value_against_its_argument(law):
 
 
 def test_any_law_is_drawn_and_a_table_with_its_points():
+    pytest.importorskip("matplotlib")
     from matplotlib import pyplot
 
     axes = plot_law(Linear(2.0))
