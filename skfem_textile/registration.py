@@ -7,12 +7,10 @@ constant ``REGISTRATION``.  The command line is built from what `registered` fin
 import math
 import pkgutil
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, Literal, TypeAlias, TypeVar
-
-from skfem import Mesh
 
 # So far from zero an angle still has ten decimals; at 1e17 a turn by 45 is lost.
 _MOST_DEGREES = 36_000.0
@@ -39,8 +37,6 @@ class Option:
         What stands for the value in the help.
     words
         How many words it takes, as ``nargs`` of `argparse`; empty for one.
-    const
-        The value of an option that is given without a word.
     repeated
         Whether it may be given several times, which makes a list.
     """
@@ -52,7 +48,6 @@ class Option:
     choices: tuple[str, ...] = ()
     metavar: str | None = None
     words: str = ""
-    const: Any = None
     repeated: bool = False
 
     @property
@@ -98,10 +93,14 @@ class SceneRegistration(Registration):
     ----------
     size, jitter
         Of the mesh to make, where they are not given.
+    defaults
+        Values of options that are not its own, by the names of the options, where they
+        are to be other than those of other scenes.
     """
 
     size: tuple[int, int]
     jitter: float = 0.3
+    defaults: Mapping[str, Any] = field(default_factory=dict)
 
 
 #: What a law may be the law of.
@@ -131,19 +130,7 @@ class LawRegistration(Registration):
 
 @dataclass(frozen=True, kw_only=True)
 class FormulationRegistration(Registration):
-    """A formulation that can be chosen by name.
-
-    Attributes
-    ----------
-    on_triangles
-        Whether it takes triangles, and not quadrilaterals.
-    is_default
-        Whether a mesh may get it where no formulation is named: of those that say so,
-        and that take the options which are given, it gets the last.
-    """
-
-    on_triangles: bool = False
-    is_default: Callable[[Mesh], bool] = lambda mesh: False
+    """A formulation that can be chosen by name."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,15 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from skfem import Mesh
-
 from ..fabric import Fabric, Law
 from ..fabric.laws import LAWS
 from ..fabric.laws.linear import STIFFNESS
 from ..mesh.user_input import printable
-from ..ply.formulations import FORMULATIONS
+from ..ply.formulations import DEFAULT, FORMULATIONS
 from ..ply.loads import Force
-from ..ply.terms import Formulation
 from ..registration import (
     LawRegistration,
     Option,
@@ -23,6 +20,7 @@ from ..registration import (
     Resistance,
     SceneRegistration,
 )
+from ..scenes import SCENES
 from ..scenes.case import Case
 from ..solve.linear import SOLVERS
 from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY
@@ -66,11 +64,15 @@ _STEPPING = (
 
 def options_of(scene: SceneRegistration) -> tuple[Option, ...]:
     """Every option that describes a case of the scene."""
-    return (
+    common = (
         *mesh_options(scene),
         *_formulation_options(),
         *_fabric_options(),
         *_STEPPING,
+    )
+    defaults = scene.defaults
+    return (
+        *(replace(o, default=defaults.get(o.name, o.default)) for o in common),
         *scene.options,
     )
 
@@ -93,13 +95,14 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
     ValueError
         If they describe none.
     """
-    scene, values = scene_of(values, FORMULATIONS.get(values["formulation"]))
+    scene, values = scene_of(values)
     tension, shear = _law("tension", values), _law("shear", values)
+    name = values["formulation"]
     return Case(
         scene=scene,
         fabric=Fabric(tension, shear, scene.warp, scene.weft),
         loads=tuple(Force(name, scene.turn @ total) for name, total in values["force"]),
-        formulation=_formulation(values, scene.mesh),
+        formulation=_chosen("formulation", name, FORMULATIONS, values)(),
         steps=values["steps"],
         strategies=values["strategy"],
         warn_only=values["warn_only"],
@@ -110,23 +113,11 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
 def _formulation_options() -> tuple[Option, ...]:
     names = Option(
         name="formulation",
-        help=f"{_described(FORMULATIONS)} (default: macro on a mesh that was split, "
-        "else one-point)",
+        help=_described(FORMULATIONS),
+        default=DEFAULT.name,
         choices=tuple(FORMULATIONS),
     )
     return names, *_own_options(FORMULATIONS)
-
-
-def _formulation(values: Mapping[str, Any], mesh: Mesh) -> Formulation:
-    """The formulation that is named, or the default one of the mesh."""
-    name = values["formulation"]
-    if name is None:
-        own = _own_options(FORMULATIONS)
-        given = [option for option in own if values[option.key] != option.default]
-        defaults = [f for f in FORMULATIONS.values() if f.is_default(mesh)]
-        taking = [f for f in defaults if all(option in f.options for option in given)]
-        name = taking[-1].name if taking else defaults[0].name
-    return _chosen("formulation", name, FORMULATIONS, values)()
 
 
 def _fabric_options() -> tuple[Option, ...]:
@@ -223,13 +214,13 @@ def _chosen(
     prefix: str = "",
 ) -> partial[Any]:
     """What builds the one that an option names; refuses the options of others."""
-    chosen = among[name]
+    chosen, defaults = among[name], SCENES[values["scene"]].defaults
     given: dict[str, Any] = {}
     for own in _own_options(among):
         full = replace(own, name=prefix + own.name)
         if own in chosen.options:
             given[own.key] = values[full.key]
-        elif values[full.key] != own.default:
+        elif values[full.key] != defaults.get(full.name, own.default):
             names = [one.name for one in among.values() if own in one.options]
             raise ValueError(f"--{full.name} goes with --{option} {' or '.join(names)}")
     return partial(chosen.build, **given)

@@ -1,18 +1,15 @@
 """The mesh that the options of a run describe, and the scene on it."""
 
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from skfem import Mesh, MeshQuad, MeshTri
 
 from ..mesh.user_input import printable
-from ..registration import FormulationRegistration, Option, SceneRegistration, angle
+from ..registration import Option, SceneRegistration, angle
 from ..scenes import SCENES, Scene
 from ..scenes.rectangle import KINDS
-from ..splitting import SplitMesh, cut, split
 
 _SEED = 1
 
@@ -29,7 +26,8 @@ def mesh_options(scene: SceneRegistration) -> tuple[Option, ...]:
         ),
         Option(
             name="size",
-            help=f"elements along x and y of a mesh to make (default: {nx}x{ny})",
+            help=f"elements along x and y of a mesh to make, before they are "
+            f"split (default: {nx}x{ny})",
             read=_size,
         ),
         Option(
@@ -38,39 +36,21 @@ def mesh_options(scene: SceneRegistration) -> tuple[Option, ...]:
             read=float,
         ),
         Option(
-            name="split",
-            help="cut the quadrilaterals in triangles, and these in three each; or "
-            "quads: cut them in four",
-            choices=("triangles", "quads"),
-            words="?",
-            const="triangles",
-        ),
-        Option(
             name="seed", help=f"seed of its node moves (default: {_SEED})", read=int
         ),
         angle("rotate", 0.0, "turn it all"),
     )
 
 
-def scene_of(
-    values: Mapping[str, Any], formulation: FormulationRegistration | None
-) -> tuple[Scene, dict[str, Any]]:
+def scene_of(values: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     """The scene on its mesh, and the values, completed for a generated mesh.
 
     Parameters
     ----------
     values
         Values of the options by their keys.
-    formulation
-        The formulation that is named, if one is: it tells which cells it takes.
     """
     registration, mesh = SCENES[values["scene"]], values["mesh"]
-    triangles = formulation is not None and formulation.on_triangles
-    if formulation and triangles and values["split"]:
-        raise ValueError(
-            f"--split makes quadrilaterals, --formulation {formulation.name} takes "
-            "triangles: leave one of them out"
-        )
     if mesh not in KINDS and not Path(mesh).is_file():
         raise ValueError(
             f"--mesh {printable(mesh)}: neither a file nor {', '.join(KINDS)}"
@@ -79,14 +59,10 @@ def scene_of(
     if mesh not in KINDS:
         from ..io import read_mesh  # loads meshio
 
-        mesh = read_mesh(mesh, split=not triangles)
+        mesh = read_mesh(mesh)
     own = {option.key: values[option.key] for option in registration.options}
     made = {name: values[name] for name in ("size", "jitter", "seed")}
-    build = partial(registration.build, **made, **own)
-    scene = build(mesh=mesh)
-    fitting = _fitting(scene.mesh, values["split"], triangles)
-    if fitting is not scene.mesh:
-        scene = build(mesh=fitting)
+    scene = registration.build(mesh=mesh, **made, **own)
     return scene.rotated(np.radians(values["rotate"])), values
 
 
@@ -103,19 +79,6 @@ def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str,
                 "them out"
             )
     return dict(values)
-
-
-def _fitting(mesh: Mesh, into: str | None, triangles: bool) -> Mesh:
-    """The mesh, cut and split as asked, of triangles or of quadrilaterals."""
-    if into == "quads" and isinstance(mesh, MeshTri | SplitMesh):
-        raise ValueError("--split quads: the mesh has triangles; leave it out")
-    if isinstance(mesh, SplitMesh):
-        return mesh
-    if isinstance(mesh, MeshQuad) and (triangles or into == "triangles"):
-        mesh = cut(mesh)
-    if into or (isinstance(mesh, MeshTri) and not triangles):
-        mesh = split(mesh)
-    return mesh
 
 
 def _size(word: str) -> tuple[int, int]:

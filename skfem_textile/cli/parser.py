@@ -80,7 +80,6 @@ def _add(parser: argparse.ArgumentParser, option: Option) -> None:
         ("nargs", option.words),
         ("choices", option.choices),
         ("metavar", option.metavar),
-        ("const", option.const),
     ):
         if value:
             given[key] = value

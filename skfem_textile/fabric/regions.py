@@ -101,18 +101,23 @@ class RegionalDirection:
         return chosen
 
 
-def fabric_on(mesh: Mesh, fabric: Fabric) -> Fabric:
+def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
     """A fabric whose values per element are those of the elements of a mesh.
 
-    Values that were given for the elements that a mesh was split off (`SplitMesh`)
-    reach their parts.
+    Parameters
+    ----------
+    parent
+        For each element of the mesh the user's element that it is part of; shape
+        (n_elements,).
+    fabric
+        The fabric, with values for either elements.
 
     Raises
     ------
     ValueError
         If there are fewer or more values than elements.
     """
-    parent = getattr(mesh, "parent", None)
+    n_elements, n_originals = len(parent), parent.max() + 1
 
     def carried(name: str, thing: Any) -> Any:
         if isinstance(thing, RegionalLaw):
@@ -121,13 +126,13 @@ def fabric_on(mesh: Mesh, fabric: Fabric) -> Fabric:
             fields = [carried(name, _as_given(field)) for field in thing.directions]
             thing = replace(thing, directions=fields)
         n = _n_elements(thing)
-        if n in (None, mesh.nelements):
+        if n in (None, n_elements):
             return thing
-        if parent is None or n != parent.max() + 1:
+        if n != n_originals:
             each = "value" if hasattr(thing, "energy") else "vector"
             raise ValueError(
-                f"{name}: {n} {each}s for {mesh.nelements} elements; give one {each} "
-                "per element"
+                f"{name}: {n} {each}s for {n_originals} elements; give one {each} per "
+                "element"
             )
         if hasattr(thing, "region"):
             return replace(thing, region=thing.region[parent])

@@ -4,7 +4,6 @@ import numpy as np
 from numpy import ndarray
 
 from ..solve.body import Body
-from ..splitting import SplitMesh
 
 
 def point_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
@@ -37,23 +36,16 @@ def cell_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
     return fields
 
 
-def on_parents(mesh: SplitMesh, fields: dict[str, ndarray]) -> dict[str, ndarray]:
-    """Fields of a split mesh on the elements of the original.
+def on_users_elements(ply: Body, fields: dict[str, ndarray]) -> dict[str, ndarray]:
+    """Fields of the elements of a ply on the user's elements, in the mean.
 
-    An element has the value of largest magnitude of its parts, and the mean direction.
+    Of directions it is the direction of the mean.
     """
-    n = sum(cell.shape[1] for cell in mesh.cells)
-    parent_fields = {}
-    for name, x in fields.items():
-        if x.ndim == 1:
-            order = np.lexsort((np.abs(x), mesh.parent))
-            last = np.searchsorted(mesh.parent[order], np.arange(n), "right")
-            parent_fields[name] = x[order[last - 1]]
-        else:
-            total = np.zeros((n, x.shape[1]))
-            np.add.at(total, mesh.parent, x)
-            parent_fields[name] = total / np.linalg.norm(total, axis=1, keepdims=True)
-    return parent_fields
+    means = {name: ply.on_users_elements(x.T).T for name, x in fields.items()}
+    return {
+        name: x if x.ndim == 1 else x / np.linalg.norm(x, axis=1, keepdims=True)
+        for name, x in means.items()
+    }
 
 
 def _extreme(x: ndarray) -> ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
-from ..mesh.checks import MeshError, check_mesh, check_quads, refuse, refuse_positions
+from ..mesh.checks import MeshError, check_mesh, refuse, refuse_positions
 from ..mesh.named_nodes import with_named_nodes
 from ..mesh.scikit_fem import with_names
 from ..mesh.user_input import printable
@@ -39,35 +39,32 @@ _READERS = {".msh": gmsh.read, ".inp": abaqus.read, ".vtu": vtu.read, ".vtk": vt
 _CELL_NAMES = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
 
 
-def read_mesh(path: str | os.PathLike[str], split: bool = True) -> Mesh:
+def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     """Read a plane mesh: Gmsh .msh, Abaqus .inp, .vtu and more.
 
-    Triangles, and quadrilaterals beside triangles, are split in quadrilaterals
-    (`split_cells`).  Named groups of edges (Gmsh physical groups) and the outer edges
-    between nodes of a named set (Abaqus node sets) become boundaries of that name, the
-    other nodes of a set, and named points, named nodes.  What else the file holds is
-    named in a warning of the log ``skfem_textile``.
+    Quadrilaterals are a `skfem.MeshQuad` and triangles a `skfem.MeshTri`.  Where a file
+    has both they are split in quadrilaterals (`split_cells`), as scikit-fem has no
+    mesh of both; the nodes of the file are the first.  Named groups of edges (Gmsh
+    physical groups) and the outer edges between nodes of a named set (Abaqus node sets)
+    become boundaries of that name, the other nodes of a set, and named points, named
+    nodes.  What else the file holds is named in a warning of the log ``skfem_textile``.
 
     Parameters
     ----------
     path
         The file.
-    split
-        Whether triangles are split.  If not, a mesh of triangles alone is a
-        `skfem.MeshTri`, as `Quadratic` takes it.
 
     Raises
     ------
     MeshError
         If the file cannot be read, has other cells than triangles and four-node
-        quadrilaterals, or both and they are not to be split, does not lie in a plane
-        z = const, names edges that are none of the mesh, or is not a sound mesh
-        (`check_mesh`).
+        quadrilaterals, does not lie in a plane z = const, names edges that are none of
+        the mesh, or is not a sound mesh (`check_mesh`).
     """
     path = Path(path)
     try:
         raw, ignored = _read(path)
-        mesh = _mesh(_content(raw), split)
+        mesh = _mesh(_content(raw))
     except MeshError as error:
         raise MeshError(f"{printable(path)}: {error}") from None
     if ignored:
@@ -258,23 +255,16 @@ def _name_as_skfem(content: _Content, raw: meshio.Mesh, plane: list[int]) -> Non
         _merge(content.edges, name, np.sort(ends[:, bits > 0], axis=0))
 
 
-def _mesh(content: _Content, split: bool) -> Mesh:
+def _mesh(content: _Content) -> Mesh:
     points, cells, edges = content.points, content.cells, content.edges
     corners = {len(cell) for cell in cells}
-    if not split and len(corners) > 1:
-        raise MeshError(
-            "triangles beside quadrilaterals must be split, for a formulation of "
-            "quadrilaterals"
-        )
-    if len(corners) == 1:
-        kind = MeshTri if 3 in corners else MeshQuad
-        plain = kind(points, np.ascontiguousarray(np.hstack(cells)))
-        check_mesh(plain)
-    if split and 3 in corners:
-        names = edges, content.subdomains, content.nodes
-        mesh = split_cells(points, cells, *names)
-        check_quads(mesh)
+    if len(corners) > 1:
+        mesh = split_cells(points, cells, edges, content.subdomains, content.nodes)
+        check_mesh(mesh)
         return mesh
+    kind = MeshTri if 3 in corners else MeshQuad
+    plain = kind(points, np.ascontiguousarray(np.hstack(cells)))
+    check_mesh(plain)
     boundaries = {k: named_edges(k, points, plain.facets, v) for k, v in edges.items()}
     ascending = {k: np.sort(v) for k, v in boundaries.items()}
     named = with_names(plain, ascending or None, content.subdomains or None)

@@ -16,8 +16,7 @@ from numpy import ndarray
 
 from ..solve.body import Body
 from ..solve.result import Result
-from ..splitting import was_split
-from .fields import cell_fields, on_parents, point_fields
+from .fields import cell_fields, on_users_elements, point_fields
 
 #: Names of files that `write_fields` writes.
 FIELDS = ("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd")
@@ -41,8 +40,9 @@ def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
     ``displacement`` shows the deformed one.  Fields are those of `point_fields` and
     `cell_fields`.  The .pvd file lists the steps by load factor; ParaView opens it as
     one series.
-    Of a mesh that was split (`SplitMesh`) there is a second series, ``own_steps.pvd``,
-    on the original elements.  Steps that the folder already holds are removed.
+    If the ply has split or cut the user's elements there is a second series,
+    ``own_steps.pvd``, with the mean of each field over them.  Steps that the folder
+    already holds are removed.
     """
     folder = Path(folder)
     with _name_path(folder):
@@ -52,10 +52,10 @@ def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
                 stale.unlink()
         ply, mesh = result.ply, result.ply.mesh
         _write_series(result, folder, "", [mesh.t], lambda u: cell_fields(ply, u))
-        if was_split(mesh):
+        if sum(cell.shape[1] for cell in ply.cells) < mesh.nelements:
             _write_series(
-                *(result, folder, "own_", mesh.cells),
-                lambda u: on_parents(mesh, cell_fields(ply, u)),
+                *(result, folder, "own_", ply.cells),
+                lambda u: on_users_elements(ply, cell_fields(ply, u)),
             )
 
 
@@ -85,7 +85,7 @@ def _write_state(
     cells: Sequence[ndarray],
     fields: dict[str, ndarray],
 ) -> None:
-    # The vertices of the cells: not the other nodes of a split mesh.
+    # The vertices of the cells: not those that came with the split.
     n = 1 + max(cell.max() for cell in cells)
     points = {k: v[:n] for k, v in point_fields(ply, u).items()}
     ends = np.cumsum([cell.shape[1] for cell in cells])[:-1]

@@ -1,6 +1,6 @@
 """Checks of a mesh before anything is computed on it."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -30,40 +30,15 @@ _LISTED = 10
 _Mesh = TypeVar("_Mesh", bound=Mesh)
 
 
-# Elements of the meshes that can be used: what the mesh is called, and its cells.
-_CELLS: dict[type[Element], tuple[str, str]] = {
-    ElementQuad1: ("skfem.MeshQuad", "quadrilateral"),
-    ElementTriP1: ("skfem.MeshTri", "triangle"),
+# Elements of the meshes that can be used, and what their cells are called.
+_CELLS: dict[type[Element], str] = {
+    ElementQuad1: "quadrilateral",
+    ElementTriP1: "triangle",
 }
 
 
 class MeshError(ValueError):
     """An unusable mesh; the message says where and what to do."""
-
-
-def check_quads(mesh: Mesh) -> None:
-    """Refuse a mesh that is not a sound mesh of bilinear quadrilaterals.
-
-    Raises
-    ------
-    MeshError
-        If the mesh has other cells, or as `check_mesh`.
-    """
-    advice = "splitting.split(mesh) makes one, or take Quadratic()"
-    _refuse_cells(mesh, [ElementQuad1], advice)
-    check_mesh(mesh)
-
-
-def check_triangles(mesh: Mesh) -> None:
-    """Refuse a mesh that is not a sound mesh of triangles with straight edges.
-
-    Raises
-    ------
-    MeshError
-        If the mesh has other cells, or as `check_mesh`.
-    """
-    _refuse_cells(mesh, [ElementTriP1], "mesh.to_meshtri() makes one")
-    check_mesh(mesh)
 
 
 def check_mesh(mesh: Mesh) -> None:
@@ -78,8 +53,12 @@ def check_mesh(mesh: Mesh) -> None:
         2×2 point, triangles without area, cells that overlap, nodes on an edge between
         its ends, or coincident nodes other than those along a cut (`contact`).
     """
-    _refuse_cells(mesh, _CELLS)
-    _, cell = _CELLS[mesh.elem]
+    if getattr(mesh, "elem", None) not in _CELLS:
+        raise MeshError(
+            "the mesh must be a skfem.MeshQuad or a skfem.MeshTri with straight edges, "
+            f"not {type(mesh).__name__}"
+        )
+    cell = _CELLS[mesh.elem]
     refuse_nodes(mesh.p, [mesh.t], cell)
     gauss, _ = GAUSS
     used = np.zeros(mesh.p.shape[1], dtype=bool)
@@ -155,19 +134,6 @@ def with_edges(mesh: _Mesh) -> _Mesh:
             if on_side.any() and name not in named_nodes(mesh):
                 edges.setdefault(name, boundary[on_side])
     return with_names(mesh, edges, mesh.subdomains)
-
-
-def _refuse_cells(
-    mesh: Mesh, wanted: Collection[type[Element]], advice: str = ""
-) -> None:
-    """Refuse a mesh of other elements, with advice if the element is known."""
-    element = getattr(mesh, "elem", None)
-    if element not in wanted:
-        names = " or a ".join(_CELLS[e][0] for e in wanted)
-        instead = f"; {advice}" if element in _CELLS else ""
-        raise MeshError(
-            f"the mesh must be a {names}, not {type(mesh).__name__}{instead}"
-        )
 
 
 def refuse(what: str, bad: ndarray) -> None:

@@ -46,8 +46,8 @@ def selected_nodes(what: str, where: Where, basis: CellBasis) -> ndarray:
             nodes = chosen.ravel()
         else:
             raise ValueError(
-                f"{what}: where must be a boundary's name, node "
-                "numbers, or true or false for each node"
+                f"{what}: where must be a boundary's name, node numbers, a function of "
+                f"position, or true or false for each of the {n_nodes} of ply.nodes"
             )
     if nodes.size == 0:
         raise ValueError(f"{what} acts on no node")

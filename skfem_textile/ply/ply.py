@@ -20,7 +20,9 @@ from ..forms.form import directions
 from ..mesh.bases import node_positions
 from ..mesh.corners import Corners
 from ..mesh.pattern import Pattern
+from ..splitting import original_elements
 from .corners import CornerTerm, corner_stiffness
+from .formulations import DEFAULT
 from .kernels.assembly import KernelSum
 from .kernels.element_groups import Parameters
 from .kernels.kernel import ShearKernel
@@ -39,18 +41,29 @@ class Ply(Measures):
     Parameters
     ----------
     mesh
-        The reference configuration: a `skfem.MeshQuad`, for `Macro` one that was
-        split, or for `Quadratic` a `skfem.MeshTri`.
+        The reference configuration: a `skfem.MeshQuad`, a `skfem.MeshTri`, or what
+        `read_mesh` made of a file with both.
     fabric
         Fibre directions and laws; or a fabric for each of the mesh's subdomains, by
-        name.  Values per element may be those of the elements that were split.
+        name.  Values per element are those of the user's elements, or of the elements
+        of ``ply.mesh``.
     formulation
-        `Full`, `OnePoint`, `Macro` or `Quadratic`.
+        `Macro`, `OnePoint`, `Full` or `Quadratic`.
     terms
         Further terms and loads, their names all different.
 
     Attributes
     ----------
+    mesh
+        The mesh that is computed on.  `Macro` splits the user's elements (`split`),
+        unless they were split already; `OnePoint` and `Full` split triangles, and
+        `Quadratic` cuts quadrilaterals (`cut`).  The user's nodes are its first, with
+        their numbers, and boundaries, subdomains and named nodes keep their names.
+    cells
+        The user's elements as node numbers, arrays of shape (3, n) and (4, n).
+    parent
+        For each element of ``mesh`` the user's element that it is part of, counted
+        through ``cells``; shape (n_elements,).
     basis
         `skfem.CellBasis` of the displacement at the ply's own points.  Every
         ``u`` below is a DOF vector of this basis, every ``t`` a load factor, which
@@ -68,7 +81,8 @@ class Ply(Measures):
     Raises
     ------
     MeshError
-        If the mesh is not sound, or not of the cells of the formulation.
+        If the mesh is not sound, was changed after it was split, or was split and the
+        formulation is `Quadratic`.
     ValueError
         If the fabric has no stiffness at all, a fibre direction is not valid somewhere
         on the mesh, the parts of a law contradict each other (`check_laws`), or a term
@@ -77,8 +91,8 @@ class Ply(Measures):
     Examples
     --------
     >>> from skfem import MeshQuad
-    >>> from skfem_textile import Fabric, OnePoint, Ply
-    >>> ply = Ply(MeshQuad().refined(3), Fabric(1e4), OnePoint(stabilisation=1.0))
+    >>> from skfem_textile import Fabric, Ply
+    >>> ply = Ply(MeshQuad().refined(2), Fabric(1e4))
     >>> u = ply.basis.zeros()
     >>> float(ply.energy(u)), ply.residual(u).shape, ply.tangent(u).shape
     (0.0, (162,), (162, 162))
@@ -88,22 +102,23 @@ class Ply(Measures):
         self,
         mesh: Mesh,
         fabric: Fabric | Mapping[str, Fabric],
-        formulation: Formulation,
+        formulation: Formulation = DEFAULT,
         terms: Iterable[Term | Load] = (),
     ) -> None:
         if isinstance(formulation, type) or not hasattr(formulation, "tension_term"):
             raise ValueError(
-                f"formulation must be like Full() or OnePoint(), not {formulation!r}"
+                f"formulation must be like Macro() or OnePoint(), not {formulation!r}"
             )
         if not isinstance(fabric, Fabric | Mapping):
             raise ValueError(
                 f"fabric must be a Fabric, like Fabric(1e4), not {fabric!r}"
             )
+        self.mesh = mesh = formulation.working_mesh(mesh)
         self.basis = formulation.basis(mesh)
+        self.cells, self.parent = original_elements(mesh)
         if isinstance(fabric, Mapping):
             fabric = fabric_of_regions(mesh, fabric)
-        self.mesh = mesh
-        self.fabric = fabric = fabric_on(mesh, fabric)
+        self.fabric = fabric = fabric_on(self.parent, fabric)
         self.formulation = formulation
         check_laws(fabric.at(), self.basis.dx.shape)
         self.nodes = node_positions(self.basis)
@@ -135,7 +150,9 @@ class Ply(Measures):
         return terms + self.formulation.stabilising_terms(basis, fabric)
 
     def with_terms(self, *terms: Term | Load) -> "Ply":
-        """A ply like this one, at rest, with further terms.
+        """A ply like this one, at rest, with further terms, on the same mesh.
+
+        Build their bases from ``ply.mesh``.
 
         Raises
         ------
@@ -159,6 +176,46 @@ class Ply(Measures):
         couples = [nodes for x in others for nodes in coupled_nodes(x, self.basis)]
         d, n_nodes = dimension(self.basis), self.nodes.shape[1]
         return Pattern(d, n_nodes, [*self._fused.elements, *plain], couples)
+
+    def on_users_elements(self, values: ndarray) -> ndarray:
+        """The mean of a field over each of the user's elements, weighted by area.
+
+        Fields at nodes need no such method: the user's nodes are the first.
+
+        Parameters
+        ----------
+        values
+            A value for each element of ``mesh``, shape (..., n_elements).
+
+        Returns
+        -------
+        ndarray
+            Shape (..., n_users_elements), in the order of ``cells``.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer or more values than elements.
+
+        Examples
+        --------
+        >>> from skfem import MeshQuad
+        >>> from skfem_textile import Fabric, Ply
+        >>> ply = Ply(MeshQuad(), Fabric())
+        >>> x, y = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+        >>> ply.on_users_elements(x)
+        array([0.5])
+        """
+        values, n = np.asarray(values), self.mesh.nelements
+        if values.shape[-1:] != (n,):
+            raise ValueError(
+                f"a field must have a value for each of the {n} elements of ply.mesh "
+                f"along its last axis, not the shape {values.shape}"
+            )
+        area = self.basis.dx.sum(axis=1)
+        share = area / np.bincount(self.parent, area)[self.parent]
+        mean = csr_matrix((share, (self.parent, np.arange(n))))
+        return (mean @ values.reshape(-1, n).T).T.reshape(*values.shape[:-1], -1)
 
     @property
     def element_size(self) -> float:

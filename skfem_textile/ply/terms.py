@@ -91,7 +91,7 @@ class FormTerm(Term):
         """Why it is no term on a basis of the displacement; empty where it is one."""
         if _same_unknowns(self.basis, basis):
             return ""
-        return "its basis is not one of the displacement: build it on ply.basis.mesh"
+        return "its basis is not one of the displacement: build it on ply.mesh"
 
     def couples(self) -> Sequence[ndarray]:
         """None beside the nodes of its elements."""
@@ -253,13 +253,25 @@ class Formulation(Protocol):
         """What to call it in a picture."""
         ...
 
-    def basis(self, mesh: Mesh) -> CellBasis:
-        """Basis of the displacement, with the points of tension and shear.
+    def working_mesh(self, mesh: Mesh) -> Mesh:
+        """The mesh on which it works: the user's, or this split or cut.
 
         Raises
         ------
         MeshError
-            If the mesh is not sound, or has not the cells of this formulation.
+            If the user's mesh is not sound, or cannot be split or cut.
+        """
+        ...
+
+    def basis(self, mesh: Mesh) -> CellBasis:
+        """Basis of the displacement, with the points of tension and shear.
+
+        ``mesh`` is a `working_mesh`.
+
+        Raises
+        ------
+        MeshError
+            If the mesh is not sound.
         """
         ...
 

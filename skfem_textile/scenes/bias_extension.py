@@ -35,7 +35,7 @@ PARTS: tuple[str, ...] = get_args(Part)
 
 def bias_extension(
     mesh: str | Mesh = "irregular",
-    size: tuple[int, int] = (16, 32),
+    size: tuple[int, int] = (8, 16),
     jitter: float = 0.25,
     seed: int = 1,
     warp: float = np.pi / 4,
@@ -251,8 +251,9 @@ REGISTRATION = SceneRegistration(
     name="bias_extension",
     description="a rectangle pulled along the bisector of its fibres",
     build=_from_options,
-    size=(16, 32),
+    size=(8, 16),
     jitter=0.25,
+    defaults={"fibre-stiffness": 1e5, "shear-stiffness": 0.5},
     options=(
         angle("warp", 45.0, "inclination of the warp, below 90"),
         angle("weft", 135.0, "inclination of the weft, 180 less the warp's"),

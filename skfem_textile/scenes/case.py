@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from ..fabric import Fabric
 from ..ply import Ply
+from ..ply.formulations import DEFAULT
 from ..ply.term import Load
 from ..ply.terms import Formulation
 from ..solve.result import Result
@@ -36,19 +37,17 @@ class Case:
 
     Examples
     --------
-    >>> from skfem_textile import Macro, split
     >>> from skfem_textile.scenes import strip
-    >>> from skfem_textile.scenes.rectangle import rectangle
-    >>> scene = strip(split(rectangle(40, 60, (2, 3))))
+    >>> scene = strip(size=(2, 3))
     >>> fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
-    >>> case = Case(scene=scene, fabric=fabric, formulation=Macro(), steps=2)
+    >>> case = Case(scene=scene, fabric=fabric, steps=2)
     >>> case.summary(case.run())["converged"]
     True
     """
 
     scene: Scene
     fabric: Fabric
-    formulation: Formulation
+    formulation: Formulation = DEFAULT
     loads: tuple[Load, ...] = ()
     steps: int = 20
     strategies: Sequence[str | Strategy] = DEFAULT_STRATEGIES

@@ -57,6 +57,7 @@ REGISTRATION = SceneRegistration(
     description="a square sheared by a hinged frame, fibres along its sides",
     build=_from_options,
     size=(10, 10),
+    defaults={"shear-stiffness": 0.5},
     options=(angle("shear-angle", 45.0, "shear angle at the end"),),
     rank=2,
 )

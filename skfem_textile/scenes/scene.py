@@ -27,7 +27,7 @@ class Scene:
     name
         Name of the scene.
     mesh
-        Reference configuration.
+        Reference configuration: the user's mesh, which a `Ply` may split.
     warp, weft
         Fibre directions.
     conditions
@@ -119,10 +119,17 @@ class Scene:
         ply, t = result.ply, result.states[-1].load_factor
         angle = ply.shear_angle(result.u, ply.centre)[:, 0]
         area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
-        return self.distance(ply.nodes, ply.nodal(result.u), angle, area, t)
+        centres = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+        return self.distance(ply.nodes, ply.nodal(result.u), centres, angle, area, t)
 
     def distance(
-        self, nodes: ndarray, u: ndarray, angle: ndarray, area: ndarray, t: float
+        self,
+        nodes: ndarray,
+        u: ndarray,
+        centres: ndarray,
+        angle: ndarray,
+        area: ndarray,
+        t: float,
     ) -> dict[str, float]:
         """Distance of displacements and shear angles from the exact ones.
 
@@ -134,14 +141,14 @@ class Scene:
         ----------
         nodes, u
             Nodes and their displacements in mm, shape (2, n_nodes).
-        angle, area
-            Shear angle at the centre in radians and reference area in mm² of each
-            element of the scene's mesh.
+        centres, angle, area
+            Of each element that is computed with the mean of the vertices in mm, shape
+            (2, n_elements), the shear angle at the centre in radians and the reference
+            area in mm².
         t
             Load factor.
         """
         distance = np.linalg.norm(u - self.displacement(nodes, t), axis=0)
-        centres = self.mesh.p[:, self.mesh.t].mean(axis=1)
         off_angle = angle - self.shear_angle(centres, t)
         rms_angle = np.sqrt(np.average(off_angle**2, weights=area))
         return {

@@ -284,6 +284,7 @@ REGISTRATION = SceneRegistration(
     description="a square whose edges follow a motion that stretches no fibre",
     build=_from_options,
     size=(10, 10),
+    defaults={"shear-stiffness": 0.5},
     options=(
         angle("warp", 0.0, "inclination of the warp"),
         angle("weft", 90.0, "inclination of the weft"),

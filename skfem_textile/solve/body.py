@@ -25,6 +25,7 @@ class Body(Protocol):
     """
 
     mesh: Any
+    cells: Any
     basis: Any
     fabric: Any
     formulation: Any
@@ -94,6 +95,10 @@ class Body(Protocol):
 
     def reset(self) -> None:
         """Forget every committed state."""
+        ...
+
+    def on_users_elements(self, values: ndarray) -> ndarray:
+        """The mean of a field over each of the user's elements, ``cells``."""
         ...
 
     def nodal(self, u: ndarray) -> ndarray:

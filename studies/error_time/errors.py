@@ -37,7 +37,8 @@ def errors(scene: Scene, basis: CellBasis, u: ndarray, load: float) -> dict[str,
     centre = _at_points(basis, basis.mesh.elem.refdom.p.mean(axis=1, keepdims=True))
     angle = kin.shear_angle(_F(centre, u), warp, weft)[:, 0]
     nodes, displacement = basis.doflocs[:, ::2], u.reshape(-1, 2).T
-    off = scene.distance(nodes, displacement, angle, centre.dx[:, 0], 1.0)
+    centres = basis.mesh.p[:, basis.mesh.t].mean(axis=1)
+    off = scene.distance(nodes, displacement, centres, angle, centre.dx[:, 0], 1.0)
     return {
         "position": off["displacement_error_rms"],
         "angle": off["shear_angle_error_rms_deg"],

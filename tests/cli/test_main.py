@@ -70,8 +70,6 @@ def test_numbers_that_make_no_sense_are_refused(capsys, tmp_path):
     assert "no finite number" in refused(
         capsys, "run", "trellis", "--warp", "nan", *out
     )
-    triangles = ("--mesh", "delaunay", "--split", "quads")
-    assert "has triangles" in refused(capsys, "run", "strip", *triangles, *out)
 
 
 def test_of_a_long_line_the_middle_is_left_out(tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""Meshes that options describe: made, read, cut and split."""
+"""Meshes that options describe: made and read; and what formulations make of them."""
 
 import json
 
@@ -31,26 +31,26 @@ def test_a_bad_mesh_file_is_refused(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("scene", ["strip", "trellis", "bias_extension"])
-@pytest.mark.parametrize(("into", "parts"), [((), 6), (("quads",), 4)])
 @pytest.mark.parametrize(
-    ("more", "formulation"),
+    ("more", "formulation", "parts"),
     [
-        ((), "macro"),
-        (("--cs", "4"), "macro"),
-        (("--cs", "4", "--stabilisation", "isotropic"), "one-point"),
+        ((), "macro", 4),
+        (("--cs", "4"), "macro", 4),
+        (("--formulation", "one-point"), "one-point", 1),
     ],
 )
-def test_quadrilaterals_may_be_split_first(
-    tmp_path, scene, into, parts, more, formulation
+def test_a_run_has_macro_elements_unless_another_formulation_is_named(
+    tmp_path, scene, more, formulation, parts
 ):
     out = tmp_path / "out"
-    common = ("--size", "2x4", "--steps", "2", "--no-render", "--split", *into)
+    common = ("--size", "2x4", "--steps", "2", "--no-render")
     more += ("--shear-stiffness", "0.5")
     assert cli.main(["run", scene, "--out", str(out), *common, *more]) == 0
     summary = json.loads((out / "summary.json").read_text())
     assert summary["n_elements"] == parts * 8
-    assert summary["formulation"] == formulation
-    assert summary["inputs"]["split"] == (into[0] if into else "triangles")
+    assert summary["formulation"] == summary["inputs"]["formulation"] == formulation
+    assert summary["inputs"]["size"] == [2, 4]
+    assert (out / "fields" / "own_steps.pvd").exists() == (parts == 4)
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,9 @@ def test_a_run_takes_quadratic_triangles_and_writes_everything(tmp_path):
     assert summary["stable"]
     assert summary["max_fibre_strain"] < summary["mesh_fibre_strain"]
     assert set(pictures.PICTURES) <= {p.name for p in out.iterdir()}
-    assert len(list((out / "fields").glob("*.vtu"))) == summary["load_steps"] + 1
+    for series in ("step_*.vtu", "own_step_*.vtu"):
+        files = list((out / "fields").glob(series))
+        assert len(files) == summary["load_steps"] + 1
     assert (out / "history.csv").exists()
 
 
@@ -130,12 +132,20 @@ def test_quadratic_triangles_are_read_or_cut_from_a_file(tmp_path, cells):
     assert summary["n_dofs"] == 2 * 25
 
 
-def test_triangles_of_a_file_are_not_split_as_quadrilaterals(tmp_path, capsys):
-    mesh = saved_strip(tmp_path / "m.msh", [("triangle", FILE_TRIANGLES)])
-    out = ("--out", str(tmp_path / "out"))
-    said = refused(capsys, "run", "strip", *out, "--mesh", mesh, "--split", "quads")
-    assert "--split quads: the mesh has triangles" in said
-    assert not (tmp_path / "out").exists()
+@pytest.mark.parametrize(
+    ("cells", "parts"),
+    [
+        ([("triangle", FILE_TRIANGLES)], 3 * 8),
+        ([("quad", FILE_QUADS)], 4 * 4),
+        ([("triangle", FILE_TRIANGLES[[0, 4]]), ("quad", FILE_QUADS[1:])], 3 * 6),
+    ],
+    ids=["triangles", "quadrilaterals", "both"],
+)
+def test_a_file_of_any_cells_is_split_inside(tmp_path, cells, parts):
+    mesh = saved_strip(tmp_path / "m.msh", cells)
+    assert run(tmp_path, "--mesh", mesh, "--steps", "2", "--no-render") == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert (summary["formulation"], summary["n_elements"]) == ("macro", parts)
 
 
 def test_what_quadratic_triangles_cannot_be_made_of_is_refused(tmp_path, capsys):
@@ -144,8 +154,7 @@ def test_what_quadratic_triangles_cannot_be_made_of_is_refused(tmp_path, capsys)
     out = str(tmp_path / "out")
     command = ("run", "strip", "--out", out, "--formulation", "quadratic")
     said = refused(capsys, *command, "--mesh", mesh)
-    assert "m.msh: triangles beside quadrilaterals must be split" in said
-    assert "--split makes quadrilaterals" in refused(capsys, *command, "--split")
+    assert "with both triangles and quadrilaterals is: give one of either" in said
     assert not (tmp_path / "out").exists()
 
 

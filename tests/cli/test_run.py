@@ -32,13 +32,15 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
     assert summary["inputs"]["cs"] == 10.0
     assert summary["inputs"]["size"] == [3, 4]
     assert summary["scene"] == "strip"
-    assert summary["formulation"] == "one-point"
+    assert summary["formulation"] == "macro"
     assert summary["converged"] is True
-    assert summary["n_elements"] == 12
+    assert summary["n_elements"] == 4 * 12
     assert summary["shear_energy"] > 0
     with open(out / "history.csv") as file:
         assert len(list(csv.DictReader(file))) == summary["load_steps"] + 1
-    assert len(list((out / "fields").glob("*.vtu"))) == summary["load_steps"] + 1
+    for series in ("step_*.vtu", "own_step_*.vtu"):
+        files = list((out / "fields").glob(series))
+        assert len(files) == summary["load_steps"] + 1
     assert "max_fibre_strain" in capsys.readouterr().out
 
 
@@ -150,7 +152,7 @@ def test_a_run_that_stops_early_keeps_its_last_state(tmp_path, capsys, monkeypat
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["converged"] is False
     assert 0 < summary["load_factor"] < 1
-    fields = sorted((tmp_path / "out" / "fields").glob("*.vtu"))
+    fields = sorted((tmp_path / "out" / "fields").glob("step_*.vtu"))
     assert len(fields) == summary["load_steps"] + 1
     assert capsys.readouterr().err.startswith("skfem-textile: stopped at load factor")
 

@@ -56,7 +56,12 @@ def test_a_scene_is_added_by_one_file(checkout):
 
 
 @pytest.mark.parametrize(
-    "mesh", [("--rotate", "20"), ("--split",), ("--formulation", "quadratic")]
+    "mesh",
+    [
+        ("--rotate", "20"),
+        ("--formulation", "one-point"),
+        ("--formulation", "quadratic"),
+    ],
 )
 def test_a_law_and_a_scene_of_the_page_are_run_together(checkout, tmp_path, mesh):
     law = ("--shear-law", "cubic", "--shear-stiffness", "0.5")

@@ -101,7 +101,6 @@ TRIANGLES = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
 @pytest.mark.parametrize(
     ("cells", "count"),
     [
-        ([("triangle", TRIANGLES)], 12),
         ([("triangle", TRIANGLES[:2]), ("quad", QUADS[1:])], 10),
         (
             [
@@ -113,7 +112,7 @@ TRIANGLES = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
         ),
     ],
 )
-def test_triangles_and_mixed_meshes_are_split(tmp_path, cells, count):
+def test_meshes_of_both_are_split(tmp_path, cells, count):
     mesh = read_mesh(saved(tmp_path / "m.vtu", cells))
     assert mesh.nelements == count
     np.testing.assert_array_equal(mesh.p[:, :6], POINTS[:, :2].T)
@@ -136,7 +135,7 @@ def test_physical_groups_of_triangles_keep_their_names(tmp_path):
             "patch": np.array([4, 2]),
         },
     ).write(tmp_path / "m.msh", file_format="gmsh22")
-    mesh = read_mesh(tmp_path / "m.msh")
+    mesh = split(read_mesh(tmp_path / "m.msh"))
     assert {k: len(v) for k, v in mesh.boundaries.items()} == {"bottom": 4, "right": 2}
     bottom = mesh.p[:, mesh.facets[:, mesh.boundaries["bottom"]]]
     assert np.all(bottom[1] == 0)
@@ -150,9 +149,9 @@ TRIANGLES_INP = INP.replace("CPS4", "CPS3").replace(
 )
 
 
-def test_triangles_are_read_as_they_are_on_request(tmp_path):
+def test_triangles_are_read_as_they_are(tmp_path):
     (tmp_path / "m.inp").write_text(TRIANGLES_INP)
-    mesh = read_mesh(tmp_path / "m.inp", split=False)
+    mesh = read_mesh(tmp_path / "m.inp")
     assert isinstance(mesh, MeshTri)
     np.testing.assert_array_equal(np.sort(mesh.t.T), np.sort(TRIANGLES))
     np.testing.assert_array_equal(mesh.p, POINTS[:, :2].T)
@@ -163,7 +162,6 @@ def test_triangles_are_read_as_they_are_on_request(tmp_path):
 @pytest.mark.parametrize(
     ("cells", "message"),
     [
-        ([("triangle", TRIANGLES[:2]), ("quad", QUADS[1:])], "must be split"),
         ([("triangle", TRIANGLES + 1)], r"2 triangle.* name a node that is not there"),
         ([("triangle", TRIANGLES[:2])], r"2 node.*belong to no triangle.*: 2, 5"),
     ],
@@ -171,12 +169,12 @@ def test_triangles_are_read_as_they_are_on_request(tmp_path):
 def test_bad_triangles_are_refused_by_name(tmp_path, cells, message):
     path = saved(tmp_path / "bad.vtu", cells)
     with pytest.raises(MeshError, match=f"bad.vtu: .*{message}"):
-        read_mesh(path, split=False)
+        read_mesh(path)
 
 
 def test_node_sets_of_triangles_become_boundaries(tmp_path):
     (tmp_path / "m.inp").write_text(TRIANGLES_INP)
-    boundaries = read_mesh(tmp_path / "m.inp").boundaries
+    boundaries = split(read_mesh(tmp_path / "m.inp")).boundaries
     assert {k: len(v) for k, v in boundaries.items()} == {"bottom": 4, "right": 2}
 
 

@@ -194,7 +194,7 @@ def test_boundaries_of_oriented_triangles_are_those_that_scikit_fem_wrote(tmp_pa
     inner = np.setdiff1d(np.arange(plain.nfacets), plain.boundary_facets())
     plain = plain.with_boundaries({"a:b": inner[:3]})
     plain.save(str(tmp_path / "m.vtu"))
-    mesh = read_mesh(tmp_path / "m.vtu", split=False)
+    mesh = read_mesh(tmp_path / "m.vtu")
     found, wanted = (
         np.sort(m.facets[:, np.sort(m.boundaries["a:b"])], axis=0)
         for m in (mesh, plain)

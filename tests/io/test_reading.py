@@ -17,11 +17,13 @@ MESHES = Path(__file__).parent / "meshes"
 BY_GMSH = sorted(path.name for path in MESHES.iterdir() if path.suffix != ".py")
 
 
-@pytest.mark.parametrize("split", [True, False])
+@pytest.mark.parametrize("of_a_ply", [False, True])
 @pytest.mark.parametrize("name", BY_GMSH)
-def test_files_that_gmsh_wrote_have_every_named_thing_once(name, split):
+def test_files_that_gmsh_wrote_have_every_named_thing_once(name, of_a_ply):
     """Of ``meshes/make.py``: groups overlap, and one lies between two surfaces."""
-    mesh = read_mesh(MESHES / name, split)
+    mesh = read_mesh(MESHES / name)
+    if of_a_ply:
+        mesh = Ply(mesh, Fabric()).mesh
     two_sides = "two_sides" if name.endswith(".inp") else "two sides"
     x = mesh.p
     for boundary, length, on in (
@@ -81,21 +83,19 @@ def with_lines(path, kind, lines):
     return path
 
 
-@pytest.mark.parametrize("split", [True, False])
 @pytest.mark.parametrize("kind", CELLS)
 @pytest.mark.parametrize("last", [[0, 2], [3, 2], [2, 2]])
-def test_a_group_of_which_an_edge_is_none_is_refused(tmp_path, kind, split, last):
+def test_a_group_of_which_an_edge_is_none_is_refused(tmp_path, kind, last):
     path = with_lines(tmp_path / "m.msh", kind, [[0, 1], [1, 2], last])
     a, b = sorted(last)
     message = f"m.msh: boundary 'clamp': no edge of the mesh joins nodes {a} and {b} at"
     with pytest.raises(MeshError, match=message):
-        read_mesh(path, split)
+        read_mesh(path)
 
 
-@pytest.mark.parametrize("split", [True, False])
 @pytest.mark.parametrize("kind", CELLS)
-def test_a_group_of_inner_edges_is_kept(tmp_path, kind, split):
-    mesh = read_mesh(with_lines(tmp_path / "m.msh", kind, [[1, 4], [1, 2]]), split)
+def test_a_group_of_inner_edges_is_kept(tmp_path, kind):
+    mesh = read_mesh(with_lines(tmp_path / "m.msh", kind, [[1, 4], [1, 2]]))
     edges = mesh.p[:, mesh.facets[:, mesh.boundaries["clamp"]]]
     length = np.linalg.norm(edges[:, 0] - edges[:, 1], axis=0)
     assert length.sum() == pytest.approx(2.0)
@@ -250,10 +250,9 @@ def test_what_would_be_misread_is_refused_in_a_line(tmp_path, old, new, message)
     assert str(error.value).isprintable()
 
 
-@pytest.mark.parametrize("split", [True, False])
 @pytest.mark.parametrize("kind", CELLS)
 @pytest.mark.parametrize("number", [-1, 6, 2**40])
-def test_numbers_of_nodes_that_are_none_are_told(tmp_path, kind, split, number):
+def test_numbers_of_nodes_that_are_none_are_told(tmp_path, kind, number):
     name, cells = CELLS[kind]
     cells = cells.copy()
     cells[1, 2] = number
@@ -261,7 +260,7 @@ def test_numbers_of_nodes_that_are_none_are_told(tmp_path, kind, split, number):
     with pytest.raises(
         MeshError, match=r"1 .* node that is not there .* 0 to 5 .*: 1$"
     ):
-        read_mesh(tmp_path / "m.vtu", split)
+        read_mesh(tmp_path / "m.vtu")
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
@@ -308,7 +307,7 @@ def test_names_that_scikit_fem_wrote_are_kept(tmp_path, kind):
     inner = np.setdiff1d(np.arange(plain.nfacets), plain.boundary_facets())
     plain = plain.with_boundaries({"inner": inner}).with_subdomains({"one": [0]})
     plain.save(str(tmp_path / "m.vtu"))
-    mesh = read_mesh(tmp_path / "m.vtu", split=False)
+    mesh = read_mesh(tmp_path / "m.vtu")
     for name, edges in plain.boundaries.items():
         np.testing.assert_array_equal(np.sort(edges), mesh.boundaries[name])
     assert mesh.subdomains["one"].tolist() == [0]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from helpers import TRIANGLE_AND_QUAD, derivative, distorted, wobble
-from skfem import Functional, MeshQuad, MeshTri, asm
+from skfem import Functional, asm
 from skfem.helpers import grad
 
 from skfem_textile import (
@@ -10,7 +10,6 @@ from skfem_textile import (
     LoadStepper,
     Macro,
     MacroBasis,
-    MeshError,
     OnePoint,
     Ply,
     Quadratic,
@@ -302,12 +301,6 @@ def test_directions_may_differ_from_part_to_part():
         Ply(mesh, Fabric(100.0, 0.5, warp, weft), f) for f in (Macro(), OnePoint())
     )
     assert_same_to_first_order(macro.energy, plain.energy, wobble(macro, 1))
-
-
-def test_a_mesh_that_was_not_split_is_refused():
-    for mesh in (MeshQuad(), MeshTri()):
-        with pytest.raises(MeshError, match=r"need a mesh that was split"):
-            Ply(mesh, Fabric(), Macro())
 
 
 @pytest.mark.parametrize("law", [Linear(0.5), Sin2(0.5)])

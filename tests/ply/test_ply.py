@@ -1,9 +1,18 @@
 import numpy as np
 import pytest
 from helpers import derivative, distorted, wobble
-from skfem import MeshQuad, MeshTri
+from skfem import MeshHex, MeshQuad
 
-from skfem_textile import Fabric, Full, Linear, MeshError, OnePoint, Ply
+from skfem_textile import (
+    Fabric,
+    Full,
+    Linear,
+    Macro,
+    MeshError,
+    OnePoint,
+    Ply,
+    Quadratic,
+)
 from skfem_textile.ply.formulations import common, one_point
 
 
@@ -109,7 +118,7 @@ CENTRE_NODE = int(np.argmin(np.abs(SQUARES.p - 0.5).sum(axis=0)))
 @pytest.mark.parametrize(
     ("mesh", "message"),
     [
-        (MeshTri(), "must be a skfem.MeshQuad, not MeshTri1"),
+        (MeshHex(), "must be a skfem.MeshQuad or a skfem.MeshTri .*, not MeshHex1"),
         (moved(CENTRE_NODE, np.nan), r"1 node\(s\) not finite: 8"),
         (moved(CENTRE_NODE, 0.8), r"1 quadrilateral\(s\) inverted or degenerate: 2"),
         (
@@ -141,13 +150,15 @@ CENTRE_NODE = int(np.argmin(np.abs(SQUARES.p - 0.5).sum(axis=0)))
         ),
     ],
     ids=[
-        *("triangles", "nan", "inverted", "collapsed", "bow-tie", "unused", "overlap"),
+        *("hexahedra", "nan", "inverted", "collapsed", "bow-tie", "unused", "overlap"),
         *("twice", "thrice"),
     ],
 )
-def test_bad_meshes_are_refused(mesh, message):
+@pytest.mark.parametrize("formulation", [Full(), Macro(), Quadratic()], ids=repr)
+def test_bad_meshes_are_refused(mesh, message, formulation):
+    """By the user's numbers, whether they are split, cut or neither."""
     with pytest.raises(MeshError, match=message):
-        Ply(mesh, Fabric(), Full())
+        Ply(mesh, Fabric(), formulation)
 
 
 def test_nearly_flat_corners_and_thin_elements_are_fine():

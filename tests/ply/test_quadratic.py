@@ -13,20 +13,19 @@ from skfem_textile import (
     Full,
     LoadStepper,
     MeshError,
-    OnePoint,
     Ply,
     Quadratic,
     StepError,
 )
 from skfem_textile.io import write_fields
 from skfem_textile.io.fields import cell_fields
-from skfem_textile.mesh.checks import check_quads, check_triangles
+from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.scenes import bias_extension, picture_frame, strip, trellis
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear.solvers.superlu import SuperLU
 from skfem_textile.solve.problem import Problem
-from skfem_textile.splitting import cut
+from skfem_textile.splitting import cut, split
 from studies.stability.soundness import is_sound
 
 SQUARES = MeshTri().refined(2).with_defaults()
@@ -120,7 +119,7 @@ def test_conditions_take_the_middles_of_edges():
 @pytest.mark.parametrize(
     ("where", "message"),
     [
-        (SQUARES.p[1] == 0, "true or false for each node"),
+        (SQUARES.p[1] == 0, "true or false for each of the 81 of ply.nodes"),
         ([0, 81], "there are nodes 0 to 80 only"),
     ],
 )
@@ -179,8 +178,8 @@ TWO = np.array([[0, 1, 0, 0.2], [0, 0, 1, 0.2]])
 @pytest.mark.parametrize(
     ("mesh", "message"),
     [
-        (MeshQuad(), r"a skfem.MeshTri, not MeshQuad1; mesh.to_meshtri\(\) makes one"),
-        (MeshTri2(), "a skfem.MeshTri, not MeshTri2$"),
+        (split(MeshQuad()), "quadratic triangles take no mesh that was split"),
+        (MeshTri2(), "a skfem.MeshTri with straight edges, not MeshTri2$"),
         (moved(5, np.nan), r"1 node\(s\) not finite: 5"),
         (moved(12, 0.6), r"triangle\(s\) lie on top of a neighbour"),
         (MeshTri(TWO[:, [0, 1, 1]], [[0], [1], [2]]), "inverted or degenerate: 0"),
@@ -191,20 +190,13 @@ TWO = np.array([[0, 1, 0, 0.2], [0, 0, 1, 0.2]])
         (MeshTri(TWO, [[0], [1], [4]]), "name a node that is not there: 0"),
     ],
     ids=[
-        *("quads", "curved", "nan", "overturned", "collapsed", "flat", "unused"),
+        *("split", "curved", "nan", "overturned", "collapsed", "flat", "unused"),
         *("overlap", "thrice", "index"),
     ],
 )
 def test_bad_meshes_are_refused(mesh, message):
     with pytest.raises(MeshError, match=message):
         ply_on(mesh)
-
-
-@pytest.mark.parametrize("formulation", [Full(), OnePoint(1.0)], ids=repr)
-def test_formulations_of_quadrilaterals_tell_what_to_do_with_triangles(formulation):
-    advice = r"not MeshTri1; splitting.split\(mesh\) makes one, or take Quadratic\(\)"
-    with pytest.raises(MeshError, match=f"must be a skfem.MeshQuad, {advice}"):
-        Ply(SQUARES, Fabric(), formulation)
 
 
 def test_quadrilaterals_that_are_not_convex_are_cut_inside():
@@ -214,9 +206,9 @@ def test_quadrilaterals_that_are_not_convex_are_cut_inside():
     )
     for turn in range(4):
         mesh = MeshQuad(quads.p, np.roll(quads.t, turn, axis=0)).with_defaults()
-        check_quads(mesh)
+        check_mesh(mesh)
         triangles = cut(mesh)
-        check_triangles(triangles)
+        check_mesh(triangles)
         assert triangles.nelements == 2
         assert set(triangles.boundaries) == {"left", "bottom"}
 
@@ -353,7 +345,7 @@ def test_a_checkpoint_is_resumed_to_the_same_states(tmp_path):
 
 
 def test_fields_are_written_on_straight_triangles(tmp_path):
-    scene = strip(cut(rectangle(40, 60, (2, 3))))
+    scene = strip(rectangle(40, 60, (2, 3), "delaunay"))
     result = run(scene)
     ply, n = result.ply, scene.mesh.nvertices
     write_fields(result, tmp_path)

@@ -95,7 +95,7 @@ def test_one_stabilised_point_reads_the_load_on_a_jittered_mesh(law, off):
 @pytest.mark.parametrize("degrees", [40.0, 50.0])
 def test_fibres_may_cross_at_another_angle(degrees):
     theta = np.radians(degrees)
-    summary = solve(bias_extension(warp=theta, weft=np.pi - theta))
+    summary = solve(bias_extension(size=(16, 32), warp=theta, weft=np.pi - theta))
     assert summary["load_over_exact"] == pytest.approx(1.0, abs=0.04)
     assert summary["stable"]
 

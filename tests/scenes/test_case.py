@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, Force, OnePoint
+from skfem_textile import Fabric, Force
 from skfem_textile.cli import main as cli
 from skfem_textile.scenes import Case, strip
 
@@ -11,7 +11,7 @@ from skfem_textile.scenes import Case, strip
 def case(**more):
     scene = strip(size=(3, 4))
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
-    return Case(scene=scene, fabric=fabric, formulation=OnePoint(), steps=2, **more)
+    return Case(scene=scene, fabric=fabric, steps=2, **more)
 
 
 def test_a_case_says_what_the_command_line_says(tmp_path):

@@ -9,4 +9,7 @@ from .quadratic import Quadratic
 #: The formulations by their names on the command line.
 FORMULATIONS = registered(__name__, FormulationRegistration)
 
-__all__ = ["FORMULATIONS", "Full", "Kind", "Macro", "OnePoint", "Quadratic"]
+#: The formulation where none is given.
+DEFAULT = Macro()
+
+__all__ = ["DEFAULT", "FORMULATIONS", "Full", "Kind", "Macro", "OnePoint", "Quadratic"]

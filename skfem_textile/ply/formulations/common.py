@@ -6,16 +6,17 @@ from typing import ClassVar
 
 import numpy as np
 from numpy import ndarray
-from skfem import CellBasis, Mesh
+from skfem import CellBasis, ElementTriP1, Mesh
 
 from ... import forms
 from ...fabric import Fabric
 from ...forms.form import fibre_tension
 from ...forms.mean_tension import mean_fibre_tension, mean_strain
 from ...mesh.bases import CENTRE, GAUSS, HourglassBasis, MeanBasis, quad_basis
-from ...mesh.checks import check_quads
+from ...mesh.checks import check_mesh
 from ...mesh.interior_edges import JumpBasis
 from ...registration import Option
+from ...splitting import split
 from ..kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
 from ..memory import HeldDeviation, HeldStabilisation
 from ..term import Memory, Term
@@ -48,9 +49,16 @@ class Quadrilaterals(Pointwise):
     centre: ClassVar[ndarray] = CENTRE[0]
     fine_points: ClassVar[ndarray] = GAUSS[0]
 
+    def working_mesh(self, mesh: Mesh) -> Mesh:
+        """Quadrilaterals as they are, triangles split."""
+        if getattr(mesh, "elem", None) is not ElementTriP1:
+            return mesh
+        check_mesh(mesh)
+        return split(mesh)
+
     def basis(self, mesh: Mesh) -> CellBasis:
         """Basis of the displacement."""
-        check_quads(mesh)
+        check_mesh(mesh)
         return quad_basis(mesh, self.rule)
 
 

@@ -1,4 +1,4 @@
-"""Macro-elements, of what a mesh was split from."""
+"""Macro-elements, which are split inside."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
@@ -9,10 +9,10 @@ from skfem import CellBasis, Mesh
 
 from ...fabric import Fabric
 from ...mesh.bases import CENTRE
-from ...mesh.checks import MeshError
+from ...mesh.checks import MeshError, check_mesh
 from ...mesh.macro import MacroBasis
 from ...registration import FormulationRegistration
-from ...splitting import SplitMesh, was_split
+from ...splitting import SplitMesh, split, was_split
 from ..term import Term
 from ..terms import TensionTerm
 from .common import (
@@ -26,9 +26,9 @@ from .common import (
 
 @dataclass(frozen=True)
 class Macro(Quadrilaterals):
-    """One point in every quadrilateral of a mesh that was split, nothing to tune.
+    """Quadrilaterals and triangles split in parts of one point each, nothing to tune.
 
-    The elements that were split (`split`) are macro-elements, whose fibres meet their
+    The elements are split (`split`).  They are macro-elements, whose fibres meet their
     whole stiffness in the mean stretch alone (`mean_tension`); each of the parts is
     stabilised as by `OnePoint`.
 
@@ -74,15 +74,17 @@ class Macro(Quadrilaterals):
             + ("" if own else ", {:g} and {:g}".format(*self.deviation))
         )
 
-    def basis(self, mesh: Mesh) -> CellBasis:
-        """Basis of the displacement."""
-        if not was_split(mesh):
+    def working_mesh(self, mesh: Mesh) -> Mesh:
+        """The mesh split, unless it was split already."""
+        if was_split(mesh):
+            return mesh
+        if isinstance(mesh, SplitMesh):
             raise MeshError(
-                "macro-elements need a mesh that was split, and not changed since, nor "
-                "renumbered: "
-                "split(mesh), or --split"
+                "the mesh was split, and refined, cut out or renumbered since: do that "
+                "to the mesh before it is split, or give its elements as a new MeshQuad"
             )
-        return super().basis(mesh)
+        check_mesh(mesh)
+        return split(mesh)
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
         """The tension of the mean stretch of each macro-element."""
@@ -100,9 +102,8 @@ class Macro(Quadrilaterals):
 
 REGISTRATION = FormulationRegistration(
     name=Macro.name,
-    description="macro-elements of what was split",
+    description="macro-elements, nothing to tune",
     build=lambda cs: Macro(cs),
     options=(STABILISATION,),
-    is_default=lambda mesh: isinstance(mesh, SplitMesh),
     rank=2,
 )

@@ -93,7 +93,7 @@ class OnePoint(Quadrilaterals):
 
 REGISTRATION = FormulationRegistration(
     name=OnePoint.name,
-    description="one stabilised point",
+    description="the paper's element, one stabilised point in every quadrilateral",
     build=lambda stabilisation, cs: OnePoint(cs, stabilisation),
     options=(
         Option(
@@ -105,6 +105,5 @@ REGISTRATION = FormulationRegistration(
         ),
         STABILISATION,
     ),
-    is_default=lambda mesh: True,
     rank=1,
 )

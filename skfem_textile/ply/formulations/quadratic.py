@@ -1,16 +1,17 @@
 """Quadratic triangles."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy import ndarray
-from skfem import CellBasis, Mesh
+from skfem import CellBasis, ElementQuad1, Mesh
 
 from ...fabric import Fabric
 from ...mesh.bases import SIX, MeanBasis, triangle_basis
-from ...mesh.checks import check_triangles
+from ...mesh.checks import MeshError, check_mesh
 from ...registration import FormulationRegistration, Option
+from ...splitting import SplitMesh, cut
 from ..terms import TensionTerm
 from .common import (
     Pointwise,
@@ -23,8 +24,9 @@ from .common import (
 class Quadratic(Pointwise):
     """Quadratic triangles with three points and no stabilisation.
 
-    The element is `skfem.ElementTriP2` on a `skfem.MeshTri`: nodes at vertices and at
-    the middles of edges.  Judged at six points, exact to degree 4.
+    The element is `skfem.ElementTriP2` on triangles, in which quadrilaterals are cut
+    (`cut`): nodes at vertices and at the middles of edges.  Judged at six points, exact
+    to degree 4.
 
     Parameters
     ----------
@@ -55,9 +57,22 @@ class Quadratic(Pointwise):
         C_d = self.deviation
         return "quadratic triangles" + ("" if C_d is None else f", mean, {C_d:g}")
 
+    def working_mesh(self, mesh: Mesh) -> Mesh:
+        """Triangles as they are, quadrilaterals cut."""
+        if isinstance(mesh, SplitMesh):
+            raise MeshError(
+                "quadratic triangles take no mesh that was split, as that of a file "
+                "with both triangles and quadrilaterals is: give one of either"
+            )
+        if getattr(mesh, "elem", None) is not ElementQuad1:
+            return mesh
+        check_mesh(mesh)
+        quads: Any = mesh
+        return cut(quads)
+
     def basis(self, mesh: Mesh) -> CellBasis:
         """Basis of the displacement."""
-        check_triangles(mesh)
+        check_mesh(mesh)
         return triangle_basis(mesh)
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
@@ -89,6 +104,5 @@ REGISTRATION = FormulationRegistration(
             metavar="C",
         ),
     ),
-    on_triangles=True,
     rank=4,
 )

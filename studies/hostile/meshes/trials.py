@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
+from skfem import MeshTri
 
-from skfem_textile import MeshError
+from skfem_textile import MeshError, split
 from skfem_textile.io import read_mesh
 
 from ..readers import abaqus, gmsh, vtk_legacy, vtk_xml
@@ -99,11 +100,13 @@ def _sound_file(file_format: _Format, rng: Generator) -> tuple[bytes, bool, str]
     return file_format.write(mesh, rng), len(mesh.kinds) == 1, odd
 
 
-def _finding(path: Path, split: bool, damage: str, rng: Generator) -> Finding:
-    """What comes of reading a file, and of a run on the mesh."""
+def _finding(path: Path, in_quads: bool, damage: str, rng: Generator) -> Finding:
+    """What comes of reading a file, splitting triangles, and of a run on the mesh."""
     with _messages() as messages:
         try:
-            mesh = read_mesh(path, split)
+            mesh = read_mesh(path)
+            if in_quads and isinstance(mesh, MeshTri):
+                mesh = split(mesh)
         except MeshError as error:
             if messages:
                 return Finding(UNCLEAR, damage, messages[0])

@@ -137,15 +137,16 @@ def _formulation(scene: str, random: Random) -> list[list[str]]:
     kind = "continuity" if scene == "picture_frame" else "isotropic"
     return random.choice(
         (
-            *([], [], [["--split"]], [["--split", "quads"]], [["--cs", "4"]]),
+            *([], [], [["--formulation", "one-point"]], [["--cs", "4"]]),
             [["--formulation", "full"]],
             [["--formulation", "quadratic"]],
             [["--formulation", "quadratic"], ["--deviation", "20"]],
             [["--formulation", "one-point"], ["--cs", "auto"]],
-            [["--split", "triangles"], ["--formulation", "macro"], ["--cs", "2.5"]],
-            [["--stabilisation", "isotropic"], ["--cs", "3"]],
-            [["--stabilisation", "rate"], ["--cs", "3"]],
-            [["--stabilisation", kind], ["--cs", "3"]],
+            [["--formulation", "macro"], ["--cs", "2.5"]],
+            *(
+                [["--formulation", "one-point"], ["--stabilisation", k], ["--cs", "3"]]
+                for k in ("isotropic", "rate", kind)
+            ),
         )
     )
 
@@ -201,7 +202,6 @@ _WORDS: dict[str, Callable[[Random], str]] = {
     "checkpoint": lambda random: random.choice(_FOLDERS),
     "resume": lambda random: random.choice(_FOLDERS),
     "roller": lambda random: random.choice(_ROLLERS),
-    "split": lambda random: random.choice(("quads", "triangles", "hexes", "")),
     "formulation": lambda random: random.choice(("macro", "full", "Full", "quadratic")),
     "stabilisation": lambda random: random.choice(("rate", "isotropic", "magic")),
     "shear-law": lambda random: random.choice(("sin2", "sin", "linear")),

@@ -117,9 +117,8 @@ _LOADED = {
     "mesh": Option(str, "irregular"),
     "size": Option(_size, None),
     "jitter": Option(float, None),
-    "split": Option(one_of("triangles", "quads"), None, "?"),
     "seed": Option(int, None),
-    "formulation": Option(one_of("one-point", "macro", "full", "quadratic"), None),
+    "formulation": Option(one_of("one-point", "macro", "full", "quadratic"), "macro"),
     "cs": Option(_cs, "auto"),
     "stabilisation": Option(
         one_of("energy", "rate", "continuity", "isotropic"), "energy"
@@ -141,7 +140,10 @@ _LOADED = {
     "verbose": Option(str, 0, "0", "count"),
 }
 
+_SHEARED = {"shear-stiffness": Option(float, 0.5)}
+
 _TRELLIS = {
+    **_SHEARED,
     "warp": Option(_degrees, 0.0),
     "weft": Option(_degrees, 90.0),
     "shear-angle": Option(_degrees, 45.0),
@@ -151,6 +153,8 @@ _TRELLIS = {
 }
 
 _BIAS = {
+    **_SHEARED,
+    "fibre-stiffness": Option(float, 1e5),
     "warp": Option(_degrees, 45.0),
     "weft": Option(_degrees, 135.0),
     "shear-angle": Option(_degrees, 40.0),
@@ -160,7 +164,7 @@ _BIAS = {
 #: The options of each scene.
 OPTIONS: Mapping[str, Mapping[str, Option]] = {
     "strip": _LOADED,
-    "picture_frame": {**_LOADED, "shear-angle": Option(_degrees, 45.0)},
+    "picture_frame": {**_LOADED, **_SHEARED, "shear-angle": Option(_degrees, 45.0)},
     "trellis": {**_LOADED, **_TRELLIS},
     "bias_extension": {**_LOADED, **_BIAS},
 }

@@ -16,7 +16,7 @@ from ..trial import WrongAnswerError
 from . import edge_motions
 from .documented import KINDS, UNNAMED
 from .reader import RunLine
-from .rules import formulation, mesh_to_make
+from .rules import mesh_to_make
 
 #: Options without influence on the result.
 _OTHERS = {"out", "no-render", "checkpoint", "resume", "verbose"}
@@ -73,8 +73,6 @@ def _expect_near(what: str, value: Any, expected: Any, size: float) -> None:
 
 def _check_inputs(line: RunLine, summary: dict[str, Any]) -> None:
     expected = {k: v for k, v in line.values.items() if k not in _OTHERS}
-    if expected["split"] is UNNAMED:
-        expected["split"] = "triangles"
     if expected["mesh"] in KINDS:
         names = zip(("size", "jitter", "seed"), mesh_to_make(line), strict=True)
         expected.update(names)
@@ -82,7 +80,7 @@ def _check_inputs(line: RunLine, summary: dict[str, Any]) -> None:
     expected = {k.replace("-", "_"): v for k, v in expected.items()}
     _expect("inputs", inputs, {"scene": line.scene, **expected})
     _expect("scene", summary["scene"], line.scene)
-    _expect("formulation", summary["formulation"], formulation(line.values))
+    _expect("formulation", summary["formulation"], line.values["formulation"])
     empty = {k for k, v in summary.items() if v is None} - {"negative_pivots"}
     _expect("numbers that are none", empty, set())
 
@@ -143,11 +141,11 @@ def _check_mesh(line: RunLine, summary: dict[str, Any], first: meshio.Mesh) -> N
         least = len(given.cells[0].data) // (2 if triangles else 1)
     _expect_near("nodes", X[:, : points.shape[1]], points, np.abs(points).max())
     parts = [1, 1]
-    if formulation(v) == "quadratic":
+    if v["formulation"] == "quadratic":
         parts = [2, 2]
-    elif triangles or v["split"] in ("triangles", UNNAMED):
+    elif triangles:
         parts = [6, 6]
-    elif v["split"] == "quads":
+    elif v["formulation"] == "macro":
         parts = [4, 6]  # what is not convex is cut first
     n = summary["n_elements"]
     if not parts[0] * least <= n <= parts[1] * least:
@@ -157,7 +155,8 @@ def _check_mesh(line: RunLine, summary: dict[str, Any], first: meshio.Mesh) -> N
 
 def _check_fields(line: RunLine, first: meshio.Mesh, last: meshio.Mesh) -> None:
     """Check inclinations of the fibres at rest, and tension against strain."""
-    pointwise = formulation(line.values) != "macro" and line.values["deviation"] is None
+    v = line.values
+    pointwise = v["formulation"] != "macro" and v["deviation"] is None
     angles = edge_motions.fibres(line)
     for family, angle in zip(("warp", "weft"), angles, strict=True):
         direction = _turned(line, first.cell_data[f"{family}_direction"][0])
@@ -165,7 +164,7 @@ def _check_fields(line: RunLine, first: meshio.Mesh, last: meshio.Mesh) -> None:
         _expect_near(f"{family} at rest", direction, expected, 1.0)
         strain = last.cell_data[f"{family}_strain"][0]
         tension = last.cell_data[f"{family}_tension"][0]
-        E = line.values["fibre-stiffness"]
+        E = v["fibre-stiffness"]
         if pointwise:
             _expect_near(f"{family} tension", tension, E * strain, E)
 
@@ -178,7 +177,7 @@ def _check_motion(line: RunLine, last: meshio.Mesh, t: float) -> None:
 
 
 def _check_energies(line: RunLine, summary: dict[str, Any], last: meshio.Mesh) -> None:
-    v, name = line.values, formulation(line.values)
+    v, name = line.values, line.values["formulation"]
     if name == "quadratic":
         return  # the files do not hold the nodes at the middles of edges
     X, u = (_turned(line, x) for x in (last.points, last.point_data["displacement"]))

@@ -125,15 +125,7 @@ def _refuse_stiffness(number: float) -> None:
 
 
 def _refuse_formulation(v: dict[str, Any]) -> None:
-    name, split, kind = v["formulation"], v["split"], v["stabilisation"]
-    triangles = v["mesh"] == "delaunay" or "triangles" in v["mesh"]
-    if name == "quadratic" and split:
-        raise UnreadableError("split and quadratic")
-    if split == "quads" and triangles:
-        raise UnreadableError("quadrilaterals of triangles")
-    name = formulation(v)
-    if name == "macro" and not (split or triangles):
-        raise UnreadableError("macro-elements of what was not split")
+    name, kind = v["formulation"], v["stabilisation"]
     if kind != "energy" and (name != "one-point" or v["cs"] == "auto"):
         raise UnreadableError("stabilisation")
     if v["cs"] != "auto":
@@ -144,14 +136,6 @@ def _refuse_formulation(v: dict[str, Any]) -> None:
         if name != "quadratic":
             raise UnreadableError("deviation")
         _refuse_stiffness(v["deviation"])
-
-
-def formulation(v: dict[str, Any]) -> str:
-    """The name of the formulation, given or not."""
-    if v["formulation"]:
-        return v["formulation"]
-    was_split = v["split"] or v["mesh"] == "delaunay" or "triangles" in v["mesh"]
-    return "macro" if was_split and v["stabilisation"] == "energy" else "one-point"
 
 
 def _refuse_checkpoint(v: dict[str, Any]) -> None:

@@ -18,6 +18,7 @@ from skfem_textile import (
     OnePoint,
     Ply,
     Quadratic,
+    split,
 )
 
 from .specimen import INF, NAN, Case, Specimen, fails, lifted
@@ -165,7 +166,15 @@ _PLIES = {
     "kind None": _formulation("kind", lambda: OnePoint(1.0, None)),
     "kind in a list": _formulation("kind", lambda: OnePoint(1.0, ["energy"])),
     "auto with rates": _formulation("auto", lambda: OnePoint("auto", "rate")),
-    "macro-elements of what was not split": _formulation("split", lambda: Macro()),
+    "macro-elements that were refined": _ply(
+        "split",
+        lambda b: split(b.mesh).refined(),
+        lambda b: b.fabric,
+        lambda b: Macro(),
+        lambda b: split(b.mesh).refined(),
+        lambda b: b.fabric,
+        lambda b: Macro(),
+    ),
     "one deviation of macro-elements": _formulation(
         "deviation", lambda: Macro(deviation=3.0)
     ),
@@ -177,7 +186,9 @@ _PLIES = {
     ),
     "deviation -1": _formulation("deviation", lambda: Quadratic(-1.0)),
     "deviation in a word": _formulation("deviation", lambda: Quadratic("x")),
-    "triangles wanted": _formulation("MeshTri", lambda: Quadratic()),
+    "quadratic triangles of what was split": _ply(
+        "split", lambda b: split(b.mesh), lambda b: b.fabric, lambda b: Quadratic()
+    ),
 }
 
 

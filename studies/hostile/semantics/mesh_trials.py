@@ -78,12 +78,12 @@ def _file(given: Sheet, folder: Path) -> Mesh:
     kind = "triangle" if len(given.t) == 3 else "quad"
     points = np.pad(given.p, ((0, 1), (0, 0))).T
     meshio.Mesh(points, {kind: given.t.T}).write(folder / "mesh.vtu")
-    return read_mesh(folder / "mesh.vtu", split=False)
+    return read_mesh(folder / "mesh.vtu")
 
 
 def _file_split(given: Sheet, folder: Path) -> Mesh:
-    _file(given, folder)
-    return read_mesh(folder / "mesh.vtu")
+    mesh = _file(given, folder)
+    return split(mesh) if isinstance(mesh, MeshTri) else mesh
 
 
 def _split(given: Sheet, folder: Path) -> Mesh:

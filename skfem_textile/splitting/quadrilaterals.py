@@ -1,4 +1,4 @@
-"""Splitting of meshes of triangles and quadrilaterals into quadrilaterals.
+"""Triangles and quadrilaterals split into quadrilaterals.
 
 Every triangle becomes three quadrilaterals, with corners at the middles of its edges
 and at its centroid; in a mesh with triangles every quadrilateral becomes four.  There
@@ -13,15 +13,12 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy import ndarray
 from skfem import ElementQuad1, ElementTriP1, Mesh, MeshQuad, MeshTri
-from skfem.helpers import cross
 
-from .mesh.checks import MeshError, refuse_nodes
-from .mesh.named_nodes import NamedNodes, edge_numbers, named_nodes, with_named_nodes
-from .mesh.scikit_fem import with_names
-
-# Areas that differ by less than this share count as equal.  Chosen: above rounding, so
-# that the cut of a parallelogram does not depend on it.
-_EQUAL_AREAS = 1e-9
+from ..mesh.checks import refuse_nodes
+from ..mesh.named_nodes import NamedNodes, edge_numbers, named_nodes
+from ..mesh.scikit_fem import with_names
+from .edges import edges_of, named_edges
+from .triangles import corner_areas, triangles_of
 
 
 @dataclass(repr=False)
@@ -31,15 +28,24 @@ class SplitMesh(NamedNodes, MeshQuad):
     Attributes
     ----------
     cells
-        Triangles and quadrilaterals of the original mesh as node numbers, arrays of
-        shape (3, n) and (4, n).  Its nodes are the first of this mesh.
+        Triangles and quadrilaterals that were split, as node numbers, arrays of shape
+        (3, n) and (4, n).  Nodes of the original mesh are the first of this mesh.
     parent
-        For each quadrilateral the original element, counted through ``cells``;
+        For each quadrilateral the cell that it is part of, counted through ``cells``;
         shape (n_elements,).
+    originals
+        Elements of the original mesh as node numbers: the cells, but each
+        quadrilateral that is not convex in place of the two triangles in which it was
+        cut first.
+    origin
+        For each cell its original element, counted through ``originals``; shape
+        (n_cells,).
     """
 
     cells: tuple[ndarray, ...] = ()
     parent: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+    originals: tuple[ndarray, ...] = ()
+    origin: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
 
 
 def was_split(mesh: Mesh) -> TypeGuard[SplitMesh]:
@@ -52,7 +58,7 @@ def was_split(mesh: Mesh) -> TypeGuard[SplitMesh]:
         return False
     if np.shape(mesh.parent) != (mesh.nelements,):
         return False
-    pairs, inverse = _pairs(mesh.cells)
+    pairs, inverse = edges_of(mesh.cells)
     n_elements = sum(cell.shape[1] for cell in mesh.cells)
     n_points = mesh.p.shape[1] - pairs.shape[1] - n_elements
     expected = np.vstack(_quads(mesh.cells, n_points, pairs, inverse))
@@ -93,59 +99,14 @@ def split(mesh: Mesh) -> SplitMesh:
     if isinstance(mesh, MeshTri):
         return split_cells(mesh.p, [mesh.t], edges, subdomains, nodes)
     quads: Any = mesh
-    convex = (_corners(quads) > 0).all(axis=0)
+    convex = (corner_areas(quads) > 0).all(axis=0)
     if convex.all():
         return split_cells(mesh.p, [mesh.t], edges, subdomains, nodes)
-    cells = [_triangles(quads)[:, np.tile(~convex, 2)], mesh.t[:, convex]]
+    cells = [triangles_of(quads)[:, np.tile(~convex, 2)], mesh.t[:, convex]]
     origin = np.concatenate([*[np.flatnonzero(~convex)] * 2, np.flatnonzero(convex)])
     named = {k: np.flatnonzero(np.isin(origin, e)) for k, e in subdomains.items()}
-    return split_cells(mesh.p, cells, edges, named, nodes)
-
-
-def cut(mesh: MeshQuad) -> MeshTri:
-    """Cut every quadrilateral in two triangles.
-
-    The diagonal is the one whose smaller triangle is larger, so that no triangle lies
-    outside a quadrilateral that is not convex.  Boundaries, subdomains and named
-    nodes keep their names.
-
-    Raises
-    ------
-    ValueError
-        If it is another kind of mesh, or its positions or node numbers are invalid.
-
-    Examples
-    --------
-    >>> triangles = cut(MeshQuad().with_defaults())
-    >>> triangles.nelements, sorted(triangles.boundaries)
-    (2, ['bottom', 'left', 'right', 'top'])
-    """
-    if getattr(mesh, "elem", None) != ElementQuad1:
-        raise ValueError(f"only a skfem.MeshQuad can be cut, not {type(mesh).__name__}")
-    refuse_nodes(mesh.p, [mesh.t])
-    triangles = replace(mesh, t=_with_diagonal(mesh)).to_meshtri()
-    return with_named_nodes(triangles, named_nodes(mesh))
-
-
-def _corners(mesh: MeshQuad) -> ndarray:
-    """Twice the area of the triangle at each corner, negative at a reflex one."""
-    before, here, after = (mesh.p[:, np.roll(mesh.t, i, axis=0)] for i in (1, 0, -1))
-    corner = cross(after - here, before - here)
-    return corner * np.sign(corner.sum(axis=0))
-
-
-def _with_diagonal(mesh: MeshQuad) -> ndarray:
-    """Nodes of the quadrilaterals, rotated: the diagonal joins second and last."""
-    corner = _corners(mesh)
-    ends_13, ends_02 = corner[::2].min(axis=0), corner[1::2].min(axis=0)
-    switch = ends_02 > ends_13 + _EQUAL_AREAS * np.abs(ends_13)
-    return np.where(switch, np.roll(mesh.t, 1, axis=0), mesh.t)
-
-
-def _triangles(mesh: MeshQuad) -> ndarray:
-    """Nodes of the triangles: the first of every quadrilateral, then the second."""
-    t = _with_diagonal(mesh)
-    return np.hstack([t[[0, 1, 3]], t[[1, 2, 3]]])
+    parts = split_cells(mesh.p, cells, edges, named, nodes)
+    return replace(parts, originals=(mesh.t,), origin=origin)
 
 
 def split_cells(
@@ -178,7 +139,7 @@ def split_cells(
         edge of the cells.
     """
     refuse_nodes(points, cells)
-    pairs, inverse = _pairs(cells)
+    pairs, inverse = edges_of(cells)
     centres = np.hstack([points[:, cell].mean(axis=1) for cell in cells])
     t, parent = _quads(cells, points.shape[1], pairs, inverse)
     mesh = SplitMesh(
@@ -186,16 +147,11 @@ def split_cells(
         t,
         cells=tuple(cells),
         parent=parent,
+        originals=tuple(cells),
+        origin=np.arange(centres.shape[1]),
         named_nodes=dict(nodes or {}),
     )
     return _named(mesh, pairs, points, edges or {}, subdomains or {})
-
-
-def _pairs(cells: Sequence[ndarray]) -> tuple[ndarray, ndarray]:
-    """Ends of each edge, shape (2, n), and the edge of each side of each cell."""
-    ends = np.concatenate([_ends(cell) for cell in cells], axis=1)
-    pairs, inverse = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True)
-    return pairs, inverse.ravel()
 
 
 def _quads(
@@ -220,17 +176,6 @@ def _ordered(columns: ndarray) -> ndarray:
     return columns[:, np.lexsort(columns)]
 
 
-def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
-    """Node numbers of the edges that belong to one cell only, shape (2, n)."""
-    pairs, inverse = _pairs(cells)
-    return pairs[:, np.bincount(inverse) == 1]
-
-
-def _ends(cell: ndarray) -> ndarray:
-    """Node numbers of the edges of cells, edge by edge, shape (2, k·n)."""
-    return np.stack([cell.ravel(), np.roll(cell, -1, axis=0).ravel()])
-
-
 def _named(
     mesh: SplitMesh,
     pairs: ndarray,
@@ -252,39 +197,3 @@ def _named(
         for name, elements in subdomains.items()
     }
     return with_names(mesh, boundaries or None, parts or None)
-
-
-def named_edges(name: str, points: ndarray, edges: ndarray, ends: ndarray) -> ndarray:
-    """Numbers of the edges of a named boundary, given by their ends.
-
-    Parameters
-    ----------
-    name
-        Name of the boundary.
-    points
-        Nodes, shape (2, n).
-    edges, ends
-        As for `edge_numbers`.
-
-    Raises
-    ------
-    MeshError
-        If two of the nodes are not the ends of an edge.
-    """
-    numbers = edge_numbers(edges, ends)
-    missing = ends[:, numbers < 0]
-    if missing.size:
-        a, b = missing[:, 0].tolist()
-        more = missing.shape[1] - 1
-        others = f", nor {more} more pair(s) of nodes that it names" if more else ""
-        raise MeshError(
-            f"boundary {name!r}: no edge of the mesh joins nodes {a} and {b} at "
-            f"{_position(points, a)} and {_position(points, b)}{others}; name edges of "
-            "cells"
-        )
-    return numbers
-
-
-def _position(points: ndarray, node: int) -> str:
-    x, y = points[:, node].tolist()
-    return f"({x:g}, {y:g})"

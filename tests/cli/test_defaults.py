@@ -1,0 +1,83 @@
+"""What a run shows of which nothing but the scene is said."""
+
+import json
+
+import meshio
+import numpy as np
+import pytest
+from command_line import refused
+
+from skfem_textile.cli import main as cli
+from skfem_textile.scenes import SCENES
+
+
+def plain_run(capsys, scene, out):
+    """Summary and inputs of a plain run; it says nothing on stderr."""
+    assert cli.main(["run", scene, "--no-render", "--out", str(out)]) == 0
+    assert capsys.readouterr().err == ""
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["formulation"] == "macro"
+    assert summary["stable"]
+    assert summary["path_resolved"]
+    return summary, summary["inputs"]
+
+
+@pytest.mark.parametrize("scene", ["strip", "picture_frame", "trellis"])
+def test_a_plain_run_comes_near_its_exact_answer(tmp_path, capsys, scene):
+    summary, inputs = plain_run(capsys, scene, tmp_path)
+    assert summary["displacement_error_rms"] < 0.02  # mm, of 60 to 100 mm
+    assert summary["shear_angle_error_rms_deg"] < 0.4
+    assert summary["n_elements"] == 4 * np.prod(inputs["size"])
+
+
+def test_the_other_scenes_are_the_bias_extension():
+    assert set(SCENES) - {"strip", "picture_frame", "trellis"} == {"bias_extension"}
+
+
+def test_a_plain_picture_frame_has_the_load_of_its_shear_stiffness(tmp_path, capsys):
+    summary, inputs = plain_run(capsys, "picture_frame", tmp_path)
+    gamma = np.pi / 4
+    expected = 100 * inputs["shear_stiffness"] * gamma * np.cos(gamma)
+    assert summary["reaction_x"] == pytest.approx(expected, rel=1e-2)
+
+
+def test_a_plain_bias_extension_shows_its_three_zones(tmp_path, capsys):
+    summary, inputs = plain_run(capsys, "bias_extension", tmp_path)
+    assert inputs["fibre_stiffness"] / inputs["shear_stiffness"] >= 2e5
+    assert summary["load_over_exact"] == pytest.approx(1.0, abs=0.05)
+    last = meshio.read(tmp_path / "fields" / f"step_{summary['load_steps']:04d}.vtu")
+    centre = last.points[last.cells[0].data, :2].mean(axis=1)
+    angle = last.cell_data["shear_angle"][0]
+
+    def mean_near(x, y):
+        return angle[np.linalg.norm(centre - (x, y), axis=1) < 8].mean()
+
+    assert mean_near(25, 50) == pytest.approx(40, abs=2)
+    assert mean_near(25, 5) == pytest.approx(0, abs=2)
+    assert mean_near(8, 25) == pytest.approx(20, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        ("bias_extension", ["(default: 8x16)", "(default: 100000.0)"]),
+        ("strip", ["(default: 10x15)", "(default: 10000.0)", "(default: 0.0)"]),
+        ("trellis", ["(default: 10000.0)", "(default: 0.5)", "(default: macro)"]),
+    ],
+)
+def test_the_help_of_a_scene_tells_its_own_defaults(capsys, scene, said):
+    with pytest.raises(SystemExit):
+        cli.main(["run", scene, "--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    for words in said:
+        assert words in text
+
+
+def test_defaults_of_a_scene_do_not_stand_in_the_way_of_other_laws(tmp_path, capsys):
+    out = ("--no-render", "--size", "2x4", "--steps", "1", "--out", str(tmp_path / "o"))
+    polynomial = ("--shear-law", "polynomial", "--shear-coefficients", "0.5")
+    command = ("run", "bias_extension", *polynomial, *out)
+    assert cli.main(command) == 0
+    capsys.readouterr()
+    said = refused(capsys, *command, "--shear-stiffness", "0.4")
+    assert "--shear-stiffness goes with --shear-law linear" in said
