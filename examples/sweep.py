@@ -10,9 +10,8 @@ from itertools import product
 
 import numpy as np
 
-from skfem_textile import Fabric, LoadStepper, Macro, Ply
+from skfem_textile import Fabric, LoadStepper, Ply
 from skfem_textile.scenes import bias_extension
-from skfem_textile.splitting import split
 from skfem_textile.sweep import WorkerProcesses, sweep
 
 G = 0.5  # N/mm
@@ -22,10 +21,9 @@ RATIOS, ANGLES = (2e4, 2e5, 2e6), (10, 20, 30, 40)  # E/G, degrees
 def load(case):
     """The load over that of fibres that do not stretch."""
     ratio, degrees = case
-    mesh = split(bias_extension(size=(4, 8)).mesh)
-    scene = bias_extension(mesh, shear_angle=np.radians(degrees))
+    scene = bias_extension(size=(4, 8), shear_angle=np.radians(degrees))
     fabric = Fabric(ratio * G, G, scene.warp, scene.weft)
-    result = LoadStepper(Ply(mesh, fabric, Macro()), scene.conditions, steps=4).run()
+    result = LoadStepper(Ply(scene.mesh, fabric), scene.conditions, steps=4).run()
     return scene.summary(result)["load_over_exact"]
 
 
