@@ -97,12 +97,12 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
     """
     scene, values = scene_of(values)
     tension, shear = _law("tension", values), _law("shear", values)
-    name = values["formulation"]
+    chosen = _chosen("formulation", values["formulation"], FORMULATIONS, values)
     return Case(
         scene=scene,
         fabric=Fabric(tension, shear, scene.warp, scene.weft),
         loads=tuple(Force(name, scene.turn @ total) for name, total in values["force"]),
-        formulation=_chosen("formulation", name, FORMULATIONS, values)(),
+        formulation=chosen(),
         steps=values["steps"],
         strategies=values["strategy"],
         warn_only=values["warn_only"],

@@ -26,8 +26,8 @@ def mesh_options(scene: SceneRegistration) -> tuple[Option, ...]:
         ),
         Option(
             name="size",
-            help=f"elements along x and y of a mesh to make, before they are "
-            f"split (default: {nx}x{ny})",
+            help="elements along x and y of a mesh to make, before they are split "
+            f"(default: {nx}x{ny})",
             read=_size,
         ),
         Option(

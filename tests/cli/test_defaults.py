@@ -8,6 +8,7 @@ import pytest
 from command_line import refused
 
 from skfem_textile.cli import main as cli
+from skfem_textile.cli.case import options_of
 from skfem_textile.scenes import SCENES
 
 
@@ -71,6 +72,13 @@ def test_the_help_of_a_scene_tells_its_own_defaults(capsys, scene, said):
     text = " ".join(capsys.readouterr().out.split())
     for words in said:
         assert words in text
+
+
+def test_defaults_of_scenes_are_those_of_options():
+    for scene in SCENES.values():
+        own = {option.name for option in scene.options}
+        names = {option.name for option in options_of(scene)} - own
+        assert set(scene.defaults) <= names
 
 
 def test_defaults_of_a_scene_do_not_stand_in_the_way_of_other_laws(tmp_path, capsys):

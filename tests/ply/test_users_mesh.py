@@ -209,7 +209,14 @@ def test_a_mesh_that_was_cut_and_changed_has_elements_of_its_own():
     mesh = cut(QUADS)
     assert isinstance(mesh, CutMesh)
     assert Ply(mesh, FABRIC, Quadratic()).on_users_elements(np.ones(12)).shape == (6,)
-    for changed in (mesh.refined(), mesh.restrict(np.arange(5))):
+    nodes = np.random.default_rng(1).permutation(mesh.p.shape[1])
+    for changed in (
+        mesh.refined(),
+        mesh.restrict(np.arange(5)),
+        replace(mesh, doflocs=mesh.p[:, np.argsort(nodes)], t=nodes[mesh.t]),
+        replace(mesh, parent=mesh.parent[::-1]),
+        replace(mesh, parent=mesh.parent + 1),
+    ):
         ply = Ply(changed, FABRIC, Quadratic())
         n = changed.nelements
         np.testing.assert_array_equal(ply.parent, np.arange(n))
