@@ -50,7 +50,8 @@ class Ply(Measures):
     formulation
         `Macro`, `OnePoint`, `Full` or `Quadratic`.
     terms
-        Further terms and loads, their names all different.
+        Further terms and loads, their names all different.  Terms whose bases are built
+        from ``ply.mesh`` are added by `with_terms`.
 
     Attributes
     ----------
@@ -150,7 +151,7 @@ class Ply(Measures):
         return terms + self.formulation.stabilising_terms(basis, fabric)
 
     def with_terms(self, *terms: Term | Load) -> "Ply":
-        """A ply like this one, at rest, with further terms, on the same mesh.
+        """A ply like this one, at rest, on the same mesh, with further terms.
 
         Build their bases from ``ply.mesh``.
 

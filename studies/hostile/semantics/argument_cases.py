@@ -171,9 +171,6 @@ _PLIES = {
         lambda b: split(b.mesh).refined(),
         lambda b: b.fabric,
         lambda b: Macro(),
-        lambda b: split(b.mesh).refined(),
-        lambda b: b.fabric,
-        lambda b: Macro(),
     ),
     "one deviation of macro-elements": _formulation(
         "deviation", lambda: Macro(deviation=3.0)
