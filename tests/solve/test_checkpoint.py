@@ -232,7 +232,7 @@ def test_a_run_killed_at_any_moment_is_resumed(tmp_path, steps, kills):
     rng = np.random.default_rng(0)
     command = [sys.executable, "-m", "skfem_textile", "run", "strip", "--no-render"]
     command += ["--size", "4x6", "--steps", str(steps), "--cs", "1"]
-    command += ["--stabilisation", "rate", "-v"]
+    command += ["--formulation", "one-point", "--stabilisation", "rate", "-v"]
 
     def go(out, *options, kill_at=None):
         """Exit code and log; the kill comes a little after so many states."""
