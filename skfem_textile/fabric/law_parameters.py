@@ -50,8 +50,13 @@ def pair(name: str, value: Any, above: float | None = None) -> tuple[float, floa
     Raises
     ------
     ValueError
-        If it is no such number, nor two of them.
+        If it is no such number, nor two of them, or differs from element to element.
     """
+    if isinstance(value, np.ndarray):
+        raise ValueError(
+            f"{name} must be a number or a pair (warp, weft), the same in every "
+            "element; give each subdomain a fabric instead"
+        )
     both = tuple(value) if isinstance(value, tuple | list) else (value, value)
     if len(both) != 2:
         raise ValueError(

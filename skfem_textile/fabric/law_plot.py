@@ -60,13 +60,16 @@ class DrawnTensions(BiaxialLaw):
         return plot_tensions(self, axes)
 
 
-def plot_law(law: Law, axes: Any = None, of: Resistance | None = None) -> Any:
+def plot_law(
+    law: Law | BiaxialLaw, axes: Any = None, of: Resistance | None = None
+) -> Any:
     """Draw the value of a law against its argument, with units.
 
     Parameters
     ----------
     law
-        Any law; the points of a table are drawn too.
+        Any law; the points of a table are drawn too.  Of a law of both fibre strains
+        `plot_tensions` draws the tensions.
     axes
         Where to draw; axes of a new figure of pyplot if not given.
     of
@@ -77,6 +80,8 @@ def plot_law(law: Law, axes: Any = None, of: Resistance | None = None) -> Any:
     matplotlib.axes.Axes
         The axes.
     """
+    if isinstance(law, BiaxialLaw):
+        return plot_tensions(law, axes)
     axes = _axes(axes)
     of = of or getattr(law, "of", None)
     x_label, y_label, unit = _AXES[of]

@@ -216,7 +216,7 @@ def interchange(E, c, K, e_0, k):
 
     def least(strains):
         low, high = (end + 0 * sum(strains) for end in (-eta[1], eta[0]))
-        for _ in range(70):
+        for _ in range(55):
             w = (low + high) / 2
             e_1, e_2 = yarn_strains(strains, w)
             slope = -tension(E[0], e_1) * (eta[0] - w)
