@@ -48,7 +48,7 @@ def test_tensions_are_derivatives_of_the_energy(law):
     for i, T in enumerate(law.value(at)):
         step = h * np.eye(2)[i][:, None]
         rate = (law.energy(at + step) - law.energy(at - step)) / (2 * h)
-        # The slope of T jumps in T″ where a yarn goes slack.
+        # T has a kink in its slope where a yarn goes slack.
         np.testing.assert_allclose(rate, T, atol=1e-6 * np.abs(law.value(at)).max())
 
 
