@@ -5,6 +5,8 @@ from .cli import interruption as interruption  # isort: skip  # first: Ctrl-C
 from . import forms as forms
 from .fabric import (
     Asymmetric,
+    BiaxialLaw,
+    CrimpInterchange,
     CrimpToe,
     Fabric,
     Law,
@@ -51,9 +53,11 @@ __all__ = [
     "GAUSS",
     "AccumulatedMoment",
     "Asymmetric",
+    "BiaxialLaw",
     "BodyForce",
     "CheckpointError",
     "Condition",
+    "CrimpInterchange",
     "CrimpToe",
     "Descent",
     "ElementQuad1Fluctuation",

@@ -1,8 +1,9 @@
 """What a ply is made of: fibre directions, and laws of tension and shear."""
 
 from .fabric import Direction, Fabric, Family, unit_vectors
-from .law import Law, Linear, is_zero
+from .law import BiaxialLaw, Law, Linear, Slopes, TwoLaws, is_zero
 from .law_plot import plot_law
+from .laws.crimp_interchange import CrimpInterchange
 from .laws.crimp_toe import CrimpToe
 from .laws.locking import Locking
 from .laws.one_sided import Asymmetric, TensionOnly
@@ -13,6 +14,8 @@ from .laws.tabulated import Tabulated
 
 __all__ = [
     "Asymmetric",
+    "BiaxialLaw",
+    "CrimpInterchange",
     "CrimpToe",
     "Direction",
     "Fabric",
@@ -23,8 +26,10 @@ __all__ = [
     "Polynomial",
     "Pretensioned",
     "Sin2",
+    "Slopes",
     "Tabulated",
     "TensionOnly",
+    "TwoLaws",
     "is_zero",
     "plot_law",
     "unit_vectors",

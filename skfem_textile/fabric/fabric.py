@@ -10,7 +10,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.user_input import call_user_function, real_numbers
-from .law import Law, Linear, domain_of, law_at
+from .law import BiaxialLaw, Law, Linear, TwoLaws, domain_of, law_at
 
 
 class Varied(Protocol):
@@ -37,7 +37,10 @@ Stiffness: TypeAlias = float | ndarray | Law
 
 
 class Family(NamedTuple):
-    """One fibre family: its name, reference direction and tension law."""
+    """One fibre family: its name, reference direction and tension law.
+
+    Where the tensions take both strains, the law is that of an unstrained other family.
+    """
 
     name: str
     direction: Direction
@@ -53,7 +56,7 @@ class Fabric:
     tension
         Fibre stiffness E in N/mm (tension T = E ε), a number or one for each element,
         shape (n_elements,), or a `Law` T(ε); one for both families or a pair (warp,
-        weft), a tuple.
+        weft), a tuple.  Or a `BiaxialLaw`, whose tensions take both strains.
     shear
         Shear stiffness G in N/mm (moment M_s = G Γ), a number or one for each element,
         or a `Law` M_s(Γ).
@@ -75,7 +78,7 @@ class Fabric:
     Linear(stiffness=10000.0)
     """
 
-    tension: Stiffness | tuple[Stiffness, Stiffness] = 1e4
+    tension: Stiffness | tuple[Stiffness, Stiffness] | BiaxialLaw = 1e4
     shear: Stiffness = 0.0
     warp: Direction = (1.0, 0.0)
     weft: Direction = (0.0, 1.0)
@@ -95,14 +98,21 @@ class Fabric:
     @cached_property
     def families(self) -> tuple[Family, Family]:
         """Warp and weft."""
+        return (
+            Family("warp", self.warp, self.tensions.of_family(0)),
+            Family("weft", self.weft, self.tensions.of_family(1)),
+        )
+
+    @cached_property
+    def tensions(self) -> BiaxialLaw:
+        """The law of both tensions; `TwoLaws` where each takes its own strain alone."""
+        if isinstance(self.tension, BiaxialLaw):
+            return self.tension
         one = not isinstance(self.tension, tuple | list)
         pair: Any = (self.tension, self.tension) if one else self.tension
         if len(pair) != 2:
             raise ValueError("tension must be one law or a pair (warp, weft)")
-        return (
-            Family("warp", self.warp, _law("tension", pair[0])),
-            Family("weft", self.weft, _law("tension", pair[1])),
-        )
+        return TwoLaws(_law("tension", pair[0]), _law("tension", pair[1]))
 
     @cached_property
     def shear_law(self) -> Law:
@@ -124,13 +134,13 @@ class Fabric:
             Shape (n, n_points) or (n, 1); all elements, shape (n_elements, 1), if not
             given.
         """
-        own = self.laws
-        laws = [law_at(law, element) for law in own]
-        if all(new is old for new, old in zip(laws, own, strict=True)):
+        tensions = law_at(self.tensions, element)
+        shear = law_at(self.shear_law, element)
+        if tensions is self.tensions and shear is self.shear_law:
             return self
         other = object.__new__(Fabric)  # its directions are valid
         vars(other).update(
-            tension=(laws[0], laws[1]), shear=laws[2], warp=self.warp, weft=self.weft
+            tension=tensions, shear=shear, warp=self.warp, weft=self.weft
         )
         return other
 
@@ -182,6 +192,11 @@ class Fabric:
 
 
 def _law(name: str, law: Stiffness) -> Law:
+    if isinstance(law, BiaxialLaw):
+        raise ValueError(
+            f"{name}: {type(law).__name__} is the law of both fibre strains; give it "
+            "alone, as tension=law"
+        )
     by_element = isinstance(law, ndarray) and law.ndim == 1
     if not by_element and not isinstance(law, int | float | np.number):
         parts = ("energy", "value", "tangent")

@@ -1,7 +1,12 @@
-"""What a law of tension or shear is, and the linear one, for which a number stands."""
+"""What laws are: of one strain or shear angle, and of both strains.
 
+The linear law is here too, for which a number stands.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy import ndarray
@@ -87,12 +92,15 @@ class Linear(OneStiffness):
         return self.stiffness + np.zeros(np.shape(x))
 
 
+_AnyLaw = TypeVar("_AnyLaw")
+
+
 def is_zero(law: Law) -> bool:
     """Whether a law needs no term at all."""
     return isinstance(law, OneStiffness) and not np.any(law.stiffness)
 
 
-def law_at(law: Law, element: ndarray | None) -> Law:
+def law_at(law: _AnyLaw, element: ndarray | None) -> _AnyLaw:
     """A law at points, by the numbers of their elements, if it differs among these."""
     return law.at(element) if hasattr(law, "at") else law
 
@@ -100,3 +108,201 @@ def law_at(law: Law, element: ndarray | None) -> Law:
 def domain_of(law: Law) -> tuple[Any, Any]:
     """The least and the largest argument for which a law says that it holds."""
     return getattr(law, "domain", (-np.inf, np.inf))
+
+
+class Slopes(NamedTuple):
+    """Derivatives of the tensions with respect to the strains, in N/mm.
+
+    ``own`` are ∂T_α/∂ε_α of warp and weft, ``cross`` is ∂T₁/∂ε₂ = ∂T₂/∂ε₁, and None
+    where no tension takes the strain of the other family.
+    """
+
+    own: Any
+    cross: ndarray | None
+
+    def times(self, change: ndarray) -> ndarray:
+        """Changes of the tensions with changes of the strains, shape (2, ...)."""
+        alone = np.asarray(self.own) * change
+        return alone if self.cross is None else alone + self.cross * change[::-1]
+
+
+class BiaxialLaw(ABC):
+    """A law of both tensions: an energy ψ(ε₁, ε₂) and its derivatives.
+
+    Strains have the shape (2, ...), warp first.
+
+    A law that differs from element to element has a method ``at``, as a `Law` has.
+
+    """
+
+    @property
+    def domain(self) -> tuple[Any, Any]:
+        """The least and the largest strain for which the law holds: here all strains.
+
+        Each is a number, or a pair for warp and weft.
+        """
+        return -np.inf, np.inf
+
+    @property
+    def shown(self) -> tuple[float, float] | None:
+        """The least and the largest strain at which it is drawn and checked."""
+        return None
+
+    @abstractmethod
+    def energy(self, strain: ndarray) -> ndarray:
+        """Energy density in N·mm/mm², zero at rest, shape (...)."""
+
+    @abstractmethod
+    def value(self, strain: ndarray) -> Any:
+        """Tensions T_α = ∂ψ/∂ε_α of warp and weft in N/mm, shape (2, ...)."""
+
+    @abstractmethod
+    def tangent(self, strain: ndarray) -> ndarray:
+        """∂T_α/∂ε_β in N/mm, symmetric, shape (2, 2, ...)."""
+
+    def energies(self, strain: ndarray) -> Sequence[ndarray]:
+        """Two densities, of which that of the fabric is the sum."""
+        half = 0.5 * self.energy(strain)
+        return half, half
+
+    def slopes(self, strain: ndarray) -> Slopes:
+        """The tangent."""
+        D = self.tangent(strain)
+        return Slopes((D[0, 0], D[1, 1]), D[0, 1])
+
+    def of_family(self, family: int, strain: Any = (0.0, 0.0)) -> Law:
+        """The law of one family while the other keeps its strain.
+
+        Parameters
+        ----------
+        family
+            0 for the warp, 1 for the weft.
+        strain
+            Strains of both, of which that of the other family is held.
+        """
+        direction = (1.0, 0.0) if family == 0 else (0.0, 1.0)
+        start = (0.0, strain[1]) if family == 0 else (strain[0], 0.0)
+        return LawAlong(self, direction, start)
+
+
+@dataclass(frozen=True, eq=False)
+class LawAlong:
+    """A biaxial law along a straight line of strains, as a law of one argument.
+
+    Parameters
+    ----------
+    law
+        The law.
+    direction
+        Change of both strains per unit of the argument.
+    start
+        Strains of warp and weft at the argument 0: numbers, or arrays that broadcast
+        with the arguments.
+    """
+
+    law: BiaxialLaw
+    direction: tuple[float, float]
+    start: tuple[Any, Any] = (0.0, 0.0)
+
+    def energy(self, x: ndarray) -> ndarray:
+        """ψ on the line."""
+        return self.law.energy(self._strain(x))
+
+    def value(self, x: ndarray) -> ndarray:
+        """T·d with the direction d."""
+        T_1, T_2 = self.law.value(self._strain(x))
+        d_1, d_2 = self.direction
+        return d_1 * T_1 + d_2 * T_2
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """d·D·d with the direction d and the tangent D."""
+        (D_11, D_12), (D_21, D_22) = self.law.tangent(self._strain(x))
+        d_1, d_2 = self.direction
+        return d_1**2 * D_11 + d_1 * d_2 * (D_12 + D_21) + d_2**2 * D_22
+
+    @property
+    def domain(self) -> tuple[Any, Any]:
+        """Where both strains are in the domain of the law."""
+        low, high = -np.inf, np.inf
+        for i, (d, start) in enumerate(zip(self.direction, self.start, strict=True)):
+            if d != 0:
+                given = (
+                    end if np.ndim(end) == 0 else end[i] for end in self.law.domain
+                )
+                ends = [(end - start) / d for end in given]
+                low = np.maximum(low, ends[0] if d > 0 else ends[1])
+                high = np.minimum(high, ends[1] if d > 0 else ends[0])
+        return low, high
+
+    @property
+    def shown(self) -> tuple[float, float] | None:
+        """That of the law."""
+        return self.law.shown
+
+    def _strain(self, x: ndarray) -> ndarray:
+        pairs = zip(self.start, self.direction, strict=True)
+        return np.array([start + d * x for start, d in pairs])
+
+
+@dataclass(frozen=True)
+class TwoLaws(BiaxialLaw):
+    """A law for each family: no tension takes the strain of the other.
+
+    Parameters
+    ----------
+    warp, weft
+        The laws.
+    """
+
+    warp: Law
+    weft: Law
+
+    @property
+    def laws(self) -> tuple[Law, Law]:
+        """Both."""
+        return self.warp, self.weft
+
+    def at(self, element: ndarray | None = None) -> "TwoLaws":
+        """The laws at points, by the numbers of their elements; see `Law`."""
+        warp, weft = (law_at(law, element) for law in self.laws)
+        same = warp is self.warp and weft is self.weft
+        return self if same else TwoLaws(warp, weft)
+
+    def energy(self, strain: ndarray) -> ndarray:
+        """The sum of both energies."""
+        of_warp, of_weft = self.energies(strain)
+        return of_warp + of_weft
+
+    def energies(self, strain: ndarray) -> Sequence[ndarray]:
+        """Energy of each family."""
+        return self._each("energy", strain)
+
+    def value(self, strain: ndarray) -> list[ndarray]:
+        """Tension of each family."""
+        return self._each("value", strain)
+
+    def tangent(self, strain: ndarray) -> ndarray:
+        """The slopes on the diagonal."""
+        warp, weft = self.slopes(strain).own
+        nothing = np.zeros(np.broadcast_shapes(warp.shape, weft.shape))
+        return np.array([[warp + nothing, nothing], [nothing, weft + nothing]])
+
+    def slopes(self, strain: ndarray) -> Slopes:
+        """Slope of each law."""
+        return Slopes(self._each("tangent", strain), None)
+
+    def of_family(self, family: int, strain: Any = (0.0, 0.0)) -> Law:
+        """The law of the family."""
+        return self.laws[family]
+
+    @property
+    def domain(self) -> tuple[Any, Any]:
+        """Those of the laws."""
+        low, high = zip(*map(domain_of, self.laws), strict=True)
+        return low, high
+
+    def _each(self, part: str, strain: ndarray) -> list[ndarray]:
+        return [
+            np.broadcast_to(getattr(law, part)(x), np.shape(x))
+            for law, x in zip(self.laws, strain, strict=True)
+        ]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy import ndarray
 
 from .fabric import Fabric
-from .law import Law, is_zero
+from .law import BiaxialLaw, Law, LawAlong, TwoLaws, is_zero
 
 # Arguments at which a law is asked, that has no domain of its own.
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)
@@ -26,6 +26,18 @@ _DENSE, _COARSE = 2000, 18
 _OFF, _NOISE = 1e-3, 1e-9
 
 _PARTS = ("energy", "value", "tangent")
+
+# Lines of strains on which a law of both is asked: name, direction and start.
+_LINES = (
+    ("warp and weft", (1.0, 1.0), (0.0, 0.0)),
+    ("warp against weft", (1.0, -1.0), (0.0, 0.0)),
+    ("warp", (1.0, 0.0), (0.0, 0.0)),
+    ("weft", (0.0, 1.0), (0.0, 0.0)),
+    ("warp beside a stretched weft", (1.0, 0.0), (0.0, 0.3 * _STRAIN)),
+    ("weft beside a stretched warp", (0.0, 1.0), (0.3 * _STRAIN, 0.0)),
+    ("warp beside a shortened weft", (1.0, 0.0), (0.0, -0.3 * _STRAIN)),
+    ("weft beside a shortened warp", (0.0, 1.0), (-0.3 * _STRAIN, 0.0)),
+)
 
 
 class _Asked(NamedTuple):
@@ -54,10 +66,32 @@ def check_laws(fabric: Fabric, shape: tuple[int, ...]) -> None:
         fibre family or the shear, the part and the argument.
     """
     warp, weft = fabric.families
-    _check_law("warp", "ε", warp.tension, _STRAIN, shape)
-    if weft.tension is not warp.tension:
-        _check_law("weft", "ε", weft.tension, _STRAIN, shape)
+    if not isinstance(fabric.tensions, TwoLaws):
+        _check_tensions(fabric.tensions, shape)
+    else:
+        _check_law("warp", "ε", warp.tension, _STRAIN, shape)
+        if weft.tension is not warp.tension:
+            _check_law("weft", "ε", weft.tension, _STRAIN, shape)
     _check_law("shear", "Γ", fabric.shear_law, _ANGLE, shape)
+
+
+def _check_tensions(law: BiaxialLaw, shape: tuple[int, ...]) -> None:
+    """Check a law of both tensions on lines: one family or both are stretched.
+
+    On all of them value and tangent are derivatives, and the tangent is symmetric.
+    """
+    for name, direction, start in _LINES:
+        _check_law(name, "ε", LawAlong(law, direction, start), _STRAIN, shape)
+    strain = np.array([np.full(shape, 0.5 * _STRAIN), np.full(shape, 0.2 * _STRAIN)])
+    with np.errstate(all="ignore"):
+        (_, D_12), (D_21, _) = D = np.asarray(law.tangent(strain))
+    off = np.abs(D_12 - D_21)
+    if not (off <= _OFF * np.abs(D).max(axis=(0, 1)))[np.isfinite(off)].all():
+        raise ValueError(
+            f"tension law, tangent: at ε = {0.5 * _STRAIN:g}, {0.2 * _STRAIN:g} "
+            "∂T₁/∂ε₂ is not ∂T₂/∂ε₁; value must be the derivative of energy, tangent "
+            "that of value"
+        )
 
 
 def _check_law(

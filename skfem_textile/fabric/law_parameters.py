@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .law import Law, domain_of, law_at
+from .law import BiaxialLaw, Law, domain_of, law_at
 
 # A law vanishes at rest if it is below this share of what it is nearby: round-off.
 _NOTHING = 1e-9
@@ -39,6 +39,32 @@ def number(name: str, value: Any, above: float | None = None) -> float:
     return found
 
 
+def pair(name: str, value: Any, above: float | None = None) -> tuple[float, float]:
+    """A parameter of warp and weft: one number for both, or two.
+
+    Parameters
+    ----------
+    name, value, above
+        As for `number`.
+
+    Raises
+    ------
+    ValueError
+        If it is no such number, nor two of them, or differs from element to element.
+    """
+    if isinstance(value, np.ndarray):
+        raise ValueError(
+            f"{name} must be a number or a pair (warp, weft), the same in every "
+            "element; give each subdomain a fabric instead"
+        )
+    both = tuple(value) if isinstance(value, tuple | list) else (value, value)
+    if len(both) != 2:
+        raise ValueError(
+            f"{name} must be a number or a pair (warp, weft), got {value!r}"
+        )
+    return number(name, both[0], above), number(name, both[1], above)
+
+
 def inner_law(name: str, law: Any) -> Law:
     """A law that another law is made of: the same in every element.
 
@@ -50,6 +76,8 @@ def inner_law(name: str, law: Any) -> Law:
     parts = ("energy", "value", "tangent")
     if isinstance(law, type) or not all(hasattr(law, part) for part in parts):
         raise ValueError(f"{name} must be a law, got {law!r}")
+    if isinstance(law, BiaxialLaw):
+        raise ValueError(f"{name} must be a law of one strain, got {law!r}")
     if hasattr(law, "region") or law_at(law, None) is not law:
         raise ValueError(
             f"{name} must be the same law in every element; give each subdomain a "

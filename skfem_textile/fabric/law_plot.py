@@ -1,16 +1,20 @@
 """Curves of laws, drawn with matplotlib."""
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..registration import Resistance
-from .law import Law, domain_of
+from .law import BiaxialLaw, Law, domain_of
 
 # Arguments up to which a law is drawn that does not tell: fibre strain, and radians.
 _STRAIN, _ANGLE = 0.02, np.radians(60.0)
 
 _N_POINTS = 401
+
+# Strain of the weft over that of the warp, for which biaxial laws are drawn.
+_STRAIN_RATIOS = (-0.5, 0.0, 0.5, 1.0)
 
 # What an axis shows, and the units of the argument's in radians or as a strain.
 _AXES: dict[Resistance | None, tuple[str, str, float]] = {
@@ -48,13 +52,24 @@ class Drawn:
         return plot_law(self, axes, of)
 
 
-def plot_law(law: Law, axes: Any = None, of: Resistance | None = None) -> Any:
+class DrawnTensions(BiaxialLaw):
+    """A law of both fibre strains that can be drawn."""
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the tensions; see `plot_tensions`."""
+        return plot_tensions(self, axes)
+
+
+def plot_law(
+    law: Law | BiaxialLaw, axes: Any = None, of: Resistance | None = None
+) -> Any:
     """Draw the value of a law against its argument, with units.
 
     Parameters
     ----------
     law
-        Any law; the points of a table are drawn too.
+        Any law; the points of a table are drawn too.  Of a law of both fibre strains
+        `plot_tensions` draws the tensions.
     axes
         Where to draw; axes of a new figure of pyplot if not given.
     of
@@ -65,10 +80,9 @@ def plot_law(law: Law, axes: Any = None, of: Resistance | None = None) -> Any:
     matplotlib.axes.Axes
         The axes.
     """
-    if axes is None:
-        from matplotlib import pyplot
-
-        axes = pyplot.subplots(layout="constrained")[1]
+    if isinstance(law, BiaxialLaw):
+        return plot_tensions(law, axes)
+    axes = _axes(axes)
     of = of or getattr(law, "of", None)
     x_label, y_label, unit = _AXES[of]
     low, high = _ends(law, _STRAIN if of == "tension" else _ANGLE)
@@ -81,6 +95,49 @@ def plot_law(law: Law, axes: Any = None, of: Resistance | None = None) -> Any:
     axes.set(xlabel=x_label, ylabel=y_label)
     axes.grid(alpha=0.3)
     return axes
+
+
+def plot_tensions(
+    law: BiaxialLaw, axes: Any = None, ratios: Sequence[float] = _STRAIN_RATIOS
+) -> Any:
+    """Draw the tensions of a biaxial law along lines of a constant ratio of strains.
+
+    Parameters
+    ----------
+    law
+        A `BiaxialLaw`.
+    axes
+        Where to draw; axes of a new figure of pyplot if not given.
+    ratios
+        Strain of the weft over that of the warp, a line of the warp's tension and a
+        dashed one of the weft's for each.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes.
+    """
+    axes = _axes(axes)
+    low, high = law.shown or (-_STRAIN, _STRAIN)
+    x = np.linspace(low, high, _N_POINTS)
+    for ratio in ratios:
+        with np.errstate(all="ignore"):  # a gap is drawn where it is not finite
+            warp, weft = law.value(np.array([x, ratio * x]))
+        (line,) = axes.plot(x, warp, label=f"warp, weft strain {ratio:g} ε")
+        axes.plot(x, weft, "--", color=line.get_color())
+    axes.set(xlabel="warp strain ε (-)", ylabel="tension T (N/mm), weft dashed")
+    axes.grid(alpha=0.3)
+    axes.legend()
+    return axes
+
+
+def _axes(axes: Any) -> Any:
+    """The axes that are given, or new ones."""
+    if axes is not None:
+        return axes
+    from matplotlib import pyplot
+
+    return pyplot.subplots(layout="constrained")[1]
 
 
 def _ends(law: Law, reach: float) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from numpy import ndarray
 from skfem import Mesh
 
 from .fabric import Direction, Fabric, unit_vectors
-from .law import Law, domain_of, law_at
+from .law import BiaxialLaw, Law, TwoLaws, domain_of, law_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +63,62 @@ class RegionalLaw:
         return self._chosen(low), self._chosen(high)
 
     def _chosen(self, values: Sequence[Any]) -> ndarray:
-        """Of one value or array for each law that of the law at each point."""
-        region, *every = np.broadcast_arrays(self.region, *values)
-        return np.take_along_axis(np.stack(every), region[None], axis=0)[0]
+        return _chosen(self.region, values)
+
+
+@dataclass(frozen=True, eq=False)
+class RegionalTensions(BiaxialLaw):
+    """One of several laws of both tensions in each element.
+
+    Parameters
+    ----------
+    laws
+        The laws.
+    region
+        Which of them each element has: whole numbers, shape (n_elements,).
+    """
+
+    laws: Sequence[BiaxialLaw]
+    region: ndarray
+
+    def at(self, element: ndarray | None = None) -> "RegionalTensions":
+        """The law at points, by the numbers of their elements; see `RegionalLaw.at`."""
+        region = self.region[:, None] if element is None else self.region[element]
+        return RegionalTensions([law_at(law, element) for law in self.laws], region)
+
+    def energy(self, strain: ndarray) -> ndarray:
+        """Energy density of the law at each point, of which each is asked at its own.
+
+        Elsewhere it is asked at 0, as those of `RegionalLaw` are.
+        """
+        own = [np.where(self.region == i, strain, 0.0) for i in range(len(self.laws))]
+        pairs = zip(self.laws, own, strict=True)
+        return _chosen(self.region, [law.energy(at) for law, at in pairs])
+
+    def value(self, strain: ndarray) -> ndarray:
+        """Its first derivatives."""
+        return _chosen(self.region, [np.array(law.value(strain)) for law in self.laws])
+
+    def tangent(self, strain: ndarray) -> ndarray:
+        """Its second derivatives."""
+        return _chosen(self.region, [law.tangent(strain) for law in self.laws])
+
+    @property
+    def domain(self) -> tuple[ndarray, ndarray]:
+        """The least and the largest strains for which the law at each point holds."""
+        families = [[law.of_family(i) for law in self.laws] for i in range(2)]
+        both = [zip(*map(domain_of, laws), strict=True) for laws in families]
+        low, high = zip(*both, strict=True)
+        return self._of_both(low), self._of_both(high)
+
+    def _of_both(self, ends: Sequence[Sequence[Any]]) -> ndarray:
+        return np.array([_chosen(self.region, of_family) for of_family in ends])
+
+
+def _chosen(region: ndarray, values: Sequence[Any]) -> ndarray:
+    """Of one value or array for each law that of the law at each point."""
+    region, *every = np.broadcast_arrays(region, *values)
+    return np.take_along_axis(np.stack(every), region[None], axis=0)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +173,9 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
     n_elements, n_originals = len(parent), parent.max() + 1
 
     def carried(name: str, thing: Any) -> Any:
-        if isinstance(thing, RegionalLaw):
+        if isinstance(thing, TwoLaws):
+            return TwoLaws(*(carried(name, law) for law in thing.laws))
+        if isinstance(thing, RegionalLaw | RegionalTensions):
             thing = replace(thing, laws=[carried(name, law) for law in thing.laws])
         if isinstance(thing, RegionalDirection):
             fields = [carried(name, _as_given(field)) for field in thing.directions]
@@ -138,11 +193,14 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
             return replace(thing, region=thing.region[parent])
         return thing[:, parent] if isinstance(thing, ndarray) else law_at(thing, parent)
 
-    warp, weft, shear = fabric.laws
-    tension = carried("tension of warp", warp), carried("tension of weft", weft)
-    found = tension, carried("shear", shear)
+    tension: Any = fabric.tensions
+    if isinstance(tension, TwoLaws):
+        warp, weft = tension.laws
+        tension = carried("tension of warp", warp), carried("tension of weft", weft)
+    else:
+        tension = carried("tension", tension)
     directions = (carried(f.name, _as_given(f.direction)) for f in fabric.families)
-    return Fabric(*found, *directions)
+    return Fabric(tension, carried("shear", fabric.shear_law), *directions)
 
 
 def _as_given(direction: Any) -> Any:
@@ -195,11 +253,19 @@ def fabric_of_regions(mesh: Mesh, fabrics: Mapping[str, Fabric]) -> Fabric:
     all_families = [fabric.families for fabric in fabrics.values()]
     warp, weft = zip(*all_families, strict=True)
     return Fabric(
-        tension=(
-            RegionalLaw([family.tension for family in warp], region),
-            RegionalLaw([family.tension for family in weft], region),
-        ),
+        tension=_tensions([fabric.tensions for fabric in fabrics.values()], region),
         shear=RegionalLaw([fabric.shear_law for fabric in fabrics.values()], region),
         warp=RegionalDirection([family.direction for family in warp], region),
         weft=RegionalDirection([family.direction for family in weft], region),
     )
+
+
+def _tensions(
+    laws: Sequence[BiaxialLaw], region: ndarray
+) -> tuple[RegionalLaw, RegionalLaw] | RegionalTensions:
+    """A law for each family if no tension takes both strains, else one for both."""
+    alone = [law for law in laws if isinstance(law, TwoLaws)]
+    if len(alone) < len(laws):
+        return RegionalTensions(laws, region)
+    warp, weft = zip(*(law.laws for law in alone), strict=True)
+    return RegionalLaw(warp, region), RegionalLaw(weft, region)

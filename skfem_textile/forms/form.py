@@ -88,7 +88,7 @@ def families_with_law(fabric: Fabric) -> list[int]:
 def fibre_tension(
     fabric: Fabric, strain: ndarray, change: ndarray | float = 0.0
 ) -> ndarray:
-    """Tensions T(ε) + T′(ε) Δε of warp and weft in N/mm.
+    """Tensions T(ε) + ∂T/∂ε Δε of warp and weft in N/mm.
 
     Parameters
     ----------
@@ -97,7 +97,5 @@ def fibre_tension(
     strain, change
         Fibre strains of warp and weft and their change, shape (2, ...).
     """
-    laws = fabric.laws[:2]
-    value = np.array([T.value(e) for T, e in zip(laws, strain, strict=True)])
-    slope = np.array([T.tangent(e) for T, e in zip(laws, strain, strict=True)])
-    return value + slope * change
+    law, change = fabric.tensions, change + np.zeros_like(strain)
+    return np.array(law.value(strain)) + law.slopes(strain).times(change)

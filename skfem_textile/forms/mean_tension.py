@@ -7,7 +7,9 @@ of real fabrics, both lock.  Here the fibre law holds for the mean λ̄ of the s
 the points of an element, and deviations from it meet a stiffness E_d that does not grow
 with that of the fibres,
 
-    ψ(ln λ̄) + ½ E_d (λ − λ̄)².
+    ψ(ln λ̄) + ½ E_d (λ − λ̄)²,
+
+where ψ is of each family, or takes the means of both.
 
 The mean is that of the stretch, and not of its logarithm: a stretch has no second
 derivative along its fibre, so that a deviation meets E_d however large the tension,
@@ -32,7 +34,6 @@ from .form import (
     directions,
     elements,
     families_with_law,
-    fibre_tension,
     once,
     outer,
 )
@@ -52,9 +53,16 @@ def mean_tension(fabric: Fabric) -> Forms:
     """
     families = families_with_law(fabric)
 
-    def laws(w):
-        """Tension laws T(ε) of the means."""
-        return of_elements(fabric, elements(w)).laws
+    def law(w):
+        """Tensions T(ε₁, ε₂) of the means."""
+        return of_elements(fabric, elements(w)).tensions
+
+    def stretches(w):
+        F, A = deformation(w), directions(fabric, w)
+        return [kin.stretch(F, a) for a in A]
+
+    def mean_stretches(w):
+        return np.array([mean(w, lam) for lam in once(w, stretches)])
 
     def variation(w):
         """∂λ/∂F."""
@@ -63,12 +71,9 @@ def mean_tension(fabric: Fabric) -> Forms:
 
     def force(w):
         """∂ψ/∂λ: the tension over the stretch."""
-        lam, E_d, T = once(w, stretches), w["E_d"], laws(w)
-        means = [mean(w, x) for x in lam]
-        return {
-            i: T[i].value(np.log(means[i])) / means[i] + E_d[i] * (lam[i] - means[i])
-            for i in families
-        }
+        lam, E_d, means = once(w, stretches), w["E_d"], once(w, mean_stretches)
+        T = law(w).value(np.log(means))
+        return {i: T[i] / means[i] + E_d[i] * (lam[i] - means[i]) for i in families}
 
     def stress(w):
         N, d_lam = force(w), once(w, variation)
@@ -88,23 +93,17 @@ def mean_tension(fabric: Fabric) -> Forms:
         )
 
     def mean_stiffness(w):
-        lam, E_d, T = once(w, stretches), w["E_d"], laws(w)
-        means = [mean(w, x) for x in lam]
-        eps = np.log(means)
-        return {
-            i: (T[i].tangent(eps[i]) - T[i].value(eps[i])) / means[i] ** 2 - E_d[i]
-            for i in families
-        }
-
-    def stretches(w):
-        F, A = deformation(w), directions(fabric, w)
-        return [kin.stretch(F, a) for a in A]
+        """What couples the mean of each family with itself, and both means."""
+        means, E_d = once(w, mean_stretches), w["E_d"]
+        T, slopes = law(w).value(np.log(means)), law(w).slopes(np.log(means))
+        own = {i: (slopes.own[i] - T[i]) / means[i] ** 2 - E_d[i] for i in families}
+        if slopes.cross is None:
+            return own, None
+        return own, slopes.cross / (means[0] * means[1])
 
     @Functional
     def energy(w):
-        T = laws(w)
-        means = [mean(w, x) for x in once(w, stretches)]
-        of_means = sum(T[i].energy(np.log(means[i])) for i in families)
+        of_means = sum(law(w).energies(np.log(once(w, mean_stretches))))
         return of_means + _of_deviations(fabric, w, once(w, stretches))
 
     @LinearForm
@@ -113,12 +112,12 @@ def mean_tension(fabric: Fabric) -> Forms:
 
     @BilinearForm
     def tangent(u, v, w):
-        d_lam, E_m = once(w, variation), once(w, mean_stiffness)
-        means = (
-            E_m[i] * mean(w, ddot(d_lam[i], grad(u))) * mean(w, ddot(d_lam[i], grad(v)))
-            for i in families
-        )
-        return sum(means) + contract(grad(v), once(w, local_stiffness), grad(u))
+        d_lam, (own, cross) = once(w, variation), once(w, mean_stiffness)
+        of_u, of_v = ([mean(w, ddot(d, grad(x))) for d in d_lam] for x in (u, v))
+        means = sum(own[i] * of_u[i] * of_v[i] for i in families)
+        if cross is not None:
+            means = means + cross * (of_u[0] * of_v[1] + of_u[1] * of_v[0])
+        return means + contract(grad(v), once(w, local_stiffness), grad(u))
 
     return Forms(energy, residual, tangent)
 
@@ -169,11 +168,10 @@ def mean_fibre_tension(
     lam, E_d = np.exp(eps), deviation_stiffness
     d_lam = lam * d_eps
     means, d_means = mean(w, lam), mean(w, d_lam)
-    elementwise = of_elements(fabric, w.get("element"))
-    T = fibre_tension(elementwise, np.log(means))
-    T_and_slope = fibre_tension(elementwise, np.log(means), 1.0)
+    law, mean_eps = of_elements(fabric, w.get("element")).tensions, np.log(means)
+    T, d_T = np.array(law.value(mean_eps)), law.slopes(mean_eps).times(d_means / means)
     N = T / means + E_d * (lam - means)
-    d_N = (T_and_slope - 2 * T) / means**2 * d_means + E_d * (d_lam - d_means)
+    d_N = (d_T - T * d_means / means) / means + E_d * (d_lam - d_means)
     return basis.to_ply_points(lam * (N + d_N) + d_lam * N)
 
 

@@ -18,6 +18,8 @@ from .form import (
 def tension(fabric: Fabric) -> Forms:
     """Fibre tension: virtual work ∫ Σ_α T_α δε_α dΩ.
 
+    A tension may take both strains; the tangent then couples warp and weft.
+
     The tangent takes an optional parameter ``tension``, shape (2, n_elements,
     n_points): fibre tensions (warp, weft) to use in its geometric part instead
     of T(ε).
@@ -41,30 +43,34 @@ def tension(fabric: Fabric) -> Forms:
     if not families_with_law(fabric):
         raise ValueError("the fabric has no tension stiffness: leave this term out")
 
-    def families(w):
-        """Index and tension law T(ε) of each family that has one."""
-        laws = fabric.at(elements(w)).laws
-        return [(i, laws[i]) for i in families_with_law(fabric)]
+    families = families_with_law(fabric)
+
+    def law(w):
+        """Tensions T(ε₁, ε₂)."""
+        return fabric.at(elements(w)).tensions
+
+    def strains(w):
+        F, A = deformation(w), directions(fabric, w)
+        return np.array([kin.fibre_strain(F, a) for a in A])
 
     def energy(w):
-        F, A = deformation(w), directions(fabric, w)
-        return sum(T.energy(kin.fibre_strain(F, A[i])) for i, T in families(w))
+        return sum(law(w).energies(strains(w)))
 
     def stress(w):
         F, A = deformation(w), directions(fabric, w)
-        return sum(
-            T.value(kin.fibre_strain(F, A[i])) * kin.fibre_strain_d(F, A[i])
-            for i, T in families(w)
-        )
+        T = law(w).value(strains(w))
+        return sum(T[i] * kin.fibre_strain_d(F, A[i]) for i in families)
 
     def stiffness(w):
         F, A = deformation(w), directions(fabric, w)
+        slopes, d_eps = law(w).slopes(strains(w)), [kin.fibre_strain_d(F, a) for a in A]
+        T = w["tension"] if "tension" in w else law(w).value(strains(w))
         C = np.zeros(1)
-        for i, T in families(w):
-            eps, d_eps = kin.fibre_strain(F, A[i]), kin.fibre_strain_d(F, A[i])
-            geometric = w["tension"][i] if "tension" in w else T.value(eps)
-            C = C + T.tangent(eps) * outer(d_eps, d_eps)
-            C = C + geometric * kin.fibre_strain_dd(F, A[i])
+        for i in families:
+            C = C + slopes.own[i] * outer(d_eps[i], d_eps[i])
+            C = C + T[i] * kin.fibre_strain_dd(F, A[i])
+        if slopes.cross is not None:
+            C = C + slopes.cross * (outer(*d_eps) + outer(*d_eps[::-1]))
         return C
 
     return of_density(energy, stress, stiffness)

@@ -114,14 +114,16 @@ class Measures:
         return np.minimum(fine, self.corners.area_ratio(u).min(axis=0))
 
     def past_peak(self, u: ndarray) -> ndarray:
-        """Elements where T/λ falls with λ, as T′ is below T there, or ε is not finite.
+        """Elements where T/λ falls with λ, as ∂T/∂ε is below T, or ε is not finite.
 
         Beyond the peak of T/λ, the force per reference width, a fibre tears.
         """
         strains = self.fibre_strain(u, self.fine_points)
         past = ~np.isfinite(strains).all(axis=(0, 2))
-        for law, strain in zip(self.fabric.at().laws, strains, strict=False):
-            past |= (law.tangent(strain) < np.abs(law.value(strain))).any(axis=1)
+        law = self.fabric.at().tensions
+        pairs = zip(law.slopes(strains).own, law.value(strains), strict=True)
+        for slope, tension in pairs:
+            past |= (slope < np.abs(tension)).any(axis=1)
         return past
 
     def in_domain(self, u: ndarray) -> bool:

@@ -138,11 +138,11 @@ def _stiffnesses(
     fabric: Fabric, F: ndarray, A: tuple[ndarray, ndarray]
 ) -> tuple[ndarray, ndarray]:
     """Stiffness of shear at points, and of warp and weft."""
-    warp, weft, shear = fabric.laws
-    strains = (kin.fibre_strain(F, a) for a in A)
-    pairs = zip((warp, weft), strains, strict=True)
-    E = np.array([fibre_stiffness(law, strain) for law, strain in pairs])
-    return shear_stiffness(shear, kin.shear_angle(F, *A)), E
+    strain = np.array([kin.fibre_strain(F, a) for a in A])
+    laws = (fabric.tensions.of_family(i, strain) for i in range(2))
+    pairs = zip(laws, strain, strict=True)
+    E = np.array([fibre_stiffness(law, own) for law, own in pairs])
+    return shear_stiffness(fabric.shear_law, kin.shear_angle(F, *A)), E
 
 
 class AccumulatedMoment:

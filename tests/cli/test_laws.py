@@ -73,6 +73,23 @@ def test_a_sine_is_another_variable_and_a_toe_another_tension(tmp_path):
     assert strains[1] > 1.5 * strains[0]
 
 
+CRIMPED = (
+    *("--tension-law", "crimp-interchange", "--fibre-toe", "0.004"),
+    *("--fibre-initial-stiffness", "100", "--fibre-bending", "1"),
+)
+
+
+def test_without_crimp_an_interchange_is_a_toe_and_with_crimp_another_tension(tmp_path):
+    toe = ("--fibre-toe", "0.004", "--fibre-initial-stiffness", "100")
+    alone = summary(tmp_path, "--tension-law", "crimp-toe", *toe)
+    found = [
+        summary(tmp_path, *CRIMPED, "--fibre-warp-crimp", c, "--fibre-weft-crimp", "0")
+        for c in ("0", "0.01")
+    ]
+    assert found[0]["energy"] == pytest.approx(alone["energy"], rel=1e-9)
+    assert found[1]["energy"] < 0.99 * alone["energy"]
+
+
 def test_a_run_beyond_its_table_goes_on_with_one_warning_if_asked(tmp_path, capsys):
     file = written(tmp_path, "law.csv", SHEAR + "0,0\n20,0.2\n40,0.5\n")
     law = ("--shear-law", file, "--shear-continuation", "odd")
@@ -103,7 +120,19 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
         ),
         (("--shear-law", "no.csv"), "--shear-law: 'no.csv': there is no such file"),
         (("--shear-law", "FILE.csv"), "'FILE.csv': there is no such file"),
-        (("--tension-law", "sin2"), "'sin2' is none of linear, FILE.csv, crimp-toe"),
+        (
+            ("--tension-law", "sin2"),
+            "'sin2' is none of linear, FILE.csv, crimp-interchange, crimp-toe",
+        ),
+        (CRIMPED, "crimp-interchange needs --fibre-warp-crimp"),
+        (
+            (*CRIMPED, "--fibre-warp-crimp", "-1", "--fibre-weft-crimp", "0"),
+            "tension crimp must be a finite number >= 0, got -1.0",
+        ),
+        (
+            ("--shear-law", "crimp-interchange"),
+            "'crimp-interchange' is none of linear, sin2",
+        ),
         (("--shear-law", "locking"), "locking needs --shear-locking-angle"),
         (("--tension-law", "crimp-toe"), "crimp-toe needs --fibre-toe"),
         (
@@ -138,4 +167,6 @@ def test_a_file_that_is_no_table_of_the_law_is_refused(tmp_path, capsys):
     assert "law.csv, row 1: the header must be like 'shear angle (deg)" in said
     more = ("--tension-law", file, "--fibre-stiffness", "3")
     said = refused(capsys, "run", "strip", *QUICK, *out, *more)
-    assert "--fibre-stiffness goes with --tension-law linear or crimp-toe" in said
+    assert (
+        "--fibre-stiffness goes with --tension-law linear or crimp-interchange" in said
+    )

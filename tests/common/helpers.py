@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import Macro, Quadratic
+from skfem_textile import BiaxialLaw, Macro, Quadratic
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.splitting import cut, split
 
@@ -109,6 +109,30 @@ def _growing(n, smallest):
         low, high = (low, ratio) if too_long else (ratio, high)
     steps = low ** np.arange(n)
     return 0.5 * steps / steps.sum()
+
+
+class Coupled(BiaxialLaw):
+    """ψ = ½ E (ε₁² + ε₂²) + C ε₁ ε₂ + E (ε₁ + 2 ε₂)⁴."""
+
+    def __init__(self, stiffness, coupling):
+        self.E, self.C = stiffness, coupling
+
+    def energy(self, strain):
+        warp, weft = strain
+        plain = 0.5 * self.E * (warp**2 + weft**2) + self.C * warp * weft
+        return plain + self.E * (warp + 2 * weft) ** 4
+
+    def value(self, strain):
+        warp, weft = strain
+        cubic = 4 * self.E * (warp + 2 * weft) ** 3
+        own = self.E * strain + self.C * strain[::-1]
+        return own + np.array([cubic, 2 * cubic])
+
+    def tangent(self, strain):
+        warp, weft = strain
+        square = 12 * self.E * (warp + 2 * weft) ** 2
+        cross = self.C + 2 * square
+        return np.array([[self.E + square, cross], [cross, self.E + 4 * square]])
 
 
 class Pretensioned:

@@ -22,19 +22,27 @@ class Law(NamedTuple):
     at_rest: float
 
 
+class Biaxial(NamedTuple):
+    """A law of both fibre strains: its energy, tensions, and their slope at rest."""
+
+    energy: Callable
+    value: Callable
+    at_rest: float
+
+
 class Cloth(NamedTuple):
     """Nodes (2, n_nodes), nodes of each element, fibres and laws.
 
     Elements are bilinear quadrilaterals, four nodes in either sense of rotation, or
     straight triangles of six: vertices, then middles of the edges 01, 12, 20.
     ``fibres(element, position)`` gives unit vectors A₁, A₂.  What has no stiffness has
-    the law None.
+    the law None; a pair of laws may be a `Biaxial` one.
     """
 
     X: ndarray
     elements: Sequence[ndarray]
     fibres: Callable
-    tension: tuple[Law | None, Law | None]
+    tension: tuple[Law | None, Law | None] | Biaxial
     shear: Law | None
 
 
@@ -165,11 +173,67 @@ def smallest_det_F(cloth, x):
 def tension(cloth, x, rule):
     """∫ Σ_α ψ(ε_α) dΩ."""
     return sum(
-        p.area * law.energy(strain(deformation_gradient(x, p), A))
+        p.area * of_strains([strain(deformation_gradient(x, p), A) for A in p.A], cloth)
         for p in points(cloth, rule)
-        for law, A in zip(cloth.tension, p.A, strict=True)
-        if law is not None
     )
+
+
+def of_strains(strains, cloth):
+    """ψ of the strains of warp and weft."""
+    if isinstance(cloth.tension, Biaxial):
+        return cloth.tension.energy(*strains)
+    pairs = zip(cloth.tension, strains, strict=True)
+    return sum(law.energy(eps) for law, eps in pairs if law is not None)
+
+
+def laws_of_families(cloth, strains):
+    """The law of each family, while the other keeps its strain."""
+    if not isinstance(cloth.tension, Biaxial):
+        return cloth.tension
+    (e_1, e_2), (_, value, at_rest) = strains, cloth.tension
+    warp = Law(None, lambda x: value(x, e_2)[0], at_rest)
+    return warp, Law(None, lambda x: value(e_1, x)[1], at_rest)
+
+
+def interchange(E, c, K, e_0, k):
+    """Tensions of a saw-tooth of two yarns: min_w Σ φ(e_α) + ½ K w² + ½ k Σ ε_α².
+
+    e₁ = ε₁ + ½ (η₁ − w)² − c₁ and e₂ = ε₂ + ½ (η₂ + w)² − c₂ with η² = 2 c.  The least
+    w is found on real parts, by halving: there the energy has no slope along w.
+    """
+    eta = np.sqrt(2 * np.array(c))
+
+    def yarn_strains(strains, w):
+        shapes = (eta[0] - w) ** 2 / 2 - c[0], (eta[1] + w) ** 2 / 2 - c[1]
+        return [eps + shape for eps, shape in zip(strains, shapes, strict=True)]
+
+    def tension(E, e):
+        return np.where(e.real > 0, E * (e - e_0 * (1 - np.exp(-e / e_0))), 0)
+
+    def yarn_energy(E, e):
+        toe = e_0 * e - e_0**2 * (1 - np.exp(-e / e_0))
+        return np.where(e.real > 0, E * (e**2 / 2 - toe), 0)
+
+    def least(strains):
+        low, high = (end + 0 * sum(strains) for end in (-eta[1], eta[0]))
+        for _ in range(55):
+            w = (low + high) / 2
+            e_1, e_2 = yarn_strains(strains, w)
+            slope = -tension(E[0], e_1) * (eta[0] - w)
+            slope = slope + tension(E[1], e_2) * (eta[1] + w) + K * w
+            low, high = np.where(slope < 0, w, low), np.where(slope < 0, high, w)
+        return w
+
+    def energy(*strains):
+        w = least([np.real(eps) for eps in strains])
+        yarns = map(yarn_energy, E, yarn_strains(strains, w))
+        return sum(yarns) + K * w**2 / 2 + k * sum(eps**2 for eps in strains) / 2
+
+    def value(*strains):
+        yarns = map(tension, E, yarn_strains(strains, least(strains)))
+        return [T + k * eps for T, eps in zip(yarns, strains, strict=True)]
+
+    return Biaxial(energy, value, k)
 
 
 def shear(cloth, x, rule):
@@ -219,15 +283,14 @@ def deviation_stiffnesses(cloth, x, groups, multiples):
             for F_p, p in zip(F, group, strict=True)
         ]
         G = sum(share * secant for share, secant in zip(shares, secants, strict=True))
-        pair = []
-        for i, law in enumerate(cloth.tension):
-            strains = [strain(F_p, p.A[i])[0] for F_p, p in zip(F, group, strict=True)]
-            E = sum(
-                share * slope_within(law, eps)
-                for share, eps in zip(shares, strains, strict=True)
-            )
-            pair.append(min(E, c * G + E / 2 * share_without_shear(G, E)))
-        stiffnesses.append(pair)
+        E = np.zeros(2)
+        for share, F_p, p in zip(shares, F, group, strict=True):
+            strains = [strain(F_p, A)[0] for A in p.A]
+            laws = laws_of_families(cloth, strains)
+            E += share * np.array(list(map(slope_within, laws, strains)))
+        stiffnesses.append(
+            [min(E_i, c * G + E_i / 2 * share_without_shear(G, E_i)) for E_i in E]
+        )
     return stiffnesses
 
 
@@ -241,19 +304,18 @@ def mean_tension(cloth, x, groups, multiples, committed=()):
     def energy(x, E_d, of_means):
         whole = 0.0
         for group, pair in zip(groups, E_d, strict=True):
-            A_e = sum(p.area for p in group)
-            for i, law in enumerate(cloth.tension):
-                if law is None:
-                    continue
+            A_e, means = sum(p.area for p in group), []
+            for i, E_d_i in enumerate(pair):
                 stretches = [
                     np.exp(strain(deformation_gradient(x, p), p.A[i])) for p in group
                 ]
                 pairs = list(zip(group, stretches, strict=True))
                 mean = sum(p.area * stretch for p, stretch in pairs) / A_e
-                whole = whole + of_means * A_e * law.energy(np.log(mean))
+                means.append(mean)
                 whole = whole + sum(
-                    p.area * pair[i] / 2 * (stretch - mean) ** 2 for p, stretch in pairs
+                    p.area * E_d_i / 2 * (stretch - mean) ** 2 for p, stretch in pairs
                 )
+            whole = whole + of_means * A_e * of_strains(np.log(means), cloth)
         return whole
 
     E_d, stored = deviation_stiffnesses(cloth, cloth.X[..., None], groups, multiples), 0
@@ -312,11 +374,8 @@ def automatic_stiffness(cloth, x):
         F = deformation_gradient(x, centre)
         gamma = shear_angle(F, centre.A)[0]
         G = secant_of(cloth.shear, gamma)
-        slopes = [
-            slope_within(law, strain(F, A)[0])
-            for law, A in zip(cloth.tension, centre.A, strict=True)
-        ]
-        E = sum(slopes) / 2
+        strains = [strain(F, A)[0] for A in centre.A]
+        E = sum(map(slope_within, laws_of_families(cloth, strains), strains)) / 2
         C_s.append(8 * G + 1e-4 * E * share_without_shear(G, E))
     return C_s
 
@@ -422,7 +481,8 @@ STEP = 1e-30
 
 def corner_stiffness(cloth):
     """κ: the shear stiffness at rest, or 10⁻⁵ of the mean of the fibres' if larger."""
-    return max(at_rest(cloth.shear), 1e-5 * sum(map(at_rest, cloth.tension)) / 2)
+    laws = laws_of_families(cloth, (0.0, 0.0))
+    return max(at_rest(cloth.shear), 1e-5 * sum(map(at_rest, laws)) / 2)
 
 
 def corner_energy(J):

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import Delaunay
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import Linear, Sin2
+from skfem_textile import CrimpInterchange, Linear, Sin2
 from skfem_textile.splitting import split, split_cells
 
 # Laws: what `Fabric` takes, and the same for the plain program
@@ -66,11 +66,23 @@ def crimped(k):
 
 
 NONE = 0.0, None
+
+
+def pair(warp, weft):
+    return (warp[0], weft[0]), (warp[1], weft[1])
+
+
+def interchange(*parameters):
+    return CrimpInterchange(*parameters), plain.interchange(*parameters)
+
+
 TENSIONS = (
-    (linear(1e4), linear(1e4)),
-    (softening(500.0), linear(3e3)),
-    (linear(200.0), NONE),
-    (crimped(3e4), linear(80.0)),
+    pair(linear(1e4), linear(1e4)),
+    pair(softening(500.0), linear(3e3)),
+    pair(linear(200.0), NONE),
+    pair(crimped(3e4), linear(80.0)),
+    interchange((1e3, 1e3), (0.04, 0.04), 3.0, 0.02, 1.0),
+    interchange((2e3, 300.0), (0.15, 0.01), 0.5, 0.1, 20.0),
 )
 SHEARS = linear(0.5), sin2(0.7), softening(2.0), NONE, crimped(1.5)
 

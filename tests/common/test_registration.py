@@ -50,7 +50,13 @@ def test_a_name_is_registered_once(package):
     ("among", "names"),
     [
         (SCENES, ["strip", "picture_frame", "trellis", "bias_extension"]),
-        (LAWS, ["linear", "sin2", "FILE.csv", "crimp-toe", "locking", "polynomial"]),
+        (
+            LAWS,
+            [
+                *("linear", "sin2", "FILE.csv", "crimp-interchange", "crimp-toe"),
+                *("locking", "polynomial"),
+            ],
+        ),
         (FORMULATIONS, ["one-point", "macro", "full", "quadratic"]),
         (SOLVERS, ["cholmod", "pardiso", "superlu"]),
     ],

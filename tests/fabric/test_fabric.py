@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, Full, Linear, OnePoint, Ply
+from skfem_textile import CrimpInterchange, Fabric, Full, Linear, OnePoint, Ply
 
 POINTS = np.zeros((2, 6, 1))
 
@@ -31,6 +31,17 @@ def test_tension_is_one_law_or_a_pair():
     assert (warp.tension, weft.tension) == (Linear(1e4), Linear(2e4))
     warp, weft = Fabric(tension=Linear(5.0)).families
     assert warp.tension == weft.tension == Linear(5.0)
+
+
+def test_a_family_of_a_law_of_both_strains_has_that_of_an_unstrained_other():
+    law = CrimpInterchange((1e4, 2e3), 0.01, 1.0, 1e-3, 5.0)
+    fabric, x = Fabric(law), np.array([0.0, 0.01])
+    for i, family in enumerate(fabric.families):
+        alone = np.eye(2)[i][:, None] * x
+        np.testing.assert_array_equal(family.tension.value(x), law.value(alone)[i])
+    assert fabric.tensions is law
+    assert fabric.unbounded
+    assert fabric.at() is fabric
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,14 @@
 import numpy as np
 import pytest
-from helpers import derivative, distorted, distorted_for, fitting, one_quad, wobble
+from helpers import (
+    Coupled,
+    derivative,
+    distorted,
+    distorted_for,
+    fitting,
+    one_quad,
+    wobble,
+)
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from skfem import Basis, BilinearForm, ElementVector, MeshQuad, asm
@@ -50,11 +58,14 @@ FABRICS = [
     Fabric(
         Stiffening(100.0), Stiffening(2.0), warp=lambda x: np.stack([1 + x[1], x[0]])
     ),
+    Fabric(Coupled(100.0, 60.0), 2.0, warp=(2, 1), weft=(-1, 2)),
 ]
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
-@pytest.mark.parametrize("fabric", FABRICS, ids=["plain", "one family", "curved"])
+@pytest.mark.parametrize(
+    "fabric", FABRICS, ids=["plain", "one family", "curved", "coupled"]
+)
 @given(seed=seeds)
 @few
 def test_residual_and_tangent_are_derivatives(formulation, fabric, seed):

@@ -20,6 +20,7 @@ from skfem import (
 from skfem.element import ElementQuad2
 
 from skfem_textile import (
+    CrimpInterchange,
     Fabric,
     FormTerm,
     Full,
@@ -52,6 +53,12 @@ FABRICS = {
         weft=lambda x: np.stack([-np.sin(0.3 * x[0]), np.cos(0.2 * x[0])]),
     ),
     "one family": Fabric((0.0, 50.0), 0.3),
+    "coupled": Fabric(
+        CrimpInterchange((1e4, 3e3), (0.02, 0.005), 1.0, 0.01, 10.0),
+        0.5,
+        warp=(2, 1),
+        weft=(-1, 3),
+    ),
 }
 FORMULATIONS = (
     *(Full(), OnePoint(2.0), OnePoint(), Macro(), Quadratic(), Quadratic(20.0)),

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import distorted
+from helpers import Coupled, distorted
 
 from skfem_textile import (
     CheckpointError,
     Condition,
+    CrimpInterchange,
     Fabric,
     LoadStepper,
     Mixed,
@@ -98,6 +99,29 @@ def test_a_run_that_stopped_early_is_resumed_to_the_same_end(tmp_path):
     assert ends[0].states[-1].load_factor == ends[1].states[-1].load_factor
 
 
+def test_a_law_of_both_strains_is_resumed_and_told_from_another(tmp_path):
+    laws = [CrimpInterchange(1e4, c, 1.0, 1e-2, 100.0) for c in (0.01, 0.02)]
+    interrupted_at(tmp_path / "c", 0.3, E=laws[0])
+    with pytest.raises(CheckpointError, match=r"warp law was Crimp.*, is Crimp.*0.02"):
+        stepper(tmp_path / "c", E=laws[1]).run(resume=True)
+    whole = stepper(None, E=laws[0]).run()
+    assert_same(stepper(tmp_path / "c", E=laws[0]).run(resume=True), whole)
+
+
+class Hidden(Coupled):
+    """A law whose repr does not tell its coupling."""
+
+    def __repr__(self):
+        return "Hidden()"
+
+
+def test_a_coupling_that_the_repr_hides_is_told_apart(tmp_path):
+    interrupted_at(tmp_path / "c", 0.3, E=Hidden(1e4, 100.0))
+    told = "its values of the tensions beside a stretched family differ"
+    with pytest.raises(CheckpointError, match=told):
+        stepper(tmp_path / "c", E=Hidden(1e4, 101.0)).run(resume=True)
+
+
 def test_a_finished_run_is_read_and_not_run_again(tmp_path):
     whole = stepper(tmp_path / "c").run()
     again = stepper(tmp_path / "c", on_step=pytest.fail).run(resume=True)
@@ -123,6 +147,7 @@ def test_an_unfinished_run_is_not_overwritten_and_a_finished_one_is(tmp_path):
         ({"C_s": 2.0}, r"formulation was OnePoint\(stabilisation=1.0.* is .*=2.0"),
         ({"E": 1e10}, "warp law was Linear.*10000.0.* is .*10000000000.0"),
         ({"E": (1e4, 2e4)}, "weft law was"),
+        ({"E": CrimpInterchange(1e4, 0.01, 1.0, 1e-3, 1.0)}, "warp law was Linear"),
         ({"kind": "rate"}, "formulation was .*'energy'.* is .*'rate'"),
         ({"C_s": "auto"}, "formulation was .*1.0.* is .*'auto'"),
         ({"steps": 7}, "steps was"),

@@ -100,20 +100,20 @@ class CrimpToe(Drawn):
         return np.maximum(x, 0.0) / self.toe
 
 
+#: Parameters of laws of crimped fibres.
+TOE = Option(name="toe", help="e0, a strain", read=float, metavar="E0")
+INITIAL_STIFFNESS = Option(
+    name="initial-stiffness",
+    help="k in N/mm, at rest and in compression",
+    read=float,
+    metavar="K",
+)
+
 REGISTRATION = LawRegistration(
     name="crimp-toe",
     description="T = E (eps - e0 (1 - exp(-eps/e0))) + k eps, k eps in compression",
     build=CrimpToe,
-    options=(
-        STIFFNESS,
-        Option(name="toe", help="e0, a strain", read=float, metavar="E0"),
-        Option(
-            name="initial-stiffness",
-            help="k in N/mm, at rest and in compression",
-            read=float,
-            metavar="K",
-        ),
-    ),
+    options=(STIFFNESS, TOE, INITIAL_STIFFNESS),
     resists=("tension",),
     rank=1,
 )

@@ -122,8 +122,11 @@ class IntegrationPoints(Protocol):
         """Σ b_a v over points for warp and weft, shape (2, n_modes, 2, n)."""
         ...
 
-    def shear_angle_gradients(self, v: ndarray, block: slice) -> ndarray:
-        """∂Γ/∂u_a = b_a Jv of the warp less that of the weft, (P, n_modes, 2, n)."""
+    def gradients(self, warp: ndarray, weft: ndarray, block: slice) -> ndarray:
+        """Σ b_a x over the fibres of each point, shape (P, n_modes, 2, n).
+
+        x of warp and weft has the shape (P, 2, n): v for ε₁ + ε₂, Jv and −Jv for Γ.
+        """
         ...
 
 
@@ -179,11 +182,11 @@ class GeneralPoints:
         g[:, self.nodes] = np.einsum("fpan,fpin->fain", self.b[..., block], v)
         return g
 
-    def shear_angle_gradients(self, v: ndarray, block: slice) -> ndarray:
+    def gradients(self, warp: ndarray, weft: ndarray, block: slice) -> ndarray:
         """See `IntegrationPoints`."""
-        (b1, b2), (v1, v2) = self.b[..., block, None].swapaxes(-1, -2), v[:, :, None]
-        g = np.zeros((len(self.dx), self.n_nodes, *v.shape[2:]))
-        g[:, self.nodes] = b1 * rotated(v1) - b2 * rotated(v2)
+        b_1, b_2 = self.b[..., block, None].swapaxes(-1, -2)
+        g = np.zeros((len(self.dx), self.n_nodes, *warp.shape[1:]))
+        g[:, self.nodes] = b_1 * warp[:, None] + b_2 * weft[:, None]
         return g
 
     @cached_property
@@ -249,10 +252,10 @@ class QuadPoints:
         g[:, 2] = np.einsum("fpn,fpin->fin", self.eta[..., block], v)
         return g
 
-    def shear_angle_gradients(self, v: ndarray, block: slice) -> ndarray:
+    def gradients(self, warp: ndarray, weft: ndarray, block: slice) -> ndarray:
         """See `IntegrationPoints`."""
-        eta, g = self.eta[..., block], np.empty((v.shape[1], 3, *v.shape[2:]))
-        g[:, 0], g[:, 1] = rotated(v[0]), -rotated(v[1])
+        eta, g = self.eta[..., block], np.empty((len(warp), 3, *warp.shape[1:]))
+        g[:, 0], g[:, 1] = warp, weft
         g[:, 2] = eta[0][:, None] * g[:, 0] + eta[1][:, None] * g[:, 1]
         return g
 

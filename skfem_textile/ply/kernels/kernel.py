@@ -7,7 +7,9 @@ times area, and their slopes with respect to the strains of the fibres.  Then
     K_ac = Σ b_a b_c (E v vᵀ + T ∂²ε + M ∂²θ) + Σ s g_a g_cᵀ,
 
 where ∂²(ε + iθ) = −(δz/z)².  The rank-one stiffnesses s g gᵀ belong to strains of more
-than one fibre or point: shear angles, their differences, and means.
+than one fibre or point: shear angles, their differences, and means.  Where a
+tension takes both strains, D₁₂ (g₁ g₂ᵀ + g₂ g₁ᵀ) is the rank-one stiffness D₁₂ of
+ε₁ + ε₂, less D₁₂ in the slope of each tension.
 """
 
 from collections.abc import Callable
@@ -19,7 +21,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
-from ...fabric import Fabric, is_zero
+from ...fabric import Fabric, Slopes, TwoLaws, is_zero
 from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
 from .element_groups import Deformations, ElementGroup, Parameters
 from .integration_points import (
@@ -27,6 +29,7 @@ from .integration_points import (
     IntegrationPoints,
     RankOneStiffness,
     Stress,
+    rotated,
 )
 
 
@@ -42,7 +45,7 @@ class TensionKernel:
 
     def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
         """∫ Σ_α ψ(ε_α) dΩ."""
-        pairs = zip(group.points, _tensions("energy", group, fibres), strict=True)
+        pairs = zip(group.points, _tensions("energies", group, fibres), strict=True)
         return sum(float((p.dx * psi).sum()) for p, psi in pairs)
 
     def stresses(
@@ -56,17 +59,23 @@ class TensionKernel:
             ]
         else:
             T = _tensions("value", group, fibres)
-        E = _tensions("tangent", group, fibres)
+        slopes = _slopes_at_points(group, fibres)
         return [
-            Stress(tension=p.dx * T_p, slope=p.dx * E_p)
-            for p, T_p, E_p in zip(group.points, T, E, strict=True)
+            Stress(tension=p.dx * T_p, slope=p.dx * _own_less_cross(s))
+            for p, T_p, s in zip(group.points, T, slopes, strict=True)
         ]
 
     def rank_one_stiffnesses(
         self, group: ElementGroup, fibres: Deformations, w: Parameters
     ) -> list[RankOneStiffness]:
-        """None: the fibres of a point are independent."""
-        return []
+        """None, but where a tension takes both strains that of ε₁ + ε₂."""
+        if isinstance(self.fabric.tensions, TwoLaws):
+            return []
+        slopes = _slopes_at_points(group, fibres)
+        return [
+            RankOneStiffness(p.dx * s.cross, partial(_sum_gradients, p, f))
+            for p, f, s in zip(group.points, fibres, slopes, strict=True)
+        ]
 
     def predicted_tension(
         self,
@@ -75,11 +84,11 @@ class TensionKernel:
         after: Deformations,
         w: Parameters,
     ) -> list[ndarray]:
-        """T(ε) + T′ Δε, shape (2, P, n) each."""
-        T, E = (_tensions(part, group, before) for part in ("value", "tangent"))
+        """T(ε) + ∂T/∂ε Δε, shape (2, P, n) each."""
+        T, slopes = _tensions("value", group, before), _slopes_at_points(group, before)
         return [
-            T_p + E_p * f.change(g)
-            for T_p, E_p, f, g in zip(T, E, before, after, strict=True)
+            T_p + s.times(f.change(g))
+            for T_p, s, f, g in zip(T, slopes, before, after, strict=True)
         ]
 
 
@@ -173,7 +182,7 @@ class MeanTensionKernel:
     def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
         """∫ Σ_α ψ(ln λ̄_α) + ½ E_d (λ_α − λ̄_α)² dΩ."""
         stretches, means = _stretches(group, fibres)
-        density = _laws(group.fabric, "energy", np.log(means))
+        density = _laws(group.fabric, "energies", np.log(means))
         E_d = self._deviation_stiffness(group, w)
         return sum(
             float((p.dx * (density + 0.5 * E_d * (stretch - means) ** 2)).sum())
@@ -204,16 +213,18 @@ class MeanTensionKernel:
     ) -> list[RankOneStiffness]:
         """The rest of the slope of the laws, along the gradient of the mean stretch."""
         stretches, means = _stretches(group, fibres)
-        strain = np.log(means)
-        E, T = (_laws(group.fabric, part, strain) for part in ("tangent", "value"))
-        slope = (E - T) / means**2 - self._deviation_stiffness(group, w)
+        T, slopes = _of_strains(group.fabric, np.log(means))
+        slope = (slopes.own - T) / means**2 - self._deviation_stiffness(group, w)
+        if slopes.cross is not None:
+            cross = slopes.cross / (means[0] * means[1])
+            slope = np.array([*(slope - cross), cross])
 
         def gradients(block: slice) -> ndarray:
             g = np.zeros((2, group.n_modes, 2, group.area[block].size))
             for p, f, stretch in zip(group.points, fibres, stretches, strict=True):
                 share = (p.dx * stretch)[:, :, None, block] / group.area[block]
                 g += p.strain_gradients(share * f.v[..., block], block)
-            return g
+            return g if slopes.cross is None else np.array([*g, g[0] + g[1]])
 
         return [RankOneStiffness((group.area * slope)[:, 0], gradients)]
 
@@ -230,9 +241,11 @@ class MeanTensionKernel:
             stretch * f.change(g)
             for stretch, f, g in zip(stretches, before, after, strict=True)
         ]
-        strain, mean_change = np.log(means), _mean(group, changes)
-        E, T = (_laws(group.fabric, part, strain) for part in ("tangent", "value"))
-        N, N_change = T / means, (E - T) / means**2 * mean_change
+        mean_change = _mean(group, changes)
+        T, slopes = _of_strains(group.fabric, np.log(means))
+        N, N_change = T / means, (slopes.own - T) / means**2 * mean_change
+        if slopes.cross is not None:
+            N_change += slopes.cross * (mean_change / means)[::-1] / means
         E_d = self._deviation_stiffness(group, w)
         return [
             (stretch + change) * (N + E_d * (stretch - means))
@@ -254,7 +267,16 @@ def _scalar(basis: CellBasis) -> Any:
 def _angle_gradients(
     points: IntegrationPoints, fibres: FibreDeformation, block: slice
 ) -> ndarray:
-    return points.shear_angle_gradients(fibres.v[..., block], block)
+    v_1, v_2 = fibres.v[..., block]
+    return points.gradients(rotated(v_1), -rotated(v_2), block)
+
+
+def _sum_gradients(
+    points: IntegrationPoints, fibres: FibreDeformation, block: slice
+) -> ndarray:
+    """∂(ε₁ + ε₂)/∂u_a."""
+    warp, weft = fibres.v[..., block]
+    return points.gradients(warp, weft, block)
 
 
 def _difference(fibres: Deformations) -> ndarray:
@@ -284,9 +306,20 @@ def _resisting(fabric: Fabric) -> ndarray:
 
 
 def _tensions(part: str, group: ElementGroup, fibres: Deformations) -> list[ndarray]:
-    """One part of the tension laws of warp and weft at the points, (2, P, n) each."""
+    """Energies or values of warp and weft at the points, shape (2, P, n) each."""
     pairs = zip(group.fabrics, fibres, strict=True)
     return [_laws(fabric, part, f.strain) for fabric, f in pairs]
+
+
+def _slopes_at_points(group: ElementGroup, fibres: Deformations) -> list[Slopes]:
+    """Slopes of the tensions at the points."""
+    pairs = zip(group.fabrics, fibres, strict=True)
+    return [_slopes(fabric, f.strain) for fabric, f in pairs]
+
+
+def _own_less_cross(slopes: Slopes) -> ndarray:
+    """What is left of the slopes beside the rank-one stiffness of ε₁ + ε₂."""
+    return slopes.own if slopes.cross is None else slopes.own - slopes.cross
 
 
 def _moments(part: str, group: ElementGroup, fibres: Deformations) -> list[ndarray]:
@@ -295,10 +328,21 @@ def _moments(part: str, group: ElementGroup, fibres: Deformations) -> list[ndarr
     return [_law(getattr(fabric.shear_law, part), f.shear_angle) for fabric, f in pairs]
 
 
+def _of_strains(fabric: Fabric, strain: ndarray) -> tuple[ndarray, Slopes]:
+    """Tensions of warp and weft, and their slopes."""
+    return _laws(fabric, "value", strain), _slopes(fabric, strain)
+
+
 def _laws(fabric: Fabric, part: str, strain: ndarray) -> ndarray:
-    """One part of the tension laws of warp and weft, shape (2, P, n)."""
-    laws = [getattr(law, part) for law in fabric.laws[:2]]
-    return np.array([_law(law, x) for law, x in zip(laws, strain, strict=True)])
+    """Energies or values of warp and weft, shape (2, P, n); laws take (2, n, P)."""
+    both = getattr(fabric.tensions, part)(strain.swapaxes(1, 2))
+    return np.array([x.T for x in both])
+
+
+def _slopes(fabric: Fabric, strain: ndarray) -> Slopes:
+    """Slopes of the tensions, arrays of shape (2, P, n) and (P, n)."""
+    own, cross = fabric.tensions.slopes(strain.swapaxes(1, 2))
+    return Slopes(np.array([x.T for x in own]), None if cross is None else cross.T)
 
 
 def _law(law: Callable[[ndarray], ndarray], x: ndarray) -> ndarray:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from ...fabric import Law
+from ...fabric import Fabric, Law, TwoLaws
 from ..body import PROBED, Body, Supports
 
 # Fibre strain and shear angle (radians) up to which laws are compared.
@@ -16,10 +16,12 @@ _STRAIN, _ANGLE = 0.1, np.radians(80.0)
 def settings(ply: Body, constraints: Supports) -> dict[str, Any]:
     """Formulation, laws and names of conditions, as they were given."""
     fabric = ply.fabric
-    laws = {f"{family.name} law": family.tension for family in fabric.families}
+    law = fabric.tensions
+    warp, weft = law.laws if isinstance(law, TwoLaws) else (law, law)
     return {
         "formulation": _said(ply.formulation),
-        **{name: _said(law) for name, law in laws.items()},
+        "warp law": _said(warp),
+        "weft law": _said(weft),
         "shear law": _said(fabric.shear_law),
         "conditions": list(constraints.nodes),
     }
@@ -36,13 +38,15 @@ def arrays(ply: Body, constraints: Supports, steps: int) -> dict[str, ndarray]:
     turn = constraints.turn
     ply.reset()
     probe = 0.1 * ply.element_size * np.sin(np.arange(ply.basis.N))
-    warp, weft, shear = ply.fabric.at().laws
+    fabric = ply.fabric.at()
+    warp, weft, shear = fabric.laws
     return {
         "nodes": ply.mesh.p,
         "cells": ply.mesh.t,
         "fibre directions": np.concatenate([A.ravel() for A in ply.directions()]),
         "values of the warp law": _values(warp, _STRAIN),
         "values of the weft law": _values(weft, _STRAIN),
+        **_values_beside_stretch(fabric),
         "values of the shear law": _values(shear, _ANGLE),
         **{f"nodes of {name!r}": nodes for name, nodes in constraints.nodes.items()},
         "fixed unknowns": constraints.fixed,
@@ -54,6 +58,15 @@ def arrays(ply: Body, constraints: Supports, steps: int) -> dict[str, ndarray]:
             for name, forces in ply.residuals(probe, t).items()
         },
     }
+
+
+def _values_beside_stretch(fabric: Fabric) -> dict[str, ndarray]:
+    """Values of a tension law of both strains, while the other family is stretched."""
+    if isinstance(fabric.tensions, TwoLaws):
+        return {}
+    laws = [fabric.tensions.of_family(i, (_STRAIN, _STRAIN)) for i in range(2)]
+    values = np.concatenate([_values(law, _STRAIN) for law in laws])
+    return {"values of the tensions beside a stretched family": values}
 
 
 def _said(thing: Any) -> str:

@@ -1,0 +1,296 @@
+"""Laws of both fibre strains, and crimp interchange among them."""
+
+import pickle
+
+import numpy as np
+import pytest
+from helpers import Coupled, derivative, distorted, distorted_for, wobble
+
+from skfem_textile import (
+    CrimpInterchange,
+    CrimpToe,
+    Fabric,
+    Full,
+    Linear,
+    Locking,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    TensionOnly,
+    split,
+)
+from skfem_textile.fabric import plot_law
+from skfem_textile.fabric.law_check import check_laws
+from skfem_textile.forms.held_stiffness import fibre_stiffness
+from skfem_textile.splitting import cut
+
+LAWS = {
+    "balanced": CrimpInterchange(1e4, 0.01, 1.0, 2e-3, 1.0),
+    "unbalanced": CrimpInterchange((1e5, 2e3), (0.02, 0.003), 0.1, 4e-3, 10.0),
+    "straight warp": CrimpInterchange((1e5, 1e5), (0.0, 0.01), 0.1, 1e-3, 0.0),
+    "much crimp": CrimpInterchange((1e3, 1e4), (0.2, 0.1), 5.0, 0.05, 0.0),
+    "no crimp": CrimpInterchange((1e3, 1e4), 0.0, 5.0, 0.05, 2.0),
+}
+FORMULATIONS = (Full(), OnePoint(2.0), OnePoint(), Macro(), Quadratic(), Quadratic(20))
+
+every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+every_formulation = pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+
+
+def strains(seed, n=3000):
+    return np.random.default_rng(seed).uniform(-0.05, 0.08, (2, n))
+
+
+@every_law
+def test_tensions_are_derivatives_of_the_energy(law):
+    at, h = strains(1), 1e-5
+    for i, T in enumerate(law.value(at)):
+        step = h * np.eye(2)[i][:, None]
+        rate = (law.energy(at + step) - law.energy(at - step)) / (2 * h)
+        # T has a kink in its slope where a yarn goes slack.
+        np.testing.assert_allclose(rate, T, atol=1e-6 * np.abs(law.value(at)).max())
+
+
+@every_law
+def test_the_tangent_is_that_of_the_tensions_and_symmetric(law):
+    at, h = strains(2), 1e-7
+    D = law.tangent(at)
+    np.testing.assert_array_equal(D[0, 1], D[1, 0])
+    for j in range(2):
+        step = h * np.eye(2)[j][:, None]
+        rate = (law.value(at + step) - law.value(at - step)) / (2 * h)
+        off = np.abs(rate - D[:, j]) / np.abs(D).max()
+        assert np.quantile(off, 0.99) < 1e-6  # but where a yarn goes slack in between
+        assert off.max() < 1e-3
+
+
+@every_law
+def test_the_energy_is_convex(law):
+    D = np.moveaxis(law.tangent(strains(3)), -1, 0)
+    assert np.linalg.eigvalsh(D).min() >= -1e-9 * np.abs(D).max()
+
+
+@every_law
+def test_no_other_amplitude_has_less_energy(law):
+    at = strains(4, 300)
+    E = [CrimpToe(E, law.toe, 0.0) for E in law.stiffness]
+    eta = np.sqrt(2 * np.array(law.crimp))
+    least = law.energy(at)
+    for w in np.linspace(-eta[1], eta[0], 200):
+        shapes = np.array([(eta[0] - w) ** 2, (eta[1] + w) ** 2]) / 2 - law.crimp
+        yarns = sum(y.energy(e + s) for y, e, s in zip(E, at, shapes, strict=True))
+        other = yarns + law.bending * w**2 / 2
+        other = other + law.initial_stiffness * (at**2).sum(axis=0) / 2
+        assert np.all(other >= least * (1 - 1e-12))
+
+
+def test_nothing_is_stored_at_rest_and_a_slack_fabric_has_its_initial_stiffness():
+    law, rest = LAWS["unbalanced"], np.zeros((2, 1))
+    assert law.energy(rest) == 0
+    assert not law.value(rest).any()
+    np.testing.assert_array_equal(law.tangent(rest - 0.03)[..., 0], 10 * np.eye(2))
+
+
+def test_without_crimp_it_is_two_laws():
+    law, at = LAWS["no crimp"], strains(5)
+    for E, e, T in zip(law.stiffness, at, law.value(at), strict=True):
+        np.testing.assert_allclose(T, CrimpToe(E, 0.05, 2.0).value(e), rtol=1e-14)
+    assert not law.tangent(at)[0, 1].any()
+
+
+def test_a_pulled_warp_straightens_by_its_crimp_and_no_further():
+    """With a weft that is free the warp takes no load before ε = c, and then all."""
+    c, E = 0.02, 1e5
+    law = CrimpInterchange(E, c, 0.01, 1e-5, 0.0)
+    slack = np.array([0.9 * c, -0.5])
+    pulled = np.array([c + 0.001, -0.5])
+    assert law.value(slack)[0] < 1e-3 * E * c
+    # The yarn's toe is 1e-5, so that it bears E (0.001 - 1e-5) when straight.
+    assert law.value(pulled)[0] == pytest.approx(E * (0.001 - 1e-5), rel=1e-3)
+
+
+@every_law
+def test_repr_rebuilds_it_and_shapes_do_not_matter(law):
+    again = eval(repr(law))
+    assert again == law == pickle.loads(pickle.dumps(law))
+    at = strains(6, 24)
+    for shape in ((2, 24), (2, 6, 4), (2, 2, 3, 4)):
+        value, tangent = (
+            again.value(at.reshape(shape)),
+            again.tangent(at.reshape(shape)),
+        )
+        np.testing.assert_array_equal(value.reshape(2, -1), law.value(at))
+        np.testing.assert_array_equal(tangent.reshape(2, 2, -1), law.tangent(at))
+    assert law.energy(np.zeros(2)).shape == ()
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"stiffness": 0.0}, "stiffness must be a finite number > 0, got 0.0"),
+        ({"stiffness": (1.0, -1.0)}, "stiffness must be a finite number > 0, got -1.0"),
+        ({"crimp": -0.1}, "crimp must be a finite number >= 0, got -0.1"),
+        ({"crimp": (0.1, np.nan)}, "crimp must be a finite number >= 0, got nan"),
+        ({"crimp": (0.1, 0.1, 0.1)}, "crimp must be a number or a pair"),
+        ({"bending": 0.0}, "bending must be a finite number > 0, got 0.0"),
+        ({"toe": np.inf}, "toe must be a finite number > 0, got inf"),
+        ({"initial_stiffness": -1}, "initial stiffness must be a finite number >= 0"),
+        ({"stiffness": np.ones(500)}, "stiffness must be .* the same in every element"),
+    ],
+)
+def test_bad_parameters_are_refused(changed, message):
+    good = {"stiffness": 1e4, "crimp": 0.01, "bending": 1.0, "toe": 1e-3}
+    with pytest.raises(ValueError, match=message) as told:
+        CrimpInterchange(**good | {"initial_stiffness": 1.0} | changed)
+    assert "\n" not in str(told.value)
+
+
+def test_a_law_of_both_strains_stands_for_no_law_of_one():
+    law = LAWS["balanced"]
+    with pytest.raises(ValueError, match="shear: CrimpInterchange is the law of both"):
+        Fabric(1e4, law)
+    with pytest.raises(
+        ValueError, match="tension: CrimpInterchange is the law of both"
+    ):
+        Fabric((law, 1e4))
+    with pytest.raises(ValueError, match="law must be a law of one strain"):
+        TensionOnly(law)
+
+
+def test_plots_have_a_line_of_each_family_for_each_ratio():
+    pytest.importorskip("matplotlib")
+    from matplotlib.figure import Figure
+
+    law = LAWS["unbalanced"]
+    axes = law.plot(Figure().subplots())
+    x, y = axes.lines[4].get_data()  # the warp, at half of its strain in the weft
+    np.testing.assert_allclose(y, law.value(np.array([x, 0.5 * x]))[0])
+    assert len(axes.lines) == 8
+    assert axes.get_ylabel().startswith("tension T (N/mm)")
+    assert len(plot_law(law, Figure().subplots()).lines) == 8
+
+
+# The check of laws
+
+
+class Wrong(Coupled):
+    """One part is that of another coupling; ``skew`` moves it across the diagonal."""
+
+    def __init__(self, part, by=1.0, skew=0.0):
+        super().__init__(100.0, 60.0)
+        other = getattr(Coupled(100.0, 60.0 + by), part)
+        skewed = np.array([[0.0, skew], [-skew, 0.0]])
+
+        def changed(strain):
+            shape = strain.shape[1:]
+            return other(strain) + np.multiply.outer(skewed, np.ones(shape))
+
+        setattr(self, part, changed if skew else other)
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        (Wrong("energy"), "^.* law, energy: at ε = "),
+        (Wrong("value"), "^.* law, value: at ε = "),
+        (Wrong("tangent"), "^.* law, tangent: at ε = "),
+        (Wrong("tangent", 0.0, 1.0), "^tension law, tangent: .* is not ∂T₂/∂ε₁"),
+    ],
+    ids=["energy", "value", "tangent", "symmetry"],
+)
+def test_parts_that_contradict_each_other_are_refused(law, message):
+    with pytest.raises(ValueError, match=message) as told:
+        Ply(distorted(1), Fabric(law, 0.5), Full())
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("law", [*LAWS.values(), Coupled(10.0, -3.0)])
+def test_laws_whose_parts_agree_pass(law):
+    check_laws(Fabric(law), (6, 4))
+
+
+# Plies
+
+
+@every_law
+@every_formulation
+def test_forces_and_tangent_of_a_ply_are_derivatives(law, formulation):
+    ply = Ply(distorted_for(formulation, 1), Fabric(law, 0.5), formulation)
+    # Stretched by 3 %, all yarns are taut but where the mesh is moved most.
+    u = ply.basis.zeros()
+    u[ply.basis.nodal_dofs] = 0.03 * ply.mesh.p
+    if isinstance(formulation, Quadratic):
+        u[ply.basis.facet_dofs] = 0.03 * ply.mesh.p[:, ply.mesh.facets].mean(axis=1)
+    u += wobble(ply, 3, 0.002)
+    du = wobble(ply, 4, 1.0)
+    K, f = ply.tangent(u), ply.residual(u)
+    work = derivative(ply.energy, u, du, 1e-6)
+    assert work == pytest.approx(f @ du, rel=1e-6, abs=1e-6 * np.abs(f * du).sum())
+    change = derivative(ply.residual, u, du, 1e-6)
+    np.testing.assert_allclose(K @ du, change, atol=1e-6 * np.abs(change).max())
+    assert abs(K - K.T).max() <= 1e-12 * abs(K).max()
+    T = derivative(ply.fibre_tension, u, du, 1e-6)
+    predicted = ply.predicted_tension(u, du) - ply.fibre_tension(u)
+    np.testing.assert_allclose(predicted, T, atol=1e-6 * np.abs(T).max())
+    own = ply.terms[0].arrange(ply.predicted_tension(u, du))
+    np.testing.assert_allclose(
+        ply.geometric_tension(u, du), own, atol=1e-12 * np.abs(own).max()
+    )
+
+
+def test_the_held_stiffness_is_that_of_a_family_while_the_other_keeps_its_strain():
+    law, at = Coupled(100.0, 60.0), np.array([[0.02], [-0.05]])
+    for i in range(2):
+        step = 0.01 * np.eye(2)[i][:, None]
+        slope = (law.value(at + step) - law.value(at - step))[i] / 0.02
+        found = fibre_stiffness(law.of_family(i, at), at[i])
+        np.testing.assert_allclose(found, slope, rtol=1e-12)
+
+
+class Bounded(Coupled):
+    domain = (-0.1, 0.2)
+
+
+def test_no_state_beyond_the_domain_is_in_it():
+    ply = Ply(distorted(1), Fabric(Bounded(10.0, 5.0), 0.5), Full())
+    for stretch, inside in ((0.0, True), (0.15, True), (0.3, False), (-0.15, False)):
+        u = ply.basis.zeros()
+        u[ply.basis.nodal_dofs[1]] = stretch * ply.mesh.p[1]
+        assert ply.in_domain(u) is inside
+
+
+# Regions
+
+REGIONS = {
+    "left": Fabric(LAWS["unbalanced"], 1.0, warp=(1, 0.3), weft=(-0.2, 1)),
+    "right": Fabric((Locking(2e3, 0.5), Linear(100.0)), 3.0, (1, 0.6), (-0.5, 1)),
+}
+
+
+@pytest.mark.parametrize("formulation", [Full(), Macro(), Quadratic(20.0)], ids=repr)
+def test_regions_may_have_coupled_and_uncoupled_fabrics(formulation):
+    mesh = distorted(5, size=(6, 4), jitter=0.1)
+    left = mesh.p[0, mesh.t].mean(axis=0) < 1.5
+    halves = {"left": np.flatnonzero(left), "right": np.flatnonzero(~left)}
+    mesh = mesh.with_subdomains(halves)
+    prepare = {Macro: split, Quadratic: cut}.get(type(formulation), lambda mesh: mesh)
+    mesh = prepare(mesh)
+    if "left" not in (mesh.subdomains or {}):
+        left = mesh.p[0, mesh.t].mean(axis=0) < 1.5
+        halves = {"left": np.flatnonzero(left), "right": np.flatnonzero(~left)}
+        mesh = mesh.with_subdomains(halves)
+    ply = Ply(mesh, REGIONS, formulation)
+    u = wobble(ply, 1, 0.002)
+    for name, fabric in REGIONS.items():
+        own = mesh.subdomains[name]
+        alone = Ply(mesh, fabric, formulation).fibre_tension(u)[:, own]
+        np.testing.assert_allclose(ply.fibre_tension(u)[:, own], alone, rtol=1e-9)
+    du = wobble(ply, 2, 1.0)
+    change = derivative(ply.residual, u, du, 1e-7)
+    np.testing.assert_allclose(
+        change, ply.tangent(u) @ du, atol=1e-5 * np.abs(change).max()
+    )
+    low, high = ply.fabric.at().tensions.domain
+    assert (low.min(), high.max()) == (-np.inf, np.inf)
+    assert high[0].min() == 0.5

@@ -1,0 +1,135 @@
+"""Biaxial and uniaxial pulls of a fabric whose families exchange crimp: all exact."""
+
+import independent as plain
+import numpy as np
+import pytest
+from skfem import MeshTri
+
+from skfem_textile import (
+    Condition,
+    CrimpInterchange,
+    CrimpToe,
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    split,
+)
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.splitting import cut
+
+WIDTH, HEIGHT = 40.0, 60.0  # along warp and weft, mm
+PARAMETERS = {
+    "balanced": ((1e4, 1e4), (0.01, 0.01), 1.0, 2e-3, 1.0),
+    "unbalanced": ((1e4, 2e3), (0.02, 0.002), 0.5, 1e-3, 0.5),
+    "straight warp": ((1e5, 1e4), (0.0, 0.02), 2.0, 4e-3, 10.0),
+}
+FORMULATIONS = {
+    "full": (Full(), "irregular"),
+    "one point": (OnePoint(), "irregular"),
+    "macro, quads": (Macro(), "irregular"),
+    "macro, triangles": (Macro(), "delaunay"),
+    "quadratic": (Quadratic(), "delaunay"),
+    "quadratic, mean": (Quadratic(300.0), "delaunay"),
+}
+
+every_fabric = pytest.mark.parametrize(
+    "parameters", PARAMETERS.values(), ids=PARAMETERS
+)
+every_formulation = pytest.mark.parametrize(
+    "formulation", FORMULATIONS.values(), ids=FORMULATIONS
+)
+
+
+def pulled(law, formulation, kind, warp, weft=None, steps=1):
+    """A rectangle stretched along the warp, and along the weft if that is given."""
+    mesh = rectangle(WIDTH, HEIGHT, (4, 6), kind, seed=3)
+    if isinstance(formulation, Macro):
+        mesh = split(mesh)
+    if isinstance(formulation, Quadratic) and not isinstance(mesh, MeshTri):
+        mesh = cut(mesh)
+    conditions = {
+        "left": Condition("left", direction=(1, 0)),
+        "right": Condition("right", WIDTH * warp, direction=(1, 0)),
+        "corner": Condition(lambda X: np.hypot(*X) < 1e-9, direction=(0, 1)),
+    }
+    if weft is not None:
+        del conditions["corner"]
+        conditions["bottom"] = Condition("bottom", direction=(0, 1))
+        conditions["top"] = Condition("top", HEIGHT * weft, direction=(0, 1))
+    ply = Ply(mesh, Fabric(law, 0.5), formulation)
+    return LoadStepper(ply, conditions, steps=steps).run()
+
+
+def free_weft(law, warp_strain):
+    """The strain at which the weft has no tension, by halving."""
+    low, high = -0.5, 0.0
+    for _ in range(100):
+        middle = (low + high) / 2
+        T = law.value(np.array(warp_strain), np.array(middle))[1]
+        low, high = (middle, high) if T < 0 else (low, middle)
+    return low
+
+
+@every_fabric
+@every_formulation
+@pytest.mark.parametrize("stretch", [(0.02, 0.01), (0.005, 0.02), (0.025, -0.01)])
+def test_the_forces_of_a_biaxial_pull_are_exact(parameters, formulation, stretch):
+    result = pulled(CrimpInterchange(*parameters), *formulation, *stretch)
+    tensions = plain.interchange(*parameters).value(*np.log1p(stretch))
+    state = result.states[-1]
+    found = state.reactions["right"][0], state.reactions["top"][1]
+    sides = HEIGHT, WIDTH
+    for force, T, side, e in zip(found, tensions, sides, stretch, strict=True):
+        assert force == pytest.approx(side * T / (1 + e), rel=1e-8)
+    assert state.verdict.negative_pivots == 0
+
+
+@every_fabric
+@every_formulation
+def test_a_free_weft_contracts_as_the_warp_straightens(parameters, formulation):
+    stretch = 0.02
+    result = pulled(CrimpInterchange(*parameters), *formulation, stretch)
+    law = plain.interchange(*parameters)
+    weft = free_weft(law, np.log1p(stretch))
+    T = law.value(np.log1p(stretch), np.array(weft))[0]
+    state = result.states[-1]
+    assert state.reactions["right"][0] == pytest.approx(
+        HEIGHT * T / (1 + stretch), rel=1e-8
+    )
+    y = result.ply.nodes[1] + result.ply.nodal(result.u)[1]
+    assert np.ptp(y) == pytest.approx(HEIGHT * np.exp(weft), rel=1e-8)
+    if parameters[1][0] > 0:
+        assert weft < -1e-3  # the crimp that the warp has lost
+
+
+@every_formulation
+def test_without_crimp_each_family_has_its_own_law(formulation):
+    E, _, K, toe, k = PARAMETERS["unbalanced"]
+    pulls = [
+        pulled(law, *formulation, 0.02, 0.01)
+        for law in (
+            CrimpInterchange(E, 0.0, K, toe, k),
+            tuple(CrimpToe(E_i, toe, k) for E_i in E),
+        )
+    ]
+    coupled, alone = (result.states[-1] for result in pulls)
+    assert coupled.energies == pytest.approx(alone.energies, rel=1e-9)
+    for edge in ("right", "top"):
+        assert coupled.reactions[edge] == pytest.approx(
+            alone.reactions[edge], rel=1e-9, abs=1e-9
+        )
+
+
+def test_a_weft_that_is_pulled_along_stiffens_the_warp():
+    """At a warp strain of 1 %, for three ratios of strains; the weft's lifts both."""
+    law = CrimpInterchange(*PARAMETERS["balanced"])
+    tensions = [
+        pulled(law, Macro(), "irregular", 0.01, weft).states[-1].reactions["right"][0]
+        for weft in (-0.01, 0.0, 0.01)
+    ]
+    assert tensions[1] > 1.3 * tensions[0]
+    assert tensions[2] > 1.3 * tensions[1]
