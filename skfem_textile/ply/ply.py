@@ -275,7 +275,10 @@ class Ply(Measures):
         return blocks
 
     def geometric_tension(self, u: ndarray, du: ndarray) -> ndarray:
-        """`predicted_tension` at the points of the term of the fibres."""
+        """`predicted_tension` to first order, at the points of the fibres' term.
+
+        Of mean stretches it is the predicted force T/λ times the stretch at u + du.
+        """
         term = self._tension
         if term is None or not _is_fused(term):
             T = self.predicted_tension(u, du)
