@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy import ndarray
 
+from ...mesh.user_input import printable
 from ..states import Equilibrium
 
 #: Roles of `Body.parts` that are of the discretisation.
@@ -74,7 +75,7 @@ def shares(
 def excess(found: Mapping[str, Mapping[str, float]], role: str) -> str:
     """Words for the shares of a role that are too large; empty if there are none."""
     return ", ".join(
-        f"{share[role]:.0%} of {whole}"
+        f"{share[role]:.0%} of {printable(whole)}"
         for whole, share in found.items()
         if share[role] > _MOST.get(whole, _MOST_OF_REACTION)
     )
