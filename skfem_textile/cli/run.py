@@ -62,7 +62,7 @@ def run(case: Case, values: Mapping[str, Any], options: argparse.Namespace) -> i
         code = INTERRUPTED
     for key, value in summary.items():
         shown = f"{value:.6g}" if isinstance(value, float) else value
-        say(f"{key:28}{shown}")
+        say(f"{key:34}{shown}")
     say(f"results in {printable(options.out)}")
     if said:
         complain(said)

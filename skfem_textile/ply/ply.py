@@ -27,7 +27,7 @@ from .kernels.assembly import KernelSum
 from .kernels.element_groups import Parameters
 from .kernels.kernel import ShearKernel
 from .measures import Measures
-from .term import Load, Memory, Role, Term, dimension, refuse_unsymmetric
+from .term import Load, Memory, Part, Role, Term, dimension, refuse_unsymmetric
 from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
 from .terms import FormTerm, Formulation
 
@@ -257,6 +257,24 @@ class Ply(Measures):
         """
         return self._forces(self._acting(corners), u, t)
 
+    def parts(self, u: ndarray, t: float = 1.0) -> list[Part]:
+        """Terms, loads aside, with what meets deviations from mean stretches apart."""
+        terms = [term for term in self.terms if term.role != "load"]
+        parts = [
+            Part(term.role, self._energy(term, u, t), self._forces([term], u, t))
+            for term in terms
+        ]
+        tension = self._tension
+        if tension is not None and tension.of_means is not None:
+            means = {tension: _kernel_parameters([tension], t)[tension]}
+            means[tension] |= tension.of_means
+            whole = parts[terms.index(tension)]
+            energy, forces = self._fused.energy(u, means), self._fused.forces(u, means)
+            parts[terms.index(tension)] = Part("internal", energy, forces)
+            deviation = whole.energy - energy, whole.forces - forces
+            parts.append(Part("deviation", *deviation))
+        return parts
+
     def load(self, u: ndarray, t: float) -> ndarray:
         """Nodal forces of the loads in N."""
         loads = [term for term in self.terms if term.role == "load"]
@@ -315,7 +333,10 @@ class Ply(Measures):
         return blocks
 
     def geometric_tension(self, u: ndarray, du: ndarray) -> ndarray:
-        """`predicted_tension` at the points of the term of the fibres."""
+        """`predicted_tension` to first order, at the points of the fibres' term.
+
+        Of mean stretches it is the predicted force T/λ times the stretch at u + du.
+        """
         term = self._tension
         if term is None or not _is_fused(term):
             T = self.predicted_tension(u, du)

@@ -1,7 +1,7 @@
 """What a term is: the one way in for whatever has an energy or a force."""
 
 from collections.abc import Sequence
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 from numpy import ndarray
 from scipy.sparse import csr_matrix
@@ -11,6 +11,18 @@ from skfem.assembly.basis import AbstractBasis
 #: What a term stands for: ``internal`` forces and ``stabilisation`` make the internal
 #: energy, and a ``load`` works on the ply.
 Role: TypeAlias = Literal["internal", "stabilisation", "load"]
+
+
+class Part(NamedTuple):
+    """A part of a ply: a term, or the part of one that meets deviations.
+
+    ``role`` is a `Role` or ``deviation``, ``energy`` in N·mm, ``forces`` are nodal
+    forces in N, shape (n_unknowns,).
+    """
+
+    role: str
+    energy: float
+    forces: ndarray
 
 
 # How far a tangent may be from symmetric, as a share of its largest entry.

@@ -133,11 +133,14 @@ class TensionTerm(FormTerm):
     strains, ``(strain, change) -> tension``, to first order in it; ``seen`` gives, of
     the strains at these points, those that the fabric's law sees there; all have the
     shape (2, n_elements, n_points).  ``arrange`` puts them at the points of ``basis``.
+    ``of_means`` are parameters of the forms that leave out deviations from the mean
+    stretch; None where there is no mean.
     """
 
     law: Callable[..., ndarray]
     seen: Callable[[ndarray], ndarray]
     arrange: Callable[[ndarray], ndarray] = lambda tension: tension
+    of_means: Parameters | None = None
 
 
 @dataclass(frozen=True, eq=False)

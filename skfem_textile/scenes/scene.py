@@ -164,12 +164,15 @@ class Scene:
         ``displacement_error_...`` and ``shear_angle_error_...``.  If something limits
         them, the sentence ``exact_answer`` says what.
         """
-        reaction_x, reaction_y = self.reaction(result.states[-1]).tolist()
+        state = result.states[-1]
+        reaction_x, reaction_y = self.reaction(state).tolist()
+        carried = state.shares[f"{self.driven}_reaction"]
         return {
             "scene": self.name,
             **result.summary(),
             "reaction_x": reaction_x,
             "reaction_y": reaction_y,
+            **{f"reaction_share_of_{k}": v for k, v in carried.items()},
             **self._load_over_exact(result, reaction_y),
             **self.errors(result),
             **({"exact_answer": f"none: {self.misfit}"} if self.misfit else {}),

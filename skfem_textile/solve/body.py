@@ -67,6 +67,10 @@ class Body(Protocol):
         """Energy of each term in N·mm, by the name of the term."""
         ...
 
+    def parts(self, u: ndarray, t: float) -> Sequence[tuple[str, float, ndarray]]:
+        """Role, energy in N·mm and nodal forces in N of each part, loads aside."""
+        ...
+
     def energy(self, u: ndarray, t: float, corners: bool) -> float:
         """Energy in N·mm, potential of loads included."""
         ...

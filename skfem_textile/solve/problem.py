@@ -163,6 +163,11 @@ class Problem:
         forces, nodes = self.ply.nodal(f), self.constraints.nodes
         return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
 
+    def held_forces(self, f: ndarray) -> dict[str, ndarray]:
+        """Nodal forces along the fixed unknowns at each condition, shape (2, n)."""
+        held, nodes = self.ply.nodal(f - self.unfixed(f)), self.constraints.nodes
+        return {name: held[:, n] for name, n in nodes.items()}
+
     def displacements(self, u: ndarray) -> dict[str, ndarray]:
         """Mean displacement of the nodes of each condition, shape (2,)."""
         moved, nodes = self.ply.nodal(u), self.constraints.nodes

@@ -1,5 +1,6 @@
 """What a run of the load stepper leaves behind."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,7 +74,8 @@ class Result:
         negative_pivots, min_det_F, max_fibre_strain, mesh_fibre_strain; of each
         condition displacement_x and displacement_y, the mean over its nodes (mm), and
         reaction_x and reaction_y (N); internal energy in all and by term, potentials
-        of the loads, and work of reactions and loads so far (N·mm).
+        of the loads, and work of reactions and loads so far (N·mm); shares of
+        stabilisation and deviations in energy, work and reactions.
         """
         rows, work = [], 0.0
         for state in self.states:
@@ -92,6 +94,7 @@ class Result:
             for name, reaction in state.reactions.items():
                 row |= _components(f"{name}_displacement", state.displacements[name])
                 row |= _components(f"{name}_reaction", reaction)
+            row |= _columns(state.shares)
             rows.append(row | _energies(state) | {"work": work})
         return rows
 
@@ -106,6 +109,7 @@ class Result:
         not of what fibres carry.
         """
         ply, u, verdict = self.ply, self.u, self.states[-1].verdict
+        shares = self.states[-1].shares
         return {
             "formulation": ply.formulation.name,
             "n_elements": int(ply.mesh.nelements),
@@ -121,6 +125,7 @@ class Result:
             "negative_pivots": verdict.negative_pivots,
             "min_det_F": verdict.min_det_F,
             **_energies(self.states[-1]),
+            **_columns({of: shares[of] for of in ("energy", "work")}),
             "max_fibre_strain": verdict.max_fibre_strain,
             "mesh_fibre_strain": verdict.mesh_fibre_strain,
             "max_fibre_tension": _largest(ply.fibre_tension(u)),
@@ -199,6 +204,15 @@ def _energies(state: State) -> dict[str, float]:
     by_term = {f"{term}_energy": state.energies.get(term, 0.0) for term in names}
     loads = {f"{load}_potential": value for load, value in state.potentials.items()}
     return {"energy": sum(state.energies.values())} | by_term | loads
+
+
+def _columns(shares: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """Shares of parts of the discretisation, by the names of their columns."""
+    return {
+        f"{whole}_share_of_{part}": share
+        for whole, by_part in shares.items()
+        for part, share in by_part.items()
+    }
 
 
 def _components(name: str, vector: ndarray) -> dict[str, float]:

@@ -118,6 +118,9 @@ class State:
         What was found of the state: stability, folding, strain and work.
     potentials
         Potential of each load in N·mm.
+    shares
+        What stabilisation and deviations carry of energy, work and reactions, from 0
+        to 1, by part, by what it is a share of.
     """
 
     load_factor: float
@@ -130,6 +133,7 @@ class State:
     tolerance: float
     verdict: Verdict
     potentials: dict[str, float] = field(default_factory=dict)
+    shares: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         stable = "stable" if self.verdict.stable else "not stable"

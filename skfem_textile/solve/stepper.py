@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 
 #: What a step tries and which checks only warn, unless told otherwise.
 DEFAULT_STRATEGIES = "mixed", "descent"
-DEFAULT_WARN_ONLY = "work", "stabilisation", "corners"
+DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners"
 
 
 class LoadStepper:

@@ -12,15 +12,13 @@ from numpy import ndarray
 
 from .problem import Problem, Start, Tangent, tangent_at
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
+from .stepping.shares import excess, shares
 
 _STIFFER = "more steps, or a larger stabilisation"
 
 # Share of the energy that the trapezoidal rule may miss before a step stands out.
-# This share and the two below are chosen, not measured.
+# This share and that of the corners are chosen, not measured.
 _MISSED_WORK = 0.01
-
-# Share of the energy that the stabilisation of a sheared ply may hold unremarked.
-_STABILISATION_SHARE = 0.1
 
 # Of the energies of two states, what round-off leaves of their difference.
 _ROUND_OFF = 64 * 2.0**-53
@@ -113,6 +111,14 @@ class Trial:
         rise = sum(self.energies.values()) - sum(before.values())
         return rise, (float(f @ self.move), self.works[1])
 
+    @cached_property
+    def shares(self) -> dict[str, dict[str, float]]:
+        """What the discretisation carries of energy, work and reactions: `shares`."""
+        problem, u = self.problem, self.equilibrium.u
+        arguments = problem.ply.parts, u, problem.load_factor
+        parts = problem.clock.time("assembly", *arguments)
+        return shares(parts, self.equilibrium, self.move, problem.held_forces)
+
     def apply_checks(self, warn_only: Collection[str]) -> None:
         """Apply every check; ``warnings`` are what those in ``warn_only`` say.
 
@@ -169,6 +175,7 @@ class Trial:
             displacements=problem.displacements(equilibrium.u),
             energies=dict(self.energies),
             potentials=dict(self.potentials),
+            shares=self.shares,
             verdict=self.verdict(),
             linear_solves=linear_solves,
             residuals=equilibrium.residuals,
@@ -231,21 +238,22 @@ def _work(trial: Trial) -> None:
 
 
 def _stabilisation(trial: Trial) -> None:
-    """Of a ply without shear stiffness the exact energy may be none at all."""
-    if "shear" not in trial.energies:
-        return
-    roles = trial.problem.ply.roles
-    held = sum(
-        energy
-        for name, energy in trial.energies.items()
-        if roles[name] == "stabilisation"
-    )
-    whole = abs(sum(trial.energies.values()))
-    if held > _STABILISATION_SHARE * whole:
+    if carried := excess(trial.shares, "stabilisation"):
+        raise NoEquilibriumError(f"the stabilisation carries {carried}: {_cure(trial)}")
+
+
+def _deviation(trial: Trial) -> None:
+    if carried := excess(trial.shares, "deviation"):
         raise NoEquilibriumError(
-            f"the stabilisation holds {held / whole:.0%} of the energy: the mesh is "
-            "coarse, or the stabilisation stiff"
+            f"deviations from the mean stretch carry {carried}: {_cure(trial)}"
         )
+
+
+def _cure(trial: Trial) -> str:
+    """What to do about what the discretisation carries."""
+    if "shear" not in trial.energies:
+        return "the fabric has no shear stiffness, give it one"
+    return "take a finer mesh, or less stabilisation where it is a number"
 
 
 def _corners(trial: Trial) -> None:
@@ -265,5 +273,6 @@ CHECKS: dict[str, Callable[[Trial], None]] = {
     "stability": _stability,
     "work": _work,
     "stabilisation": _stabilisation,
+    "deviation": _deviation,
     "corners": _corners,
 }

@@ -137,7 +137,7 @@ def test_a_run_takes_the_papers_stabilisation(tmp_path):
         assert run(tmp_path, *one_point, "--stabilisation", kind) == 0
         summary = json.loads((tmp_path / "out" / "summary.json").read_text())
         energies.append(summary["stabilisation_energy"])
-        ply = Ply(scene.mesh, Fabric(1e4), OnePoint(10.0, kind))
+        ply = Ply(scene.mesh, Fabric(1e4, 1.0), OnePoint(10.0, kind))
         result = LoadStepper(ply, scene.conditions, 3).run()
         expected = result.summary()["stabilisation_energy"]
         assert energies[-1] == pytest.approx(expected, rel=1e-9)

@@ -25,7 +25,17 @@ from skfem_textile.sweep import WorkerProcesses
 
 ROOT = Path(__file__).parents[2]
 COMMAND = sys.executable, "-X", "importtime", "-m", "skfem_textile", "run", "strip"
-QUICK = "--size", "3x4", "--steps", "3", "--cs", "10", "--no-render"
+QUICK = (
+    "--size",
+    "3x4",
+    "--steps",
+    "3",
+    "--cs",
+    "10",
+    "--shear-stiffness",
+    "1",
+    "--no-render",
+)
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
 

@@ -6,7 +6,17 @@ from skfem_textile.cli import main as cli
 
 MESH = Path(__file__).parents[2] / "examples" / "strip.msh"
 
-QUICK = ["--size", "3x4", "--steps", "3", "--cs", "10", "--no-render"]
+QUICK = [
+    "--size",
+    "3x4",
+    "--steps",
+    "3",
+    "--cs",
+    "10",
+    "--shear-stiffness",
+    "1",
+    "--no-render",
+]
 
 
 def run(tmp_path, *arguments):

@@ -1,8 +1,11 @@
 import numpy as np
 import pytest
 
+from skfem_textile import Fabric, Macro, Quadratic
+from skfem_textile.scenes import Case, bias_extension
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.strategies import _shortened
+from skfem_textile.splitting import cut, split
 
 
 class Slope:
@@ -36,3 +39,21 @@ def test_where_every_increment_folds_the_search_gives_up():
     with pytest.raises(NoEquilibriumError, match="no descent") as error:
         _shortened(Slope(), np.ones(1), np.array([4.0]), np.array([-1.0]))
     assert error.value.elements.tolist() == [0]
+
+
+@pytest.mark.parametrize("E", [1e4, 1e5, 1e8])
+@pytest.mark.parametrize(
+    ("formulation", "size", "made"),
+    [
+        (Macro(), (8, 16), split),
+        (Macro(), (8, 16), lambda mesh: split(cut(mesh))),
+        (Quadratic(300.0), (16, 32), cut),
+    ],
+    ids=["macro", "macro triangles", "mean"],
+)
+def test_a_step_with_kinks_takes_four_iterations(formulation, size, made, E):
+    """Five if the tension is predicted, and not the force over the stretch."""
+    scene = bias_extension(made(bias_extension(size=size).mesh))
+    fabric = Fabric(E, 0.5, scene.warp, scene.weft)
+    case = Case(scene=scene, fabric=fabric, formulation=formulation, steps=4)
+    assert case.run().linear_solves <= 17

@@ -81,6 +81,7 @@ def mean_tension_term(
         law=law,
         seen=partial(mean_strain, basis),
         arrange=basis.from_ply_points,
+        of_means={"E_d": np.zeros_like(held.parameters["E_d"])},
     )
 
 

@@ -235,22 +235,28 @@ class MeanTensionKernel:
         after: Deformations,
         w: Parameters,
     ) -> list[ndarray]:
-        """The tension after a change of the strains, shape (2, P, n) each."""
+        """Tension over stretch to first order, times the new stretch; (2, P, n) each.
+
+        The force N works on the stretch, so that N is what follows the increment.  The
+        tension λ N does not: where fibres turn the stretch grows to second order.
+        """
         stretches, means = _stretches(group, before)
+        new_stretches, _ = _stretches(group, after)
         changes = [
             stretch * f.change(g)
             for stretch, f, g in zip(stretches, before, after, strict=True)
         ]
         mean_change = _mean(group, changes)
         T, slopes = _of_strains(group.fabric, np.log(means))
-        N, N_change = T / means, (slopes.own - T) / means**2 * mean_change
+        N = T / means + (slopes.own - T) / means**2 * mean_change
         if slopes.cross is not None:
-            N_change += slopes.cross * (mean_change / means)[::-1] / means
-        E_d = self._deviation_stiffness(group, w)
+            N += slopes.cross * (mean_change / means)[::-1] / means
+        E_d, mean_after = self._deviation_stiffness(group, w), means + mean_change
         return [
-            (stretch + change) * (N + E_d * (stretch - means))
-            + stretch * (N_change + E_d * (change - mean_change))
-            for stretch, change in zip(stretches, changes, strict=True)
+            new_stretch * (N + E_d * (stretch + change - mean_after))
+            for new_stretch, stretch, change in zip(
+                new_stretches, stretches, changes, strict=True
+            )
         ]
 
     def _deviation_stiffness(self, group: ElementGroup, w: Parameters) -> ndarray:

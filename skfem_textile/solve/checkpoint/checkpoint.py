@@ -127,6 +127,7 @@ class Checkpoint:
         path, clock = progress.path.saved(), asdict(progress.clock)
         text["progress"] = progress._asdict() | {"path": path, "clock": clock}
         arrays = {"u": text.pop("u")}
+        del text["shares"]  # which `Replay` finds anew
         for key in VECTORS:
             text[key] = {name: v.tolist() for name, v in text[key].items()}
         for term, memory in self._ply.memories.items():
@@ -143,14 +144,14 @@ class Checkpoint:
                 (self.folder / f".{_RUN}").replace(self.folder / _RUN)
             beside.replace(self.folder / f"{name}.npz")
 
-    def load(self, check: Callable[[State, Content], None]) -> Saved | None:
+    def load(self, checked: Callable[[State, Content], State]) -> Saved | None:
         """Read and check every state; None if there is none.
 
         Parameters
         ----------
-        check
-            Called with one state after the other and what its file holds; raises
-            ValueError where it is not one of this run.
+        checked
+            Called with one state after the other and what its file holds; gives the
+            whole state, or raises ValueError where it is not one of this run.
 
         Raises
         ------
@@ -171,9 +172,9 @@ class Checkpoint:
         for file, content in zip(files, contents, strict=True):
             with self._using(file):
                 states.append(state_of(content, states))
-        for file, state, content in zip(files, states, contents, strict=True):
+        for i, (file, content) in enumerate(zip(files, contents, strict=True)):
             with self._using(file):
-                check(state, content)
+                states[i] = checked(states[i], content)
         with self._using(files[-1]):
             saved = contents[-1].text["progress"]
             progress = progress_of(saved, states, self._settings)

@@ -1,6 +1,6 @@
 """Whether the states that were read are those of the problem, one after the other."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 from numpy import ndarray
@@ -31,8 +31,8 @@ class Replay:
         self._problem = problem
         self._start: Start | None = None
 
-    def __call__(self, state: State, content: Content) -> None:
-        """Compare a state with what the problem makes of it.
+    def __call__(self, state: State, content: Content) -> State:
+        """Compare a state with what the problem makes of it; give it its shares.
 
         Raises
         ------
@@ -42,7 +42,8 @@ class Replay:
         if self._start is None:
             self._problem.ply.reset()
         problem, u = self._problem.at(state.load_factor), state.u
-        check_state(problem, state, self._start)
+        trial = check_state(problem, state, self._start)
+        shares = trial.shares  # of what the ply remembered until then
         problem.ply.commit(u)
         expected = self._memories()
         self._restore(content)
@@ -50,6 +51,7 @@ class Replay:
         if not all(same(old, new) for old, new in pairs):
             raise ValueError("what its ply remembers is not of its displacement")
         self._start = Start(u, problem.residual(u), problem.load(u), None)
+        return replace(state, shares=shares)
 
     def _memories(self) -> list[ndarray]:
         memories = self._problem.ply.memories.values()
@@ -66,7 +68,7 @@ class Replay:
             memory.restore(saved, content.text["work"][term])
 
 
-def check_state(problem: Problem, state: State, before: Start | None) -> None:
+def check_state(problem: Problem, state: State, before: Start | None) -> Trial:
     """Compare a state with what the problem makes of its displacement.
 
     The ply must remember what it did when the state was found.  Counts and residuals
@@ -81,6 +83,11 @@ def check_state(problem: Problem, state: State, before: Start | None) -> None:
     before
         The state before it; None for the first.
 
+    Returns
+    -------
+    Trial
+        What the problem makes of it.
+
     Raises
     ------
     ValueError
@@ -92,7 +99,8 @@ def check_state(problem: Problem, state: State, before: Start | None) -> None:
     if not problem.is_fixed(u, problem.constraints.fixed_values(state.load_factor)):
         raise ValueError("its displacement is not that of its load factor")
     f, (energies, potentials) = problem.residual(u), problem.energies(u)
-    trial = Trial(problem, Equilibrium(u, f, (), state.tolerance), before)
+    equilibrium = Equilibrium(u, f, (), state.tolerance)
+    trial = Trial(problem, equilibrium, before)
     trial.tangent = None  # a factorisation that tells nothing new
     largest = float(np.abs(f).max())
     rounding = max(state.tolerance - problem.converged * largest, 0.0)
@@ -111,6 +119,7 @@ def check_state(problem: Problem, state: State, before: Start | None) -> None:
     for name, value in ours.items():
         allowed = SAME * abs(value) + _ROUND_OFF
         _compare("verdict", {name: theirs[name]}, {name: value}, allowed)
+    return trial
 
 
 def _compare(

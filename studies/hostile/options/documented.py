@@ -96,7 +96,15 @@ def _folder(word: str) -> str:
     return word
 
 
-_CHECKS = ("stability", "folding", "strain", "work", "stabilisation", "corners")
+_CHECKS = (
+    "stability",
+    "folding",
+    "strain",
+    "work",
+    "stabilisation",
+    "deviation",
+    "corners",
+)
 
 #: Parameters of laws that are not tried here: any but the default is refused.
 OF_OTHER_LAWS = {
@@ -133,7 +141,9 @@ _LOADED = {
     "rotate": Option(_degrees, 0.0),
     "steps": Option(int, 20),
     "strategy": Option(one_of("mixed", "descent", "newton"), ["mixed", "descent"], "+"),
-    "warn-only": Option(one_of(*_CHECKS), ["work", "stabilisation", "corners"], "*"),
+    "warn-only": Option(
+        one_of(*_CHECKS), ["work", "stabilisation", "deviation", "corners"], "*"
+    ),
     "solver": Option(one_of("auto", *_INSTALLED_SOLVERS), "auto"),
     "checkpoint": Option(_folder, None, "?"),
     "resume": Option(_folder, None, "?"),

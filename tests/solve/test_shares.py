@@ -1,0 +1,204 @@
+"""What the discretisation carries of energy, work and reactions, and when that is told.
+
+The limits are those of `skfem_textile.solve.stepping.shares`: a tenth of energy and
+work, a quarter of the nodal forces of a reaction.
+"""
+
+import numpy as np
+import pytest
+from helpers import wobble
+from skfem import MeshQuad, asm
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Force,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    Sin2,
+)
+from skfem_textile.forms.mean_tension import deviation_energy
+from skfem_textile.scenes import Case, bias_extension, strip, trellis
+from skfem_textile.scenes.picture_frame import picture_frame
+from skfem_textile.splitting import cut, split
+
+# Elements across, before quadrilaterals of macro-elements are split in four, and how
+# they are made of the quadrilaterals of a scene.
+FORMULATIONS = {
+    "one": (OnePoint(), 1, lambda mesh: mesh),
+    "macro": (Macro(), 2, split),
+    "macro triangles": (Macro(), 2, lambda mesh: split(cut(mesh))),
+    "mean": (Quadratic(300.0), 1, cut),
+}
+
+SCENES = {bias_extension: 2, strip: 1.5, trellis: 1, picture_frame: 1}
+
+
+def case(scene, name, across=16, E=1e4, G=0.5, formulation=None, steps=4):
+    """A scene with so many elements along its short side."""
+    own, parts, made = FORMULATIONS[name]
+    size = across // parts, round(SCENES[scene] * across) // parts
+    there = scene(made(scene(size=size).mesh))
+    fabric = Fabric(E, G, there.warp, there.weft)
+    formulation = formulation or own
+    return Case(scene=there, fabric=fabric, formulation=formulation, steps=steps)
+
+
+def told(caplog):
+    return [r.getMessage() for r in caplog.records if " carr" in r.getMessage()]
+
+
+def largest(result, of):
+    return max(max(state.shares[of].values()) for state in result.states)
+
+
+@pytest.mark.parametrize("name", ["macro", "macro triangles", "mean"])
+def test_the_deviation_is_the_part_of_the_tension_that_E_d_scales(name):
+    ply = case(trellis, name, 4, E=1e6, G=Sin2(0.5)).ply()
+    ply.commit(wobble(ply, 1))
+    u, du = wobble(ply, 2), wobble(ply, 3, 1e-6)
+    (energy, forces), *others = (
+        (p.energy, p.forces) for p in ply.parts(u) if p.role == "deviation"
+    )
+    assert not others
+    tension = ply._tension
+    E_d = tension.memory.parameters["E_d"]
+    form = deviation_energy(ply.fabric)
+    stored = tension.memory.work
+    assert stored != 0
+    expected = asm(form, tension.basis, u=u, E_d=E_d)
+    assert energy - stored == pytest.approx(expected, rel=1e-9)
+    ends = [asm(form, tension.basis, u=u + s * du, E_d=E_d) for s in (-1, 1)]
+    assert 2 * forces @ du == pytest.approx(ends[1] - ends[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", FORMULATIONS)
+def test_parts_add_up_to_energy_and_forces(name):
+    ply = case(trellis, name, 4).ply()
+    ply.commit(wobble(ply, 1))
+    u = wobble(ply, 2)
+    roles, energies, forces = zip(*ply.parts(u), strict=True)
+    assert sum(energies) == pytest.approx(ply.energy(u), rel=1e-12)
+    off = sum(forces) - ply.residual(u)
+    assert np.abs(off).max() < 1e-12 * max(np.abs(f).max() for f in forces)
+    assert ("deviation" in roles) == (name != "one")
+    assert ("stabilisation" in roles) == (name != "mean")
+
+
+@pytest.mark.parametrize("E", [1e2, 1e4, 1e8])
+@pytest.mark.parametrize("name", FORMULATIONS)
+def test_ordinary_bias_extension_passes(caplog, name, E):
+    """At most 0.06 of energy and work with 16 elements across."""
+    result = case(bias_extension, name, E=E).run()
+    assert not told(caplog)
+    assert 0.005 < largest(result, "energy") < 0.06
+    assert largest(result, "work") < 0.06
+    assert largest(result, "top_reaction") < 0.2
+
+
+@pytest.mark.parametrize("name", FORMULATIONS)
+@pytest.mark.parametrize("scene", [strip, trellis, picture_frame])
+def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
+    result = case(scene, name).run()
+    assert not told(caplog)
+    for of in result.states[-1].shares:
+        assert largest(result, of) < (0.2 if "reaction" in of else 0.06)
+
+
+@pytest.mark.parametrize(
+    ("name", "formulation"),
+    [("one", lambda k: OnePoint(4.0 * k)), ("mean", lambda k: Quadratic(300.0 * k))],
+)
+@pytest.mark.parametrize("times", [1, 3, 10, 30])
+def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation, times):
+    """Stiffer and stiffer: the load rises by no less than the share."""
+    right = case(bias_extension, name, 16)
+    wrong = case(bias_extension, name, 8, formulation=formulation(times))
+    loads = [c.summary(c.run())["load_over_exact"] for c in (right, wrong)]
+    too_much = loads[1] / loads[0] - 1
+    warned = bool(told(caplog))
+    assert warned == (times > 1)
+    assert warned == (too_much > 0.1)
+
+
+@pytest.mark.parametrize("name", FORMULATIONS)
+def test_without_shear_stiffness_the_discretisation_carries_nearly_all(caplog, name):
+    """Nothing of the fabric resists: 58° where 40° were asked for."""
+    this = case(bias_extension, name, G=0.0, steps=20)
+    summary = this.summary(this.run())
+    role = "deviation" if name == "mean" else "stabilisation"
+    assert summary["converged"]
+    assert summary["max_shear_angle_deg"] > 50
+    assert summary[f"energy_share_of_{role}"] > 0.8
+    assert summary[f"work_share_of_{role}"] > 0.7
+    assert "% of energy" in told(caplog)[0]
+    assert told(caplog)[0].endswith("the fabric has no shear stiffness, give it one")
+
+
+@pytest.mark.parametrize("G", [0.0, 0.5])
+@pytest.mark.parametrize("name", FORMULATIONS)
+def test_of_a_homogeneous_state_it_carries_nothing(caplog, name, G):
+    """Without shear stiffness its energy and forces are round-off."""
+    result = case(picture_frame, name, G=G).run()
+    assert not told(caplog)
+    for of in ("energy", "work"):
+        assert largest(result, of) < 1e-4
+    assert largest(result, "top_reaction") < 0.1
+
+
+def test_of_fibres_that_are_pulled_it_carries_nothing(caplog):
+    """The rollers have no force at all."""
+    mesh = split(MeshQuad().refined(2).with_defaults())
+    conditions = {
+        "bottom": Condition("bottom", 0.0, (0, 1)),
+        "left": Condition("left", 0.0, (1, 0)),
+        "top": Condition("top", 0.01, (0, 1)),
+    }
+    ply = Ply(mesh, Fabric(1e4), Macro())
+    result = LoadStepper(ply, conditions, 2).run()
+    assert not told(caplog)
+    assert result.states[-1].reactions["top"][1] > 90
+    for of in result.states[-1].shares:
+        assert largest(result, of) < 1e-6
+
+
+def test_at_rest_it_carries_nothing():
+    rest = case(trellis, "macro", 4).run().states[0]
+    assert {x for by_role in rest.shares.values() for x in by_role.values()} == {0.0}
+
+
+def test_reactions_that_an_element_owes_to_its_stabilisation_are_told(caplog):
+    """One corner of a square is pushed along the other family, which is soft."""
+    mesh = MeshQuad().with_defaults()
+    ply = Ply(mesh, Fabric((1e-3, 1e-3), 1e-3), OnePoint(10.0))
+    conditions = {
+        "others": Condition(lambda X: X.sum(axis=0) < 2),
+        "corner": Condition(lambda X: X.sum(axis=0) == 2, (0.0, 0.1)),
+    }
+    result = LoadStepper(ply, conditions, 1).run()
+    assert result.states[-1].shares["corner_reaction"]["stabilisation"] > 0.9
+    assert "% of corner_reaction" in told(caplog)[0]
+
+
+def test_a_load_is_no_part():
+    ply = case(trellis, "macro", 4).ply()
+    loaded, u = ply.with_terms(Force("top", (0.0, 1.0))), wobble(ply, 2)
+    found = [[part.energy for part in each.parts(u)] for each in (ply, loaded)]
+    assert found[0] == found[1]
+
+
+def test_a_resumed_run_has_the_same_shares(tmp_path):
+    this = case(bias_extension, "macro", 8)
+    whole = this.stepper(tmp_path / "a").run()
+    again = this.stepper(tmp_path / "a").run(resume=True)
+    assert [s.shares for s in again.states] == [s.shares for s in whole.states]
+    assert whole.states[-1].shares["work"]["deviation"] > 0
+    rows = whole.history()
+    assert (
+        rows[-1]["work_share_of_deviation"]
+        == (whole.states[-1].shares["work"]["deviation"])
+    )
+    assert "top_reaction_share_of_stabilisation" in rows[0]
