@@ -18,6 +18,10 @@ _C_S_OF_SHEAR = 8.0
 # and the trellis of the same study.
 _C_S_OF_FIBRES, _E_D_OF_FIBRES = 1e-4, 0.5
 
+# What tension adds to E_d over what shear stiffness adds: `python -m studies
+# formulations`, bias extension at 45 degrees.
+_TENSION_OVER_SHEAR = 0.25
+
 # Shear stiffness over fibre stiffness at which these have fallen to a third.  Chosen:
 # far beyond the 1e-8 of the stiffest cases that are studied, so that it changes none.
 _NO_SHEAR = 1e-11
@@ -44,20 +48,31 @@ def stabilisation_stiffness(G: ndarray, E: ndarray) -> ndarray:
     return _C_S_OF_SHEAR * G + _C_S_OF_FIBRES * E * _without_shear(G, E)
 
 
-def deviation_stiffness(multiple: float | ndarray, G: ndarray, E: ndarray) -> ndarray:
-    """E_d in N/mm: a multiple of G, ½ E where there is no shear stiffness, at most E.
+def deviation_stiffness(
+    multiple: float | ndarray, G: ndarray, E: ndarray, T: ndarray
+) -> ndarray:
+    """E_d in N/mm: a multiple of G + T/4, ½ E without shear stiffness, at most E.
 
-    Fibres of the stiffness E spread a jump of the shear angle over a width that falls
-    with E/G; what they need to be kept in line is of the order of G.
+    A jump of the shear angle lies along fibres that carry a force of their own.  The
+    smaller the elements, the larger is its tension T in them, and the more of the force
+    would be lost to stretches that deviate.  Where there is no such fibre, E_d is of
+    the order of G and elements do not lock.
 
     Parameters
     ----------
     multiple
-        E_d over G: measured, see `Macro` and `Quadratic`.
+        Measured, see `Macro` and `Quadratic`.
     G, E
         As for `stabilisation_stiffness`.
+    T
+        Fibre tension in N/mm; compression counts as none.
     """
-    return np.minimum(E, multiple * G + _E_D_OF_FIBRES * E * _without_shear(G, E))
+    without_shear = _without_shear(G, E)
+    of_resistance = multiple * (G + _TENSION_OVER_SHEAR * np.maximum(T, 0.0))
+    of_fibres = _E_D_OF_FIBRES * E
+    return np.minimum(
+        E, (1.0 - without_shear) * of_resistance + without_shear * of_fibres
+    )
 
 
 def shear_stiffness(law: Law, angle: ndarray) -> ndarray:
@@ -73,9 +88,11 @@ def fibre_stiffness(law: Law, strain: ndarray) -> ndarray:
     """Mean slope of T(ε) in N/mm within one percent of strain to either side.
 
     A single tangent tells little of a law that is soft at rest and stiff after that, or
-    stiff in tension and soft in compression: there a state may be on both sides.
+    stiff in tension and soft in compression: there a state may be on both sides.  Below
+    rest it is that at rest: fibres that are slack are not elastic without an end.
     """
     lowest, highest = domain_of(law)
+    strain = np.maximum(strain, 0.0)
     low = np.clip(strain - _WITHIN, lowest, highest)
     high = np.clip(strain + _WITHIN, lowest, highest)
     width = high - low

@@ -9,7 +9,7 @@ from skfem.assembly.form.form import FormExtraParams
 
 from .. import kinematics as kin
 from ..fabric import Fabric
-from ..forms.form import directions, elements
+from ..forms.form import directions, elements, fibre_tension
 from ..forms.held_stiffness import (
     deviation_stiffness,
     fibre_stiffness,
@@ -17,7 +17,7 @@ from ..forms.held_stiffness import (
     stabilisation_stiffness,
 )
 from ..forms.hourglass import hourglass, hourglass_rate, rate_increment
-from ..forms.mean_tension import deviation_energy, mean
+from ..forms.mean_tension import deviation_energy, mean, of_elements
 from ..mesh.bases import CENTRE, centre_grad
 from .kernels.kernel import HourglassKernel
 from .kernels.kernel_forms import with_kernel
@@ -114,7 +114,7 @@ class HeldDeviation(_HeldStiffness):
     fabric
         Fibre directions, tension and shear laws.
     multiple
-        E_d over the shear stiffness: one, or one per element, shape (n_elements, 1).
+        That of `deviation_stiffness`: one, or one per element, shape (n_elements, 1).
     basis
         The `MeanBasis` of the forms.
     """
@@ -131,7 +131,9 @@ class HeldDeviation(_HeldStiffness):
         field: Any = self._basis.interpolate(u)
         F, A = kin.deformation_gradient(field.grad), directions(self._fabric, w)
         G, E = _stiffnesses(self._fabric.at(elements(w)), F, A)
-        return deviation_stiffness(self._multiple, mean(w, G), mean(w, E))
+        mean_stretch = mean(w, np.array([kin.stretch(F, a) for a in A]))
+        T = fibre_tension(of_elements(self._fabric, elements(w)), np.log(mean_stretch))
+        return deviation_stiffness(self._multiple, mean(w, G), mean(w, E), T)
 
 
 def _stiffnesses(

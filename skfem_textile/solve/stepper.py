@@ -3,6 +3,7 @@
 import logging
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -330,8 +331,12 @@ class LoadStepper:
             self.on_iteration(iteration)
 
     def _state(self, t: float, trial: Trial) -> State:
+        return trial.state(t, self._new_solves())
+
+    def _new_solves(self) -> int:
+        """Linear solves since the last state."""
         before = sum(state.linear_solves for state in self._states)
-        return trial.state(t, self.problem.clock.solves - before)
+        return self.problem.clock.solves - before
 
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step."""
@@ -348,6 +353,7 @@ class LoadStepper:
             self._start = Start(u, f, problem.load(u), trial.tangent)
         if t > 0:
             self._judge_drift(state)
+            state = replace(state, linear_solves=self._new_solves())
         self._length.after(state.linear_solves)
         self._save(state)
         self._states.append(state)

@@ -257,9 +257,10 @@ def secant_of(law, gamma):
 
 
 def slope_within(law, eps=0.0):
-    """Mean slope of a tension law within a percent of strain to either side."""
+    """Mean slope of a tension law within a percent of strain, or of rest if slack."""
     if law is None:
         return 0.0
+    eps = max(eps, 0.0)
     return max((law.value(eps + 0.01) - law.value(eps - 0.01)) / 0.02, 0.0)
 
 
@@ -271,8 +272,9 @@ def share_without_shear(G, E):
 def deviation_stiffnesses(cloth, x, groups, multiples):
     """E_d of both families of each group of points at a converged state.
 
-    E_d = c G, ½ E without shear stiffness, and at most E: secant of shear and slope of
-    the tension law, means over the group.  ``multiples`` has the c of each group.
+    E_d = c (G + T/4), ½ E without shear stiffness, and at most E: secant of shear and
+    slope of the tension law, means over the group, and T > 0 of the mean stretch.
+    ``multiples`` has the c of each group.
     """
     stiffnesses = []
     for group, c in zip(groups, multiples, strict=True):
@@ -288,8 +290,25 @@ def deviation_stiffnesses(cloth, x, groups, multiples):
             strains = [strain(F_p, A)[0] for A in p.A]
             laws = laws_of_families(cloth, strains)
             E += share * np.array(list(map(slope_within, laws, strains)))
+        stretches = [
+            sum(
+                share * np.exp(strain(F_p, p.A[i])[0])
+                for share, F_p, p in zip(shares, F, group, strict=True)
+            )
+            for i in range(2)
+        ]
+        laws = laws_of_families(cloth, np.log(stretches))
+        T = [
+            law.value(np.log(stretch)) if law is not None else 0.0
+            for law, stretch in zip(laws, stretches, strict=True)
+        ]
+        shearless = [share_without_shear(G, E_i) for E_i in E]
+        resistances = [c * (G + max(T_i, 0.0) / 4) for T_i in T]
         stiffnesses.append(
-            [min(E_i, c * G + E_i / 2 * share_without_shear(G, E_i)) for E_i in E]
+            [
+                min(E_i, (1 - chi) * resistance + chi * E_i / 2)
+                for E_i, chi, resistance in zip(E, shearless, resistances, strict=True)
+            ]
         )
     return stiffnesses
 

@@ -73,7 +73,7 @@ def test_the_energy_is_that_of_mean_and_deviation(mesh):
             parts = mesh.parent == parent
             mean = np.average(stretch[parts], weights=area[parts])
             off = area[parts] @ (stretch[parts] - mean) ** 2
-            E_d = min(E, {3: 5000.0, 4: 18000.0}[parts.sum()] * 0.1)
+            E_d = min(E, {3: 5000.0, 4: 8000.0}[parts.sum()] * 0.1)
             of_mean = 0.5 * E * np.log(mean) ** 2 * area[parts].sum()
             expected += of_mean + 0.5 * E_d * off
     assert ply.energy(u) == pytest.approx(expected, rel=1e-12)
@@ -141,12 +141,13 @@ def test_its_tensions_do_the_work_of_its_forces(mesh):
 def test_deviations_meet_a_multiple_of_the_shear_stiffness_or_half_the_fibres(
     G, E, expected
 ):
-    E_d = deviation_stiffness(5000.0, np.array(G), np.array(E))
+    E_d = deviation_stiffness(5000.0, np.array(G), np.array(E), np.array(-1.0))
     assert E_d == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(
-    "rule", [stabilisation_stiffness, lambda G, E: deviation_stiffness(5000.0, G, E)]
+    "rule",
+    [stabilisation_stiffness, lambda G, E: deviation_stiffness(5000.0, G, E, 0.0 * G)],
 )
 def test_stiffnesses_go_over_into_those_without_shear_stiffness(rule):
     """No jump as G → 0: the step from one G to the next shrinks with their distance."""
@@ -169,12 +170,12 @@ def test_the_stiffness_of_fibres_knows_both_sides_of_a_toe():
             return np.where(x > 0, 1e5, 10.0)
 
     slopes = fibre_stiffness(Toe(), np.array([-0.05, 0.0, 0.05]))
-    np.testing.assert_allclose(slopes, [10.0, 50005.0, 1e5])
+    np.testing.assert_allclose(slopes, [50005.0, 50005.0, 1e5])
 
 
 def test_both_stiffnesses_may_be_chosen():
     mesh, fabric = MESHES["quads"], Fabric((1e3, 1e6), 0.5)
-    given, auto = (Ply(mesh, fabric, f) for f in (Macro(4.0, (1.0, 18000.0)), Macro()))
+    given, auto = (Ply(mesh, fabric, f) for f in (Macro(4.0, (1.0, 8000.0)), Macro()))
     u = wobble(given, 1)
     assert given.energies(u) == pytest.approx(auto.energies(u), rel=1e-12)
     softer = Ply(mesh, fabric, Macro(0.0, (100.0, 100.0)))
@@ -205,7 +206,7 @@ def test_titles_tell_what_was_chosen():
 @pytest.mark.parametrize("seed", [1, 2])
 def test_quadratic_triangles_may_take_the_mean_strain_too(seed):
     mesh = cut(distorted(seed, jitter=0.2))
-    ply = Ply(mesh, Fabric((1e3, 400.0), 0.02), Quadratic(300.0))
+    ply = Ply(mesh, Fabric((1e3, 400.0), 0.02), Quadratic(200.0))
     ply._terms = tuple(term for term in ply.terms if term.name == "tension")
     u, du = wobble(ply, 1), wobble(ply, 2, 1.0)
     assert derivative(ply.energy, u, du) == pytest.approx(ply.residual(u) @ du)
@@ -218,7 +219,7 @@ def test_quadratic_triangles_may_take_the_mean_strain_too(seed):
         < 1e-12 * abs(K).max()
     )
     plain = Ply(mesh, Fabric((1e3, 400.0)), Quadratic())
-    stiff = Ply(mesh, Fabric((1e3, 400.0), 1e9), Quadratic(300.0))
+    stiff = Ply(mesh, Fabric((1e3, 400.0), 1e9), Quadratic(200.0))
     assert_same_to_first_order(
         lambda u: stiff.energies(u)["tension"], plain.energy, wobble(ply, 1)
     )
@@ -234,7 +235,7 @@ def test_delaunay_triangles_of_the_strip_meet_the_bars():
         assert summary["max_fibre_strain"] < 2e-5
 
 
-@pytest.mark.parametrize("formulation", [Macro(), Quadratic(300.0)])
+@pytest.mark.parametrize("formulation", [Macro(), Quadratic(200.0)])
 def test_a_rotated_problem_and_a_resumed_run_are_the_same(formulation, tmp_path):
     mesh = rectangle(50, 100, (3, 6), "delaunay", 0.25)
     if isinstance(formulation, Macro):
@@ -273,7 +274,7 @@ def test_half_of_a_ply_takes_half_of_the_force():
 
 def test_quadratic_triangles_of_mean_strain_do_not_lock_at_kinks():
     mesh, read = rectangle(50, 100, (8, 16), "delaunay", 0.25), []
-    for formulation in (Quadratic(), Quadratic(300.0)):
+    for formulation in (Quadratic(), Quadratic(200.0)):
         read.append(run(bias_extension(mesh), formulation, 1e6, 0.5)["load_over_exact"])
     assert read[0] > 50
     assert read[1] == pytest.approx(1.0, abs=0.06)

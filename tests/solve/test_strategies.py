@@ -47,7 +47,7 @@ def test_where_every_increment_folds_the_search_gives_up():
     [
         (Macro(), (8, 16), split),
         (Macro(), (8, 16), lambda mesh: split(cut(mesh))),
-        (Quadratic(300.0), (16, 32), cut),
+        (Quadratic(200.0), (16, 32), cut),
     ],
     ids=["macro", "macro triangles", "mean"],
 )
@@ -56,4 +56,4 @@ def test_a_step_with_kinks_takes_four_iterations(formulation, size, made, E):
     scene = bias_extension(made(bias_extension(size=size).mesh))
     fabric = Fabric(E, 0.5, scene.warp, scene.weft)
     case = Case(scene=scene, fabric=fabric, formulation=formulation, steps=4)
-    assert case.run().linear_solves <= 17
+    assert case.run().linear_solves <= 18

@@ -32,7 +32,7 @@ class Quadratic(Pointwise):
     ----------
     deviation
         If given, fibres meet their whole stiffness in the mean stretch of a triangle
-        alone, and deviations from it this multiple of the shear stiffness
+        alone, and deviations from it this multiple of shear stiffness and tension
         (`deviation_stiffness`).
 
     Raises
@@ -98,7 +98,7 @@ REGISTRATION = FormulationRegistration(
         Option(
             name="deviation",
             help="give quadratic triangles the tension of their mean stretch, and "
-            "deviations from it this multiple of the shear stiffness (300 does well), "
+            "deviations from it this multiple of shear stiffness and tension (200 does well), "
             "or half of the fibre stiffness where there is none",
             read=float,
             metavar="C",
