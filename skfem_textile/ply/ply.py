@@ -27,7 +27,7 @@ from .kernels.assembly import KernelSum
 from .kernels.element_groups import Parameters
 from .kernels.kernel import ShearKernel
 from .measures import Measures
-from .term import Load, Memory, Part, Role, Term, dimension, refuse_unsymmetric
+from .term import Contribution, Load, Memory, Role, Term, dimension, refuse_unsymmetric
 from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
 from .terms import FormTerm, Formulation
 
@@ -257,11 +257,13 @@ class Ply(Measures):
         """
         return self._forces(self._acting(corners), u, t)
 
-    def parts(self, u: ndarray, t: float = 1.0) -> list[Part]:
+    def parts(self, u: ndarray, t: float = 1.0) -> list[Contribution]:
         """Terms, loads aside, with what meets deviations from mean stretches apart."""
         terms = [term for term in self.terms if term.role != "load"]
         parts = [
-            Part(term.role, self._energy(term, u, t), self._forces([term], u, t))
+            Contribution(
+                term.role, self._energy(term, u, t), self._forces([term], u, t)
+            )
             for term in terms
         ]
         tension = self._tension
@@ -270,9 +272,9 @@ class Ply(Measures):
             means[tension] |= tension.of_means
             whole = parts[terms.index(tension)]
             energy, forces = self._fused.energy(u, means), self._fused.forces(u, means)
-            parts[terms.index(tension)] = Part("internal", energy, forces)
+            parts[terms.index(tension)] = Contribution("internal", energy, forces)
             deviation = whole.energy - energy, whole.forces - forces
-            parts.append(Part("deviation", *deviation))
+            parts.append(Contribution("deviation", *deviation))
         return parts
 
     def load(self, u: ndarray, t: float) -> ndarray:

@@ -13,7 +13,7 @@ from skfem.assembly.basis import AbstractBasis
 Role: TypeAlias = Literal["internal", "stabilisation", "load"]
 
 
-class Part(NamedTuple):
+class Contribution(NamedTuple):
     """A part of a ply: a term, or the part of one that meets deviations.
 
     ``role`` is a `Role` or ``deviation``, ``energy`` in N·mm, ``forces`` are nodal

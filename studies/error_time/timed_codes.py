@@ -15,7 +15,7 @@ from skfem_textile.solve.result import Result, StepError
 from skfem_textile.solve.stepper import LoadStepper
 
 from ..common.log import errors_only
-from ..formulations.cases import Case, Method, Problem
+from ..formulations.cases import Case, Method, Specimen
 from ..rivals.newton import STEPS, NotConvergedError, Run
 from ..rivals.rival import Rival
 from ..rivals.task import Task
@@ -59,7 +59,7 @@ class TimedCode(Protocol):
         """Packages to install first; empty if nothing is missing."""
         ...
 
-    def measured(self, problem: Problem, across: int) -> Row:
+    def measured(self, problem: Specimen, across: int) -> Row:
         """Errors and times on a mesh with so many edges across."""
         ...
 
@@ -77,7 +77,7 @@ class ThisLibrary:
         return ""
 
     @errors_only()
-    def measured(self, problem: Problem, across: int) -> Row:
+    def measured(self, problem: Specimen, across: int) -> Row:
         """Load in one step, which the load stepper halves if it must."""
         scene = Case("", problem, self.method, across, _SEED).scene()
 
@@ -118,7 +118,7 @@ class OtherCode:
         """Packages to install first."""
         return self.rival.missing()
 
-    def measured(self, problem: Problem, across: int) -> Row:
+    def measured(self, problem: Specimen, across: int) -> Row:
         """Load in the smallest number of steps that leads to an unfolded state.
 
         Only the runs with this number count for the time.
@@ -155,7 +155,7 @@ class OtherCode:
         return steps, None
 
 
-def _load(scene: Scene, problem: Problem, reaction: ndarray) -> float:
+def _load(scene: Scene, problem: Specimen, reaction: ndarray) -> float:
     """Force along the prescribed displacement in N, or its share of the exact one."""
     if scene.load is not None:
         return float(reaction[1] / scene.load(problem.law, 1.0))

@@ -100,7 +100,7 @@ DEVIATIONS = tuple(
 
 
 @dataclass(frozen=True)
-class Problem:
+class Specimen:
     """A scene and a material.
 
     The load is applied in ``steps`` steps; results are those after the step ``last``.
@@ -138,19 +138,19 @@ def _bias_extension(mesh: Mesh) -> Scene:
     return bias_extension(mesh, shear_angle=np.radians(ANGLES[-1]))
 
 
-def _bias(ratio: float, law: Law) -> Problem:
+def _bias(ratio: float, law: Law) -> Specimen:
     name = f"bias extension, {'linear' if isinstance(law, Linear) else 'sin²'}"
-    return Problem(
+    return Specimen(
         f"{name}, E/G = {ratio:.0e}".replace("e+0", "e"),
         *(_bias_extension, (50.0, 100.0), 0.25, ratio * G, law, 5, 4, 1.0),
     )
 
 
 RATIOS = (2e4, 2e5, 2e6)
-STRIP = Problem("strip", strip, (WIDTH, HEIGHT), 0.3, 1e4, Linear(0.0), 5, 5)
-TRELLIS = Problem("trellis", trellis, (SIDE, SIDE), 0.3, 1e4, Linear(0.0), 5, 5)
+STRIP = Specimen("strip", strip, (WIDTH, HEIGHT), 0.3, 1e4, Linear(0.0), 5, 5)
+TRELLIS = Specimen("trellis", trellis, (SIDE, SIDE), 0.3, 1e4, Linear(0.0), 5, 5)
 SHEARED = replace(TRELLIS, name="trellis, E/G = 2e5", E=2e5 * G, law=Linear(G))
-FRAME = Problem(
+FRAME = Specimen(
     "picture frame", picture_frame, (SIDE, SIDE), 0.3, 1e4, Linear(0.5), 5, 5
 )
 BIAS = tuple(_bias(ratio, Linear(G)) for ratio in RATIOS)
@@ -165,7 +165,7 @@ class Case:
     """A run: a method on a problem, on a mesh with so many edges across and a seed."""
 
     group: str
-    problem: Problem
+    problem: Specimen
     method: Method
     across: int
     seed: int
@@ -200,7 +200,7 @@ def all_cases() -> Iterator[Case]:
 
 def _grid(
     group: str,
-    problems: Iterable[Problem],
+    problems: Iterable[Specimen],
     methods: Iterable[Method],
     across: Iterable[int],
 ) -> Iterator[Case]:

@@ -17,7 +17,7 @@ from .cases import (
     STRIP,
     TRELLIS,
     Method,
-    Problem,
+    Specimen,
 )
 
 # Factor by which the load may be further off than with `auto`, where C_s is compared.
@@ -27,7 +27,7 @@ _NOT_DRAWN = ("rates, C_s = 1", "isotropic, κ = C/8", "one point, triangles")
 
 
 def of(
-    rows: Iterable[Row], group: str, problem: Problem, method: Method, across: int
+    rows: Iterable[Row], group: str, problem: Specimen, method: Method, across: int
 ) -> list[Row]:
     """Rows of the cases that differ only in their seed."""
     key = (group, problem.name, method.name, across)
@@ -41,7 +41,7 @@ def median(rows: Sequence[Row], key: str) -> float:
     return float(np.median(values)) if values else np.nan
 
 
-def load_error(rows: Sequence[Row], problem: Problem) -> float:
+def load_error(rows: Sequence[Row], problem: Specimen) -> float:
     """Median distance of the load from the exact one."""
     off = [{"off": abs(row["load"] - problem.exact_load)} for row in rows]
     return median(off, "off")
@@ -82,7 +82,7 @@ def summary(rows: list[Row]) -> dict[str, Any]:
     }
 
 
-def best_position(rows: list[Row], problem: Problem, chosen: Method) -> float:
+def best_position(rows: list[Row], problem: Specimen, chosen: Method) -> float:
     """Smallest position error of a fixed C_s as a share of that of ``chosen``.
 
     Only a C_s whose load is off by at most twice as much counts; nan if there is none.

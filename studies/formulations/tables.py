@@ -27,7 +27,7 @@ from .cases import (
     STABILISATIONS,
     STRIP,
     TRELLIS,
-    Problem,
+    Specimen,
 )
 from .medians import load_error, median, of, over_angles, per_stiffness
 
@@ -194,7 +194,7 @@ TABLES: dict[str, Callable[[list[Row]], str]] = {
 }
 
 
-def _ratio(problem: Problem) -> str:
+def _ratio(problem: Specimen) -> str:
     return problem.name.rpartition("E/G = ")[2]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..common.tables import markdown_table
-from .two_element import MESHES, System, systems
+from .two_element import MESHES, PrintedSystem, systems
 
 
 class Slip(NamedTuple):
@@ -135,7 +135,7 @@ def table() -> str:
     return markdown_table(head, lines) + "\n" + markdown_table(slip_head, slips())
 
 
-def _equation(system: System, row: ndarray) -> str:
+def _equation(system: PrintedSystem, row: ndarray) -> str:
     a, b, right = (x + 0.0 for x in row.round(8))  # no minus zero
     first, second = system.unknowns
     sign = "+" if b >= 0 else "-"
@@ -143,7 +143,7 @@ def _equation(system: System, row: ndarray) -> str:
     return f"{left} = {right:.10g}"
 
 
-def _solution(system: System) -> str:
+def _solution(system: PrintedSystem) -> str:
     first, second = system.unknowns
     if system.solution is None:
         a, b, right = system.rows[0]

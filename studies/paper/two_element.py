@@ -82,7 +82,7 @@ PRINTED = {
 _NOT_PRINTED = Printed(("-",) * 4, [], "-")
 
 
-class System(NamedTuple):
+class PrintedSystem(NamedTuple):
     """The equations of no stretch along one fibre family in one element.
 
     Attributes
@@ -137,7 +137,7 @@ class System(NamedTuple):
         )
 
 
-def systems() -> list[System]:
+def systems() -> list[PrintedSystem]:
     """Every system of §2.3: meshes, points, elements and directions."""
     return [
         system
@@ -148,7 +148,7 @@ def systems() -> list[System]:
     ]
 
 
-def _both_elements(mesh: str, points: str, direction: str) -> list[System]:
+def _both_elements(mesh: str, points: str, direction: str) -> list[PrintedSystem]:
     """Element A, and element B given what element A leaves free."""
     case = mesh, points
     a, b = _coefficients(mesh, points)[:, "xy".index(direction)]
@@ -174,12 +174,12 @@ def _system(
     symbol: str,
     matrix: ndarray,
     right: ndarray,
-) -> System:
+) -> PrintedSystem:
     rank = int(np.linalg.matrix_rank(matrix, tol=1e-9))
     solution = np.linalg.lstsq(matrix, right)[0] if rank == 2 else None
     nodes = (3, 4) if element == "A" else (5, 6)
     printed = PRINTED.get((mesh, points, element, direction), _NOT_PRINTED)
-    return System(
+    return PrintedSystem(
         mesh,
         points,
         element,

@@ -69,7 +69,7 @@ def density(u, task):
     return psi
 
 
-class System:
+class DolfinxSystem:
     """The discretised ply, with MUMPS' LDLᵀ."""
 
     def __init__(self, forms, task):
@@ -130,11 +130,13 @@ def main(source, target):
     if "u" in task:
         u = np.empty(len(dofs))
         u[dofs] = task["u"]
-        results["iterations"] = iterations(System(forms, task), u, int(task["repeats"]))
+        results["iterations"] = iterations(
+            DolfinxSystem(forms, task), u, int(task["repeats"])
+        )
     else:
         try:
             run = timed(
-                lambda: System(forms, task), task["values"], int(task["repeats"])
+                lambda: DolfinxSystem(forms, task), task["values"], int(task["repeats"])
             )
         except NotConvergedError as error:
             results["failure"] = str(error)

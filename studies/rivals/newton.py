@@ -24,7 +24,7 @@ class NotConvergedError(RuntimeError):
     """The iterations did not converge."""
 
 
-class System(Protocol):
+class RivalSystem(Protocol):
     """A discretised ply, as a function of the displacement.
 
     Attributes
@@ -67,7 +67,7 @@ class Run:
     seconds: list[float]
 
 
-def loaded(system: System, values: ndarray) -> tuple[ndarray, ndarray, int]:
+def loaded(system: RivalSystem, values: ndarray) -> tuple[ndarray, ndarray, int]:
     """Displacement, nodal forces and number of linear solves at the end of the load.
 
     Parameters
@@ -103,7 +103,7 @@ def loaded(system: System, values: ndarray) -> tuple[ndarray, ndarray, int]:
     return u, f, solves
 
 
-def timed(begin: Callable[[], System], values: ndarray, repeats: int) -> Run:
+def timed(begin: Callable[[], RivalSystem], values: ndarray, repeats: int) -> Run:
     """Load a ply once to warm up, then several times with a clock.
 
     The clock runs from before ``begin`` makes the system.
@@ -125,7 +125,7 @@ def timed(begin: Callable[[], System], values: ndarray, repeats: int) -> Run:
     return Run(*end, seconds)
 
 
-def one_iteration(system: System, u: ndarray) -> tuple[float, float]:
+def one_iteration(system: RivalSystem, u: ndarray) -> tuple[float, float]:
     """Seconds of the assembly and of the solution in one iteration at ``u``."""
     start = perf_counter()
     f, K = system.forces(u), system.tangent(u)
@@ -134,7 +134,9 @@ def one_iteration(system: System, u: ndarray) -> tuple[float, float]:
     return assembled - start, perf_counter() - assembled
 
 
-def iterations(system: System, u: ndarray, repeats: int) -> list[tuple[float, float]]:
+def iterations(
+    system: RivalSystem, u: ndarray, repeats: int
+) -> list[tuple[float, float]]:
     """The same for several iterations, after one to warm up.
 
     The displacement changes a little each time, because factors might be kept.

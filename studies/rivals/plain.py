@@ -19,7 +19,7 @@ from skfem_textile.forms import Forms, shear, tension
 from skfem_textile.forms.hourglass import hourglass
 from skfem_textile.mesh.bases import CENTRE, HourglassBasis
 
-from .newton import System
+from .newton import RivalSystem
 from .rival import QUAD4, InProcess, Shape
 from .task import Task
 
@@ -44,7 +44,7 @@ class Plain(InProcess):
     C_s: float = 0.0
     code: ClassVar[str] = "scikit-fem"
 
-    def system(self, task: Task) -> System:
+    def system(self, task: Task) -> RivalSystem:
         """The discretised ply."""
         return _System(task, self.C_s * (8 * task.G or 1e-4 * task.E))
 

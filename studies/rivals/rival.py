@@ -10,7 +10,7 @@ from skfem.quadrature import get_quadrature
 
 from skfem_textile.mesh.bases import GAUSS, THREE
 
-from .newton import Run, System, iterations, timed
+from .newton import RivalSystem, Run, iterations, timed
 from .task import Task
 
 
@@ -91,7 +91,7 @@ class InProcess:
         needed = self.packages.items()
         return ", ".join(name for module, name in needed if find_spec(module) is None)
 
-    def system(self, task: Task) -> System:
+    def system(self, task: Task) -> RivalSystem:
         """The discretised ply."""
         raise NotImplementedError
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse.linalg import spsolve
 
-from .newton import NotConvergedError, System
+from .newton import NotConvergedError, RivalSystem
 from .rival import InProcess, Shape
 from .task import Task
 
@@ -40,7 +40,7 @@ class FElupe(InProcess):
         needed = {"felupe": "felupe"}
         return needed if self.solver == "scipy" else needed | {"pypardiso": "pypardiso"}
 
-    def system(self, task: Task) -> System:
+    def system(self, task: Task) -> RivalSystem:
         """The discretised ply."""
         return _System(task, self._solve())
 

@@ -14,7 +14,7 @@ from scipy.sparse.linalg import spsolve
 
 from skfem_textile import kinematics as kin
 
-from .newton import System
+from .newton import RivalSystem
 from .rival import InProcess, Shape
 from .task import Task
 
@@ -37,7 +37,7 @@ class Native(InProcess):
         """Packages to import."""
         return {"skfemntv": "scikit-fem-native"}
 
-    def system(self, task: Task) -> System:
+    def system(self, task: Task) -> RivalSystem:
         """The discretised ply."""
         return _System(task)
 
