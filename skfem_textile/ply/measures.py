@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from skfem import CellBasis
+from scipy.sparse import csr_matrix
+from skfem import CellBasis, Mesh
 from skfem.helpers import ddot
 
 from .. import kinematics as kin
@@ -23,6 +24,9 @@ class Measures:
         `skfem.CellBasis` of the displacement at the ply's own points.
     fabric
         Fibre directions and laws.
+    mesh, parent
+        The mesh that is computed on, and for each of its elements the user's element
+        that it is part of, shape (n_elements,).
     fine_points
         Reference coordinates at which strain and folding are judged, (2, n_points).
     corners
@@ -33,6 +37,8 @@ class Measures:
 
     basis: CellBasis
     fabric: Fabric
+    mesh: Mesh
+    parent: ndarray
     fine_points: ndarray
     corners: Corners
     gradient: Callable[..., ndarray]
@@ -103,6 +109,46 @@ class Measures:
         """Unit reference directions of warp and weft at the points."""
         xi = self.basis.X if points is None else points
         return self.fabric.directions(self.basis.mapping.F(xi))
+
+    def on_users_elements(self, values: ndarray) -> ndarray:
+        """The mean of a field over each of the user's elements, weighted by area.
+
+        Fields at nodes need no such method: the user's nodes are the first.
+
+        Parameters
+        ----------
+        values
+            A value for each element of ``mesh``, shape (..., n_elements).
+
+        Returns
+        -------
+        ndarray
+            Shape (..., n_users_elements), in the order of ``cells``.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer or more values than elements.
+
+        Examples
+        --------
+        >>> from skfem import MeshQuad
+        >>> from skfem_textile import Fabric, Ply
+        >>> ply = Ply(MeshQuad(), Fabric())
+        >>> x, y = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+        >>> ply.on_users_elements(x)
+        array([0.5])
+        """
+        values, n = np.asarray(values), self.mesh.nelements
+        if values.shape[-1:] != (n,):
+            raise ValueError(
+                f"a field must have a value for each of the {n} elements of ply.mesh "
+                f"along its last axis, not the shape {values.shape}"
+            )
+        area = self.basis.dx.sum(axis=1)
+        share = area / np.bincount(self.parent, area)[self.parent]
+        mean = csr_matrix((share, (self.parent, np.arange(n))))
+        return (mean @ values.reshape(-1, n).T).T.reshape(*values.shape[:-1], -1)
 
     def nodal(self, u: ndarray) -> ndarray:
         """A DOF vector as one column per node of ``nodes``, shape (2, n_nodes)."""

@@ -178,46 +178,6 @@ class Ply(Measures):
         d, n_nodes = dimension(self.basis), self.nodes.shape[1]
         return Pattern(d, n_nodes, [*self._fused.elements, *plain], couples)
 
-    def on_users_elements(self, values: ndarray) -> ndarray:
-        """The mean of a field over each of the user's elements, weighted by area.
-
-        Fields at nodes need no such method: the user's nodes are the first.
-
-        Parameters
-        ----------
-        values
-            A value for each element of ``mesh``, shape (..., n_elements).
-
-        Returns
-        -------
-        ndarray
-            Shape (..., n_users_elements), in the order of ``cells``.
-
-        Raises
-        ------
-        ValueError
-            If there are fewer or more values than elements.
-
-        Examples
-        --------
-        >>> from skfem import MeshQuad
-        >>> from skfem_textile import Fabric, Ply
-        >>> ply = Ply(MeshQuad(), Fabric())
-        >>> x, y = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
-        >>> ply.on_users_elements(x)
-        array([0.5])
-        """
-        values, n = np.asarray(values), self.mesh.nelements
-        if values.shape[-1:] != (n,):
-            raise ValueError(
-                f"a field must have a value for each of the {n} elements of ply.mesh "
-                f"along its last axis, not the shape {values.shape}"
-            )
-        area = self.basis.dx.sum(axis=1)
-        share = area / np.bincount(self.parent, area)[self.parent]
-        mean = csr_matrix((share, (self.parent, np.arange(n))))
-        return (mean @ values.reshape(-1, n).T).T.reshape(*values.shape[:-1], -1)
-
     @property
     def element_size(self) -> float:
         """Size of the largest element in mm."""
