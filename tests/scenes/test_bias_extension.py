@@ -159,3 +159,18 @@ def test_meshes_and_angles_that_do_not_fit_are_refused():
         bias_extension(part="third")
     with pytest.raises(ValueError, match="corner must be at the origin"):
         bias_extension(rectangle(50, 100, (4, 8)).translated((1.0, 0.0)))
+
+
+@pytest.mark.parametrize("kind", ["irregular", "delaunay"])
+def test_one_step_is_near_more_of_them_and_says_that_it_depends_on_them(kind):
+    """E_d is that of the start of a step, where nothing is in tension yet."""
+    scene = bias_extension(kind, size=(8, 16))
+    fabric = Fabric(1e5, 0.5, scene.warp, scene.weft)
+    runs = {
+        steps: LoadStepper(Ply(scene.mesh, fabric), scene.conditions, steps).run()
+        for steps in (1, 8)
+    }
+    loads = {steps: scene.reaction(run.states[-1])[1] for steps, run in runs.items()}
+    assert 0.975 < loads[1] / loads[8] < 1.0
+    assert not runs[1].path_resolved
+    assert runs[8].path_resolved
