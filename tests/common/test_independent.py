@@ -27,7 +27,11 @@ from skfem import MeshTri
 
 from skfem_textile import Fabric, Full, Macro, OnePoint, Ply, Quadratic
 
-SEEDS = range(30)  # every pair of laws of fibres and shear
+# Every law of fibres and of shear; every pair of them in the long form.
+SEEDS = [
+    *range(6),
+    *(pytest.param(seed, marks=pytest.mark.long) for seed in range(6, 30)),
+]
 
 
 # Formulations: what the library is given, and its terms in the plain program
