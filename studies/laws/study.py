@@ -15,7 +15,7 @@ from skfem_textile.solve.stepper import LoadStepper
 from ..common.log import warnings_collected
 from ..common.tables import csv_table
 from ..study import Row, Study
-from .cases import STEPS, Case, all_cases
+from .cases import Case, all_cases
 from .tables import judged, references
 
 
@@ -43,7 +43,7 @@ class Laws(Study[Case]):
         ply = Ply(scene.mesh, case.material.fabric(scene), case.method.formulation)
         with warnings_collected() as warnings:
             try:
-                result = LoadStepper(ply, scene.conditions, STEPS).run()
+                result = LoadStepper(ply, scene.conditions, case.method.steps).run()
                 load = float(scene.reaction(result.states[-1])[1])
             except StepError as error:
                 result, refused, load = error.result, str(error), np.nan
@@ -53,6 +53,7 @@ class Laws(Study[Case]):
             "method": case.method.name,
             "across": case.across,
             "seed": case.seed,
+            "steps": case.method.steps,
             "unknowns": ply.basis.N,
             "load": load,
             "linear_solves": result.linear_solves,

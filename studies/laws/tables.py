@@ -9,7 +9,6 @@ from ..common.tables import markdown_table
 from ..study import Row
 from .cases import (
     AGREEMENT,
-    JUDGED,
     LIMITS,
     LINEAR_TRIANGLES,
     MATERIALS,
@@ -17,6 +16,7 @@ from .cases import (
     REFERENCES,
     Material,
     Method,
+    judged_methods,
 )
 
 
@@ -68,7 +68,7 @@ def judged(rows: Sequence[Row]) -> str:
     lines = []
     for material in MATERIALS:
         end = converged(rows, material)
-        for method in JUDGED:
+        for method in judged_methods(material):
             line = [material.name, method.name]
             own = of(rows, material, method)
             for across, limit in LIMITS.items():

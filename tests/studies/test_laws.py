@@ -50,6 +50,8 @@ def test_no_two_cases_have_one_name_and_every_material_is_judged():
         for method in (QUADS, TRIANGLES):
             for across in (16, 32):
                 assert {(material, method, across, s) for s in range(1, 6)} <= judged
+    steps = {(c.material, c.method.steps) for c in ALL}
+    assert steps == {(STEEP_SHEAR, 16), *((material, 4) for material in MATERIALS)}
 
 
 def test_meshes_have_so_many_edges_across():
@@ -142,7 +144,9 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     assert main(["laws", "--out", str(tmp_path)]) == 0
     assert {p.name for p in tmp_path.iterdir()} == set(STUDY.files)
     with open(tmp_path / "laws.csv") as file:
-        loads = [float(line["load"]) for line in csv.DictReader(file)]
+        lines = list(csv.DictReader(file))
+    loads = [float(line["load"]) for line in lines]
+    assert {line["steps"] for line in lines} == {"4"}
     line = cells((tmp_path / "judged.md").read_text(), "linear", "default, quads")
     assert line[0] == f"{100 * (loads[0] / loads[2] - 1):+.2f} %"
     assert "linear: default, quads, 16 across, 1: 4" in capsys.readouterr().out
