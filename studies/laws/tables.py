@@ -60,7 +60,7 @@ def references(rows: Sequence[Row]) -> str:
         name = method.name.removesuffix(" triangles")
         head += [f"{name}, {n}: N" for n in cells]
     head += ["apart", *(f"last halving, {m.name.split()[0]}" for m in REFERENCES)]
-    return markdown_table([*head, f"within {AGREEMENT:.1%}"], lines)
+    return markdown_table([*head, f"within {100 * AGREEMENT:g} %"], lines)
 
 
 def judged(rows: Sequence[Row]) -> str:
@@ -77,7 +77,12 @@ def judged(rows: Sequence[Row]) -> str:
             lines.append(line)
     head = ["material", "method"]
     for across, limit in LIMITS.items():
-        head += [f"{across} across: median", "worst", f"within {limit:.0%}", "warned"]
+        head += [
+            f"{across} across: median",
+            "worst",
+            f"within {100 * limit:g} %",
+            "warned",
+        ]
     return markdown_table(head, lines)
 
 
