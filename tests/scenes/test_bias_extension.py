@@ -2,7 +2,15 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, Linear, LoadStepper, OnePoint, Ply, Sin2
+from skfem_textile import (
+    Fabric,
+    Linear,
+    LoadStepper,
+    OnePoint,
+    Ply,
+    Sin2,
+    TensionOnly,
+)
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.bias_extension import WIDTH, force
 from skfem_textile.scenes.rectangle import rectangle
@@ -128,6 +136,17 @@ def test_the_exact_motion_of_half_a_ply_stays_on_its_axis():
     axis = scene.mesh.p[:, scene.mesh.p[0] == WIDTH / 2]
     assert axis.shape == (2, 33)
     np.testing.assert_allclose(scene.displacement(axis, 1.0)[0], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_fibres_that_resist_tension_alone_are_pulled_in_few_solves(seed):
+    """The load is that of `docs/laws.md`."""
+    scene = bias_extension(seed=seed)
+    fibres = TensionOnly(Linear(1e5))
+    ply = Ply(scene.mesh, Fabric(fibres, 0.5, scene.warp, scene.weft))
+    result = LoadStepper(ply, scene.conditions, steps=4).run()
+    assert scene.summary(result)["reaction_y"] == pytest.approx(43.2, rel=0.03)
+    assert result.linear_solves < 100
 
 
 def test_without_shear_stiffness_there_is_no_load_to_compare_with():

@@ -1,0 +1,136 @@
+"""Materials, methods and cases of the study of laws."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+from skfem import Mesh
+
+from skfem_textile.fabric import CrimpToe, Fabric, Law, Linear, Tabulated, TensionOnly
+from skfem_textile.ply.formulations import OnePoint, Quadratic
+from skfem_textile.ply.ply import DEFAULT
+from skfem_textile.ply.terms import Formulation
+from skfem_textile.scenes import Scene, bias_extension
+from skfem_textile.scenes.rectangle import rectangle
+
+from .crossed import LinearTriangles, crossed
+
+#: Sides in mm, and shear angle in radians at the end.
+SIDES, ANGLE = (50.0, 100.0), np.radians(40.0)
+
+#: Load steps, and more of them where runs say that their path was not resolved.
+STEPS, MORE_STEPS = 4, 16
+
+#: Stiffness of straight fibres and of shear at rest in N/mm.
+E, G = 1e5, 0.5
+
+#: Largest move of a node, as a share of the spacing.
+JITTER = 0.25
+
+#: Most by which the load may be off by the number of element edges across, and most by
+#: which two references may differ.
+LIMITS, AGREEMENT = {16: 0.02, 32: 0.01}, 0.005
+
+SEEDS = (1, 2, 3, 4, 5)
+
+
+@dataclass(frozen=True)
+class Material:
+    """Laws of tension, of both families or of warp and weft, and of shear."""
+
+    name: str
+    tension: Law | float | tuple[float, float] = E
+    shear: Law | float = G
+
+    def fabric(self, scene: Scene) -> Fabric:
+        """The fabric of the scene."""
+        return Fabric(self.tension, self.shear, scene.warp, scene.weft)
+
+
+def _steep_shear() -> Tabulated:
+    """A table of shear whose slope rises a hundredfold from 30° to 55°."""
+    low, high = np.radians([30.0, 55.0])
+    angles = np.radians([*np.arange(0.0, 57.5, 2.5), 60.0, 65.0])
+    rising, last = np.clip(angles, low, high), np.maximum(angles - high, 0.0)
+    rise = (high - low) / np.log(100) * (100 ** ((rising - low) / (high - low)) - 1)
+    values = G * (np.minimum(angles, low) + rise + 100 * last)
+    return Tabulated(angles, values, odd=True, extrapolation="linear")
+
+
+LINEAR = Material("linear")
+TOE = Material("toe", tension=CrimpToe(E, toe=0.004, initial_stiffness=10.0))
+TENSION_ONLY = Material("tension only", tension=TensionOnly(Linear(E)))
+STEEP_SHEAR = Material("steep shear", shear=_steep_shear())
+STIFF_WARP = Material("stiff warp", tension=(10 * E, E))
+MATERIALS = (LINEAR, TOE, TENSION_ONLY, STEEP_SHEAR, STIFF_WARP)
+
+
+@dataclass(frozen=True)
+class Method:
+    """A formulation on meshes with so many element edges across, by seed."""
+
+    name: str
+    mesh: Callable[[int, int], Mesh]
+    formulation: Formulation
+    steps: int = STEPS
+
+
+def _irregular(kind: str, parts: int, across: int, seed: int) -> Mesh:
+    """A mesh whose edges the formulation splits into parts."""
+    n = across // parts
+    return rectangle(*SIDES, (n, 2 * n), kind, JITTER, seed)
+
+
+def _crossed(across: int, seed: int) -> Mesh:
+    return crossed(*SIDES, (across, 2 * across))
+
+
+#: The methods that are judged, and one beside them.
+QUADS = Method("default, quads", partial(_irregular, "irregular", 2), DEFAULT)
+TRIANGLES = Method("default, triangles", partial(_irregular, "delaunay", 2), DEFAULT)
+ONE_POINT = Method("one point, quads", partial(_irregular, "irregular", 1), OnePoint())
+JUDGED = {QUADS: SEEDS, TRIANGLES: SEEDS, ONE_POINT: SEEDS[:3]}
+IN_MORE_STEPS = {
+    replace(m, name=f"{m.name}, {MORE_STEPS} steps", steps=MORE_STEPS): SEEDS
+    for m in (QUADS, TRIANGLES)
+}
+
+
+def judged_methods(material: Material) -> dict[Method, tuple[int, ...]]:
+    """The methods that are judged with a material, with their seeds."""
+    return JUDGED | IN_MORE_STEPS if material is STEEP_SHEAR else JUDGED
+
+
+#: The references with their numbers of cells across.
+LINEAR_TRIANGLES = Method("linear triangles", _crossed, LinearTriangles())
+QUADRATIC = Method("quadratic triangles", _crossed, Quadratic())
+REFERENCES = {LINEAR_TRIANGLES: (64, 128, 256), QUADRATIC: (32, 64, 128)}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A run: a material and a method, on a mesh with so many edges across."""
+
+    group: str
+    material: Material
+    method: Method
+    across: int
+    seed: int
+
+    def scene(self) -> Scene:
+        """The scene, on the mesh of the method."""
+        mesh = self.method.mesh(self.across, self.seed)
+        return bias_extension(mesh, shear_angle=ANGLE)
+
+
+def all_cases() -> Iterator[Case]:
+    """Every case, the references from coarse to fine."""
+    for material in MATERIALS:
+        for method, seeds in judged_methods(material).items():
+            for across, seed in product(LIMITS, seeds):
+                yield Case("judged", material, method, across, seed)
+    for i, material in product(range(3), MATERIALS):
+        for method, cells in REFERENCES.items():
+            yield Case("reference", material, method, cells[i], 0)
