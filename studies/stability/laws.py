@@ -1,4 +1,4 @@
-"""Laws of real fabrics: of tension by the stiffness that they rise to, and of shear."""
+"""Laws of real fabrics: of tension, whose slope is about E at 1 %, and of shear."""
 
 from collections.abc import Callable, Mapping
 

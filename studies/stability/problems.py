@@ -52,7 +52,7 @@ class Extreme:
     E, G
         Stiffness of fibres and of shear in N/mm.  Round-off is in proportion to E.
     tension, shear
-        Laws in place of these; that of tension rises to the stiffness E.
+        Laws in place of these.  The slope of that of tension is about E at 1 %.
     exact
         Whether the mesh can represent the scene's exact motion.
     seed
