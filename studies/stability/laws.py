@@ -23,8 +23,8 @@ from skfem_textile.fabric import (
 _TOE, _PRETENSION = 0.004, 1e-3
 
 # Points of a table of tension: strains, and tensions over the stiffness at its end.
-_STRAINS = -0.05, 0.0, 0.002, 0.005, 0.01, 0.03
-_TENSIONS = -5e-5, 0.0, 1e-4, 1e-3, 5e-3, 2.5e-2
+_STRAINS = -0.1, -0.05, 0.0, 0.002, 0.005, 0.01, 0.03
+_TENSIONS = -1e-4, -5e-5, 0.0, 1e-4, 1e-3, 5e-3, 2.5e-2
 
 # Points of a table of shear: degrees, and moments in N/mm, a hundredfold from 30 to 55.
 _DEGREES = 0, 10, 20, 30, 40, 50, 55, 65
