@@ -33,7 +33,7 @@ _ELEMENTS = {
 }
 
 # Formulations of the fabrics with laws, and their fibre stiffnesses in N/mm.
-_OF_LAWS = Macro(), OnePoint(), Quadratic(200.0)
+_OF_LAWS: tuple[Formulation, ...] = Macro(), OnePoint(), Quadratic(200.0)
 _STIFFNESSES = 1e3, 1e5, 1e8
 
 
@@ -51,12 +51,12 @@ class Extreme:
         Formulation.
     E, G
         Stiffness of fibres and of shear in N/mm.  Round-off is in proportion to E.
-    tension, shear
-        Laws in place of these.  The slope of that of tension is about E at 1 %.
     exact
         Whether the mesh can represent the scene's exact motion.
     seed
         Seed of the mesh, if problems differ only in it.
+    tension, shear
+        Laws in place of E and G.  The slope of that of tension is about E at 1 %.
     """
 
     family: str
@@ -65,10 +65,10 @@ class Extreme:
     formulation: Formulation
     E: float = 1e4
     G: float = 0.0
-    tension: Law | BiaxialLaw | None = None
-    shear: Law | None = None
     exact: bool = False
     seed: int | None = None
+    tension: Law | BiaxialLaw | None = None
+    shear: Law | None = None
 
     @property
     def kind(self) -> str:
@@ -280,7 +280,11 @@ def _laws() -> Iterator[Extreme]:
                 continue
             E = _STIFFNESSES[(j + k) % len(_STIFFNESSES)]
             yield Extreme(
-                *(f"laws: {name}", f"{law}, E = {E:.0e}", scene, formulation, E),
+                f"laws: {name}",
+                f"{law}, E = {E:.0e}",
+                scene,
+                formulation,
+                E,
                 G=0.5,
                 tension=TENSIONS[law](E) if law in TENSIONS else None,
                 shear=SHEARS.get(law),
