@@ -90,9 +90,11 @@ def fibre_stiffness(law: Law, strain: ndarray) -> ndarray:
     A single tangent tells little of a law that is soft at rest and stiff after that, or
     stiff in tension and soft in compression: there a state may be on both sides.  Below
     rest it is that at rest: fibres that are slack are not elastic without an end.
+    Beyond the domain of the law it is that at its end: where fibres have the tension of
+    the mean stretch, no law is asked for the strain at a point.
     """
     lowest, highest = domain_of(law)
-    strain = np.maximum(strain, 0.0)
+    strain = np.clip(np.maximum(strain, 0.0), lowest, highest)
     low = np.clip(strain - _WITHIN, lowest, highest)
     high = np.clip(strain + _WITHIN, lowest, highest)
     width = high - low

@@ -19,7 +19,7 @@ _COLOURS = dict(
     zip(OUTCOMES, ("#0072B2", "#56B4E9", "#E69F00", "#CC79A7", "#D55E00"), strict=True)
 )
 
-_ROW, _CELL, _LABEL = 0.19, 0.42, 2.3  # inches
+_ROW, _CELL, _LABEL = 0.19, 0.42, 2.65  # inches
 
 # Panels side by side among which the groups are shared out, in their order.
 _PANELS = 3

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from skfem_textile.fabric import Fabric
+from skfem_textile.fabric import BiaxialLaw, Fabric, Law
 from skfem_textile.ply import Ply
-from skfem_textile.ply.formulations import Full, Macro, OnePoint
+from skfem_textile.ply.formulations import Full, Macro, OnePoint, Quadratic
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension, picture_frame, strip, trellis
 
+from .laws import SHEARS, TENSIONS
 from .scenes import (
     SIZE,
     frame_with_flat_angles,
@@ -22,6 +23,18 @@ from .scenes import (
     placed_strip,
     strip_with_flat_angles,
 )
+
+# What lines of reports call the formulations.
+_ELEMENTS = {
+    "full": "2×2",
+    "one-point": "one point",
+    "macro": "macro",
+    "quadratic": "quadratic",
+}
+
+# Formulations of the fabrics with laws, and their fibre stiffnesses in N/mm.
+_OF_LAWS: tuple[Formulation, ...] = Macro(), OnePoint(), Quadratic(200.0)
+_STIFFNESSES = 1e3, 1e5, 1e8
 
 
 @dataclass(frozen=True)
@@ -34,12 +47,16 @@ class Extreme:
         The quantity that the family varies, and its value in this problem.
     scene
         Makes the scene.
-    formulation, E, G
-        Formulation, fibre stiffness and shear stiffness.
+    formulation
+        Formulation.
+    E, G
+        Stiffness of fibres and of shear in N/mm.  Round-off is in proportion to E.
     exact
         Whether the mesh can represent the scene's exact motion.
     seed
         Seed of the mesh, if problems differ only in it.
+    tension, shear
+        Laws in place of E and G.  The slope of that of tension is about E at 1 %.
     """
 
     family: str
@@ -50,12 +67,13 @@ class Extreme:
     G: float = 0.0
     exact: bool = False
     seed: int | None = None
+    tension: Law | BiaxialLaw | None = None
+    shear: Law | None = None
 
     @property
     def kind(self) -> str:
         """Value and formulation."""
-        elements = {"full": "2×2", "one-point": "one point", "macro": "macro"}
-        return f"{self.label}, {elements[self.formulation.name]}"
+        return f"{self.label}, {_ELEMENTS[self.formulation.name]}"
 
     @property
     def name(self) -> str:
@@ -64,11 +82,10 @@ class Extreme:
 
     def ply(self, scene: Scene) -> Ply:
         """The ply of the scene."""
-        return Ply(
-            scene.mesh,
-            Fabric(self.E, self.G, scene.warp, scene.weft),
-            self.formulation,
-        )
+        tension = self.E if self.tension is None else self.tension
+        shear = self.G if self.shear is None else self.shear
+        fabric = Fabric(tension, shear, scene.warp, scene.weft)
+        return Ply(scene.mesh, fabric, self.formulation)
 
 
 def extremes() -> list[Extreme]:
@@ -76,7 +93,7 @@ def extremes() -> list[Extreme]:
     families = (
         *(_stiffness_ratios, _stabilisations, _jitters, _slender, _flat_angles),
         *(_crossings, _inclinations, _large_shear, _coordinates, _macro_elements),
-        _folding,
+        *(_folding, _laws),
     )
     return [problem for family in families for problem in family()]
 
@@ -240,3 +257,36 @@ def _folding() -> Iterator[Extreme]:
         ("trellis, G = 0", trellis, SIZE),
     ):
         yield from on_meshes(label, range(4), make, OnePoint(), size=size)
+
+
+def _laws() -> Iterator[Extreme]:
+    """Laws of real fabrics: on bias extension with every formulation.
+
+    On the other scenes formulations take turns.  A law has each formulation with
+    another fibre stiffness, and the next law has them the other way about.
+    """
+    angle = np.radians(60)
+    scenes = {
+        "strip": partial(strip, size=(5, 8)),
+        "trellis": partial(net_of, shear=60, bend=30, size=(4, 4)),
+        "picture frame": partial(picture_frame, size=(4, 4), shear_angle=angle),
+        "bias extension": partial(bias_extension, size=(4, 8), shear_angle=angle),
+    }
+    for (i, (name, scene)), (j, law) in product(
+        enumerate(scenes.items()), enumerate((*TENSIONS, *SHEARS))
+    ):
+        for k, formulation in enumerate(_OF_LAWS):
+            if name != "bias extension" and (i + j - k) % len(_OF_LAWS):
+                continue
+            E = _STIFFNESSES[(j + k) % len(_STIFFNESSES)]
+            yield Extreme(
+                f"laws: {name}",
+                f"{law}, E = {E:.0e}",
+                scene,
+                formulation,
+                E,
+                G=0.5,
+                tension=TENSIONS[law](E) if law in TENSIONS else None,
+                shear=SHEARS.get(law),
+                exact=name == "picture frame",
+            )

@@ -14,6 +14,7 @@ from skfem_textile import (
     Ply,
     Quadratic,
     Sin2,
+    Tabulated,
 )
 from skfem_textile.forms.held_stiffness import (
     deviation_stiffness,
@@ -171,6 +172,14 @@ def test_the_stiffness_of_fibres_knows_both_sides_of_a_toe():
 
     slopes = fibre_stiffness(Toe(), np.array([-0.05, 0.0, 0.05]))
     np.testing.assert_allclose(slopes, [50005.0, 50005.0, 1e5])
+
+
+def test_the_stiffness_of_fibres_beyond_a_table_is_that_at_its_end():
+    """The strain at a point may be there though that of the element is not."""
+    law = Tabulated([-0.1, 0.0, 0.03], [-1.0, 0.0, 3e3])
+    ends = fibre_stiffness(law, np.array([0.03, 0.031, 0.05, 1.0]))
+    assert np.isfinite(ends).all()
+    np.testing.assert_array_equal(ends, ends[0])
 
 
 def test_both_stiffnesses_may_be_chosen():

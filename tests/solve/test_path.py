@@ -151,6 +151,12 @@ def test_a_drift_without_end_of_what_holds_nothing_is_no_error():
     assert path.unresolved == [1.0]
 
 
+def test_a_drift_that_is_no_number_is_not_resolved():
+    path = LoadPath(1.0, 8)
+    path.drifted(state(1.0, 1.0, 1.0), rise=1e-9, drift=np.nan, held=1.0)
+    assert path.unresolved == [1.0]
+
+
 def test_the_summary_and_one_line_tell_of_a_path_that_forks(tmp_path, caplog):
     one_point = "--formulation one-point --cs 0.1"
     options = f"run strip --size 6x9 {one_point} --seed 0 --steps 1 --no-render --out"

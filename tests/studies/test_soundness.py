@@ -5,9 +5,19 @@ import numpy as np
 import pytest
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, Quadratic
+from skfem_textile import (
+    Condition,
+    CrimpToe,
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+)
 from skfem_textile.scenes import strip
-from studies.stability.soundness import is_sound, is_unfolded
+from studies.stability.soundness import is_sound, is_unfolded, with_memory_of
 
 SMALL = partial(strip, size=(4, 6))
 
@@ -34,6 +44,21 @@ def test_the_equilibrium_is_that_of_the_whole_energy():
     free = Ply(scene.mesh, Fabric(1e4), OnePoint(1.0))
     free._terms = tuple(term for term in free.terms if term.name != "corners")
     assert not is_sound(free, scene, result.u)
+
+
+def test_the_equilibrium_is_that_with_the_stiffnesses_of_its_step():
+    """Fibres with crimp are stiffer at the end, and more is held in a next step."""
+    scene = SMALL()
+    ply, unused = (
+        Ply(scene.mesh, Fabric(CrimpToe(1e3, 0.004, 1.0), 0.5), Macro())
+        for _ in range(2)
+    )
+    result = LoadStepper(ply, scene.conditions, 1).run()
+    assert not is_sound(ply, scene, result.u)
+    assert not is_sound(unused, scene, result.u)
+    held = with_memory_of(unused, result.states)
+    assert is_sound(held, scene, result.u)
+    assert not is_sound(held, scene, 0.999 * result.u)
 
 
 @pytest.mark.parametrize(("by", "sound"), [(-0.49, True), (-0.51, False)])

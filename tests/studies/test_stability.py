@@ -10,10 +10,14 @@ from skfem import MeshQuad
 
 from skfem_textile import (
     Condition,
+    Fabric,
     Full,
+    Linear,
     LoadStepper,
+    Macro,
     Mixed,
     OnePoint,
+    Quadratic,
 )
 from skfem_textile.scenes import Scene, picture_frame, strip
 from skfem_textile.solve.stepper import DEFAULT_STRATEGIES
@@ -21,6 +25,7 @@ from skfem_textile.solve.verdict import CHECKS
 from studies.__main__ import main
 from studies.stability import outcomes as ends
 from studies.stability import study, tables
+from studies.stability.laws import SHEARS, TENSIONS
 from studies.stability.outcomes import End, outcome
 from studies.stability.problems import Extreme, extremes
 from studies.stability.study import STUDY
@@ -243,6 +248,42 @@ def test_the_study_covers_what_it_should():
     assert any(p.G == 0 for p in problems)
     stabilisations = {getattr(p.formulation, "stabilisation", 1) for p in problems}
     assert {1e-3, 1e3} <= stabilisations
+
+
+def test_every_law_is_on_every_scene_with_every_formulation_and_stiffness():
+    found = [p for p in extremes() if p.family.startswith("laws: ")]
+    assert {p.family.removeprefix("laws: ") for p in found} == {
+        "strip",
+        "trellis",
+        "picture frame",
+        "bias extension",
+    }
+    for law in (*TENSIONS, *SHEARS):
+        own = [p for p in found if p.label.rpartition(", ")[0] == law]
+        assert len({p.family for p in own}) == 4
+        formulations = {p.formulation for p in own}
+        assert formulations == {Macro(), OnePoint(), Quadratic(200.0)}
+        assert {p.E for p in own} == {1e3, 1e5, 1e8}
+        for problem in own:
+            fabric = problem.ply(problem.scene()).fabric
+            if law in SHEARS:
+                assert fabric.shear_law is SHEARS[law]
+                assert fabric.families[0].tension == Linear(problem.E)
+            else:
+                assert fabric.shear_law == Linear(0.5)
+                given = Fabric(TENSIONS[law](problem.E)).tensions
+                assert repr(fabric.tensions) == repr(given)
+
+
+@pytest.mark.parametrize("law", TENSIONS)
+def test_laws_of_tension_have_about_the_slope_E_at_one_percent_of_strain(law):
+    law = Fabric(TENSIONS[law](1e5)).tensions.of_family(0)
+    assert 0.6 < law.tangent(np.array([0.01]))[0] / 1e5 < 1.01
+
+
+def test_the_shear_table_rises_a_hundredfold():
+    at_30, at_55 = SHEARS["shear table"].value(np.radians([30, 55]))
+    assert at_55 == pytest.approx(100 * at_30)
 
 
 def test_folding_plies_are_on_meshes_in_a_row():

@@ -192,9 +192,9 @@ class LoadPath:
         drift, held
             ½ |ΔC| d² and ½ C d² at its end, as `Ply.drift` gives them.
         """
-        if drift > 0 and rise:  # which may be without end, times nothing
+        if rise and not drift <= 0:  # which may be without end, or no number
             self.energy_error += 0.5 * drift * min(1.0, abs(rise) / max(held, _TINY))
-        if self.energy_error > _SAME_STATE * abs(sum(state.energies.values())):
+        if not self.energy_error <= _SAME_STATE * abs(sum(state.energies.values())):
             self._mark(state.load_factor)
 
     def matters(self, state: State, drift: float) -> bool:
