@@ -304,7 +304,9 @@ class Tangent:
         Rounding moves nodes by 2⁻⁵³ of their displacement and changes gradients by
         2⁻⁵³, a few times on the way to a stretch; the stiffness turns both into forces.
         """
-        rounding = _ROUNDINGS * _EPSILON * (np.abs(u).max() + self._problem.element_size)
+        rounding = (
+            _ROUNDINGS * _EPSILON * (np.abs(u).max() + self._problem.element_size)
+        )
         largest = np.abs(f).max()
         return float(self._problem.converged * largest + rounding * self.stiffness)
 
