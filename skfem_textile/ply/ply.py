@@ -363,8 +363,8 @@ class Ply(Measures):
         """Make ``u`` the last converged state, for terms that remember one.
 
         The load stepper does this after each step; a Newton loop of one's own must,
-        if the formulation has a memory (`OnePoint` of kind ``rate``, or with the
-        stabilisation ``auto``).
+        if the ply has `memories`: with `Macro`, `Quadratic` of mean stretch, and
+        `OnePoint` of kind ``rate`` or with the stabilisation ``auto``.
 
         Returns
         -------

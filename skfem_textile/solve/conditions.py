@@ -34,7 +34,8 @@ class Condition:
     ----------
     where
         The name of a boundary or of nodes of the mesh, a function of position
-        ``(2, n) -> (n,) bool``, one bool per node, or node numbers.  The nodes are
+        ``(2, n) -> (n,) bool``, one bool per node of
+        the ply (``ply.nodes``), or node numbers.  The nodes are
         those of the ply: vertices, then middles of edges if the element has nodes
         there.
     value
