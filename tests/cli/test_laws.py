@@ -134,6 +134,10 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
             "tension crimp must be a finite number >= 0, got -1.0",
         ),
         (
+            (*CRIMPED, "--fibre-warp-crimp", "1", "--fibre-weft-crimp", "0"),
+            "tension crimp must be a ratio of at most 0.5, like 0.01 for 1 %",
+        ),
+        (
             ("--shear-law", "crimp-interchange"),
             "'crimp-interchange' is none of linear, sin2",
         ),

@@ -22,6 +22,11 @@ _STEP = 1e-12
 _MOST_ITERATIONS = 100
 
 
+# Largest crimp: teeth of a slope of 1, beyond which the second order in slopes is no
+# approximation.  It also tells a crimp in percent from a ratio.
+_MOST_CRIMP = 0.5
+
+
 class _Yarns(NamedTuple):
     """Yarns of warp and weft at an amplitude w, arrays of shape (2, ...).
 
@@ -75,7 +80,8 @@ class CrimpInterchange(DrawnTensions):
     Raises
     ------
     ValueError
-        If E, K or e₀ is not a positive finite number, or c or k not one >= 0.
+        If E, K or e₀ is not a positive finite number, c or k not one >= 0, or c more
+        than 0.5.
 
     Examples
     --------
@@ -101,6 +107,11 @@ class CrimpInterchange(DrawnTensions):
             ("initial_stiffness", number("initial stiffness", self.initial_stiffness)),
         ):
             object.__setattr__(self, name, value)
+        if max(self._crimps) > _MOST_CRIMP:
+            raise ValueError(
+                f"crimp must be a ratio of at most {_MOST_CRIMP}, like 0.01 for 1 %, "
+                f"got {self.crimp}"
+            )
 
     @property
     def shown(self) -> tuple[float, float]:
@@ -206,8 +217,12 @@ REGISTRATION = LawRegistration(
     build=_build,
     options=(
         STIFFNESS,
-        Option(name="warp-crimp", help="c of the warp", read=float, metavar="C1"),
-        Option(name="weft-crimp", help="c of the weft", read=float, metavar="C2"),
+        Option(
+            name="warp-crimp", help="c of the warp, a ratio", read=float, metavar="C1"
+        ),
+        Option(
+            name="weft-crimp", help="c of the weft, a ratio", read=float, metavar="C2"
+        ),
         Option(
             name="bending",
             help="K in N/mm, resistance to an exchange of crimp",
