@@ -50,8 +50,9 @@ class Ended(NamedTuple):
 
 def words(out: Path, steps: int = STEPS, *more: str) -> list[str]:
     """The command line of a run with a checkpoint in its folder."""
-    size = "--size", "3x4", "--steps", str(steps), "--cs", "10", "--no-render"
-    return ["run", "strip", *size, "--checkpoint", *more, "--out", str(out)]
+    size = "--size", "3x4", "--steps", str(steps), "--no-render"
+    stiffness = "--cs", "10", "--shear-stiffness", "1"
+    return ["run", "strip", *size, *stiffness, "--checkpoint", *more, "--out", str(out)]
 
 
 def run(

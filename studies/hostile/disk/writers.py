@@ -10,7 +10,7 @@ from skfem_textile import (
     CheckpointError,
     Fabric,
     LoadStepper,
-    OnePoint,
+    Macro,
     Ply,
     Result,
     State,
@@ -208,7 +208,7 @@ def _check_line(line: str, path: Path, kept: Path | None) -> None:
 
 def _stepper(folder: Path | None, steps: int) -> LoadStepper:
     scene = strip(size=(3, 4))
-    ply = Ply(scene.mesh, Fabric(1e4), OnePoint(10.0))
+    ply = Ply(scene.mesh, Fabric(1e4, 1.0), Macro(10.0))
     return LoadStepper(ply, scene.conditions, steps, checkpoint=folder)
 
 

@@ -108,6 +108,9 @@ _CHECKS = (
 
 #: Parameters of laws that are not tried here: any but the default is refused.
 OF_OTHER_LAWS = {
+    "fibre-warp-crimp": Option(str, None),
+    "fibre-weft-crimp": Option(str, None),
+    "fibre-bending": Option(str, None),
     "fibre-toe": Option(str, None),
     "fibre-initial-stiffness": Option(str, None),
     "fibre-extrapolation": Option(one_of("refuse", "linear"), "refuse"),
