@@ -11,6 +11,10 @@ from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 from numpy import ndarray
 
+# Strain to either side within which the stiffness of fibres is averaged: a crimped
+# fabric straightens within about that much.
+_WITHIN = 0.01
+
 
 class Law(Protocol):
     """A scalar elastic law: energy, its derivative and its second derivative.
@@ -306,3 +310,23 @@ class TwoLaws(BiaxialLaw):
             np.broadcast_to(getattr(law, part)(x), np.shape(x))
             for law, x in zip(self.laws, strain, strict=True)
         ]
+
+
+def mean_slope(law: Law, strain: ndarray) -> ndarray:
+    """Mean slope of T(ε) in N/mm within one percent of strain to either side.
+
+    A single tangent tells little of a law that is soft at rest and stiff after that, or
+    stiff in tension and soft in compression: there a state may be on both sides.  Below
+    rest it is that at rest: fibres that are slack are not elastic without an end.
+    Beyond the domain of the law it is that at its end: where fibres have the tension of
+    the mean stretch, no law is asked for the strain at a point.
+    """
+    lowest, highest = domain_of(law)
+    strain = np.clip(np.maximum(strain, 0.0), lowest, highest)
+    low = np.clip(strain - _WITHIN, lowest, highest)
+    high = np.clip(strain + _WITHIN, lowest, highest)
+    width = high - low
+    rise = law.value(high) - law.value(low)
+    slope = np.where(width > 0, rise / np.where(width > 0, width, 1.0), np.nan)
+    known = np.where(np.isfinite(slope), slope, law.tangent(strain))
+    return np.maximum(known, 0.0)

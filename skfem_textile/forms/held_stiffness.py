@@ -9,7 +9,7 @@ are local: no size of the mesh is in them.
 import numpy as np
 from numpy import ndarray
 
-from ..fabric.law import Law, domain_of
+from ..fabric.law import Law
 
 # C_s over the shear stiffness: measured, `python -m studies formulations`.
 _C_S_OF_SHEAR = 8.0
@@ -31,10 +31,6 @@ _LEAST_OF_REST = 0.1
 
 # Below this shear angle (radians) the secant is the tangent at rest.
 _SMALL_ANGLE = 1e-6
-
-# Strain to either side within which the stiffness of fibres is averaged: a crimped
-# fabric straightens within about that much.
-_WITHIN = 0.01
 
 
 def stabilisation_stiffness(G: ndarray, E: ndarray) -> ndarray:
@@ -82,26 +78,6 @@ def shear_stiffness(law: Law, angle: ndarray) -> ndarray:
     divisor = np.where(sheared, angle, 1.0)
     secant = np.where(sheared, law.value(angle) / divisor, at_rest)
     return np.maximum(secant, _LEAST_OF_REST * at_rest)
-
-
-def fibre_stiffness(law: Law, strain: ndarray) -> ndarray:
-    """Mean slope of T(ε) in N/mm within one percent of strain to either side.
-
-    A single tangent tells little of a law that is soft at rest and stiff after that, or
-    stiff in tension and soft in compression: there a state may be on both sides.  Below
-    rest it is that at rest: fibres that are slack are not elastic without an end.
-    Beyond the domain of the law it is that at its end: where fibres have the tension of
-    the mean stretch, no law is asked for the strain at a point.
-    """
-    lowest, highest = domain_of(law)
-    strain = np.clip(np.maximum(strain, 0.0), lowest, highest)
-    low = np.clip(strain - _WITHIN, lowest, highest)
-    high = np.clip(strain + _WITHIN, lowest, highest)
-    width = high - low
-    rise = law.value(high) - law.value(low)
-    slope = np.where(width > 0, rise / np.where(width > 0, width, 1.0), np.nan)
-    known = np.where(np.isfinite(slope), slope, law.tangent(strain))
-    return np.maximum(known, 0.0)
 
 
 def _without_shear(G: ndarray, E: ndarray) -> ndarray:

@@ -9,10 +9,10 @@ from skfem.assembly.form.form import FormExtraParams
 
 from .. import kinematics as kin
 from ..fabric import Fabric
+from ..fabric.law import mean_slope
 from ..forms.form import directions, elements, fibre_tension
 from ..forms.held_stiffness import (
     deviation_stiffness,
-    fibre_stiffness,
     shear_stiffness,
     stabilisation_stiffness,
 )
@@ -143,7 +143,7 @@ def _stiffnesses(
     strain = np.array([kin.fibre_strain(F, a) for a in A])
     laws = (fabric.tensions.of_family(i, strain) for i in range(2))
     pairs = zip(laws, strain, strict=True)
-    E = np.array([fibre_stiffness(law, own) for law, own in pairs])
+    E = np.array([mean_slope(law, own) for law, own in pairs])
     return shear_stiffness(fabric.shear_law, kin.shear_angle(F, *A)), E
 
 

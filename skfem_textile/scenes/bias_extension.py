@@ -18,6 +18,7 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ..fabric import Fabric, Law
+from ..fabric.law import mean_slope
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..registration import Option, SceneRegistration, angle
 from ..solve.conditions import Condition
@@ -157,13 +158,14 @@ def lost_to_stretch(
     Parameters
     ----------
     fabric
-        Fibre stiffnesses E at rest, and shear law.
+        Fibre stiffnesses E, means within one percent of strain (`mean_slope`), and
+        shear law.
     gamma, width, height, inclination
         As for `force`.
     """
     sides = width, height, inclination
     law, h = fabric.shear_law, 1e-4 * min(gamma, np.pi - 2 * inclination - gamma)
-    E = np.array([f.tension.tangent(np.zeros(1))[0] for f in fabric.families])
+    E = np.array([mean_slope(f.tension, np.zeros(1))[0] for f in fabric.families])
     L = (height / np.sin(inclination) - width / np.cos(inclination)) / 2
     with np.errstate(divide="ignore", invalid="ignore"):
         after, before = (_layer(law, gamma + d, *sides) for d in (h, -h))

@@ -19,8 +19,8 @@ from .states import NoEquilibriumError
 _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 
 # Relative round-off of a number, and how much more a stretch has after the operations
-# that lead to it.  The rest that iterations leave is up to 1.5 times that of one
-# rounding in macro-elements: `pytest tests/solve/test_stepper.py -k round_off`.
+# that lead to it: with that of one, macro-elements under a small load never balance
+# (`pytest tests/solve/test_stepper.py -k round_off`).
 _EPSILON, _ROUNDINGS = 2.0**-53, 4
 
 _MORE_STIFFNESS = (

@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 import pytest
+from command_line import QUICK
 
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, StepError
 from skfem_textile.cli import main as cli
@@ -25,17 +26,6 @@ from skfem_textile.sweep import WorkerProcesses
 
 ROOT = Path(__file__).parents[2]
 COMMAND = sys.executable, "-X", "importtime", "-m", "skfem_textile", "run", "strip"
-QUICK = (
-    "--size",
-    "3x4",
-    "--steps",
-    "3",
-    "--cs",
-    "10",
-    "--shear-stiffness",
-    "1",
-    "--no-render",
-)
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
 

@@ -16,9 +16,9 @@ from skfem_textile import (
     Sin2,
     Tabulated,
 )
+from skfem_textile.fabric.law import mean_slope
 from skfem_textile.forms.held_stiffness import (
     deviation_stiffness,
-    fibre_stiffness,
     stabilisation_stiffness,
 )
 from skfem_textile.scenes import bias_extension, strip
@@ -170,14 +170,14 @@ def test_the_stiffness_of_fibres_knows_both_sides_of_a_toe():
         def tangent(self, x):
             return np.where(x > 0, 1e5, 10.0)
 
-    slopes = fibre_stiffness(Toe(), np.array([-0.05, 0.0, 0.05]))
+    slopes = mean_slope(Toe(), np.array([-0.05, 0.0, 0.05]))
     np.testing.assert_allclose(slopes, [50005.0, 50005.0, 1e5])
 
 
 def test_the_stiffness_of_fibres_beyond_a_table_is_that_at_its_end():
     """The strain at a point may be there though that of the element is not."""
     law = Tabulated([-0.1, 0.0, 0.03], [-1.0, 0.0, 3e3])
-    ends = fibre_stiffness(law, np.array([0.03, 0.031, 0.05, 1.0]))
+    ends = mean_slope(law, np.array([0.03, 0.031, 0.05, 1.0]))
     assert np.isfinite(ends).all()
     np.testing.assert_array_equal(ends, ends[0])
 
