@@ -1,10 +1,10 @@
-"""What stabilising terms remember of the last converged state."""
+"""What stabilising terms remember of a state."""
 
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from skfem import CellBasis, Functional, asm
+from skfem import CellBasis, asm
 from skfem.assembly.form.form import FormExtraParams
 
 from .. import kinematics as kin
@@ -16,22 +16,19 @@ from ..forms.held_stiffness import (
     shear_stiffness,
     stabilisation_stiffness,
 )
-from ..forms.hourglass import hourglass, hourglass_rate, rate_increment
-from ..forms.mean_tension import deviation_energy, mean, of_elements
+from ..forms.hourglass import hourglass_rate, rate_increment
+from ..forms.mean_tension import mean, of_elements
 from ..mesh.bases import CENTRE, centre_grad
-from .kernels.kernel import HourglassKernel
-from .kernels.kernel_forms import with_kernel
+from .term import DependsOn
 
 
 class _HeldStiffness:
-    """A stiffness of elements, from their last converged state, held during a step.
+    """A stiffness of elements at a state near the one that is sought.
 
     Parameters
     ----------
     name
         Name of the stiffness among the parameters of the forms.
-    energy
-        The energy that it scales.
     basis
         Basis of the forms.
 
@@ -39,41 +36,36 @@ class _HeldStiffness:
     ----------
     parameters
         The stiffness by its name.
-    work
-        Work so far in N·mm beyond the energy at this stiffness.
-    drift, held
-        By how much the energy changed with the stiffness when that last did, and what
-        it was before, in N·mm.
     """
 
-    def __init__(self, name: str, energy: Functional, basis: CellBasis) -> None:
-        self._name, self._energy, self._basis = name, energy, basis
+    work: float = 0.0
+    depends_on: DependsOn = "state"
+
+    def __init__(self, name: str, basis: CellBasis) -> None:
+        self._name, self._basis = name, basis
         self.begin()
 
     def begin(self) -> None:
         """Return to the undeformed state."""
         self.parameters = {self._name: self._stiffness(self._basis.zeros())}
-        self.work = self.drift = self.held = 0.0
 
     def commit(self, u: ndarray) -> bool:
-        """Make ``u`` the last converged state; tell whether the stiffness changed."""
+        """Take the stiffness at ``u``; tell whether it changed."""
         before, after = self.parameters[self._name], self._stiffness(u)
-        if np.array_equal(after, before):
-            self.drift = 0.0
-            return False
-        # What is stored stays stored, however stiff the element is from now on.
-        self.work += self._energy_at(u, before - after)
-        self.drift = self._energy_at(u, np.abs(before - after))
-        self.held = self._energy_at(u, before)
         self.parameters = {self._name: after}
-        return True
+        return not np.array_equal(after, before)
 
     def restore(self, parameters: dict[str, ndarray], work: float) -> None:
-        """Hold the stiffness of another run."""
-        self.parameters, self.work = parameters, work
+        """Hold the stiffness of another state.
 
-    def _energy_at(self, u: ndarray, stiffness: ndarray) -> float:
-        return float(asm(self._energy, self._basis, u=u, **{self._name: stiffness}))
+        Raises
+        ------
+        ValueError
+            If there is work: a stiffness that is held stores none.
+        """
+        if work != 0.0:
+            raise ValueError(f"{self._name} stores no work, but {work} is given")
+        self.parameters = parameters
 
     def _stiffness(self, u: ndarray) -> ndarray:
         raise NotImplementedError
@@ -92,8 +84,7 @@ class HeldStabilisation(_HeldStiffness):
 
     def __init__(self, fabric: Fabric, basis: CellBasis) -> None:
         self._fabric = fabric
-        forms = with_kernel(hourglass(fabric), HourglassKernel(fabric))
-        super().__init__("C_s", forms.energy, basis)
+        super().__init__("C_s", basis)
 
     @np.errstate(over="ignore")  # a run refuses what is not finite
     def _stiffness(self, u: ndarray) -> ndarray:
@@ -123,7 +114,7 @@ class HeldDeviation(_HeldStiffness):
         self, fabric: Fabric, multiple: float | ndarray, basis: CellBasis
     ) -> None:
         self._fabric, self._multiple = fabric, multiple
-        super().__init__("E_d", deviation_energy(fabric), basis)
+        super().__init__("E_d", basis)
 
     @np.errstate(over="ignore")  # a run refuses what is not finite
     def _stiffness(self, u: ndarray) -> ndarray:
@@ -163,11 +154,11 @@ class AccumulatedMoment:
         Parameters ``last`` and ``moment`` of the forms.
     work
         Work of the stabilisation so far in N·mm.
-    drift, held
-        Infinite and zero: the rates of a long step are those of its end.
+    depends_on
+        The steps: the rates of a long step are those of its end.
     """
 
-    drift, held = np.inf, 0.0
+    depends_on: DependsOn = "steps"
 
     def __init__(self, fabric: Fabric, C_s: float, basis: CellBasis) -> None:
         self._fabric, self._C_s, self._basis = fabric, C_s, basis

@@ -1,9 +1,10 @@
 """A ply: mesh, fabric, formulation and terms, as a function of the displacement."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
 from functools import cached_property
 from itertools import chain
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -30,6 +31,9 @@ from .measures import Measures
 from .term import Contribution, Load, Memory, Role, Term, dimension, refuse_unsymmetric
 from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
 from .terms import FormTerm, Formulation
+
+#: What terms remember at a state: parameters and work, by the names of the terms.
+Remembered: TypeAlias = Mapping[str, tuple[dict[str, ndarray], float]]
 
 
 class Ply(Measures):
@@ -374,14 +378,22 @@ class Ply(Measures):
         changed = [memory.commit(u) for memory in self.memories.values()]
         return any(changed)
 
-    @property
-    def drift(self) -> tuple[float, float]:
-        """Change of the energy with what the terms remember at the last commit, N·mm.
+    def settle(self, u: ndarray) -> bool:
+        """Like `commit`, for what depends on the state alone: stiffnesses at ``u``."""
+        memories = [m for m in self.memories.values() if m.depends_on == "state"]
+        changed = [memory.commit(u) for memory in memories]
+        return any(changed)
 
-        And the energy of these terms before the change, without their stored work.
-        """
-        memories = self.memories.values()
-        return sum(m.drift for m in memories), sum(m.held for m in memories)
+    @property
+    def remembered(self) -> Remembered:
+        """Parameters and work of each of the `memories`, by its name; can be set."""
+        memories = self.memories.items()
+        return {name: (deepcopy(m.parameters), m.work) for name, m in memories}
+
+    @remembered.setter
+    def remembered(self, of_state: Remembered) -> None:
+        for name, memory in self.memories.items():
+            memory.restore(*of_state[name])
 
     def reset(self) -> None:
         """Forget every committed state."""

@@ -13,6 +13,10 @@ from skfem.assembly.basis import AbstractBasis
 Role: TypeAlias = Literal["internal", "stabilisation", "load"]
 
 
+#: What a memory depends on, see `Memory`.
+DependsOn: TypeAlias = Literal["state", "path", "steps"]
+
+
 class Contribution(NamedTuple):
     """A part of a ply: a term, or the part of one that meets deviations.
 
@@ -33,14 +37,15 @@ class Memory(Protocol):
     """What a term remembers of the last converged state.
 
     ``parameters`` are passed to its forms, ``work`` is what it has stored so far in
-    N·mm: the term's energy form gives the rest.  ``drift`` is by how much that form
-    changed when the term last changed what it remembers, ``held`` its value before.
+    N·mm: the term's energy form gives the rest.  ``depends_on`` says of what this is:
+    of the ``state`` alone, so that the load stepper may find a state again with it; of
+    the ``path`` to the state; or of the length of ``steps``, however short, so that no
+    number of them resolves a path.
     """
 
     parameters: dict[str, ndarray]
     work: float = 0.0
-    drift: float = 0.0
-    held: float = 0.0
+    depends_on: DependsOn = "path"
 
     def begin(self) -> None:
         """Return to the undeformed state."""
@@ -51,7 +56,7 @@ class Memory(Protocol):
         ...
 
     def restore(self, parameters: dict[str, ndarray], work: float) -> None:
-        """Remember what another run did."""
+        """Remember what was remembered at another state."""
         ...
 
 

@@ -18,7 +18,7 @@ from .term import Load, Role, Term, dimension, refuse_unsymmetric
 
 # What a memory, and a term, must have.
 _MEMORY_MEMBERS = (
-    *("parameters", "work", "drift", "held"),
+    *("parameters", "work", "depends_on"),
     *("begin", "commit", "restore"),
 )
 _TERM_MEMBERS = "name", "role", "memory", "energy", "residual", "tangent", "couples"

@@ -53,10 +53,8 @@ class Body(Protocol):
         """What terms remember, by their names."""
         ...
 
-    @property
-    def drift(self) -> tuple[float, float]:
-        """Change of the energy by the last commit, and that energy before, N·mm."""
-        ...
+    #: Parameters and work of each of the ``memories``, by its name.
+    remembered: Mapping[str, tuple[Any, float]]
 
     @property
     def further_terms(self) -> Sequence[Any]:
@@ -95,6 +93,10 @@ class Body(Protocol):
 
     def commit(self, u: ndarray) -> bool:
         """Make ``u`` the last converged state; tell if that changes forces."""
+        ...
+
+    def settle(self, u: ndarray) -> bool:
+        """Like `commit`, for what depends on the state alone."""
         ...
 
     def reset(self) -> None:

@@ -1,6 +1,6 @@
 """A ply under conditions, as its equilibrium iterations see it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,6 +23,9 @@ _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 # (`pytest tests/solve/test_stepper.py -k round_off`).
 _EPSILON, _ROUNDINGS = 2.0**-53, 4
 
+# Share of the energy by which stiffnesses of the discretisation may be off.
+_SETTLED = 0.002
+
 _MORE_STIFFNESS = (
     "holding the ply in more places, or more stabilisation or shear stiffness"
 )
@@ -32,15 +35,33 @@ _NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where an iteration starts: a displacement, its forces, its loads, its tangent.
+    """Where an iteration starts: a displacement, and what the ply has there.
 
-    ``tangent`` is None where it is singular.
+    Attributes
+    ----------
+    load_factor
+        Load factor.
+    u, f, load
+        Displacement, nodal forces and those of the loads.
+    energies
+        Energy of each term in N·mm, those of loads aside.
+    remembered
+        What the ply remembers.
+    tangent
+        A tangent for the first increment; None where it is singular.
     """
 
+    load_factor: float
     u: ndarray
     f: ndarray
     load: ndarray
-    tangent: "Tangent | None"
+    energies: Mapping[str, float]
+    remembered: Mapping[str, Any]
+    tangent: "Tangent | None" = None
+
+    def again(self, problem: "Problem") -> "Start":
+        """The same displacement and loads, with what the ply remembers now."""
+        return problem.at(self.load_factor).start(self.u)
 
 
 class Problem:
@@ -62,6 +83,9 @@ class Problem:
         Whether corners resist; not on the way to a state in which all are open.
     converged
         Share of the largest force that an equilibrium may leave unbalanced.
+    holds_stiffness, remembers_path
+        Whether terms remember stiffnesses at a state near the one that is sought, and
+        whether they remember something else.
     """
 
     def __init__(
@@ -74,6 +98,9 @@ class Problem:
         self._solver = solver
         self.clock = Clock()
         self.element_size = ply.element_size
+        depend_on = {memory.depends_on for memory in ply.memories.values()}
+        self.holds_stiffness = "state" in depend_on
+        self.remembers_path = bool(depend_on - {"state"})
         loaded = "load" in ply.roles.values()
         self.converged = _UNBALANCED_LOADED if loaded else _UNBALANCED
 
@@ -106,9 +133,31 @@ class Problem:
         """Nodal forces of the loads."""
         return self.ply.load(u, self.load_factor)
 
-    def start(self, u: ndarray) -> Start:
-        """What starts an iteration from an equilibrium."""
-        return Start(u, self.residual(u), self.load(u), tangent_at(self, u))
+    def settle(self, u: ndarray) -> bool:
+        """Hold the stiffnesses at ``u`` in place of others, if that changes the energy.
+
+        Returns
+        -------
+        bool
+            Whether it does, by more than a small share.
+        """
+        if not self.holds_stiffness:
+            return False
+        ply = self.ply
+        held, (before, _) = ply.remembered, self.energies(u)
+        if ply.settle(u):
+            after, _ = self.energies(u)
+            energy = sum(before.values())
+            if abs(sum(after.values()) - energy) > _SETTLED * abs(energy):
+                return True
+            ply.remembered = held
+        return False
+
+    def start(self, u: ndarray, tangent: "Tangent | None" = None) -> Start:
+        """What starts an iteration, with what the ply remembers."""
+        energies, _ = self.energies(u)
+        f, load, remembered = self.residual(u), self.load(u), self.ply.remembered
+        return Start(self.load_factor, u, f, load, energies, remembered, tangent)
 
     def forces_of(self, start: Start) -> ndarray:
         """Nodal forces at the start of an iteration, its load that of this problem."""

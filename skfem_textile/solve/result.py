@@ -73,9 +73,9 @@ class Result:
         Columns: load_factor, linear_solves, residual (N), tolerance (N),
         negative_pivots, min_det_F, max_fibre_strain, mesh_fibre_strain; of each
         condition displacement_x and displacement_y, the mean over its nodes (mm), and
-        reaction_x and reaction_y (N); internal energy in all and by term, potentials
-        of the loads, and work of reactions and loads so far (N·mm); shares of
-        stabilisation and deviations in energy, work and reactions.
+        reaction_x and reaction_y (N); energy of the state in all and by term,
+        potentials of the loads, and work of reactions and loads on the way (N·mm);
+        shares of stabilisation and deviations in energy, work and reactions.
         """
         rows, work = [], 0.0
         for state in self.states:

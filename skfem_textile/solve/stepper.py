@@ -3,7 +3,6 @@
 import logging
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -16,7 +15,7 @@ from .checkpoint import Checkpoint, CheckpointError, Progress, Replay, Saved
 from .conditions import Condition, Constraints
 from .linear import ChosenSolver
 from .linear.solver import Clock
-from .problem import Problem, Start, tangent_at
+from .problem import Problem, tangent_at
 from .result import Result, StepError
 from .states import Equilibrium, Iteration, NoEquilibriumError, State
 from .stepping.arguments import check_arguments
@@ -165,6 +164,7 @@ class LoadStepper:
         except NoEquilibriumError as failure:
             raise StepError.after(failure, self.result) from None
         finally:
+            self.problem.ply.remembered = self._held
             if warning := self._path.warning():
                 log.warning(warning)
             if self.checkpoint:
@@ -205,15 +205,17 @@ class LoadStepper:
         problem, checkpoint = self.problem, self.checkpoint
         problem.clock, self._began = Clock(), perf_counter()
         self._steps_cut, self._states = 0, []
+        problem.ply.reset()
+        self._held = problem.ply.remembered
         longest = self.load_factors[0]
         shortest = longest / 2.0**self.max_halvings
         self._length = StepLength(longest, shortest, next=longest)
         self._path = LoadPath(longest, self.max_halvings if self._follows else 0)
         self._warned: set[str] = set()
-        if checkpoint and resume and (saved := checkpoint.load(Replay(problem))):
-            self._go_on(saved)
+        replay = Replay(problem)
+        if checkpoint and resume and (saved := checkpoint.load(replay)):
+            self._go_on(saved, replay.last)
             return
-        problem.ply.reset()
         u = problem.ply.basis.zeros()
         with np.errstate(all="ignore"):  # what is not finite is caught
             f, (energies, potentials) = problem.residual(u), problem.energies(u)
@@ -240,10 +242,9 @@ class LoadStepper:
         tangent, unbalanced = tangent_at(problem, u), problem.unbalanced(f)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
         undeformed = Equilibrium(u, f, (unbalanced,), tolerance)
-        trial = Trial(problem, undeformed, None, 0.0, energies, potentials)
+        trial = Trial(problem, undeformed, None, energies, potentials)
         trial.tangent = tangent
-        state = self._state(0.0, trial)
-        self._start = Start(u, f, problem.load(u), tangent)
+        state, self._start = self._state(0.0, trial), trial.next_start()
         values = problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
@@ -252,11 +253,12 @@ class LoadStepper:
             self._states = [state]  # until the ply is in balance
             self._advance(0.0)
 
-    def _go_on(self, saved: Saved) -> None:
+    def _go_on(self, saved: Saved, last: Trial) -> None:
         """Take up a run where its checkpoint ends."""
-        progress, last = saved.progress, saved.states[-1]
-        problem, u = self.problem.at(last.load_factor), last.u
-        self._start = problem.start(u)
+        progress, problem = saved.progress, last.problem
+        self._held = problem.ply.remembered
+        last.tangent = tangent_at(problem, last.equilibrium.u)
+        self._start = last.next_start()
         self._states = saved.states
         self._length.next, self._steps_cut = progress.length, progress.steps_cut
         self._path = progress.path
@@ -309,21 +311,30 @@ class LoadStepper:
             self.problem.ply.load(self._start.u, t)  # whose factor is a user's function
         except ValueError as error:
             raise StepError.after(error, self.result) from None
-        before = self._states[-1]
-        step, energy = t - before.load_factor, sum(before.energies.values())
+        start, step = self._start, t - self._states[-1].load_factor
         loaded = self._loaded if t else self._loaded_at_rest
         most_altered = self._path.most_altered(step, t, loaded)
-        goal = Goal(t, step, values, self._start, energy, most_altered)
-        trial, followed_path = self._search(goal)
+        goal = Goal(t, step, values, start, start if step else None, most_altered)
+        trial, followed_path, is_settled = self._search(goal)
         state, altered = self._state(t, trial), trial.equilibrium.altered
         if self._path.must_repeat(step, state, altered, followed_path):
             log.info("step to %g was hard, taken again as two", t)
             return False
+        if not is_settled or self._depends_on_steps(state):
+            self._path.mark(t)
         if step == 0:
             self._states = []
         self._path.reached(state)
         self._keep(state, trial)
         return True
+
+    def _depends_on_steps(self, state: State) -> bool:
+        """Whether energies depend on the number of steps, however short these are."""
+        now, before = (s.energies | s.potentials for s in (state, self._states[-1]))
+        return any(
+            memory.depends_on == "steps" and now[name] != before[name]
+            for name, memory in self.problem.ply.memories.items()
+        )
 
     def _tell(self, iteration: Iteration) -> None:
         log.debug("%s", iteration)
@@ -340,38 +351,20 @@ class LoadStepper:
 
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step."""
-        problem, t = trial.problem, state.load_factor
+        t = state.load_factor
         for check, warning in trial.warnings.items():
             first = check not in self._warned
             level = logging.WARNING if first else logging.INFO
             log.log(level, "load factor %g: %s", t, warning)
             self._warned.add(check)
-        u, f = trial.equilibrium.u, trial.equilibrium.f
-        if problem.ply.commit(u):
-            self._start = problem.start(u)
-        else:
-            self._start = Start(u, f, problem.load(u), trial.tangent)
-        if t > 0:
-            self._judge_drift(state)
-            state = replace(state, linear_solves=self._new_solves())
         self._length.after(state.linear_solves)
+        self._held = self.problem.ply.remembered
         self._save(state)
         self._states.append(state)
         log.info("load factor %g: %d linear solves", t, state.linear_solves)
         if self.on_step is not None and t > 0:
             self.on_step(state)
-
-    def _judge_drift(self, state: State) -> None:
-        """Tell the path how much depends on what the ply remembers of this step."""
-        before, tangent = self._states[-1], self._start.tangent
-        drift, held = self.problem.ply.drift
-        names = self.problem.ply.memories
-        now, then = (s.energies | s.potentials for s in (state, before))
-        rise = sum(now[name] - then[name] for name in names)
-        self._path.drifted(state, rise, drift, held)
-        if state.load_factor == 1.0 and tangent and self._path.matters(state, drift):
-            settled = self.problem.reactions(tangent.settled(self._start.f))
-            self._path.settles(state, settled)
+        self._start = trial.next_start()
 
     def _save(self, state: State) -> None:
         """Write a state to the checkpoint, if there is one."""

@@ -38,8 +38,6 @@ class Trial:
         The equilibrium.
     start
         The last good state; None for a state before the load.
-    rise
-        Rise of the energy from the one to the other in N·mm.
     energies, potentials
         Energy of the equilibrium in N·mm by term, and potentials of the loads.
     """
@@ -49,12 +47,11 @@ class Trial:
         problem: Problem,
         equilibrium: Equilibrium,
         start: Start | None = None,
-        rise: float = 0.0,
         energies: Mapping[str, float] | None = None,
         potentials: Mapping[str, float] | None = None,
     ) -> None:
         self.problem, self.equilibrium = problem, equilibrium
-        self.start, self.rise = start, rise
+        self.start = start
         self.energies, self.potentials = energies or {}, potentials or {}
         self.warnings: dict[str, str] = {}
 
@@ -101,15 +98,17 @@ class Trial:
     def of_move(self) -> tuple[float, tuple[float, float]]:
         """Rise of the energy and `works` of the move alone, the load factor held.
 
-        The energy of further terms may change with the load factor too.
+        In N·mm.  The energy of further terms may change with the load factor too.
         """
-        problem, start = self.problem, self.start
-        if start is None or not problem.ply.further_terms:
-            return self.rise, self.works
-        before, _ = problem.energies(start.u)
-        f = problem.residual(start.u) + problem.load(start.u)
-        rise = sum(self.energies.values()) - sum(before.values())
-        return rise, (float(f @ self.move), self.works[1])
+        problem, start, works = self.problem, self.start, self.works
+        if start is None:
+            return 0.0, works
+        before = start.energies
+        if problem.ply.further_terms:
+            before, _ = problem.energies(start.u)
+            f = problem.residual(start.u) + problem.load(start.u)
+            works = float(f @ self.move), works[1]
+        return sum(self.energies.values()) - sum(before.values()), works
 
     @cached_property
     def shares(self) -> dict[str, dict[str, float]]:
@@ -145,6 +144,16 @@ class Trial:
                 if name not in warn_only:
                     raise
                 self.warnings[name] = str(complaint)
+
+    def next_start(self) -> Start:
+        """The equilibrium as the start of a step, with what the ply remembers in it."""
+        problem, (u, f, *_) = self.problem, self.equilibrium
+        if problem.remembers_path:
+            problem.ply.commit(u)
+            return problem.start(u, self.tangent)
+        load, remembered = problem.load(u), problem.ply.remembered
+        place = problem.load_factor, u, f, load
+        return Start(*place, self.energies, remembered, self.tangent)
 
     def verdict(self) -> Verdict:
         """What was found."""

@@ -1,38 +1,17 @@
 """Whether a state is an answer, judged independently of the load stepper."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy import ndarray
 
 from skfem_textile.ply import Ply
 from skfem_textile.scenes import Scene
 from skfem_textile.solve.conditions import Constraints
-from skfem_textile.solve.states import State
 
 # A corner is flat where its parallelogram is less than this share of the largest.
 _FLAT = 1e-9
 
 # Shares of sizes by which nodes may be off prescribed values, and off equilibrium.
 _OFF, _LEFT = 1e-9, 1e-6
-
-
-def with_memory_of(ply: Ply, states: Sequence[State]) -> Ply:
-    """The ply with the stiffnesses that it held in the step to the last of the states.
-
-    They follow from the states before that one.  The last state is an equilibrium of
-    the energy with these, not of the one with those that a next step would hold.
-
-    Parameters
-    ----------
-    ply
-        A ply on which no step was taken.
-    states
-        States of a run, in their order.
-    """
-    for state in states[:-1]:
-        ply.commit(state.u)
-    return ply
 
 
 def is_sound(ply: Ply, scene: Scene, u: ndarray) -> bool:
@@ -45,7 +24,7 @@ def is_sound(ply: Ply, scene: Scene, u: ndarray) -> bool:
     Parameters
     ----------
     ply
-        The ply, see `with_memory_of`.
+        The ply, with what it remembered when the state was found.
     scene
         Its scene, for the conditions.
     u

@@ -316,33 +316,24 @@ def deviation_stiffnesses(cloth, x, groups, multiples):
 def mean_tension(cloth, x, groups, multiples, committed=()):
     """∫ Σ_α ψ(ln λ̄_α) + ½ E_d (λ_α − λ̄_α)² dΩ, λ̄ the mean over a group of points.
 
-    E_d is that of the last committed state; a change of it at a state changes no energy
-    there.
+    E_d is that of the last committed state.
     """
-
-    def energy(x, E_d, of_means):
-        whole = 0.0
-        for group, pair in zip(groups, E_d, strict=True):
-            A_e, means = sum(p.area for p in group), []
-            for i, E_d_i in enumerate(pair):
-                stretches = [
-                    np.exp(strain(deformation_gradient(x, p), p.A[i])) for p in group
-                ]
-                pairs = list(zip(group, stretches, strict=True))
-                mean = sum(p.area * stretch for p, stretch in pairs) / A_e
-                means.append(mean)
-                whole = whole + sum(
-                    p.area * E_d_i / 2 * (stretch - mean) ** 2 for p, stretch in pairs
-                )
-            whole = whole + of_means * A_e * of_strains(np.log(means), cloth)
-        return whole
-
-    E_d, stored = deviation_stiffnesses(cloth, cloth.X[..., None], groups, multiples), 0
-    for state in committed:
-        new = deviation_stiffnesses(cloth, state, groups, multiples)
-        stored += energy(state, E_d, 0) - energy(state, new, 0)
-        E_d = new
-    return stored + energy(x, E_d, 1)
+    last = committed[-1] if committed else cloth.X[..., None]
+    stiffnesses, whole = deviation_stiffnesses(cloth, last, groups, multiples), 0.0
+    for group, pair in zip(groups, stiffnesses, strict=True):
+        A_e, means = sum(p.area for p in group), []
+        for i, E_d_i in enumerate(pair):
+            stretches = [
+                np.exp(strain(deformation_gradient(x, p), p.A[i])) for p in group
+            ]
+            pairs = list(zip(group, stretches, strict=True))
+            mean = sum(p.area * stretch for p, stretch in pairs) / A_e
+            means.append(mean)
+            whole = whole + sum(
+                p.area * E_d_i / 2 * (stretch - mean) ** 2 for p, stretch in pairs
+            )
+        whole = whole + A_e * of_strains(np.log(means), cloth)
+    return whole
 
 
 def macro_tension(cloth, x, macros, multiples, committed=()):
@@ -400,16 +391,9 @@ def automatic_stiffness(cloth, x):
 
 
 def automatic_hourglass(cloth, x, committed):
-    """`hourglass` with C_s of the last committed state, and what is stored by then.
-
-    A change of C_s at a state changes no energy there.
-    """
-    C_s, stored = automatic_stiffness(cloth, cloth.X[..., None]), 0.0
-    for state in committed:
-        new = automatic_stiffness(cloth, state)
-        stored += hourglass(cloth, state, C_s) - hourglass(cloth, state, new)
-        C_s = new
-    return stored + hourglass(cloth, x, C_s)
+    """`hourglass` with C_s of the last committed state."""
+    last = committed[-1] if committed else cloth.X[..., None]
+    return hourglass(cloth, x, automatic_stiffness(cloth, last))
 
 
 def isotropic(cloth, x, kappa):

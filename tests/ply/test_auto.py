@@ -7,6 +7,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Fabric, Linear, LoadStepper, OnePoint, Ply, Sin2
 from skfem_textile.scenes import bias_extension, strip
+from skfem_textile.solve.conditions import Constraints
 
 
 def run(scene, formulation, steps=4, E=1e4, shear=0.5, **options):
@@ -38,8 +39,10 @@ def test_it_follows_the_secant_of_each_element():
     ply = result.ply
     angle = ply.shear_angle(result.u)
     secant = 0.25 * np.sin(2 * angle) / angle
-    np.testing.assert_allclose(stabilisation(ply), 8 * secant, rtol=1e-9)
+    np.testing.assert_allclose(stabilisation(ply), 8 * secant, rtol=0.02)
     assert np.ptp(stabilisation(ply)) > 0.5
+    ply.commit(result.u)
+    np.testing.assert_allclose(stabilisation(ply), 8 * secant, rtol=1e-9)
 
 
 def test_it_never_vanishes():
@@ -119,17 +122,16 @@ def test_it_is_held_during_a_step_so_that_the_tangent_is_exact():
     assert derivative(ply.energy, u, du) == pytest.approx(ply.residual(u) @ du)
 
 
-def test_what_is_stored_stays_stored_when_it_changes():
-    """The reactions do the work of the energy, step by step."""
+def test_after_a_run_the_ply_remembers_what_its_last_state_was_found_with():
     scene = bias_extension(size=(6, 12))
-    rows = run(scene, OnePoint("auto"), 40, shear=Sin2(0.5)).history()
-    assert rows[-1]["work"] == pytest.approx(rows[-1]["energy"], rel=1e-3)
-    ply = Ply(scene.mesh, Fabric(1e4, Sin2(0.5), (1, 1), (-1, 1)), OnePoint("auto"))
-    u = wobble(ply, 1, 0.5)
-    before = ply.energy(u)
-    assert ply.commit(u)
-    assert ply.energy(u) == pytest.approx(before, rel=1e-12)
-    assert not ply.commit(u)
+    result = run(scene, OnePoint("auto"), shear=Sin2(0.5))
+    ply, last = result.ply, result.states[-1]
+    assert ply.energies(result.u) == last.energies
+    free = Constraints(ply.basis, scene.conditions).free
+    assert np.abs(ply.residual(result.u)[free]).max() <= last.tolerance
+    assert ply.commit(result.u)
+    assert not ply.commit(result.u)
+    assert ply.energy(result.u) != sum(last.energies.values())
 
 
 def test_a_resumed_run_remembers_it(tmp_path):

@@ -227,7 +227,7 @@ def test_parts_of_a_term_that_do_not_fit_are_refused_with_its_name(wrong):
 class Drag:
     """A memory: drawn to the last converged displacement."""
 
-    work = drift = held = 0.0
+    work, depends_on = 0.0, "path"
 
     def __init__(self, basis):
         self.basis = basis

@@ -67,10 +67,7 @@ def test_the_deviation_is_the_part_of_the_tension_that_E_d_scales(name):
     tension = ply._tension
     E_d = tension.memory.parameters["E_d"]
     form = deviation_energy(ply.fabric)
-    stored = tension.memory.work
-    assert stored != 0
-    expected = asm(form, tension.basis, u=u, E_d=E_d)
-    assert energy - stored == pytest.approx(expected, rel=1e-9)
+    assert energy == pytest.approx(asm(form, tension.basis, u=u, E_d=E_d), rel=1e-9)
     ends = [asm(form, tension.basis, u=u + s * du, E_d=E_d) for s in (-1, 1)]
     assert 2 * forces @ du == pytest.approx(ends[1] - ends[0], rel=1e-6)
 
@@ -110,7 +107,7 @@ def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
 
 @pytest.mark.parametrize(
     ("name", "formulation"),
-    [("one", lambda k: OnePoint(4.0 * k)), ("mean", lambda k: Quadratic(200.0 * k))],
+    [("one", lambda k: OnePoint(4.0 * k)), ("mean", lambda k: Quadratic(100.0 * k))],
 )
 @pytest.mark.parametrize("times", [1, 3, 10, 30])
 def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation, times):

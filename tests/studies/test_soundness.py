@@ -17,7 +17,7 @@ from skfem_textile import (
     Quadratic,
 )
 from skfem_textile.scenes import strip
-from studies.stability.soundness import is_sound, is_unfolded, with_memory_of
+from studies.stability.soundness import is_sound, is_unfolded
 
 SMALL = partial(strip, size=(4, 6))
 
@@ -47,18 +47,14 @@ def test_the_equilibrium_is_that_of_the_whole_energy():
 
 
 def test_the_equilibrium_is_that_with_the_stiffnesses_of_its_step():
-    """Fibres with crimp are stiffer at the end, and more is held in a next step."""
+    """Fibres with crimp are stiffer at the end, and more is held than at rest."""
     scene = SMALL()
-    ply, unused = (
-        Ply(scene.mesh, Fabric(CrimpToe(1e3, 0.004, 1.0), 0.5), Macro())
-        for _ in range(2)
-    )
-    result = LoadStepper(ply, scene.conditions, 1).run()
-    assert not is_sound(ply, scene, result.u)
-    assert not is_sound(unused, scene, result.u)
-    held = with_memory_of(unused, result.states)
-    assert is_sound(held, scene, result.u)
-    assert not is_sound(held, scene, 0.999 * result.u)
+    ply = Ply(scene.mesh, Fabric(CrimpToe(1e3, 0.004, 1.0), 0.5), Macro())
+    u = LoadStepper(ply, scene.conditions, 1).run().u
+    assert is_sound(ply, scene, u)
+    assert not is_sound(ply, scene, 0.999 * u)
+    ply.reset()
+    assert not is_sound(ply, scene, u)
 
 
 @pytest.mark.parametrize(("by", "sound"), [(-0.49, True), (-0.51, False)])

@@ -20,7 +20,7 @@ from .lock import Lock
 from .sealed import Content
 
 # Version of the files; another one is refused.
-_FORMAT = 5
+_FORMAT = 6
 _RUN, _STATES = "run.npz", "state_*.npz"
 
 # Characters of a setting that a message shows.
@@ -114,7 +114,7 @@ class Checkpoint:
             )
 
     def save(self, number: int, state: State, progress: Progress) -> None:
-        """Write a state, where the stepper is, and what the ply's terms remember.
+        """Write a state, where the stepper is, and what the ply's terms remembered.
 
         The first state of a run takes the place of a finished run.
 

@@ -71,7 +71,6 @@ def progress_of(
         raise ValueError("its times are not those of a run")
     if (
         path.longest != longest
-        or not path.energy_error >= 0  # without end under the paper's rates
         or path.halvings not in (0, settings["max_halvings"])
         or clock.solves != sum(state.linear_solves for state in states)
         or not (clock.factorisations >= 0 and progress.steps_cut >= 0)

@@ -8,7 +8,7 @@ from numpy import ndarray
 from ..problem import Problem, Start
 from ..states import Equilibrium, State
 from ..verdict import Trial
-from .contents import SAME, same
+from .contents import SAME
 from .sealed import Content
 
 # What round-off leaves of strains and area ratios.
@@ -16,7 +16,7 @@ _ROUND_OFF = 1e-13
 
 
 class Replay:
-    """Finds anew the forces of each state, and what the ply remembers of it.
+    """Finds anew the forces of each state, with what the ply remembered then.
 
     Called with one state after the other and what its file holds, from the first on.
     At the end the ply's terms remember what the last file holds.
@@ -25,11 +25,17 @@ class Replay:
     ----------
     problem
         The problem that is run.
+
+    Attributes
+    ----------
+    last
+        What the problem makes of the last state.
     """
+
+    last: Trial
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
-        self._start: Start | None = None
 
     def __call__(self, state: State, content: Content) -> State:
         """Compare a state with what the problem makes of it; give it its shares.
@@ -39,23 +45,13 @@ class Replay:
         ValueError
             If they disagree.
         """
-        if self._start is None:
-            self._problem.ply.reset()
-        problem, u = self._problem.at(state.load_factor), state.u
-        trial = check_state(problem, state, self._start)
-        shares = trial.shares  # of what the ply remembered until then
-        problem.ply.commit(u)
-        expected = self._memories()
         self._restore(content)
-        pairs = zip(self._memories(), expected, strict=True)
-        if not all(same(old, new) for old, new in pairs):
-            raise ValueError("what its ply remembers is not of its displacement")
-        self._start = Start(u, problem.residual(u), problem.load(u), None)
-        return replace(state, shares=shares)
-
-    def _memories(self) -> list[ndarray]:
-        memories = self._problem.ply.memories.values()
-        return [a for m in memories for a in (np.array(m.work), *m.parameters.values())]
+        start = None
+        if state.load_factor > 0:
+            before = self.last.equilibrium.u
+            start = self.last.problem.start(before)
+        self.last = check_state(self._problem.at(state.load_factor), state, start)
+        return replace(state, shares=self.last.shares)
 
     def _restore(self, content: Content) -> None:
         """Let the ply's terms remember what a file holds."""
@@ -100,7 +96,7 @@ def check_state(problem: Problem, state: State, before: Start | None) -> Trial:
         raise ValueError("its displacement is not that of its load factor")
     f, (energies, potentials) = problem.residual(u), problem.energies(u)
     equilibrium = Equilibrium(u, f, (), state.tolerance)
-    trial = Trial(problem, equilibrium, before)
+    trial = Trial(problem, equilibrium, before, energies, potentials)
     trial.tangent = None  # a factorisation that tells nothing new
     largest = float(np.abs(f).max())
     rounding = max(state.tolerance - problem.converged * largest, 0.0)

@@ -18,6 +18,14 @@ _AT_REST = (
 )
 
 
+# Share of the largest reaction by which the stiffnesses at a state may change it.
+# Chosen: half of the error at which a path counts as not resolved.
+_SETTLED = 0.005
+
+# How often a state is found again: each time what is left is a small share of what was.
+_TIMES = 4
+
+
 class Goal(NamedTuple):
     """What to reach, and from where.
 
@@ -27,8 +35,8 @@ class Goal(NamedTuple):
         Load factor, and its distance from that of the last good state.
     fixed_values
         Values of the fixed unknowns.
-    start, energy
-        The last good state, and its energy in N·mm.
+    start, before
+        Where the search starts, and the last good state; None before the load.
     most_altered
         How many tangents may be altered on the way; if not any number, only strategies
         that follow the path are tried.
@@ -38,13 +46,35 @@ class Goal(NamedTuple):
     step: float
     fixed_values: ndarray
     start: Start
-    energy: float
+    before: Start | None
     most_altered: float = np.inf
+
+
+class Found(NamedTuple):
+    """A state that passes every check, and how it was found.
+
+    Attributes
+    ----------
+    trial
+        The state.
+    followed_path
+        Whether its altered tangents tell if it is on the path.
+    settled
+        Whether the stiffnesses that the discretisation has at the state would not
+        change it.
+    """
+
+    trial: Trial
+    followed_path: bool
+    settled: bool
 
 
 @dataclass(frozen=True)
 class EquilibriumSearch:
     """Strategies, and what their states must stand.
+
+    A stabilisation and what meets deviations take their stiffness from a state near the
+    one that is sought.  Where that was not near enough, the state is found again.
 
     Attributes
     ----------
@@ -61,8 +91,31 @@ class EquilibriumSearch:
     warn_only: Collection[str]
     report: Callable[[Iteration], None]
 
-    def __call__(self, goal: Goal) -> tuple[Trial, bool]:
-        """A state that passes every check, and whether its search was on the path.
+    def __call__(self, goal: Goal) -> Found:
+        """A state that passes every check; the ply then remembers what it did there.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If no strategy finds one.
+        """
+        found, ply = self._first(goal), self.problem.ply
+        for _ in range(_TIMES):
+            held = ply.remembered
+            start = _start_of_another(found.trial)
+            if start is None:
+                ply.remembered = held
+                return found._replace(settled=True)
+            try:
+                trial = self._first(goal._replace(start=start)).trial
+            except NoEquilibriumError:
+                ply.remembered = held
+                break
+            found = found._replace(trial=trial)
+        return found
+
+    def _first(self, goal: Goal) -> Found:
+        """The state that the first strategy finds which finds any.
 
         Raises
         ------
@@ -80,7 +133,7 @@ class EquilibriumSearch:
             except NoEquilibriumError as failure:
                 failures.setdefault(str(failure), failure)
             else:
-                return trial, follows_path(strategy)
+                return Found(trial, follows_path(strategy), settled=False)
         advice = next(iter(failures.values())).advice
         raise NoEquilibriumError(
             f"no acceptable state at {goal.load_factor:.6g}: {'; '.join(failures)}",
@@ -106,6 +159,7 @@ class EquilibriumSearch:
         self, problem: Problem, strategy: Strategy, goal: Goal
     ) -> Equilibrium:
         name = type(strategy).__name__.lower()
+        problem.ply.remembered = goal.start.remembered
 
         def report(number: int, residual: float, tolerance: float) -> None:
             place = goal.load_factor, goal.step
@@ -123,11 +177,30 @@ class EquilibriumSearch:
     def _checked(self, problem: Problem, equilibrium: Equilibrium, goal: Goal) -> Trial:
         """The trial of an equilibrium that passes every check."""
         energies, potentials = problem.energies(equilibrium.u)
-        rise = sum(energies.values()) - goal.energy
-        start = goal.start if goal.step else None
-        trial = Trial(problem, equilibrium, start, rise, energies, potentials)
+        before = goal.before
+        if before and problem.holds_stiffness:
+            before = before.again(problem)  # with the stiffnesses of the equilibrium
+        trial = Trial(problem, equilibrium, before, energies, potentials)
         trial.apply_checks(self.warn_only)
         return trial
+
+
+def _start_of_another(trial: Trial) -> Start | None:
+    """Where the search for another state starts; None if the stiffnesses are its own.
+
+    The ply then remembers the stiffnesses at the state.
+    """
+    problem, (u, f, *_) = trial.problem, trial.equilibrium
+    if not problem.settle(u):
+        return None
+    start = problem.start(u, trial.tangent)
+    if trial.tangent is None:
+        return start
+    forces = f, trial.tangent.settled(start.f)
+    ours, theirs = (np.array([*problem.reactions(f).values()]) for f in forces)
+    round_off = trial.equilibrium.tolerance * u.size
+    allowed = _SETTLED * np.abs(ours).max() + round_off
+    return start if np.abs(ours - theirs).max() > allowed else None
 
 
 def strategy_of(strategy: str | Strategy) -> Strategy:

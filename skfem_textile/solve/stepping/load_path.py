@@ -8,22 +8,15 @@ is reached in one step and in two, and both must agree.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy import ndarray
 
 from ..states import State
 
 # Energies and reactions that differ by a smaller share are of one state.
 _SAME_STATE = 0.01
-
-# Below this share of the energy no change of what a ply remembers is looked at.
-_NEGLIGIBLE_DRIFT = 5e-4
-
-# Keeps a quotient finite, N·mm.
-_TINY = 1e-300
 
 # Altered tangents at most on the way of an easy step.  This number and those above are
 # chosen, not measured.
@@ -91,8 +84,6 @@ class LoadPath:
         Load factors at which another number of steps may lead to another equilibrium.
     to_compare
         Ends of hard steps that are being taken again, as two.
-    energy_error
-        What changes of stiffness between steps may have added to the energy, in N·mm.
     not_followed_until
         Up to this load factor the path is not followed.
     """
@@ -101,7 +92,6 @@ class LoadPath:
     halvings: int
     unresolved: list[float] = field(default_factory=list)
     to_compare: list[StepEnd] = field(default_factory=list)
-    energy_error: float = 0.0
     not_followed_until: float = -1.0
 
     def saved(self) -> dict[str, Any]:
@@ -146,12 +136,12 @@ class LoadPath:
             return False
         t = state.load_factor
         if not followed_path:
-            self._mark(t)
+            self.mark(t)
         if step > 0.75 * self._short and self.halvings and t > self.not_followed_until:
             self.to_compare.append(StepEnd.of(state))
             return True
         if not self.to_compare:
-            self._mark(t)
+            self.mark(t)
         return False
 
     def stop_following(self, goal: float) -> bool:
@@ -171,43 +161,14 @@ class LoadPath:
     def reached(self, state: State) -> None:
         """Compare a state with the ends of hard steps to the same load factor."""
         if state.load_factor <= self.not_followed_until:
-            self._mark(state.load_factor)
+            self.mark(state.load_factor)
         for past in [c for c in self.to_compare if c.load_factor == state.load_factor]:
             self.to_compare.remove(past)
             if not past.agrees(StepEnd.of(state)):
-                self._mark(state.load_factor)
+                self.mark(state.load_factor)
 
-    def drifted(self, state: State, rise: float, drift: float, held: float) -> None:
-        """Mark a state whose energy may be off because stiffnesses change in steps.
-
-        A stiffness goes from C to C + ΔC while the energy of the step is ½ C d² with
-        C alone: off by ½ ΔC Δ(d²)/2 at most.
-
-        Parameters
-        ----------
-        state
-            The state.
-        rise
-            Rise of the energy of terms with a memory in the step.
-        drift, held
-            ½ |ΔC| d² and ½ C d² at its end, as `Ply.drift` gives them.
-        """
-        if rise and not drift <= 0:  # which may be without end, or no number
-            self.energy_error += 0.5 * drift * min(1.0, abs(rise) / max(held, _TINY))
-        if not self.energy_error <= _SAME_STATE * abs(sum(state.energies.values())):
-            self._mark(state.load_factor)
-
-    def matters(self, state: State, drift: float) -> bool:
-        """Whether a change of what the ply remembers may change its reactions."""
-        return drift > _NEGLIGIBLE_DRIFT * abs(sum(state.energies.values()))
-
-    def settles(self, state: State, reactions: Mapping[str, ndarray]) -> None:
-        """Mark a state whose reactions change with what the ply remembers of it."""
-        settled = StepEnd.of(replace(state, reactions=dict(reactions)))
-        if not settled.agrees(StepEnd.of(state)):
-            self._mark(state.load_factor)
-
-    def _mark(self, t: float) -> None:
+    def mark(self, t: float) -> None:
+        """Remember that the path was not resolved at a load factor."""
         if t not in self.unresolved:
             self.unresolved.append(t)
 
