@@ -6,7 +6,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from ..rivals import with_dolfinx
+from .rivals import with_dolfinx
 
 _PACKAGES = (
     *("skfem-textile", "scikit-fem", "numpy", "scipy", "cvxopt"),

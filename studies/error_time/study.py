@@ -14,6 +14,7 @@ from typing import NamedTuple
 from skfem_textile.scenes import bias_extension
 
 from ..common import machine_and_versions
+from ..common.rivals.all_rivals import RIVALS
 from ..common.tables import csv_table, json_text
 from ..formulations.cases import (
     AUTO,
@@ -24,7 +25,6 @@ from ..formulations.cases import (
     METHODS,
     STRIP,
 )
-from ..rivals.all_rivals import RIVALS
 from ..study import Row, Study
 from . import tables
 from .timed_codes import LONG, OtherCode, ThisLibrary, TimedCode

@@ -15,10 +15,10 @@ from skfem_textile.solve.result import Result, StepError
 from skfem_textile.solve.stepper import LoadStepper
 
 from ..common.log import errors_only
+from ..common.rivals.newton import STEPS, NotConvergedError, Run
+from ..common.rivals.rival import Rival
+from ..common.rivals.task import Task
 from ..formulations.cases import Case, Method, Specimen
-from ..rivals.newton import STEPS, NotConvergedError, Run
-from ..rivals.rival import Rival
-from ..rivals.task import Task
 from ..study import Row
 from .errors import errors, unfolded
 

@@ -19,15 +19,15 @@ from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import ChosenSolver, check_solver
 from skfem_textile.solve.problem import Problem
 
+from ..common.rivals.newton import one_iteration
+from ..common.rivals.plain import QUAD4_CENTRE, Plain
+from ..common.rivals.rival import QUAD4, InProcess, Rival
+from ..common.rivals.task import Task
+from ..common.rivals.with_dolfinx import Dolfinx
+from ..common.rivals.with_felupe import FElupe
+from ..common.rivals.with_native import Native
 from ..common.tables import markdown_table
 from ..common.workers import in_new_process
-from ..rivals.newton import one_iteration
-from ..rivals.plain import QUAD4_CENTRE, Plain
-from ..rivals.rival import QUAD4, InProcess, Rival
-from ..rivals.task import Task
-from ..rivals.with_dolfinx import Dolfinx
-from ..rivals.with_felupe import FElupe
-from ..rivals.with_native import Native
 from ..study import Row
 from .measuring import Settings, spread, strip_of
 

@@ -13,10 +13,10 @@ from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import Scene
 from skfem_textile.solve.result import Result
 
+from ..common.rivals.newton import loaded
+from ..common.rivals.plain import QUAD4_CENTRE, Plain
+from ..common.rivals.task import Task
 from ..common.tables import markdown_table
-from ..rivals.newton import loaded
-from ..rivals.plain import QUAD4_CENTRE, Plain
-from ..rivals.task import Task
 from ..study import Row
 from .measuring import Settings, seconds, spread, strip_of
 

@@ -7,15 +7,15 @@ from helpers import drawn_here
 
 from skfem_textile import LoadStepper, Macro, OnePoint, Ply, Quadratic
 from studies.__main__ import main
+from studies.common.rivals.newton import STEPS, NotConvergedError, Run
+from studies.common.rivals.plain import Plain
+from studies.common.rivals.rival import QUAD4, TRIANGLE6
+from studies.common.rivals.with_native import Native
 from studies.error_time import study, tables, timed_codes
 from studies.error_time.errors import errors, unfolded
 from studies.error_time.study import CODES, PROBLEMS, STUDY
 from studies.error_time.timed_codes import OtherCode, ThisLibrary
 from studies.formulations.cases import AUTO, BIAS, Case
-from studies.rivals.newton import STEPS, NotConvergedError, Run
-from studies.rivals.plain import Plain
-from studies.rivals.rival import QUAD4, TRIANGLE6
-from studies.rivals.with_native import Native
 
 
 def row(code, element, across, seconds, angle=1.0, load=5.0, **more):

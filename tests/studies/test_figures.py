@@ -8,6 +8,7 @@ pytest.importorskip("matplotlib")
 
 from studies.error_time.figure import work_precision
 from studies.formulations.figure import convergence
+from studies.inf_sup.figure import draw_constants
 from studies.stability.figure import draw_outcomes
 
 LINES = {"a": ([1, 2], [1, 2])}
@@ -16,6 +17,7 @@ FIGURES = {
     "work_precision": lambda file: work_precision(
         {"mm": {("a", "b"): ([1], [1])}}, file
     ),
+    "constants": lambda file: draw_constants([], file),
     "outcomes": lambda file: draw_outcomes(
         {"title": {"line": [({"right": 1}, "1")]}}, [1], file
     ),

@@ -3,19 +3,19 @@ import pytest
 
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, Quadratic
 from skfem_textile.scenes import bias_extension, strip
-from studies.rivals import newton, with_dolfinx
-from studies.rivals.all_rivals import RIVALS
-from studies.rivals.newton import NotConvergedError
-from studies.rivals.plain import QUAD4_CENTRE, Plain
-from studies.rivals.rival import (
+from studies.common.rivals import newton, with_dolfinx
+from studies.common.rivals.all_rivals import RIVALS
+from studies.common.rivals.newton import NotConvergedError
+from studies.common.rivals.plain import QUAD4_CENTRE, Plain
+from studies.common.rivals.rival import (
     QUAD4,
     QUAD9,
     TRIANGLE6,
     InProcess,
 )
-from studies.rivals.task import Task
-from studies.rivals.with_dolfinx import Dolfinx, DolfinxError
-from studies.rivals.with_felupe import FElupe
+from studies.common.rivals.task import Task
+from studies.common.rivals.with_dolfinx import Dolfinx, DolfinxError
+from studies.common.rivals.with_felupe import FElupe
 
 KINDS = {"quads": "irregular", "triangles": "delaunay"}
 FORMULATIONS = {

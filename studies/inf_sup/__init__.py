@@ -1,0 +1,1 @@
+"""Inf-sup constants of formulations, and their motions that stretch no fibre."""

@@ -1,0 +1,146 @@
+"""What stiff fibres ask of a motion, as matrices on a mesh and on finer ones.
+
+A formulation asks ∫ φ δε_α = 0 for each family α and each tension φ that it can have.
+Its tensions are polynomials on the elements over which the law takes a mean: constants
+where there is one value, bilinear in quadrilaterals of 2×2 points, linear in triangles
+of three.  Its points integrate φ δε exactly.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import csr_matrix, vstack
+from skfem import CellBasis, Mesh
+from skfem.helpers import ddot, grad
+
+from skfem_textile import kinematics as kin
+from skfem_textile.fabric import Fabric
+from skfem_textile.mesh.bases import MeanBasis
+from skfem_textile.ply.terms import Formulation
+
+# Powers of both reference coordinates in tensions that have so many values.
+_POWERS = {
+    1: ((0, 0),),
+    3: ((0, 0), (1, 0), (0, 1)),
+    4: ((0, 0), (1, 0), (0, 1), (1, 1)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """What a formulation asks about a homogeneous state in which no fibre is stretched.
+
+    Attributes
+    ----------
+    mesh
+        The mesh on which the formulation works.
+    fabric
+        Gives the fibre directions.
+    formulation
+        Gives the points, and the elements over which means are taken.
+    F
+        Deformation gradient of the state, shape (2, 2).
+    """
+
+    mesh: Mesh
+    fabric: Fabric
+    formulation: Formulation
+    F: ndarray
+
+    @cached_property
+    def basis(self) -> CellBasis:
+        """Basis of the displacement."""
+        return self.formulation.basis(self.mesh)
+
+    @cached_property
+    def _law_basis(self) -> Any:
+        """Basis on the elements over which the law takes a mean."""
+        return self.formulation.tension_term(self.basis, self.fabric).basis
+
+    @cached_property
+    def matrix(self) -> csr_matrix:
+        """B, shape (n_constraints, n_unknowns): the strains that the law sees, by area.
+
+        The rows are those of the warp, then those of the weft.  They are the derivative
+        of the strain at a point times its weight, or of the mean over an element times
+        its area.
+        """
+        basis = self._law_basis
+        n, points = basis.dx.shape
+        if isinstance(basis, MeanBasis):
+            return self._rows(basis, np.arange(n)[:, None], np.ones(1))
+        own = np.eye(points)[:, None]
+        return self._rows(basis, np.arange(n)[:, None], own)
+
+    @cached_property
+    def areas(self) -> ndarray:
+        """The area that each row of B integrates over, shape (n_constraints,).
+
+        Of tensions it is their matrix of L², which the points integrate exactly.
+        """
+        dx = self._law_basis.dx
+        own = dx.sum(axis=1) if isinstance(self._law_basis, MeanBasis) else dx.ravel()
+        return np.tile(own, 2)
+
+    def on_finer_mesh(self, times: int) -> tuple[CellBasis, csr_matrix]:
+        """A basis on the mesh refined so many times, and B on it for the same tensions.
+
+        Refined twice every element has 16 parts.
+        """
+        fine = self.formulation.basis(self.mesh.refined(times))
+        element = np.tile(np.arange(self.mesh.nelements), 4**times)
+        if isinstance(self._law_basis, MeanBasis):
+            whole = self._elements_of_law()[element]
+            return fine, self._rows(fine, whole[:, None], np.ones(1))
+        powers = _POWERS[self.basis.X.shape[1]]
+
+        def monomials(xi: ndarray) -> ndarray:
+            return np.array([xi[0] ** i * xi[1] ** j for i, j in powers])
+
+        x = np.asarray(fine.global_coordinates())
+        inside = monomials(self.basis.mapping.invF(x, tind=element))
+        coefficients = np.linalg.inv(monomials(self.basis.X))
+        tensions = np.einsum("kp,pen->ken", coefficients, inside)
+        return fine, self._rows(fine, element[:, None], tensions)
+
+    def _elements_of_law(self) -> ndarray:
+        """For each element of the mesh the one over which the law takes the mean."""
+        parts = self._law_basis.parts
+        if parts is None:
+            return np.arange(self.mesh.nelements)
+        of_part = np.empty(self.mesh.nelements, dtype=int)
+        whole = np.broadcast_to(np.arange(len(parts))[:, None], parts.shape)
+        of_part[parts[parts >= 0]] = whole[parts >= 0]
+        return of_part
+
+    def _rows(self, basis: Any, element: ndarray, tensions: ndarray) -> csr_matrix:
+        """∫ φ δε of warp and weft on a basis.
+
+        Parameters
+        ----------
+        basis
+            Of the displacement, with points that integrate φ δε.
+        element
+            The element that has the tensions at each point, shape (n, 1).
+        tensions
+            Values of its tensions at the points, shape (n_tensions, n, n_points) or
+            what broadcasts to it.
+        """
+        weights = (tensions * basis.dx).reshape(-1, *basis.dx.shape)
+        n_tensions, n_rows = len(weights), (element.max() + 1) * len(weights)
+        rows = element.T * n_tensions + np.arange(n_tensions)[:, None]
+        families = []
+        for A in self.fabric.directions(np.asarray(basis.global_coordinates())):
+            d_eps = kin.fibre_strain_d(self.F[:, :, None, None], A)
+            strains = np.array([ddot(d_eps, grad(field)) for (field,) in basis.basis])
+            values = np.einsum("ken,ien->ike", weights, strains)
+            columns = basis.element_dofs[:, None]
+            entries = [
+                np.broadcast_to(x, values.shape).ravel() for x in (rows, columns)
+            ]
+            matrix = csr_matrix((values.ravel(), entries), (n_rows, basis.N))
+            families.append(matrix)
+        return vstack(families, format="csr")

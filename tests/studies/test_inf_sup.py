@@ -1,0 +1,220 @@
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers import derivative, drawn_here, wobble
+from skfem.helpers import ddot
+
+from skfem_textile import Ply
+from skfem_textile import kinematics as kin
+from studies.__main__ import main
+from studies.inf_sup import cases, tables
+from studies.inf_sup.cases import (
+    IRREGULAR,
+    LAYOUTS,
+    MACRO,
+    MACRO_TRIANGLES,
+    METHODS,
+    ONE_POINT,
+    QUADRATIC,
+    QUADRATIC_MEAN,
+    SHEARED,
+    TWO_BY_TWO,
+    Case,
+    Layout,
+)
+from studies.inf_sup.constants import spectrum
+from studies.inf_sup.motions import KINKED, SMOOTH, distances, stiffness, unstretched
+from studies.inf_sup.study import STUDY
+
+ALONG, ACROSS_MESH = Layout(0), Layout(30)
+
+#: A motion that quadratic triangles hold exactly.
+PARABOLA = (((lambda s: s**2), (lambda s: 2 * s)),)
+
+each_method = pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
+each_layout = pytest.mark.parametrize("layout", LAYOUTS, ids=lambda x: x.name)
+
+
+def found(method, layout, across, shear=0):
+    return spectrum(Case(method, layout, across, shear).constraints(), 2)
+
+
+def homogeneous(basis, gradient):
+    """A motion of constant gradient."""
+    u, x = basis.zeros(), basis.doflocs
+    u[::2], u[1::2] = (gradient @ x)[0, ::2], (gradient @ x)[1, 1::2]
+    return u
+
+
+def test_no_two_cases_have_one_name():
+    names = [STUDY.name(case) for case in cases.all_cases()]
+    assert len(set(names)) == len(names)
+
+
+@each_method
+def test_constraints_are_the_derivative_of_the_strain_that_the_law_sees(method):
+    asked = Case(method, IRREGULAR, 4, SHEARED).constraints()
+    ply = Ply(asked.mesh, asked.fabric, method.formulation)
+    sheared, du = homogeneous(ply.basis, asked.F - np.eye(2)), wobble(ply, 1)
+    strains = derivative(ply.law_strain, sheared, du)
+    rows = (asked.matrix @ du / asked.areas).reshape(2, -1)
+    if rows.shape[1] < strains[0].size:  # of means, which every part of an element has
+        rows = rows[:, asked._elements_of_law(), None]
+        rows = np.broadcast_to(rows, strains.shape)
+    else:
+        rows = rows.reshape(strains.shape)
+    np.testing.assert_allclose(rows, strains, rtol=0, atol=1e-7 * np.abs(strains).max())
+
+
+@each_method
+def test_on_a_finer_mesh_the_same_tensions_do_the_same_work(method):
+    """On homogeneous strain; and no motion of a mesh is missing on the finer one."""
+    asked = Case(method, IRREGULAR, 4, SHEARED).constraints()
+    fine, matrix = asked.on_finer_mesh(1)
+    gradient = np.array([[0.3, -0.2], [0.5, 0.7]])
+    work = [
+        B @ homogeneous(basis, gradient)
+        for B, basis in ((asked.matrix, asked.basis), (matrix, fine))
+    ]
+    np.testing.assert_allclose(*work, atol=1e-12)
+    assert np.abs(work[0]).max() > 1e-3
+    assert 0.9 < spectrum(asked, 1).values[-1] < 1 + 1e-4
+
+
+def test_2x2_points_hold_along_fibres_and_lock_across():
+    along = [found(TWO_BY_TWO, ALONG, n) for n in (4, 8)]
+    assert all(s.inf_sup > 0.9 for s in along)
+    assert [s.kernel.shape[1] for s in along] == [2 * 5, 2 * 9]
+    for layout in (Layout(15), ACROSS_MESH, Layout(45)):
+        coarse, fine = (found(TWO_BY_TWO, layout, n) for n in (4, 8))
+        assert 0.85 < np.log2(coarse.inf_sup / fine.inf_sup) < 1.15
+        assert coarse.kernel.shape[1] == fine.kernel.shape[1] == 4
+
+
+def test_quadratic_triangles_lock_twice_as_fast_and_hold_polynomials_alone():
+    coarse, fine = (found(QUADRATIC, ACROSS_MESH, n) for n in (4, 8))
+    assert 1.6 < np.log2(coarse.inf_sup / fine.inf_sup) < 2.2
+    assert coarse.kernel.shape[1] == fine.kernel.shape[1] == 6
+
+
+@each_layout
+@pytest.mark.parametrize("method", [MACRO, MACRO_TRIANGLES, QUADRATIC_MEAN])
+def test_means_keep_the_inf_sup_constant(method, layout):
+    for shear in (0, SHEARED) if layout.regular else (0,):
+        assert found(method, layout, 8, shear).inf_sup > 0.8
+
+
+@pytest.mark.parametrize("method", [TWO_BY_TWO, MACRO, QUADRATIC_MEAN])
+def test_with_the_norm_of_l2_no_method_keeps_it(method):
+    """Not even 2×2 points along the fibres: the fabric itself has none."""
+    coarse, fine = (found(method, ALONG, n).in_l2 for n in (4, 8))
+    assert 0.8 < np.log2(coarse / fine) < 1.3
+
+
+def test_one_point_does_not_though_it_does_not_lock():
+    coarse, fine = (found(ONE_POINT, ALONG, n) for n in (4, 8))
+    assert 0.8 < np.log2(coarse.inf_sup / fine.inf_sup) < 1.1
+    asked = Case(ONE_POINT, ALONG, 8).constraints()
+    from_mesh, from_kernel = distances(asked, fine.kernel, SMOOTH)
+    assert from_kernel == pytest.approx(from_mesh, rel=1e-3)
+
+
+@each_method
+@pytest.mark.parametrize("layout", [ACROSS_MESH, IRREGULAR], ids=lambda x: x.name)
+def test_the_inf_sup_constant_bounds_the_distance_from_the_kernel(method, layout):
+    asked = Case(method, layout, 8).constraints()
+    of = spectrum(asked, 2)
+    for profiles in (SMOOTH, KINKED):
+        from_mesh, from_kernel = distances(asked, of.kernel, profiles)
+        assert from_mesh <= from_kernel * (1 + 1e-9)
+        assert from_kernel <= (1 + 1 / of.inf_sup) * from_mesh
+
+
+@each_method
+def test_shear_changes_the_norm_and_not_the_kernel(method):
+    flat, sheared = (found(method, ACROSS_MESH, 4, shear) for shear in (0, SHEARED))
+    assert flat.kernel.shape == sheared.kernel.shape
+    sine = np.sin(np.radians(SHEARED))
+    most = np.sqrt((1 + sine) / (1 - sine))
+    assert 1 / most < sheared.inf_sup / flat.inf_sup < most
+    assert flat.inf_sup != pytest.approx(sheared.inf_sup, rel=1e-6)
+
+
+@pytest.mark.parametrize("shear", [0, SHEARED])
+def test_motions_stretch_no_fibre(shear):
+    case = Case(MACRO, ACROSS_MESH, 4, shear)
+    x, asked = np.random.default_rng(1).random((2, 1, 20)), case.constraints()
+    u = unstretched(SMOOTH[0], x, case.directions(), asked.F)
+    for A in case.directions().T:
+        A, F = A[:, None, None], asked.F[:, :, None, None]
+        assert kin.fibre_strain(F, A) == pytest.approx(0, abs=1e-15)
+        np.testing.assert_allclose(
+            ddot(kin.fibre_strain_d(F, A), u.grad), 0, atol=1e-13
+        )
+    assert np.abs(u.grad).max() > 1
+    step = 1e-6 * np.array([0.6, 0.8])[:, None, None]
+    ahead, behind = (
+        unstretched(SMOOTH[0], y, case.directions(), asked.F).value
+        for y in (x + step, x - step)
+    )
+    slope = np.einsum("iJ...,J...->i...", u.grad, 2 * step)
+    np.testing.assert_allclose(ahead - behind, slope, atol=1e-12)
+
+
+def test_a_motion_that_the_mesh_holds_is_met_and_no_stiffer_than_exact():
+    for method in (QUADRATIC, QUADRATIC_MEAN):
+        asked = Case(method, ACROSS_MESH, 4).constraints()
+        kernel = spectrum(asked, 2).kernel
+        assert distances(asked, kernel, PARABOLA) == pytest.approx((0, 0), abs=1e-5)
+    asked = Case(QUADRATIC, ACROSS_MESH, 4).constraints()
+    assert stiffness(asked, PARABOLA) == pytest.approx(1, abs=1e-6)
+    assert stiffness(asked, SMOOTH) > 10
+
+
+def test_plies_that_lock_are_many_times_too_stiff():
+    locked, free = (
+        stiffness(Case(m, ACROSS_MESH, 8).constraints(), KINKED)
+        for m in (TWO_BY_TWO, MACRO)
+    )
+    assert locked > 20
+    assert 1 < free < 1.2
+
+
+def test_a_study_without_a_clear_smallest_value_fails():
+    (row,) = STUDY.examine(Case(MACRO, ALONG, 4))
+    assert STUDY.complaint([row]) == ""
+    doubtful = row | {"largest_zero": 0.5 * row["inf_sup"]}
+    assert "1 case(s) have no clear smallest" in STUDY.complaint([row, doubtful])
+
+
+def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
+    some = [Case(m, ACROSS_MESH, n) for m in (TWO_BY_TWO, MACRO) for n in (4, 8)]
+    some.append(Case(MACRO, ACROSS_MESH, 4, SHEARED))
+    some.append(replace(some[3], refined=3))
+    monkeypatch.setattr("studies.inf_sup.study.all_cases", lambda: iter(some))
+    monkeypatch.setattr(tables, "COUNTED_ACROSS", 8)
+    monkeypatch.setattr(tables, "SHEARED_ACROSS", 4)
+    assert main(["inf_sup", "--out", str(tmp_path)]) == 0
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {*STUDY.files, *drawn_here(STUDY)}
+    with open(tmp_path / "inf_sup.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(some)
+    assert rows[4]["smooth_stiffness"] == ""
+    text = {name: (tmp_path / name).read_text() for name in STUDY.files}
+    assert (
+        "| 2×2 points, quads | - | - | 0.19 to 0.096, h^1.0 | - | - |"
+        in text["constants.md"]
+    )
+    assert "| 2×2 points, quads | 162 | 512 | - | - | 4 | - | - |" in text["kernels.md"]
+    values = [float(rows[i]["inf_sup"]) for i in (2, 4, 3, 5)]
+    flat, sheared, twice, thrice = values
+    assert f"| -, - | {flat:.3g}, {sheared:.3g} | -, - |" in text["sheared.md"]
+    line = f"| {MACRO.name} | {twice:.4f} | {thrice:.4f} |"
+    assert line in text["norms.md"]
+    assert thrice < twice
+    assert "2×2 points, quads, 30°, 8 across: inf-sup 0.0962, kernel 4" in (
+        capsys.readouterr().out
+    )
