@@ -59,7 +59,8 @@ def deviation_stiffness(
     multiple
         Measured, see `Macro` and `Quadratic`.
     G, E
-        As for `stabilisation_stiffness`.
+        As for `stabilisation_stiffness`; of G what resists further shear,
+        `further_shear_stiffness`.
     T
         Fibre tension in N/mm; compression counts as none.
     """
@@ -78,6 +79,11 @@ def shear_stiffness(law: Law, angle: ndarray) -> ndarray:
     divisor = np.where(sheared, angle, 1.0)
     secant = np.where(sheared, law.value(angle) / divisor, at_rest)
     return np.maximum(secant, _LEAST_OF_REST * at_rest)
+
+
+def further_shear_stiffness(law: Law, angle: ndarray) -> ndarray:
+    """The tangent in N/mm where the law stiffens, and the secant where it softens."""
+    return np.maximum(shear_stiffness(law, angle), law.tangent(angle))
 
 
 def _without_shear(G: ndarray, E: ndarray) -> ndarray:

@@ -13,6 +13,7 @@ from ..fabric.law import mean_slope
 from ..forms.form import directions, elements, fibre_tension
 from ..forms.held_stiffness import (
     deviation_stiffness,
+    further_shear_stiffness,
     shear_stiffness,
     stabilisation_stiffness,
 )
@@ -93,8 +94,9 @@ class HeldStabilisation(_HeldStiffness):
         F = kin.deformation_gradient(centre_grad(field)[..., :1])
         centre, _ = CENTRE
         x = self._basis.mapping.F(centre, self._basis.tind)
-        G, E = _stiffnesses(self._fabric.at(), F, self._fabric.directions(x))
-        return stabilisation_stiffness(G, E.mean(axis=0))
+        fabric, A = self._fabric.at(), self._fabric.directions(x)
+        G = shear_stiffness(fabric.shear_law, kin.shear_angle(F, *A))
+        return stabilisation_stiffness(G, _fibre_stiffness(fabric, F, A).mean(axis=0))
 
 
 class HeldDeviation(_HeldStiffness):
@@ -121,21 +123,20 @@ class HeldDeviation(_HeldStiffness):
         w = FormExtraParams(self._basis.default_parameters())
         field: Any = self._basis.interpolate(u)
         F, A = kin.deformation_gradient(field.grad), directions(self._fabric, w)
-        G, E = _stiffnesses(self._fabric.at(elements(w)), F, A)
+        fabric = self._fabric.at(elements(w))
+        G = further_shear_stiffness(fabric.shear_law, kin.shear_angle(F, *A))
+        E = _fibre_stiffness(fabric, F, A)
         mean_stretch = mean(w, np.array([kin.stretch(F, a) for a in A]))
         T = fibre_tension(of_elements(self._fabric, elements(w)), np.log(mean_stretch))
         return deviation_stiffness(self._multiple, mean(w, G), mean(w, E), T)
 
 
-def _stiffnesses(
-    fabric: Fabric, F: ndarray, A: tuple[ndarray, ndarray]
-) -> tuple[ndarray, ndarray]:
-    """Stiffness of shear at points, and of warp and weft."""
+def _fibre_stiffness(fabric: Fabric, F: ndarray, A: tuple[ndarray, ndarray]) -> ndarray:
+    """Stiffness of warp and weft at points."""
     strain = np.array([kin.fibre_strain(F, a) for a in A])
     laws = (fabric.tensions.of_family(i, strain) for i in range(2))
     pairs = zip(laws, strain, strict=True)
-    E = np.array([mean_slope(law, own) for law, own in pairs])
-    return shear_stiffness(fabric.shear_law, kin.shear_angle(F, *A)), E
+    return np.array([mean_slope(law, own) for law, own in pairs])
 
 
 class AccumulatedMoment:

@@ -256,6 +256,12 @@ def secant_of(law, gamma):
     return max(secant, 0.1 * law.at_rest)
 
 
+def further_shear(law, gamma):
+    """The larger of `secant_of` and the tangent."""
+    tangent = 0.0 if law is None else law.value(gamma + 1e-20j).imag / 1e-20
+    return max(secant_of(law, gamma), tangent)
+
+
 def slope_within(law, eps=0.0):
     """Mean slope of a tension law within a percent of strain, or of rest if slack."""
     if law is None:
@@ -272,19 +278,19 @@ def share_without_shear(G, E):
 def deviation_stiffnesses(cloth, x, groups, multiples):
     """E_d of both families of each group of points at a converged state.
 
-    E_d = c (G + T/4), ½ E without shear stiffness, and at most E: secant of shear and
-    slope of the tension law, means over the group, and T > 0 of the mean stretch.
+    E_d = c (G + T/4), ½ E without shear stiffness, and at most E: secant of shear, or
+    tangent if that is larger, and slope of the tension law, means over the group, and
+    T > 0 of the mean stretch.
     ``multiples`` has the c of each group.
     """
     stiffnesses = []
     for group, c in zip(groups, multiples, strict=True):
         shares = [p.area / sum(p.area for p in group) for p in group]
         F = [deformation_gradient(x, p) for p in group]
-        secants = [
-            secant_of(cloth.shear, shear_angle(F_p, p.A)[0])
-            for F_p, p in zip(F, group, strict=True)
-        ]
-        G = sum(share * secant for share, secant in zip(shares, secants, strict=True))
+        G = sum(
+            share * further_shear(cloth.shear, shear_angle(F_p, p.A)[0])
+            for share, F_p, p in zip(shares, F, group, strict=True)
+        )
         E = np.zeros(2)
         for share, F_p, p in zip(shares, F, group, strict=True):
             strains = [strain(F_p, A)[0] for A in p.A]
