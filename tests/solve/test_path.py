@@ -57,9 +57,11 @@ def test_an_easy_path_costs_nothing_more(scene, steps, monkeypatch):
     ("formulation", "law", "degrees", "enough"),
     [
         (OnePoint(), Sin2(0.5), 60.0, 40),
-        (Macro(), Sin2(0.5), 60.0, 40),
-        (OnePoint(), Locking(0.5, 0.3), 15.5, 100),
         (Macro(), Locking(0.5, 0.6), 30.0, 40),
+        pytest.param(Macro(), Sin2(0.5), 60.0, 40, marks=pytest.mark.long),
+        pytest.param(
+            *(OnePoint(), Locking(0.5, 0.3), 15.5, 100), marks=pytest.mark.long
+        ),
         pytest.param(OnePoint(), Sin2(0.5), 60.0, 100, marks=pytest.mark.long),
         pytest.param(Macro(), Sin2(0.5), 60.0, 100, marks=pytest.mark.long),
         pytest.param(Macro(), Locking(0.5, 0.6), 30.0, 100, marks=pytest.mark.long),

@@ -69,7 +69,7 @@ def started(*words, **options):
 @pytest.mark.parametrize(
     "families",
     [
-        ("--family", "inp", "mesh defects", "conditions"),
+        ("--family", "inp", "conditions"),
         pytest.param((), id="all", marks=pytest.mark.long),
     ],
 )

@@ -12,7 +12,7 @@ KINDS = {
 }
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def client():
     distributed = pytest.importorskip("dask.distributed")
     options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0"}
@@ -23,13 +23,19 @@ def client():
         yield client
 
 
-@pytest.fixture(params=[*KINDS, "dask"])
+@pytest.fixture(params=[*KINDS, "dask"], scope="module")
 def executor(request):
+    """Executors that tests share; their processes start with as many threads as cores.
+
+    Other tests have run on them before: failures and deaths leave them fit for use.
+    """
     if request.param == "dask":
         executor = request.getfixturevalue("client").get_executor()
     else:
         executor = KINDS[request.param](2)
-    with executor:
+    with pytest.MonkeyPatch.context() as environment, executor:
+        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+            environment.delenv(name, raising=False)
         yield executor
 
 
