@@ -16,17 +16,21 @@ from numpy import ndarray
 
 from ..states import State
 
-# Energies and reactions that differ by a smaller share are of one state.
+# Energies and reactions that differ by a smaller share are of one state.  A larger
+# share takes two equilibria for one; a smaller one takes the error of a finite step,
+# during which C_s is held, for another equilibrium.
 _SAME_STATE = 0.01
 
-# Below this share of the energy no change of what a ply remembers is looked at.
+# Below this share of the energy no change of what a ply remembers is looked at.  A
+# larger share may hide an error of the path; a smaller one calls paths unresolved for
+# errors that change no figure.
 _NEGLIGIBLE_DRIFT = 5e-4
 
 # Keeps a quotient finite, N·mm.
 _TINY = 1e-300
 
-# Altered tangents at most on the way of an easy step.  This number and those above are
-# chosen, not measured.
+# Altered tangents at most on the way of an easy step.  With more, steps that leave the
+# path are taken for easy; with fewer, steps that stay on it are halved.
 _MOST_ALTERED = 2
 
 # How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.
