@@ -29,7 +29,7 @@ _CORNER_SHARE = 0.01
 
 
 class Trial:
-    """An equilibrium on trial.
+    """An equilibrium that is judged.
 
     Parameters
     ----------
