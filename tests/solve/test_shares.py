@@ -135,7 +135,7 @@ def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation,
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_without_shear_stiffness_the_discretisation_carries_nearly_all(caplog, name):
     """Nothing of the fabric resists: 58° where 40° were asked for."""
-    this = case(bias_extension, name, G=0.0, steps=20)
+    this = case(bias_extension, name, G=0.0, steps=10)
     summary = this.summary(this.run())
     role = "deviation" if name == "mean" else "stabilisation"
     assert summary["converged"]
