@@ -84,7 +84,14 @@ def free_weft(law, warp_strain):
 
 @every_fabric
 @every_formulation
-@pytest.mark.parametrize("stretch", [(0.02, 0.01), (0.005, 0.02), (0.025, -0.01)])
+@pytest.mark.parametrize(
+    "stretch",
+    [
+        (0.02, 0.01),
+        pytest.param((0.005, 0.02), marks=pytest.mark.long),
+        (0.025, -0.01),
+    ],
+)
 def test_the_forces_of_a_biaxial_pull_are_exact(parameters, formulation, stretch):
     result = pulled(CrimpInterchange(*parameters), *formulation, *stretch)
     tensions = plain.interchange(*parameters).value(*np.log1p(stretch))

@@ -269,7 +269,7 @@ def full_after(number, savez):
 
 
 @pytest.mark.parametrize(
-    ("steps", "kills"), [(12, 2), pytest.param(40, 20, marks=pytest.mark.long)]
+    ("steps", "kills"), [(12, 1), pytest.param(40, 20, marks=pytest.mark.long)]
 )
 def test_a_run_killed_at_any_moment_is_resumed(tmp_path, capsys, steps, kills):
     """Killed without warning, at random between the first state and the last.

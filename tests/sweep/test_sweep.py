@@ -57,7 +57,7 @@ def test_the_callers_own_threads_are_as_before():
         assert sweep_cases.threads(None) == before != results[0]
 
 
-@pytest.mark.parametrize("executor", ["workers", "dask"], indirect=True)
+@pytest.mark.parametrize("executor", ["workers"], indirect=True)
 def test_a_killed_worker_loses_only_its_own_case_which_is_run_again(tmp_path, executor):
     cases = [(str(tmp_path), n) for n in range(6)]
     results = dict(sweep(sweep_cases.dies_once, cases, executor))
@@ -155,10 +155,20 @@ def test_cases_are_taken_as_they_are_needed(monkeypatch):
     assert next(counter) <= 108
 
 
-def test_the_example_runs_on_dask_too(client, tmp_path, monkeypatch):
-    """On the cluster of the other tests; it checks its own results."""
+def test_all_of_this_holds_on_dask_and_the_example_runs_there(
+    client, tmp_path, monkeypatch
+):
+    """In one test, as a cluster takes seconds to start."""
     from dask import distributed
 
+    with client.get_executor() as executor:
+        test_any_executor_will_do(executor)
+        test_a_refused_load_step_fails_its_own_case_on_any_executor(executor)
+        test_a_case_that_fails_is_run_again(executor, tmp_path)
+        test_every_call_has_one_thread_of_linear_algebra(executor)
+        test_a_killed_worker_loses_only_its_own_case_which_is_run_again(
+            tmp_path, executor
+        )
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
         distributed, "LocalCluster", lambda **_: nullcontext(client.cluster)
