@@ -14,7 +14,9 @@ from ..mesh.corners import CornerBasis, Corners
 from .term import Term
 
 # κ as a share of the fibre stiffness, where this is more than the shear stiffness.
-# Chosen, not measured.
+# A larger one adds more energy where corners close; a smaller one lets them come closer
+# to folding.  A tenth and ten times as much keep corners open as well:
+# pytest tests/ply/test_corners.py -k how_stiff
 _SHARE_OF_FIBRES = 1e-5
 
 

@@ -18,7 +18,9 @@ from ..mesh.user_input import call_user_function, real_numbers
 
 Value: TypeAlias = ArrayLike | Callable[[ndarray, float], ndarray]
 
-# Two directions at a node closer than this (radians) are one.  Chosen, not measured.
+# Two directions at a node closer than this (radians) are one.  A larger angle takes
+# directions that differ on purpose for one.  A smaller one takes round-off of normals
+# for a second direction, along which a node is then held.
 _PARALLEL_ANGLE = 1e-6
 
 # Conditions agree at a node if their displacements differ by no more than this share of

@@ -1,4 +1,4 @@
-"""Incremental solution: a growing load, and at each step a state that stands trial."""
+"""Incremental solution: a growing load, and a state at each step, which is judged."""
 
 import logging
 import os
@@ -41,8 +41,9 @@ DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners"
 class LoadStepper:
     """Load a ply, in steps that shrink where they fail and grow where they are easy.
 
-    Each step tries its strategies one after the other.  What they find stands trial: a
-    state that is folded, torn or not stable is refused.  A step that fails is halved.
+    Each step tries its strategies one after the other.  The state that they
+    find is judged: if it is folded, torn or not stable, it is refused.  A step that
+    fails is halved.
 
     Parameters
     ----------
@@ -160,7 +161,7 @@ class LoadStepper:
             raise ValueError("no checkpoint to resume from: name its folder")
         try:
             self._begin(resume)
-            self._march()
+            self._reach_load_factors()
         except NoEquilibriumError as failure:
             raise StepError.after(failure, self.result) from None
         finally:
@@ -266,7 +267,7 @@ class LoadStepper:
         self._began -= progress.elapsed
         log.info("resumed at load factor %g", saved.states[-1].load_factor)
 
-    def _march(self) -> None:
+    def _reach_load_factors(self) -> None:
         """Reach the requested load factors one after the other."""
         for goal in self.load_factors:
             while (t := self._states[-1].load_factor) < goal:

@@ -16,19 +16,20 @@ from .stepping.shares import excess, shares
 
 _STIFFER = "more steps, or a larger stabilisation"
 
-# Share of the energy that the trapezoidal rule may miss before a step stands out.
-# This share and that of the corners are chosen, not measured.
+# Share of the energy that the trapezoidal rule may miss before a step stands out.  A
+# smaller share marks coarse steps that end right; a larger one passes over jumps.
 _MISSED_WORK = 0.01
 
 # Of the energies of two states, what round-off leaves of their difference.
 _ROUND_OFF = 64 * 2.0**-53
 
-# Share of the energy that corners which resist may hold unremarked.
+# Share of the energy that corners which resist may hold unremarked.  A smaller share
+# warns of corners that change no figure; a larger one hides corners that do.
 _CORNER_SHARE = 0.01
 
 
 class Trial:
-    """An equilibrium on trial.
+    """An equilibrium that is judged.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from .families import FAMILIES
 from .trial import GOOD, OUTCOMES
 from .workers import try_seeds
 
-#: Trials of one case; an interrupted study goes on with the case that it was at.
+#: Trials of one case.  An interrupted study starts with the case that it left.
 _TRIALS_PER_CASE = 500
 
 _COUNTS, _TABLE = "hostile.json", "hostile.md"

@@ -1,4 +1,4 @@
-"""Families of trials, and what may come of one trial."""
+"""Families of trials, and the outcomes that a trial may have."""
 
 import traceback
 from collections.abc import Callable
@@ -19,7 +19,7 @@ GOOD = (RIGHT, REFUSED)
 
 
 class Finding(NamedTuple):
-    """What came of a trial: one of `OUTCOMES`, the damage, and a message."""
+    """The result of a trial: one of `OUTCOMES`, the damage, and a message."""
 
     outcome: str
     damage: str
@@ -27,7 +27,7 @@ class Finding(NamedTuple):
 
 
 class WrongAnswerError(Exception):
-    """An answer that is not what it must be."""
+    """An answer that differs from the right one."""
 
 
 class Family(NamedTuple):

@@ -20,7 +20,7 @@ from .trial import DIED, HANG, Family, Finding, surprised
 #: Memory that a worker may take, in bytes: damaged counts may ask for any size.
 MEMORY = 6 * 2**30
 
-# Trials of one process; then a new one starts, with what they left in memory freed.
+# Trials of one process.  Then a new one starts, which frees the memory of the old one.
 _TRIALS_PER_PROCESS = 300
 
 _FORK = get_context("fork")
@@ -30,7 +30,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 class Tried(NamedTuple):
-    """A seed of a family, and what came of it."""
+    """A seed of a family, and the finding of its trial."""
 
     family: str
     seed: int
@@ -87,7 +87,7 @@ class _Worker:
         self.pipe.send(seed)
 
     def answer(self) -> Finding | None:
-        """What came of the seed; None while the trial runs."""
+        """The finding of the trial; None while it runs."""
         if self.pipe.poll():
             with contextlib.suppress(EOFError, OSError):
                 return self.pipe.recv()
@@ -119,7 +119,7 @@ def end_with_parent(parent: int) -> None:
 
 
 def _serve(family: Family, pipe: Connection, parent: int) -> None:
-    """Try seeds until the suite ends the process, or ends itself."""
+    """Try seeds until the suite ends this process or ends itself."""
     end_with_parent(parent)
     os.setpgid(0, 0)
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -131,7 +131,7 @@ def _serve(family: Family, pipe: Connection, parent: int) -> None:
 
 
 def _tried(family: Family, seed: int) -> Finding:
-    """What came of one seed, tried in a folder of its own."""
+    """The finding of one trial, which runs in a folder of its own."""
     folder = Path(tempfile.mkdtemp(prefix="hostile-"))
     os.chdir(folder)
     try:

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 import pytest
-from command_line import QUICK
+from command_line import DRAWN, QUICK
 
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, StepError
 from skfem_textile.cli import main as cli
@@ -60,7 +60,10 @@ def is_whole(out):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("seconds", [0.0, 0.1, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize(
+    "seconds",
+    [0.0, 0.3, 1.0, *(pytest.param(s, marks=pytest.mark.long) for s in (0.1, 0.6))],
+)
 def test_a_signal_at_any_moment_gives_one_line_and_130(tmp_path, number, seconds):
     """From the first import on; a run that was over when it came has ended well."""
     seconds *= random.Random(f"{number} {seconds}").uniform(0.8, 1.2)
@@ -183,7 +186,7 @@ def test_a_signal_while_a_picture_is_drawn_lets_that_one_end(
     for name in ("fibre_strain", "shear_angle", "fibre_directions", "animation"):
         monkeypatch.setattr(plot, name, draw)
     out = tmp_path / "out"
-    assert cli.main(["run", "strip", *QUICK[:-1], "--out", str(out)]) == INTERRUPTED
+    assert cli.main(["run", "strip", *DRAWN, "--out", str(out)]) == INTERRUPTED
     assert drawn == [True]
     said = "skfem-textile: interrupted; the numbers are written, pictures are not\n"
     assert capsys.readouterr().err == said
@@ -313,7 +316,10 @@ def test_what_a_living_run_has_not_finished_is_left_to_it(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
-@pytest.mark.parametrize("arguments", [("list",), ("--help",), ("run", "strip")])
+@pytest.mark.parametrize(
+    "arguments",
+    [pytest.param(("list",), marks=pytest.mark.long), ("--help",), ("run", "strip")],
+)
 def test_what_cannot_be_printed_is_told_in_one_line(tmp_path, arguments):
     if arguments[0] == "run":
         arguments += (*QUICK, "--out", str(tmp_path / "out"))

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from command_line import QUICK, run
+from command_line import DRAWN, run
 
 from skfem_textile.cli import main as cli
 from skfem_textile.cli import pictures
@@ -32,7 +32,7 @@ def test_pictures_that_fail_lose_no_numbers(
         raise error
 
     monkeypatch.setattr(pictures, "draw", draw)
-    assert run(tmp_path, *QUICK[:-1]) == code
+    assert run(tmp_path, *DRAWN) == code
     assert (tmp_path / "out" / "summary.json").exists()
     out, err = capsys.readouterr()
     assert told[0] in out
@@ -74,7 +74,7 @@ def test_without_gl_everything_else_is_written(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(offscreen, "_can_draw", lambda environment: False)
     offscreen.require_offscreen.cache_clear()
     try:
-        assert run(tmp_path, *QUICK[:-1]) == 0
+        assert run(tmp_path, *DRAWN) == 0
     finally:
         offscreen.require_offscreen.cache_clear()
     assert (tmp_path / "out" / "summary.json").exists()
@@ -85,9 +85,9 @@ def test_without_gl_everything_else_is_written(tmp_path, capsys, monkeypatch):
 
 def test_pictures_are_written_and_nothing_is_said_on_stderr(tmp_path):
     pytest.importorskip("pyvista")
-    command = [sys.executable, "-m", "skfem_textile", "run", "strip", *QUICK[:-1]]
+    command = [sys.executable, "-m", "skfem_textile", "run", "strip", *DRAWN]
     child = subprocess.run(
-        [*command, "--out", str(tmp_path / "out")],
+        [*command, "--steps", "2", "--out", str(tmp_path / "out")],
         capture_output=True,
         text=True,
         check=True,

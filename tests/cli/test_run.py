@@ -203,8 +203,8 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(tmp_path, ca
     assert "cannot write checkpoint" in said
 
 
-@pytest.mark.parametrize("name", ["a\nb", "\udcff", "ü"])
-def test_a_folder_of_any_name_is_told_in_one_line(tmp_path, name):
+def test_a_folder_of_any_name_is_told_in_one_line(tmp_path):
+    name = "a\nb \udcff ü"
     command = [sys.executable, "-m", "skfem_textile", "run", "strip", *QUICK]
     child = subprocess.run(
         [*command, "--out", str(tmp_path / name)],

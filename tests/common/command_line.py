@@ -6,17 +6,11 @@ from skfem_textile.cli import main as cli
 
 MESH = Path(__file__).parents[2] / "examples" / "strip.msh"
 
-QUICK = [
-    "--size",
-    "3x4",
-    "--steps",
-    "3",
-    "--cs",
-    "10",
-    "--shear-stiffness",
-    "1",
-    "--no-render",
-]
+#: A run that takes a moment and draws its pictures, which take seconds.
+DRAWN = ["--size", "3x4", "--steps", "3", "--cs", "10", "--shear-stiffness", "1"]
+
+#: A run that takes a moment.
+QUICK = [*DRAWN, "--no-render"]
 
 
 def run(tmp_path, *arguments):

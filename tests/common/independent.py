@@ -7,7 +7,9 @@ motions at once, of which every energy gives m values.  All formulas are analyti
 that ``x`` may be complex: forces are differences along the imaginary axis.
 """
 
+import math
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -201,36 +203,41 @@ def interchange(E, c, K, e_0, k):
     e₁ = ε₁ + ½ (η₁ − w)² − c₁ and e₂ = ε₂ + ½ (η₂ + w)² − c₂ with η² = 2 c.  The least
     w is found on real parts, by halving: there the energy has no slope along w.
     """
-    eta = np.sqrt(2 * np.array(c))
+    eta = [math.sqrt(2 * c_i) for c_i in c]
 
     def yarn_strains(strains, w):
         shapes = (eta[0] - w) ** 2 / 2 - c[0], (eta[1] + w) ** 2 / 2 - c[1]
         return [eps + shape for eps, shape in zip(strains, shapes, strict=True)]
 
+    def taut(E, e, exp=np.exp):
+        return E * (e - e_0 * (1 - exp(-e / e_0)))
+
     def tension(E, e):
-        return np.where(e.real > 0, E * (e - e_0 * (1 - np.exp(-e / e_0))), 0)
+        return np.where(e.real > 0, taut(E, e), 0)
 
     def yarn_energy(E, e):
         toe = e_0 * e - e_0**2 * (1 - np.exp(-e / e_0))
         return np.where(e.real > 0, E * (e**2 / 2 - toe), 0)
 
-    def least(strains):
-        low, high = (end + 0 * sum(strains) for end in (-eta[1], eta[0]))
+    @np.vectorize
+    @cache
+    def least(*strains):
+        strains, low, high = [float(eps) for eps in strains], -eta[1], eta[0]
         for _ in range(55):
             w = (low + high) / 2
-            e_1, e_2 = yarn_strains(strains, w)
-            slope = -tension(E[0], e_1) * (eta[0] - w)
-            slope = slope + tension(E[1], e_2) * (eta[1] + w) + K * w
-            low, high = np.where(slope < 0, w, low), np.where(slope < 0, high, w)
+            yarns = zip(E, yarn_strains(strains, w), strict=True)
+            T_1, T_2 = (taut(E_i, max(e, 0.0), math.exp) for E_i, e in yarns)
+            slope = -T_1 * (eta[0] - w) + T_2 * (eta[1] + w) + K * w
+            low, high = (w, high) if slope < 0 else (low, w)
         return w
 
     def energy(*strains):
-        w = least([np.real(eps) for eps in strains])
+        w = least(*map(np.real, strains))
         yarns = map(yarn_energy, E, yarn_strains(strains, w))
         return sum(yarns) + K * w**2 / 2 + k * sum(eps**2 for eps in strains) / 2
 
     def value(*strains):
-        yarns = map(tension, E, yarn_strains(strains, least(strains)))
+        yarns = map(tension, E, yarn_strains(strains, least(*strains)))
         return [T + k * eps for T, eps in zip(yarns, strains, strict=True)]
 
     return Biaxial(energy, value, k)

@@ -62,13 +62,24 @@ FABRICS = [
 ]
 
 
+@pytest.mark.parametrize(
+    "of_states",
+    [settings(few, max_examples=4), pytest.param(few, marks=pytest.mark.long)],
+)
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
 @pytest.mark.parametrize(
     "fabric", FABRICS, ids=["plain", "one family", "curved", "coupled"]
 )
-@given(seed=seeds)
-@few
-def test_residual_and_tangent_are_derivatives(formulation, fabric, seed):
+def test_residual_and_tangent_are_derivatives(formulation, fabric, of_states):
+    @given(seed=seeds)
+    @of_states
+    def are_derivatives(seed):
+        check_derivatives(formulation, fabric, seed)
+
+    are_derivatives()
+
+
+def check_derivatives(formulation, fabric, seed):
     ply = Ply(distorted_for(formulation, seed), fabric, formulation)
     u, du = wobble(ply, seed), wobble(ply, seed + 1, 1.0)
     # Where a corner is all but closed differences are none of derivatives.

@@ -103,7 +103,9 @@ def ends_unfolded(ply, conditions, steps):
     assert summary["min_det_F"] == pytest.approx(smallest)
 
 
-@pytest.mark.parametrize("seed", [0, 3, 7, 21])
+@pytest.mark.parametrize(
+    "seed", [0, 3, *(pytest.param(s, marks=pytest.mark.long) for s in (7, 21))]
+)
 def test_strips_with_little_stabilisation_end_unfolded(seed):
     """Without resistance these end with a corner at det F < 0, or not at all."""
     scene = strip(size=(6, 9), seed=seed)

@@ -47,7 +47,7 @@ FORMULATIONS = {
 
 
 def pulled(law, G, formulation, kind, strain=STRAIN):
-    mesh = rectangle(WIDTH, HEIGHT, (4, 6), kind, seed=3)
+    mesh = rectangle(WIDTH, HEIGHT, (3, 4), kind, seed=3)
     if isinstance(formulation, Macro):
         mesh = split(mesh)
     if isinstance(formulation, Quadratic) and not isinstance(mesh, MeshTri):

@@ -202,7 +202,7 @@ def remove(rng, file):
 DAMAGES = [flip, cut, lengthen, exchange, duplicate, rename, remove, edit]
 
 
-@pytest.mark.parametrize("cases", [20, pytest.param(50, marks=pytest.mark.long)])
+@pytest.mark.parametrize("cases", [10, pytest.param(50, marks=pytest.mark.long)])
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_damage_at_random_is_refused_or_changes_nothing(
     folders, tmp_path, damage, whole, cases

@@ -20,8 +20,8 @@ from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.splitting import cut, split
 
 
-def pulled(formulation, prepare, pull, law, steps, **options):
-    mesh = prepare(rectangle(50, 100, (4, 8), "irregular"))
+def pulled(formulation, prepare, pull, law, steps, size=(4, 8), **options):
+    mesh = prepare(rectangle(50, 100, size, "irregular"))
     ply = Ply(mesh, Fabric(1e4, law, (1, 1), (-1, 1)), formulation)
     held = {"clamp": Condition("bottom"), "pull": Condition("top", (0, pull))}
     return LoadStepper(ply, held, steps, **options)
@@ -47,21 +47,21 @@ def test_a_locking_angle_is_never_passed(formulation, pull):
         assert state.verdict.stable
 
 
-@pytest.mark.parametrize("steps", [1, 3, 10])
-def test_a_locking_law_is_loaded_in_any_number_of_steps(steps):
+def test_a_locking_law_is_loaded_in_any_number_of_steps():
     law, macro = Locking(0.5, 0.3), FORMULATIONS["macro"]
-    loads = [
-        pulled(*macro, 5.0, law, n).run().states[-1].reactions["pull"][1]
-        for n in (steps, 20)
-    ]
-    assert loads[0] == pytest.approx(loads[1], rel=0.03)  # C_s follows in steps
+    *few, many = (
+        pulled(*macro, 5.0, law, steps).run().states[-1].reactions["pull"][1]
+        for steps in (1, 3, 10, 20)
+    )
+    assert few == pytest.approx([many] * 3, rel=0.03)  # C_s follows in steps
 
 
 @pytest.mark.parametrize("strategy", ["mixed", "descent", "newton"])
 def test_no_strategy_takes_an_energy_that_is_not_finite(strategy):
     """The first increment alone passes the pole, and so would a whole step."""
     stepper = pulled(
-        *FORMULATIONS["macro"], 12.0, Locking(0.5, 0.1), 1, strategies=[strategy]
+        *(*FORMULATIONS["macro"], 8.0, Locking(0.5, 0.1), 1, (2, 4)),
+        strategies=[strategy],
     )
     try:
         result = stepper.run()

@@ -57,10 +57,10 @@ def test_an_easy_path_costs_nothing_more(scene, steps, monkeypatch):
     ("formulation", "law", "degrees"),
     [
         (OnePoint(), Sin2(0.5), 60.0),
-        (Macro(), Sin2(0.5), 60.0),
-        (Macro(), Linear(0.5), 60.0),
-        (OnePoint(), Locking(0.5, 0.3), 15.5),
         (Macro(), Locking(0.5, 0.6), 30.0),
+        pytest.param(Macro(), Sin2(0.5), 60.0, marks=pytest.mark.long),
+        pytest.param(Macro(), Linear(0.5), 60.0, marks=pytest.mark.long),
+        pytest.param(OnePoint(), Locking(0.5, 0.3), 15.5, marks=pytest.mark.long),
     ],
 )
 def test_load_and_energy_do_not_depend_on_the_number_of_steps(

@@ -4,6 +4,8 @@ The limits are those of `skfem_textile.solve.stepping.shares`: a tenth of energy
 work, a quarter of the nodal forces of a reaction.
 """
 
+from functools import cache
+
 import numpy as np
 import pytest
 from helpers import wobble
@@ -85,7 +87,7 @@ def test_parts_add_up_to_energy_and_forces(name):
     assert ("stabilisation" in roles) == (name != "mean")
 
 
-@pytest.mark.parametrize("E", [1e2, 1e4, 1e8])
+@pytest.mark.parametrize("E", [1e2, pytest.param(1e4, marks=pytest.mark.long), 1e8])
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_ordinary_bias_extension_passes(caplog, name, E):
     """At most 0.06 of energy and work with 16 elements across."""
@@ -105,6 +107,13 @@ def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
         assert largest(result, of) < (0.2 if "reaction" in of else 0.06)
 
 
+@cache
+def fine_load(name):
+    """Of a bias extension with 16 elements across, over the exact load."""
+    fine = case(bias_extension, name, 16)
+    return fine.summary(fine.run())["load_over_exact"]
+
+
 @pytest.mark.parametrize(
     ("name", "formulation"),
     [("one", lambda k: OnePoint(4.0 * k)), ("mean", lambda k: Quadratic(100.0 * k))],
@@ -112,10 +121,9 @@ def test_ordinary_runs_of_other_scenes_pass(caplog, scene, name):
 @pytest.mark.parametrize("times", [1, 3, 10, 30])
 def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation, times):
     """Stiffer and stiffer: the load rises by no less than the share."""
-    right = case(bias_extension, name, 16)
     wrong = case(bias_extension, name, 8, formulation=formulation(times))
-    loads = [c.summary(c.run())["load_over_exact"] for c in (right, wrong)]
-    too_much = loads[1] / loads[0] - 1
+    load = wrong.summary(wrong.run())["load_over_exact"]
+    too_much = load / fine_load(name) - 1
     warned = bool(told(caplog))
     assert warned == (times > 1)
     assert warned == (too_much > 0.1)
@@ -124,7 +132,7 @@ def test_a_tenth_of_the_energy_is_a_tenth_of_the_load(caplog, name, formulation,
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_without_shear_stiffness_the_discretisation_carries_nearly_all(caplog, name):
     """Nothing of the fabric resists: 58° where 40° were asked for."""
-    this = case(bias_extension, name, G=0.0, steps=20)
+    this = case(bias_extension, name, G=0.0, steps=10)
     summary = this.summary(this.run())
     role = "deviation" if name == "mean" else "stabilisation"
     assert summary["converged"]

@@ -42,7 +42,7 @@ def test_where_every_increment_folds_the_search_gives_up():
     assert error.value.elements.tolist() == [0]
 
 
-@pytest.mark.parametrize("E", [1e4, 1e5, 1e8])
+@pytest.mark.parametrize("E", [1e4, pytest.param(1e5, marks=pytest.mark.long), 1e8])
 @pytest.mark.parametrize(
     ("formulation", "size", "made"),
     [

@@ -68,10 +68,7 @@ def started(*words, **options):
 
 @pytest.mark.parametrize(
     "families",
-    [
-        ("--family", "inp", "mesh defects", "conditions"),
-        pytest.param((), id="all", marks=pytest.mark.long),
-    ],
+    [("--family", "conditions"), pytest.param((), id="all", marks=pytest.mark.long)],
 )
 def test_no_hostile_input_ends_badly(tmp_path, families):
     options = "--short", "--workers", "2", *families, "--out", str(tmp_path)

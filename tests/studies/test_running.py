@@ -148,11 +148,12 @@ if __name__ == "__main__":
 
 def test_a_study_that_was_killed_goes_on_and_its_report_is_the_same(tmp_path):
     (tmp_path / "study.py").write_text(STUDY)
-    command = [sys.executable, "study.py", "--workers", "2", "--out"]
+    command = [sys.executable, "study.py", "--out"]
     options = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": str(ROOT)}}
     kept = tmp_path / "killed" / "stability-unfinished.jsonl"
     started = tmp_path / "b"
-    with subprocess.Popen([*command, "killed"], **options) as study:
+    two = "--workers", "2"
+    with subprocess.Popen([*command, "killed", *two], **options) as study:
         wait_until(lambda: started.is_file() and started.read_text().endswith(" "))
         wait_until(lambda: kept.is_file() and len(kept.read_text().splitlines()) == 3)
         study.send_signal(signal.SIGKILL)

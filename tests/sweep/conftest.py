@@ -12,7 +12,7 @@ KINDS = {
 }
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture
 def client():
     distributed = pytest.importorskip("dask.distributed")
     options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0"}
@@ -23,14 +23,17 @@ def client():
         yield client
 
 
-@pytest.fixture(params=[*KINDS, "dask"])
+@pytest.fixture(params=KINDS, scope="module")
 def executor(request):
-    if request.param == "dask":
-        executor = request.getfixturevalue("client").get_executor()
-    else:
-        executor = KINDS[request.param](2)
-    with executor:
-        yield executor
+    """Executors that tests share; their processes start with as many threads as cores.
+
+    Other tests have run on them before: failures and deaths leave them fit for use.
+    """
+    with pytest.MonkeyPatch.context() as environment:
+        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+            environment.delenv(name, raising=False)
+        with KINDS[request.param](2) as executor:
+            yield executor
 
 
 @pytest.fixture

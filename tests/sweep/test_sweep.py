@@ -1,9 +1,11 @@
 import itertools
 import os
+import runpy
 import subprocess
 import sys
 from collections import Counter
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 
@@ -11,9 +13,10 @@ import pytest
 import sweep_cases
 from threadpoolctl import threadpool_limits
 
-from skfem_textile.sweep import SweepError, WorkerProcesses, sweep
+from skfem_textile.sweep import SweepError, sweep
 
 ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "sweep.py"
 
 
 def test_any_executor_will_do(executor: Executor):
@@ -34,21 +37,15 @@ def test_a_case_that_fails_is_run_again(executor, tmp_path):
     assert list(sweep(sweep_cases.fails_once, [file], executor)) == [(file, "done")]
 
 
-@pytest.fixture
-def many_threads(monkeypatch):
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        monkeypatch.delenv(name, raising=False)
-
-
-def test_every_call_has_one_thread_of_linear_algebra(many_threads, executor):
+def test_every_call_has_one_thread_of_linear_algebra(executor):
     for _, threads in sweep(sweep_cases.threads, range(3), executor):
         assert set(threads) == {1}
 
 
-def test_libraries_that_a_call_loads_have_one_thread_too():
+@pytest.mark.parametrize("executor", ["workers"], indirect=True)
+def test_libraries_that_a_call_loads_have_one_thread_too(executor):
     pytest.importorskip("pypardiso")
-    with WorkerProcesses(1) as executor:
-        ((_, threads),) = sweep(sweep_cases.threads_of_pardiso, [0], executor)
+    ((_, threads),) = sweep(sweep_cases.threads_of_pardiso, [0], executor)
     assert threads == [1]
 
 
@@ -60,7 +57,7 @@ def test_the_callers_own_threads_are_as_before():
         assert sweep_cases.threads(None) == before != results[0]
 
 
-@pytest.mark.parametrize("executor", ["workers", "dask"], indirect=True)
+@pytest.mark.parametrize("executor", ["workers"], indirect=True)
 def test_a_killed_worker_loses_only_its_own_case_which_is_run_again(tmp_path, executor):
     cases = [(str(tmp_path), n) for n in range(6)]
     results = dict(sweep(sweep_cases.dies_once, cases, executor))
@@ -158,8 +155,29 @@ def test_cases_are_taken_as_they_are_needed(monkeypatch):
     assert next(counter) <= 108
 
 
-def test_the_example_runs_on_dask_too(tmp_path):
+def test_all_of_this_holds_on_dask_and_the_example_runs_there(
+    client, tmp_path, monkeypatch
+):
+    """In one test, as a cluster takes seconds to start."""
+    from dask import distributed
+
+    with client.get_executor() as executor:
+        test_any_executor_will_do(executor)
+        test_a_refused_load_step_fails_its_own_case_on_any_executor(executor)
+        test_a_case_that_fails_is_run_again(executor, tmp_path)
+        test_every_call_has_one_thread_of_linear_algebra(executor)
+        test_a_killed_worker_loses_only_its_own_case_which_is_run_again(
+            tmp_path, executor
+        )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        distributed, "LocalCluster", lambda **_: nullcontext(client.cluster)
+    )
+    runpy.run_path(str(EXAMPLE))["main"](dask=True)
+
+
+@pytest.mark.long
+def test_the_example_starts_a_cluster_of_its_own(tmp_path):
     pytest.importorskip("dask.distributed")
-    script = ROOT / "examples" / "sweep.py"
     options = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": str(ROOT)}}
-    subprocess.run([sys.executable, script, "--dask"], **options, check=True)
+    subprocess.run([sys.executable, EXAMPLE, "--dask"], **options, check=True)

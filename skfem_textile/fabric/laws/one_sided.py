@@ -11,7 +11,9 @@ from ..law import Law, domain_of
 from ..law_parameters import inner_law, number, refuse_force_at_rest
 from ..law_plot import Drawn
 
-# Strain from 0 within which a law goes over into the other.  Chosen.
+# Strain from 0 within which a law goes over into the other.  A wider switch leaves more
+# of the small strains softer than the law.  A narrower one changes the tangent faster,
+# so that an iteration is more likely to step across it.
 _WIDTH = 1e-4
 
 

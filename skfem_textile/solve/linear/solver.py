@@ -11,7 +11,8 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix
 
 # A pivot is round-off if it is no larger than this share of the entry that it comes
-# from, or this share of the largest pivot.  Chosen, not measured.
+# from, or this share of the largest pivot.  Larger shares refuse sound matrices of very
+# different stiffnesses; smaller ones take a mechanism for stiff.
 _LEAST_OF_ENTRY, _LEAST_OF_LARGEST = 1e-12, 1e-16
 
 

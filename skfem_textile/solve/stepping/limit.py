@@ -7,10 +7,12 @@ import numpy as np
 from ..body import PROBED, Body
 from ..states import NoEquilibriumError, State
 
-# How well a limit load is to be known, as a share of it.  Chosen, not measured.
+# How well a limit load is to be known, as a share of it.  Half of it takes about
+# one more halving of a step.
 _KNOWN_SHARE = 0.005
 
-# The shortest step on the way to a limit, in load factors.  Chosen, not measured.
+# The shortest step on the way to a limit, in load factors.  A longer one may end before
+# the limit is known; a shorter one takes more steps, of changes that are round-off.
 _SHORTEST_STEP = 1e-9
 
 # Share of the element size by which nodes are moved to see what loads depend on: small

@@ -15,11 +15,13 @@ import numpy as np
 
 from ..states import State
 
-# Energies and reactions that differ by a smaller share are of one state.
+# Energies and reactions that differ by a smaller share are of one state.  A larger
+# share takes two equilibria for one; a smaller one takes what round-off and C_s of
+# another state leave for another equilibrium.
 _SAME_STATE = 0.01
 
-# Altered tangents at most on the way of an easy step.  This number and those above are
-# chosen, not measured.
+# Altered tangents at most on the way of an easy step.  With more, steps that leave the
+# path are taken for easy; with fewer, steps that stay on it are halved.
 _MOST_ALTERED = 2
 
 # How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.

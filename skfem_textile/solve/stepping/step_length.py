@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 
-# After a step of no more linear solves than this the next may be twice as long.
-# Chosen, not measured.
+# After a step of no more linear solves than this the next may be twice as long.  With
+# more, more of the longer steps fail and are halved again; with fewer, steps stay short
+# where longer ones would do.
 _EASY_SOLVES = 6
 
 

@@ -144,12 +144,12 @@ def check_kept(out: Path, had_result: bool) -> None:
 
 
 def is_of_earlier_run(ended: Ended) -> bool:
-    """Whether a run was refused because the checkpoint is that of the earlier run."""
+    """Whether a run was refused because the checkpoint is of the earlier run."""
     return ended.code == 2 and f"steps was {EARLIER_STEPS}, is {STEPS}" in ended.stderr
 
 
 def check_end(out: Path, steps: int = STEPS) -> None:
-    """Compare the result in a folder with that of an undisturbed run."""
+    """Compare the result in a folder with the result of an undisturbed run."""
     summary, expected = read_result(out), undisturbed().summaries[steps]
     for key in ("load_steps", "load_factor"):
         if summary[key] != expected[key]:
@@ -160,7 +160,7 @@ def check_end(out: Path, steps: int = STEPS) -> None:
 
 
 def check_near(what: str, value: float, expected: float) -> None:
-    """Compare a number of a resumed run with that of an undisturbed one."""
+    """Compare a number of a resumed run with the number of an undisturbed run."""
     if abs(value - expected) > _TOLERANCE * abs(expected):
         raise WrongAnswerError(f"{what} is {value!r}, not {expected!r}")
 

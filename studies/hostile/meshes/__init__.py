@@ -1,1 +1,1 @@
-"""Damaged mesh files: files of sound meshes, their damage, and what comes of it."""
+"""Damaged mesh files: files of sound meshes, their damage, and the library's answer."""

@@ -125,7 +125,7 @@ def _numbers(content: bytes, rng: Generator) -> bytes:
 
 
 def _count(content: bytes, rng: Generator) -> bytes:
-    """Another count: a number that stands alone or in a line with a word."""
+    """Another count: a number that is alone or in a line with a word."""
     lines = re.compile(rb"(?m)^(?:\d+|[A-Z_]+ \d.*|<Piece.*)$")
     a, b = _place(content, rng, lines)
     return content[:a] + _number(content[a:b], rng) + content[b:]

@@ -43,7 +43,7 @@ _SUFFIXES = (*_READERS, ".mesh", ".txt", "")
 _ODD_SIZE = 40
 _EXPONENTS = (-300, 300)
 
-# Stands before what is printed, and before warnings that do not go to the log.
+# Begins what is printed, and warnings that do not go to the log.
 _LOUD = "aloud: "
 
 # One in this many meshes that were read is loaded.

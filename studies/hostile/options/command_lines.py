@@ -224,7 +224,7 @@ def _word(name: str, random: Random) -> str:
 
 
 def _study(random: Random) -> list[str]:
-    """A line that must be refused, or lists the scenes, as a study takes long."""
+    """A line that must be refused, or one that lists the scenes: studies take long."""
     out = ["--out", "out"]
     bad = random.choice(("0", "-1", "nan", "1.5", "", "x", "²", "9" * 5000, "\0"))
     return random.choice(

@@ -89,7 +89,7 @@ def _name(rest: list[str], options: Mapping[str, Option]) -> tuple[str, str | No
 
 
 def _is_option(word: str) -> bool:
-    """Whether a word stands for an option rather than for a value."""
+    """Whether a word is an option and not a value."""
     if not word.startswith("-") or word == "-":
         return False
     if re.fullmatch(r"-\d+|-\d*\.\d+", word):

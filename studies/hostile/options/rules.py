@@ -23,7 +23,7 @@ def refuse_contradictions(line: RunLine) -> None:
     values = line.values
     _refuse_folder(values["out"])
     if (Path(values["out"]) / "summary.json").is_dir():
-        raise UnreadableError("a folder stands where a file goes")
+        raise UnreadableError("there is a folder in the place of a file")
     _refuse_mesh(line)
     _refuse_numbers(values)
     if any(values[name] != one.default for name, one in OF_OTHER_LAWS.items()):
@@ -36,7 +36,7 @@ def refuse_contradictions(line: RunLine) -> None:
 
 
 def may_be_refused(line: RunLine) -> bool:
-    """Whether a run may be refused or not, as its numbers are extreme."""
+    """Whether a run may be refused or not, because its numbers are extreme."""
     v = line.values
     names = "fibre-stiffness", "shear-stiffness", "cs", "deviation"
     numbers = [v[name] for name in names if v[name] not in (None, "auto", 0)]

@@ -90,7 +90,7 @@ def _refusal(
 
 
 def _unclear(line: RunLine, code: int, out: str, err: str) -> str:
-    """Output of a run that is not clear; empty if all is."""
+    """The output of a run that is not clear; empty if all of it is clear."""
     lines = err.splitlines()
     own = [text for text in lines if text.startswith(_PREFIX)]
     if len(own) != code or not all(text.isprintable() for text in lines):

@@ -1,1 +1,1 @@
-"""Damaged files from which work goes on: checkpoints and files of sweeps."""
+"""Damaged files from which runs and sweeps resume: checkpoints, files of sweeps."""

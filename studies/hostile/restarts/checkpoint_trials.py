@@ -97,7 +97,7 @@ def _damaged(rng: Generator, place: Path, settings: Settings) -> str:
 
 
 def _copied(rng: Generator, path: Path, settings: Settings) -> str:
-    """A file replaced by that of another run, or of the same run made again."""
+    """A file replaced by a file of another run, or of the same run made again."""
     again = rng.random() < 0.5
     others = [base for base in BASES if base != settings]
     other = settings if again else others[rng.integers(len(others))]

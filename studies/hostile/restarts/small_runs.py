@@ -145,7 +145,7 @@ def checkpoint(settings: Settings, states: int, number: int = 0) -> dict[str, by
 
 
 def results(states: list[State]) -> list[dict[str, np.ndarray]]:
-    """Physical results of every state, without those of the solution procedure."""
+    """Physical results of every state, without counts of the solution procedure."""
     return [
         {
             "load factor": np.array(s.load_factor),

@@ -53,7 +53,7 @@ def _finding(damage: str, out: Path) -> Finding:
     except (ValueError, OSError) as error:
         if is_file and out.read_bytes() != before:
             return Finding(SILENT, damage, f"the file has changed after: {error}")
-        # A broken link stands in the place of the file, though it does not exist.
+        # A broken link takes the place of the file, for which `exists` is false.
         if content.is_sweep and (is_file or not os.path.lexists(out)):
             return Finding(SILENT, damage, f"a file of a sweep is refused: {error}")
         return refused(damage, str(error).replace(str(out), "FILE"))

@@ -1,1 +1,1 @@
-"""Meshes, conditions, laws and settings that cannot be meant, one by one."""
+"""Meshes, conditions, laws and settings that nobody can mean, one by one."""

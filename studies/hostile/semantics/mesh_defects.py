@@ -149,7 +149,7 @@ def _turned_over(rng: Generator) -> Sheet:
 
 
 def _in_a_hole(rng: Generator) -> Sheet:
-    """An inclusion whose nodes are not merged with those of the sheet around it."""
+    """An inclusion; its nodes are not merged with the nodes of the sheet around it."""
     given = sheet()
     x, y = given.p[:, given.t].mean(axis=1)
     inside = (abs(x - 2) < 1) & (abs(y - 2) < 1)
