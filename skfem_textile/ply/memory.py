@@ -1,7 +1,5 @@
 """What stabilising terms remember of a state."""
 
-from typing import Any
-
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, asm
@@ -19,7 +17,7 @@ from ..forms.held_stiffness import (
 )
 from ..forms.hourglass import hourglass_rate, rate_increment
 from ..forms.mean_tension import mean, of_elements
-from ..mesh.bases import CENTRE, centre_grad
+from ..mesh.bases import CENTRE, displacement_gradient
 from .term import DependsOn
 
 
@@ -89,9 +87,8 @@ class HeldStabilisation(_HeldStiffness):
 
     @np.errstate(over="ignore")  # a run refuses what is not finite
     def _stiffness(self, u: ndarray) -> ndarray:
-        # The centre's gradient is the same at the four points of an element.
-        field: Any = self._basis.interpolate(u)
-        F = kin.deformation_gradient(centre_grad(field)[..., :1])
+        gradient = displacement_gradient(self._basis, u, at_centre=True)
+        F = kin.deformation_gradient(gradient)
         centre, _ = CENTRE
         x = self._basis.mapping.F(centre, self._basis.tind)
         fabric, A = self._fabric.at(), self._fabric.directions(x)
@@ -121,8 +118,8 @@ class HeldDeviation(_HeldStiffness):
     @np.errstate(over="ignore")  # a run refuses what is not finite
     def _stiffness(self, u: ndarray) -> ndarray:
         w = FormExtraParams(self._basis.default_parameters())
-        field: Any = self._basis.interpolate(u)
-        F, A = kin.deformation_gradient(field.grad), directions(self._fabric, w)
+        F = kin.deformation_gradient(displacement_gradient(self._basis, u))
+        A = directions(self._fabric, w)
         fabric = self._fabric.at(elements(w))
         G = further_shear_stiffness(fabric.shear_law, kin.shear_angle(F, *A))
         E = _fibre_stiffness(fabric, F, A)
