@@ -31,6 +31,7 @@ from .mesh.bases import (
 from .mesh.checks import MeshError
 from .mesh.interior_edges import JumpBasis
 from .mesh.macro import MacroBasis
+from .meshing import mesh_along_fibres
 from .ply import Ply
 from .ply.formulations import Full, Macro, OnePoint, Quadratic
 from .ply.kernels.exported_forms import hourglass, mean_tension, shear, tension
@@ -101,6 +102,7 @@ __all__ = [
     "hourglass",
     "hourglass_rate",
     "mean_tension",
+    "mesh_along_fibres",
     "quad_basis",
     "shear",
     "shear_continuity",

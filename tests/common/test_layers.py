@@ -36,6 +36,7 @@ LAYERS = {
     "mesh": (),
     "fabric": ("mesh", "registration"),
     "splitting": ("mesh",),
+    "meshing": ("fabric", "mesh"),
     "forms": ("kinematics", "fabric", "mesh"),
     "ply.kernels": ("forms", "fabric", "mesh"),
     "ply": (
@@ -43,7 +44,9 @@ LAYERS = {
         "registration",
     ),
     "solve": ("fabric", "mesh", "registration"),
-    "scenes": ("solve", "ply", "fabric", "mesh", "splitting", "registration"),
+    "scenes": (
+        *("solve", "ply", "fabric", "meshing", "mesh", "splitting", "registration"),
+    ),
     "io": ("solve", "splitting", "mesh"),
     "plot": ("io", "solve"),
     "sweep": ("solve", "cli.output"),
