@@ -39,6 +39,7 @@ from .ply.loads import BodyForce, Force, Traction
 from .ply.memory import AccumulatedMoment, HeldStabilisation
 from .ply.term import Load, Memory, Term
 from .ply.terms import FormTerm, MatrixTerm, VectorTerm
+from .refinement import Refinement, marked, refine, shear_angle_jumps
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition
 from .solve.result import Result, StepError
@@ -89,6 +90,7 @@ __all__ = [
     "Polynomial",
     "Pretensioned",
     "Quadratic",
+    "Refinement",
     "Result",
     "Sin2",
     "State",
@@ -101,10 +103,13 @@ __all__ = [
     "Verdict",
     "hourglass",
     "hourglass_rate",
+    "marked",
     "mean_tension",
     "mesh_along_fibres",
     "quad_basis",
+    "refine",
     "shear",
+    "shear_angle_jumps",
     "shear_continuity",
     "split",
     "tension",

@@ -43,6 +43,7 @@ LAYERS = {
         *("ply.kernels", "forms", "kinematics", "fabric", "mesh", "splitting"),
         "registration",
     ),
+    "refinement": ("ply", "fabric", "splitting", "mesh"),
     "solve": ("fabric", "mesh", "registration"),
     "scenes": (
         *("solve", "ply", "fabric", "meshing", "mesh", "splitting", "registration"),
