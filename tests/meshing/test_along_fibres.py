@@ -84,15 +84,26 @@ def strained(ply, x):
     return max(np.abs(strain).max() for strain in strains)
 
 
+def edges_along(mesh, warp, weft):
+    """How many edges of each triangle lie along warp and weft, shape (2, n)."""
+    s = along(mesh, warp, weft)[:, mesh.t]
+    return (np.abs(np.roll(s, -1, axis=1) - s) < 1e-9).sum(axis=1)
+
+
 @pytest.mark.parametrize("degrees", ANGLES)
 def test_every_triangle_has_an_edge_along_warp_and_one_along_weft(degrees, caplog):
     mesh = extension(degrees, 5).mesh
-    s = along(mesh, degrees, 180 - degrees)[:, mesh.t]
-    step = np.abs(np.roll(s, -1, axis=1) - s)
-    np.testing.assert_array_equal((step < 1e-9).sum(axis=1), 1)
+    np.testing.assert_array_equal(edges_along(mesh, degrees, 180 - degrees), 1)
     sides = {name: len(edges) for name, edges in mesh.boundaries.items()}
     assert sides == {"left": 10, "bottom": 5, "right": 10, "top": 5}
     assert caplog.messages == []
+
+
+@pytest.mark.parametrize("height", [75.0, 100.0, 120.0])
+def test_lines_meet_at_the_sides_however_many_there_are_along_each(height):
+    angles = np.radians([45.0, 135.0])
+    mesh = rectangle(50, height, (17, 3), "aligned", 0.3, 1, *angles)
+    np.testing.assert_array_equal(edges_along(mesh, 45, 135), 1)
 
 
 @settings(max_examples=30, deadline=None, phases=[Phase.explicit, Phase.generate])
