@@ -28,6 +28,9 @@ _NEAR = 1e-9
 # Components of unit vectors below this are zero.  Chosen: above cos 90°, 6e-17.
 _ROUNDING = 1e-15
 
+# Most lines of a family.  Chosen: so many times as many cells fit in no memory.
+_MOST = 1e5
+
 # Narrowest gap between lines that are added so that the families meet at the sides, as
 # a share of the spacing.  Chosen: elements there are at most so much smaller.
 _NARROWEST = 0.2
@@ -40,9 +43,9 @@ def mesh_along_fibres(
 
     Lines of both families pass through each corner of the outline, and between them in
     equal distances.  If it can be had, lines of both families meet wherever one meets a
-    side; else a warning is logged.  The cells of this net are parallelograms, cut off
-    at the sides.  The mesh is of these if none is cut off, and else of triangles, into
-    which the cells are cut along a diagonal.
+    side; else the log says so, at its level INFO.  The cells of this net are
+    parallelograms, cut off at the sides.  The mesh is of these if none is cut off, and
+    else of triangles, into which the cells are cut along a diagonal.
 
     Parameters
     ----------
@@ -64,7 +67,7 @@ def mesh_along_fibres(
     Raises
     ------
     MeshError
-        If the outline is not convex, or has no area.
+        If the outline is not convex, or has no area, or the spacing is far too small.
     ValueError
         If a direction is zero or not finite, warp and weft are parallel, or the spacing
         is not positive.
@@ -110,12 +113,14 @@ class _Net:
         of_corners = self._distinct(self.corners[0]), self._distinct(self.corners[1])
         closed = self._closed(of_corners)
         if closed is None:
-            log.warning(
+            log.info(
                 "the mesh along the fibres: lines of warp and weft do not all meet at "
                 "the sides; elements there may be thin, and lock where a side is held"
             )
         a, b = lines = closed or of_corners
         spacings = [self._spacings(axis, lines[axis]) for axis in range(2)]
+        if max(n.sum() for n in spacings) > _MOST:
+            raise MeshError(f"the spacing is too small: more than {_MOST:g} lines")
         counts = [np.ceil(n - 1e-6).clip(min=1).astype(int) for n in spacings]
         if closed:
             counts = self._matched(lines, counts)

@@ -92,6 +92,7 @@ def edges_along(mesh, warp, weft):
 
 @pytest.mark.parametrize("degrees", ANGLES)
 def test_every_triangle_has_an_edge_along_warp_and_one_along_weft(degrees, caplog):
+    caplog.set_level("INFO", "skfem_textile")
     mesh = extension(degrees, 5).mesh
     np.testing.assert_array_equal(edges_along(mesh, degrees, 180 - degrees), 1)
     sides = {name: len(edges) for name, edges in mesh.boundaries.items()}
@@ -173,7 +174,8 @@ def test_kinks_are_lines_of_the_net_where_it_does_not_close(size):
     assert strained(ply, ply.nodes + scene.displacement(ply.nodes, 1.0)) < 1e-12
 
 
-def test_a_warning_tells_where_the_lines_do_not_meet_at_the_sides(caplog):
+def test_the_log_tells_where_the_lines_do_not_meet_at_the_sides(caplog):
+    caplog.set_level("INFO", "skfem_textile")
     mesh_along_fibres(SQUARE * [[1.0], [1.37]], (1, 1), (-1, 1), 5.0)
     assert "lines of warp and weft do not all meet at the sides" in caplog.text
     caplog.clear()
@@ -234,6 +236,8 @@ def test_outlines_and_fibres_that_do_not_fit_are_refused():
         (lambda x: x, (0, 1), 1.0, "warp"),
         ((1, 0), (0, 1), 0.0, "spacing must be positive"),
         ((1, 0), (0, 1), (1.0, np.inf), "spacing must be positive"),
+        ((1, 0), (0, 1), 1e-30, "spacing is too small: more than 100000 lines"),
+        ((1, 1), (-1, 1), (1.0, 1e-7), "spacing is too small: more than 100000 lines"),
     ):
         with pytest.raises(ValueError, match=message):
             mesh_along_fibres(SQUARE, warp, weft, spacing)

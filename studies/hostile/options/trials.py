@@ -25,10 +25,7 @@ from .rules import may_be_refused, refuse_contradictions
 _DRAWN = 200
 
 #: Starts of log messages of a run that is not verbose.
-_LOG = (
-    *("load factor ", "the path was not resolved", "nothing to resume", "solver "),
-    "the mesh along the fibres: ",
-)
+_LOG = ("load factor ", "the path was not resolved", "nothing to resume", "solver ")
 
 #: Time limit of a trial: a step of a coarse strip with rates takes half a minute.
 _SECONDS = 120.0
