@@ -31,6 +31,7 @@ from .mesh.bases import (
 from .mesh.checks import MeshError
 from .mesh.interior_edges import JumpBasis
 from .mesh.macro import MacroBasis
+from .meshing import mesh_along_fibres
 from .ply import Ply
 from .ply.formulations import Full, Macro, OnePoint, Quadratic
 from .ply.kernels.exported_forms import hourglass, mean_tension, shear, tension
@@ -38,6 +39,7 @@ from .ply.loads import BodyForce, Force, Traction
 from .ply.memory import AccumulatedMoment, HeldStabilisation
 from .ply.term import Load, Memory, Term
 from .ply.terms import FormTerm, MatrixTerm, VectorTerm
+from .refinement import Refinement, marked, refine, shear_angle_jumps
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition
 from .solve.result import Result, StepError
@@ -88,6 +90,7 @@ __all__ = [
     "Polynomial",
     "Pretensioned",
     "Quadratic",
+    "Refinement",
     "Result",
     "Sin2",
     "State",
@@ -100,9 +103,13 @@ __all__ = [
     "Verdict",
     "hourglass",
     "hourglass_rate",
+    "marked",
     "mean_tension",
+    "mesh_along_fibres",
     "quad_basis",
+    "refine",
     "shear",
+    "shear_angle_jumps",
     "shear_continuity",
     "split",
     "tension",

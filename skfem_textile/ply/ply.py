@@ -64,6 +64,8 @@ class Ply(Measures):
         unless they were split already; `OnePoint` and `Full` split triangles, and
         `Quadratic` cuts quadrilaterals (`cut`).  The user's nodes are its first, with
         their numbers, and boundaries, subdomains and named nodes keep their names.
+    users_mesh, users_fabric
+        Mesh and fabric as they were given.
     cells
         The user's elements as node numbers, arrays of shape (3, n) and (4, n).
     parent
@@ -118,6 +120,7 @@ class Ply(Measures):
             raise ValueError(
                 f"fabric must be a Fabric, like Fabric(1e4), not {fabric!r}"
             )
+        self.users_mesh, self.users_fabric = mesh, fabric
         self.mesh = mesh = formulation.working_mesh(mesh)
         self.basis = formulation.basis(mesh)
         self.cells, self.parent = original_elements(mesh)
@@ -165,7 +168,9 @@ class Ply(Measures):
             If a term is not valid, or its name is that of another.
         """
         further = (*self._further, *terms)
-        return Ply(self.mesh, self.fabric, self.formulation, further)
+        ply = Ply(self.mesh, self.fabric, self.formulation, further)
+        ply.users_mesh, ply.users_fabric = self.users_mesh, self.users_fabric
+        return ply
 
     @cached_property
     def _fused(self) -> KernelSum:
@@ -332,6 +337,11 @@ class Ply(Measures):
     def further_terms(self) -> tuple[Term, ...]:
         """Terms beside those of fabric and formulation, loads among them."""
         return self.terms[len(self.terms) - len(self._further) :]
+
+    @property
+    def further_terms_as_given(self) -> tuple[Term | Load, ...]:
+        """The same, loads as they were given and not as terms on the ply's basis."""
+        return self._further
 
     @property
     def roles(self) -> dict[str, Role]:

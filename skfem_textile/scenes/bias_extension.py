@@ -82,7 +82,8 @@ def bias_extension(
     share = 0.5 if part == "half" else 1.0
     if isinstance(mesh, str):
         height = 2 * WIDTH * np.tan(theta)
-        mesh = rectangle(share * WIDTH, height, size, mesh, jitter, seed)
+        fibres = theta, np.pi - theta
+        mesh = rectangle(share * WIDTH, height, size, mesh, jitter, seed, *fibres)
     else:
         check_mesh(mesh)
         mesh = with_edges(mesh)

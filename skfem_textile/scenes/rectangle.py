@@ -1,4 +1,4 @@
-"""Meshes of a rectangle, of quadrilaterals or triangles, regular or jittered."""
+"""Meshes of a rectangle: along the fibres, or with nodes that are moved at random."""
 
 from collections.abc import Iterable
 from typing import Literal, TypeAlias, get_args
@@ -9,6 +9,7 @@ from skfem import Mesh, MeshQuad, MeshTri
 
 from ..mesh.checks import with_edges
 from ..mesh.named_nodes import named_nodes
+from ..meshing import mesh_along_fibres
 
 Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "delaunay"]
 
@@ -25,6 +26,8 @@ def rectangle(
     kind: str = "irregular",
     jitter: float = 0.3,
     seed: int = 1,
+    warp: float = 0.0,
+    weft: float = np.pi / 2,
 ) -> Mesh:
     """Mesh of [0, width] × [0, height] with edges named left, bottom, right, top.
 
@@ -35,20 +38,23 @@ def rectangle(
     size
         Number of spacings along x and y.
     kind
-        ``aligned`` with the axes; ``irregular``, every node moved; ``horizontal``,
-        nodes moved along x only, so that horizontal element edges stay aligned;
-        ``vertical``, along y only.  Boundary nodes slide along their edges.
-        ``delaunay``, the Delaunay triangulation of the nodes of ``irregular``.
+        ``aligned`` with the fibres (`mesh_along_fibres`); ``irregular``, every node
+        moved; ``horizontal``, nodes moved along x only, so that horizontal element
+        edges stay aligned; ``vertical``, along y only.  Boundary nodes slide along
+        their edges.  ``delaunay``, the Delaunay triangulation of the nodes of
+        ``irregular``.
     jitter
         Largest move, as a share of the spacing.
     seed
         Seed of the moves.
+    warp, weft
+        Inclination of the fibres in radians, for ``aligned``.
 
     Raises
     ------
     ValueError
         If the kind is unknown, a side or the size not positive, the jitter not in
-        [0, 1) or the seed negative.
+        [0, 1), the seed negative, or warp and weft of ``aligned`` are parallel.
 
     Examples
     --------
@@ -66,6 +72,11 @@ def rectangle(
         raise ValueError(f"jitter must be in [0, 1), got {jitter}")
     if seed < 0:
         raise ValueError(f"seed must be at least 0, got {seed}")
+
+    if kind == "aligned":
+        outline = [[0.0, width, width, 0.0], [0.0, 0.0, height, height]]
+        A1, A2 = ((np.cos(angle), np.sin(angle)) for angle in (warp, weft))
+        return mesh_along_fibres(outline, A1, A2, (width / nx, height / ny))
 
     x, y = np.meshgrid(np.linspace(0, width, nx + 1), np.linspace(0, height, ny + 1))
     rng = np.random.default_rng(seed)

@@ -87,7 +87,7 @@ def trellis(
     (['held', 'left', 'top'], 'top')
     """
     if isinstance(mesh, str):
-        mesh = rectangle(SIDE, SIDE, size, mesh, jitter, seed)
+        mesh = rectangle(SIDE, SIDE, size, mesh, jitter, seed, warp, weft)
     else:
         check_mesh(mesh)
         mesh = with_edges(mesh)

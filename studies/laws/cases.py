@@ -15,7 +15,7 @@ from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 
-from .crossed import LinearTriangles, crossed
+from .linear_triangles import LinearTriangles
 
 #: Sides in mm, and shear angle in radians at the end.
 SIDES, ANGLE = (50.0, 100.0), np.radians(40.0)
@@ -83,8 +83,9 @@ def _irregular(kind: str, parts: int, across: int, seed: int) -> Mesh:
     return rectangle(*SIDES, (n, 2 * n), kind, JITTER, seed)
 
 
-def _crossed(across: int, seed: int) -> Mesh:
-    return crossed(*SIDES, (across, 2 * across))
+def _along_fibres(across: int, seed: int) -> Mesh:
+    size, angles = (across, 2 * across), np.radians([45.0, 135.0])
+    return rectangle(*SIDES, size, "aligned", JITTER, seed, *angles)
 
 
 #: The methods that are judged, and one beside them.
@@ -103,9 +104,9 @@ def judged_methods(material: Material) -> dict[Method, tuple[int, ...]]:
     return JUDGED | IN_MORE_STEPS if material is STEEP_SHEAR else JUDGED
 
 
-#: The references with their numbers of cells across.
-LINEAR_TRIANGLES = Method("linear triangles", _crossed, LinearTriangles())
-QUADRATIC = Method("quadratic triangles", _crossed, Quadratic())
+#: The references with their numbers of elements along the clamps.
+LINEAR_TRIANGLES = Method("linear triangles", _along_fibres, LinearTriangles())
+QUADRATIC = Method("quadratic triangles", _along_fibres, Quadratic())
 REFERENCES = {LINEAR_TRIANGLES: (64, 128, 256), QUADRATIC: (32, 64, 128)}
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import meshio
 import numpy as np
 from numpy import ndarray
+from skfem import MeshTri
 
 from skfem_textile.scenes.rectangle import rectangle
 
@@ -132,24 +133,25 @@ def _check_mesh(line: RunLine, summary: dict[str, Any], first: meshio.Mesh) -> N
     v, X = line.values, _turned(line, first.points)
     if v["mesh"] in KINDS:
         (nx, ny), jitter, seed = mesh_to_make(line)
-        width, height = edge_motions.sides(line)
-        points = rectangle(width, height, (nx, ny), v["mesh"], jitter, seed).p
-        least, triangles = nx * ny, v["mesh"] == "delaunay"
+        sides, angles = edge_motions.sides(line), edge_motions.fibres(line)
+        made = rectangle(*sides, (nx, ny), v["mesh"], jitter, seed, *angles)
+        points, triangles = made.p, isinstance(made, MeshTri)
+        least = made.nelements
     else:
         given = meshio.read(v["mesh"])
         points, triangles = given.points.T[:2], "triangle" in given.cells_dict
-        least = len(given.cells[0].data) // (2 if triangles else 1)
+        least = len(given.cells[0].data)
     _expect_near("nodes", X[:, : points.shape[1]], points, np.abs(points).max())
     parts = [1, 1]
     if v["formulation"] == "quadratic":
-        parts = [2, 2]
+        parts = [1, 1] if triangles else [2, 2]
     elif triangles:
-        parts = [6, 6]
+        parts = [3, 3]
     elif v["formulation"] == "macro":
         parts = [4, 6]  # what is not convex is cut first
     n = summary["n_elements"]
     if not parts[0] * least <= n <= parts[1] * least:
-        raise WrongAnswerError(f"{n} elements of {least} quadrilaterals")
+        raise WrongAnswerError(f"{n} elements of {least} that were given")
     _expect("cells of the file", sum(len(c.data) for c in first.cells), n)
 
 

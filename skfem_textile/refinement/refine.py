@@ -1,0 +1,135 @@
+"""A ply on a mesh that is finer where it is asked for."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from skfem import Mesh, MeshTri
+
+from ..fabric import Fabric
+from ..fabric.regions import fabric_on
+from ..mesh.bases import node_dofs
+from ..mesh.checks import MeshError
+from ..ply import Ply
+from ..splitting import SplitMesh
+from ..splitting.edges import edges_of
+from .triangles import refine_triangles
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """A refined ply, and where its elements and nodes come from.
+
+    Attributes
+    ----------
+    ply
+        The refined ply, at rest.
+    parent
+        For each of its user's elements the one before that it is part of.
+    ends
+        Further nodes of its mesh of triangles lie in the middle between these two nodes
+        of the one before, shape (2, n_new).
+    before
+        The ply that was refined.
+    """
+
+    ply: Ply
+    parent: ndarray
+    ends: ndarray
+    before: Ply
+
+    def carry(self, u: ndarray) -> ndarray:
+        """A displacement of the refined ply that is near one of the ply before.
+
+        At nodes that were there it is the same, and linear between these.  So it is
+        exact for displacements that are linear in the user's triangles.  It is a state
+        to begin with, and not in balance.
+        """
+        vertices = self.before.nodal(u)[:, : self.before.users_mesh.nvertices]
+        x = np.hstack([vertices, vertices[:, self.ends].mean(axis=1)])
+        t, n_nodes = self.ply.users_mesh.t, self.ply.nodes.shape[1]
+        pairs, _ = edges_of([t])
+        if self.ply.nodes.shape[1] > self.ply.mesh.nvertices:
+            pairs = self.ply.mesh.facets  # of quadratic triangles
+        nodes = np.hstack([x, x[:, pairs].mean(axis=1), x[:, t].mean(axis=1)])
+        carried = self.ply.basis.zeros()
+        carried[node_dofs(self.ply.basis)] = nodes[:, :n_nodes]
+        return carried
+
+
+def refine(ply: Ply, elements: ArrayLike) -> Refinement:
+    """Refine a ply of triangles in some of its user's elements.
+
+    Every edge of these is halved, and further edges where the mesh needs it.  Names of
+    boundaries, subdomains and nodes, values of the fabric per element, the formulation
+    and loads go with the mesh.  Nodes that are new get no name of nodes.
+
+    Parameters
+    ----------
+    ply
+        A ply on a mesh of triangles.
+    elements
+        The user's elements to refine: numbers, or one bool for each.
+
+    Raises
+    ------
+    MeshError
+        If the mesh is not of triangles, or was split before the ply was made.
+    ValueError
+        If there is no such element, the fabric has values for each part of an element,
+        or the ply has a term that cannot be built anew on another mesh.
+
+    Examples
+    --------
+    >>> from skfem import MeshTri
+    >>> from skfem_textile import Fabric
+    >>> ply = Ply(MeshTri().refined(2), Fabric(1e4))
+    >>> finer = refine(ply, [0, 5])
+    >>> finer.ply.users_mesh.nelements, len(finer.carry(ply.basis.zeros()))
+    (40, 282)
+    """
+    mesh = _triangles(ply.users_mesh)
+    for term in ply.further_terms_as_given:
+        if not hasattr(term, "on"):
+            name = getattr(term, "name", term)
+            raise ValueError(
+                f"term {name!r} is of the mesh that is refined: refine the ply without "
+                "it, and build it anew"
+            )
+    refined = refine_triangles(mesh, _numbers(elements, mesh.nelements))
+    fabric = ply.users_fabric
+    if isinstance(fabric, Fabric):
+        fabric = fabric_on(refined.parent, fabric)
+    finer = Ply(refined.mesh, fabric, ply.formulation, ply.further_terms_as_given)
+    return Refinement(finer, refined.parent, refined.ends, ply)
+
+
+def _triangles(mesh: Mesh) -> MeshTri:
+    """The mesh, if it is of triangles."""
+    if isinstance(mesh, SplitMesh):
+        raise MeshError("refine a ply of the mesh before it is split, not of its parts")
+    if not isinstance(mesh, MeshTri):
+        raise MeshError(
+            "only a ply of triangles can be refined: make it of cut(mesh) in place of "
+            "the quadrilaterals"
+        )
+    return mesh
+
+
+def _numbers(elements: ArrayLike, n: int) -> ndarray:
+    """Numbers of elements, given as such or as one bool for each."""
+    given: Any = np.asarray(elements)
+    if given.dtype == bool and given.shape == (n,):
+        return np.flatnonzero(given)
+    if given.size == 0:
+        return np.empty(0, dtype=int)
+    if given.ndim != 1 or given.dtype.kind not in "iu":
+        raise ValueError(
+            f"elements must be numbers or one bool for each of {n} elements, not "
+            f"{given.dtype} of shape {given.shape}"
+        )
+    if given.min() < 0 or given.max() >= n:
+        raise ValueError(f"elements must be from 0 to {n - 1}")
+    return np.unique(given)

@@ -1,0 +1,253 @@
+"""Meshes along the fibres: where their edges lie, and which motions they hold."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+from skfem import MeshQuad, MeshTri
+
+from skfem_textile import (
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    MeshError,
+    OnePoint,
+    Ply,
+    Quadratic,
+    mesh_along_fibres,
+)
+from skfem_textile.cli import main as cli
+from skfem_textile.mesh.bases import node_dofs
+from skfem_textile.mesh.checks import check_mesh
+from skfem_textile.scenes import bias_extension, strip, trellis
+from skfem_textile.scenes.bias_extension import WIDTH
+from skfem_textile.scenes.rectangle import rectangle
+
+SQUARE = np.array([[0.0, 30.0, 30.0, 0.0], [0.0, 0.0, 30.0, 30.0]])
+HEXAGON = 30 * np.array(
+    [np.cos(np.arange(6) * np.pi / 3), np.sin(np.arange(6) * np.pi / 3)]
+)
+FORMULATIONS = [Full(), OnePoint(), Macro(), Quadratic(), Quadratic(200.0)]
+ANGLES = [30.0, 37.5, 45.0, 52.5, 60.0]
+
+
+def unit(degrees):
+    return np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+
+
+def along(mesh, warp, weft):
+    """Coordinates of the nodes along the fibres, shape (2, n_nodes)."""
+    return np.linalg.solve(np.column_stack([unit(warp), unit(weft)]), mesh.p)
+
+
+def lines(mesh, warp, weft):
+    """Coordinates of the lines of edges along weft, and of those along warp.
+
+    And the least and the largest coordinates of all nodes.
+    """
+    s = along(mesh, warp, weft)
+    ends = s[:, mesh.facets]
+    on_line = np.abs(ends[:, 1] - ends[:, 0]) < 1e-9
+    return [
+        np.unique(np.append(x[0, there], [at.min(), at.max()]).round(9))
+        for x, there, at in zip(ends, on_line, s, strict=True)
+    ]
+
+
+def area(corners):
+    """Of polygons whose corners are given, shape (2, n_corners, n)."""
+    x, y = corners
+    double = x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)
+    return np.abs(double.sum(axis=0)).sum() / 2
+
+
+def extension(degrees, n, **options):
+    theta = np.radians(degrees)
+    return bias_extension(
+        "aligned", (n, 2 * n), warp=theta, weft=np.pi - theta, **options
+    )
+
+
+def solve(scene, formulation, E, G=0.5, steps=4):
+    ply = Ply(scene.mesh, Fabric(E, G, scene.warp, scene.weft), formulation)
+    return scene.summary(LoadStepper(ply, scene.conditions, steps).run())
+
+
+def strained(ply, x):
+    """The largest strain at any point that a law sees, or that is judged."""
+    u = ply.basis.zeros()
+    u[node_dofs(ply.basis)] = x - ply.nodes
+    strains = ply.law_strain(u), ply.fibre_strain(u, ply.fine_points)
+    return max(np.abs(strain).max() for strain in strains)
+
+
+def edges_along(mesh, warp, weft):
+    """How many edges of each triangle lie along warp and weft, shape (2, n)."""
+    s = along(mesh, warp, weft)[:, mesh.t]
+    return (np.abs(np.roll(s, -1, axis=1) - s) < 1e-9).sum(axis=1)
+
+
+@pytest.mark.parametrize("degrees", ANGLES)
+def test_every_triangle_has_an_edge_along_warp_and_one_along_weft(degrees, caplog):
+    caplog.set_level("INFO", "skfem_textile")
+    mesh = extension(degrees, 5).mesh
+    np.testing.assert_array_equal(edges_along(mesh, degrees, 180 - degrees), 1)
+    sides = {name: len(edges) for name, edges in mesh.boundaries.items()}
+    assert sides == {"left": 10, "bottom": 5, "right": 10, "top": 5}
+    assert caplog.messages == []
+
+
+@pytest.mark.parametrize("height", [75.0, 100.0, 120.0])
+def test_lines_meet_at_the_sides_however_many_there_are_along_each(height):
+    angles = np.radians([45.0, 135.0])
+    mesh = rectangle(50, height, (17, 3), "aligned", 0.3, 1, *angles)
+    np.testing.assert_array_equal(edges_along(mesh, 45, 135), 1)
+
+
+@settings(max_examples=30, deadline=None, phases=[Phase.explicit, Phase.generate])
+@given(
+    warp=st.integers(0, 180),
+    crossing=st.integers(5, 175),
+    outline=st.sampled_from([SQUARE, HEXAGON, HEXAGON[:, [0, 1, 3]], SQUARE[:, ::-1]]),
+    spacing=st.floats(3, 12),
+    seed=st.integers(0, 1000),
+)
+def test_any_motion_that_bends_at_the_lines_stretches_no_fibre(
+    warp, crossing, outline, spacing, seed
+):
+    """In any convex outline, and in the elements that are cut off."""
+    weft, rng = warp + crossing, np.random.default_rng(seed)
+    mesh = mesh_along_fibres(outline, unit(warp), unit(weft), spacing)
+    check_mesh(mesh)
+    whole = area(outline[:, :, None])
+    assert area(mesh.p[:, mesh.t]) == pytest.approx(whole, rel=1e-12)
+    assert np.abs(mesh.p.min(axis=1) - outline.min(axis=1)).max() == 0
+
+    formulation = FORMULATIONS[seed % len(FORMULATIONS)]
+    fabric = Fabric(1e4, 0.0, unit(warp), unit(weft))
+    ply = Ply(mesh, fabric, formulation)
+    s = np.linalg.solve(np.column_stack([unit(warp), unit(weft)]), ply.nodes)
+    x = 0.0
+    for at, line, angle in zip(s, lines(mesh, warp, weft), (warp, weft), strict=True):
+        bends = np.radians(angle) + rng.uniform(-0.03, 0.03, line.size - 1)
+        steps = np.diff(line) * np.array([np.cos(bends), np.sin(bends)])
+        path = np.hstack([np.zeros((2, 1)), np.cumsum(steps, axis=1)])
+        x = x + np.array([np.interp(at, line, component) for component in path])
+    assert strained(ply, x) < 1e-8
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+@pytest.mark.parametrize("degrees", ANGLES)
+@pytest.mark.parametrize("part", ["whole", "half"])
+def test_the_exact_bias_extension_is_free_of_strain(degrees, formulation, part):
+    scene = extension(degrees, 4, part=part)
+    fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
+    ply = Ply(scene.mesh, fabric, formulation)
+    exact = ply.nodes + scene.displacement(ply.nodes, 1.0)
+    assert strained(ply, exact) < 1e-12
+
+
+@pytest.mark.parametrize("degrees", ANGLES)
+@pytest.mark.parametrize("formulation", [Full(), Quadratic()], ids=repr)
+def test_the_error_of_a_bias_extension_falls_as_the_fibres_get_stiff(
+    degrees, formulation
+):
+    """As G/E down to 1e-8 of the width, on a coarse mesh."""
+    size = WIDTH * np.hypot(1, 2 * np.tan(np.radians(degrees)))
+    stiff, rigid = (solve(extension(degrees, 3), formulation, E) for E in (5e6, 5e9))
+    assert stiff["displacement_error_max"] < 1e-4 * size
+    assert rigid["displacement_error_max"] < 1.1e-3 * stiff["displacement_error_max"]
+    assert rigid["displacement_error_max"] < 1e-8 * size
+    assert rigid["load_over_exact"] == pytest.approx(1.0, abs=2e-6)
+    assert rigid["stable"]
+
+
+@pytest.mark.parametrize("size", [(50.0, 120.0), (50.0, 107.3)])
+def test_kinks_are_lines_of_the_net_where_it_does_not_close(size):
+    """The exact motion of a higher ply kinks at lines through its corners."""
+    mesh = rectangle(*size, (6, 12), "aligned", warp=np.pi / 4, weft=3 * np.pi / 4)
+    scene = bias_extension(mesh)
+    ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft), Quadratic())
+    assert strained(ply, ply.nodes + scene.displacement(ply.nodes, 1.0)) < 1e-12
+
+
+def test_the_log_tells_where_the_lines_do_not_meet_at_the_sides(caplog):
+    caplog.set_level("INFO", "skfem_textile")
+    mesh_along_fibres(SQUARE * [[1.0], [1.37]], (1, 1), (-1, 1), 5.0)
+    assert "lines of warp and weft do not all meet at the sides" in caplog.text
+    caplog.clear()
+    mesh_along_fibres(SQUARE * [[1.0], [1.5]], (1, 1), (-1, 1), 5.0)
+    assert caplog.text == ""
+
+
+@pytest.mark.parametrize("fibres", [(0, 60), (20, 160), (45, 135), (90, 150)])
+def test_points_on_the_sides_are_no_further_apart_than_the_spacing(fibres):
+    mesh = mesh_along_fibres(HEXAGON, *map(unit, fibres), 4.0)
+    ends = mesh.p[:, mesh.facets[:, mesh.boundary_facets()]]
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=0)
+    assert 0.5 < lengths.max() / 4.0 < 1 + 1e-9
+
+
+def test_along_the_sides_of_a_rectangle_the_cells_are_its_quadrilaterals():
+    mesh = strip("aligned", (4, 6)).mesh
+    assert isinstance(mesh, MeshQuad)
+    x, y = np.meshgrid(np.linspace(0, 40, 5), np.linspace(0, 60, 7))
+    np.testing.assert_array_equal(mesh.p, [x.ravel(), y.ravel()])
+    assert mesh.nelements == 24
+    sides = {name: len(edges) for name, edges in mesh.boundaries.items()}
+    assert sides == {"left": 6, "bottom": 4, "right": 6, "top": 4}
+
+
+def test_a_corner_may_be_straight_and_lines_pass_through_it():
+    outline = np.array([[0.0, 7.0, 30.0, 30.0, 0.0], [0.0, 0.0, 0.0, 30.0, 30.0]])
+    mesh = mesh_along_fibres(outline, unit(45), unit(135), 100.0)
+    at = np.flatnonzero((mesh.p == [[7.0], [0.0]]).all(axis=0))
+    assert at.size == 1
+    assert isinstance(mesh, MeshTri)
+
+
+def test_a_bent_trellis_converges_along_inclined_fibres():
+    errors = []
+    for n in (4, 8, 16):
+        scene = trellis("aligned", (n, n), warp=np.pi / 4, weft=3 * np.pi / 4)
+        summary = solve(scene, Quadratic(), 1e4, 0.0)
+        errors.append(summary["displacement_error_rms"])
+    assert errors[0] > 6 * errors[1] > 36 * errors[2]
+
+
+def test_outlines_and_fibres_that_do_not_fit_are_refused():
+    dart = np.array([[0.0, 2.0, 0.0, 1.0], [0.0, 1.0, 2.0, 1.0]])
+    for outline, message in (
+        (dart, "the outline is not convex: mesh its convex parts"),
+        (SQUARE[:, [0, 2, 1, 3]], "the outline"),
+        (SQUARE[:, [0, 0, 1, 2]], "two corners at one place"),
+        (SQUARE * [[1.0], [0.0]], "no area"),
+        (SQUARE[:, :2], r"shape \(2, n\), n >= 3, not \(2, 2\)"),
+        (SQUARE * np.nan, "not finite"),
+    ):
+        with pytest.raises(MeshError, match=message):
+            mesh_along_fibres(outline, (1, 0), (0, 1), 1.0)
+    for warp, weft, spacing, message in (
+        ((1, 0), (-2, 0), 1.0, "parallel"),
+        ((0, 0), (0, 1), 1.0, "warp must be a non-zero finite vector"),
+        (lambda x: x, (0, 1), 1.0, "warp"),
+        ((1, 0), (0, 1), 0.0, "spacing must be positive"),
+        ((1, 0), (0, 1), (1.0, np.inf), "spacing must be positive"),
+        ((1, 0), (0, 1), 1e-30, "spacing is too small: more than 100000 lines"),
+        ((1, 1), (-1, 1), (1.0, 1e-7), "spacing is too small: more than 100000 lines"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            mesh_along_fibres(SQUARE, warp, weft, spacing)
+
+
+def test_the_command_line_makes_meshes_along_the_fibres(tmp_path):
+    command = ["run", "bias_extension", "--mesh", "aligned", "--size", "3x6"]
+    command += ["--warp", "52.5", "--weft", "127.5", "--fibre-stiffness", "5e9"]
+    command += ["--formulation", "quadratic", "--steps", "4", "--no-render"]
+    assert cli.main([*command, "--out", str(tmp_path)]) == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["displacement_error_max"] < 1e-6
+    assert summary["load_over_exact"] == pytest.approx(1.0, abs=2e-6)
