@@ -188,19 +188,24 @@ class EquilibriumSearch:
 def _start_of_another(trial: Trial) -> Start | None:
     """Where the search for another state starts; None if the stiffnesses are its own.
 
-    The ply then remembers the stiffnesses at the state.
+    The ply then remembers the stiffnesses at the state.  They are its own if they
+    change its energy, and to first order its largest reaction, by a small share.
     """
     problem, (u, f, *_) = trial.problem, trial.equilibrium
-    if not problem.settle(u):
-        return None
-    start = problem.start(u, trial.tangent)
-    if trial.tangent is None:
-        return start
-    forces = f, trial.tangent.settled(start.f)
-    ours, theirs = (np.array([*problem.reactions(f).values()]) for f in forces)
-    round_off = trial.equilibrium.tolerance * u.size
-    allowed = _SETTLED * np.abs(ours).max() + round_off
-    return start if np.abs(ours - theirs).max() > allowed else None
+    round_off = trial.equilibrium.tolerance
+    if not problem.settle(u, round_off * float(np.abs(u).sum())):
+        if not problem.ply.settle(u):
+            return None
+        if trial.tangent:
+            change = trial.tangent.settled(problem.residual(u) - f)
+            allowed = _SETTLED * _largest_reaction(problem, f) + round_off * u.size
+            if _largest_reaction(problem, change) <= allowed:
+                return None
+    return problem.start(u, trial.tangent)
+
+
+def _largest_reaction(problem: Problem, f: ndarray) -> float:
+    return max(float(np.abs(own).max()) for own in problem.reactions(f).values())
 
 
 def strategy_of(strategy: str | Strategy) -> Strategy:
