@@ -315,14 +315,14 @@ class Tangent:
         dq[free] = self._solve(b)
         return problem.plain(dq)
 
-    def settled(self, f: ndarray) -> ndarray:
-        """Forces after the motion that balances them, to first order."""
+    def settled(self, f: ndarray) -> tuple[ndarray, ndarray]:
+        """The motion that balances forces, and the forces after it, to first order."""
         problem = self._problem
-        q, fixed = np.zeros_like(f), problem.constraints.fixed
-        turned = problem.turned(f)
-        motion = self._solve(-turned[problem.system.free])
-        q[fixed] = turned[fixed] + self._matrix.coupling.T @ motion
-        return problem.plain(q)
+        free, fixed = problem.system.free, problem.constraints.fixed
+        motion, after, turned = np.zeros_like(f), np.zeros_like(f), problem.turned(f)
+        motion[free] = self._solve(-turned[free])
+        after[fixed] = turned[fixed] + self._matrix.coupling.T @ motion[free]
+        return problem.plain(motion), problem.plain(after)
 
     def softest(self) -> ndarray:
         """The motion with the least stiffness, its largest component 1.

@@ -17,12 +17,13 @@ _AT_REST = (
     "or more shear stiffness"
 )
 
+# Share of the largest reaction, and of the energy, by which the stiffnesses at a state
+# may change it.  Reactions alone tell nothing where they balance a load, or each other.
+# Chosen: with what further times would change, half of a percent at most.
+_SETTLED = 0.0025
 
-# Share of the largest reaction by which the stiffnesses at a state may change it.
-# Chosen: half of the error at which a path counts as not resolved.
-_SETTLED = 0.005
-
-# How often a state is found again: each time what is left is a small share of what was.
+# How often a state is found again.  Each time about a quarter of the change is left, and
+# half in coarse quadratic triangles at 60 degrees of shear.
 _TIMES = 4
 
 
@@ -57,6 +58,8 @@ class Found(NamedTuple):
     ----------
     trial
         The state.
+    altered
+        Tangents that were altered on the way, at most, where it was found again.
     followed_path
         Whether its altered tangents tell if it is on the path.
     settled
@@ -65,6 +68,7 @@ class Found(NamedTuple):
     """
 
     trial: Trial
+    altered: int
     followed_path: bool
     settled: bool
 
@@ -107,11 +111,13 @@ class EquilibriumSearch:
                 ply.remembered = held
                 return found._replace(settled=True)
             try:
-                trial = self._first(goal._replace(start=start)).trial
+                again = self._first(goal._replace(start=start))
             except NoEquilibriumError:
                 ply.remembered = held
                 break
-            found = found._replace(trial=trial)
+            altered = max(found.altered, again.altered)
+            followed_path = found.followed_path and again.followed_path
+            found = Found(again.trial, altered, followed_path, settled=False)
         return found
 
     def _first(self, goal: Goal) -> Found:
@@ -133,7 +139,8 @@ class EquilibriumSearch:
             except NoEquilibriumError as failure:
                 failures.setdefault(str(failure), failure)
             else:
-                return Found(trial, follows_path(strategy), settled=False)
+                altered = trial.equilibrium.altered
+                return Found(trial, altered, follows_path(strategy), settled=False)
         advice = next(iter(failures.values())).advice
         raise NoEquilibriumError(
             f"no acceptable state at {goal.load_factor:.6g}: {'; '.join(failures)}",
@@ -196,11 +203,17 @@ def _start_of_another(trial: Trial) -> Start | None:
     start = problem.start(u, trial.tangent)
     if trial.tangent is None:
         return start
-    forces = f, trial.tangent.settled(start.f)
-    ours, theirs = (np.array([*problem.reactions(f).values()]) for f in forces)
-    round_off = trial.equilibrium.tolerance * u.size
-    allowed = _SETTLED * np.abs(ours).max() + round_off
-    return start if np.abs(ours - theirs).max() > allowed else None
+    du, settled = trial.tangent.settled(start.f)
+    ours, theirs = (np.array([*problem.reactions(x).values()]) for x in (f, settled))
+    force = np.abs(ours - theirs).max()
+    before, after = (sum(x.energies.values()) for x in (trial, start))
+    energy = abs(after + (0.5 * start.f + start.load) @ du - before)
+    tolerance = trial.equilibrium.tolerance
+    changed = (
+        force > _SETTLED * np.abs(ours).max() + tolerance * u.size
+        or energy > _SETTLED * abs(before) + tolerance * np.abs(u).sum()
+    )
+    return start if changed else None
 
 
 def strategy_of(strategy: str | Strategy) -> Strategy:
