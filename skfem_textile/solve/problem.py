@@ -23,8 +23,8 @@ _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 # (`pytest tests/solve/test_stepper.py -k round_off`).
 _EPSILON, _ROUNDINGS = 2.0**-53, 4
 
-# Share of the energy by which stiffnesses of the discretisation may be off.
-_SETTLED = 0.002
+# Share of the energy by which stiffnesses of the discretisation may be off on the way.
+_NEARLY_SETTLED = 0.002
 
 _MORE_STIFFNESS = (
     "holding the ply in more places, or more stabilisation or shear stiffness"
@@ -155,7 +155,7 @@ class Problem:
         if ply.settle(u):
             after, _ = self.energies(u)
             energy = sum(before.values())
-            if abs(sum(after.values()) - energy) > _SETTLED * abs(energy):
+            if abs(sum(after.values()) - energy) > _NEARLY_SETTLED * abs(energy):
                 return True
             ply.remembered = held
         return False

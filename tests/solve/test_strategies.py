@@ -3,9 +3,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, Macro, Quadratic
+from skfem_textile import Fabric, Macro, Ply, Quadratic
 from skfem_textile.scenes import Case, bias_extension
-from skfem_textile.solve.problem import Problem
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.stepping import equilibrium_search
 from skfem_textile.solve.stepping.equilibrium_search import (
@@ -67,7 +66,7 @@ def test_a_step_with_kinks_takes_four_iterations(
 
     Further ones find the stiffnesses of the discretisation.
     """
-    monkeypatch.setattr(Problem, "settle", lambda *_: False)
+    monkeypatch.setattr(Ply, "settle", lambda *_: False)
     scene = bias_extension(made(bias_extension(size=size).mesh))
     fabric = Fabric(E, 0.5, scene.warp, scene.weft)
     case = Case(scene=scene, fabric=fabric, formulation=formulation, steps=4)

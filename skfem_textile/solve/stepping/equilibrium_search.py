@@ -22,8 +22,8 @@ _AT_REST = (
 # Chosen: with what further times would change, half of a percent at most.
 _SETTLED = 0.0025
 
-# How often a state is found again.  Each time about a quarter of the change is left, and
-# half in coarse quadratic triangles at 60 degrees of shear.
+# How often a state is found again.  Each time about a quarter of the change is left; in
+# coarse quadratic triangles at 60 degrees of shear it is half.
 _TIMES = 4
 
 
@@ -106,7 +106,8 @@ class EquilibriumSearch:
         found, ply = self._first(goal), self.problem.ply
         for _ in range(_TIMES):
             held = ply.remembered
-            start = _start_of_another(found.trial)
+            with np.errstate(all="ignore"):  # what is not finite is caught
+                start = _start_of_another(found.trial)
             if start is None:
                 ply.remembered = held
                 return found._replace(settled=True)
@@ -193,22 +194,25 @@ class EquilibriumSearch:
 
 
 def _start_of_another(trial: Trial) -> Start | None:
-    """Where the search for another state starts; None if the stiffnesses are its own.
+    """Where the search for another state starts; None if this one is good enough.
 
-    The ply then remembers the stiffnesses at the state.
+    The ply then remembers the stiffnesses at the state.  Those that are not finite are
+    none to search with.
     """
     problem, (u, f, *_) = trial.problem, trial.equilibrium
-    if not problem.settle(u):
+    if not (problem.holds_stiffness and problem.ply.settle(u)):
         return None
-    start = problem.start(u, trial.tangent)
-    if trial.tangent is None:
+    start, tangent = problem.start(u, trial.tangent), trial.tangent
+    tolerance = trial.equilibrium.tolerance
+    if not np.isfinite(start.f).all() or problem.unbalanced(start.f) <= tolerance:
+        return None
+    if tangent is None or tangent.negative_pivots is None:
         return start
-    du, settled = trial.tangent.settled(start.f)
+    du, settled = tangent.settled(start.f)
     ours, theirs = (np.array([*problem.reactions(x).values()]) for x in (f, settled))
     force = np.abs(ours - theirs).max()
     before, after = (sum(x.energies.values()) for x in (trial, start))
     energy = abs(after + (0.5 * start.f + start.load) @ du - before)
-    tolerance = trial.equilibrium.tolerance
     changed = (
         force > _SETTLED * np.abs(ours).max() + tolerance * u.size
         or energy > _SETTLED * abs(before) + tolerance * np.abs(u).sum()
