@@ -403,7 +403,8 @@ class Ply(Measures):
     @remembered.setter
     def remembered(self, of_state: Remembered) -> None:
         for name, memory in self.memories.items():
-            memory.restore(*of_state[name])
+            parameters, work = of_state[name]
+            memory.restore(deepcopy(parameters), work)
 
     def reset(self) -> None:
         """Forget every committed state."""

@@ -14,7 +14,7 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix, issparse
 from skfem import CellBasis
 
-from .term import Load, Role, Term, dimension, refuse_unsymmetric
+from .term import DependsOn, Load, Role, Term, dimension, refuse_unsymmetric
 
 # What a memory, and a term, must have.
 _MEMORY_MEMBERS = (
@@ -73,6 +73,11 @@ def _check_members(term: Any) -> None:
     lacking = [name for name in _MEMORY_MEMBERS if not hasattr(term.memory, name)]
     if term.memory is not None and lacking:
         raise ValueError(f"term {term.name!r}: its memory has no {', '.join(lacking)}")
+    if term.memory is not None and term.memory.depends_on not in get_args(DependsOn):
+        raise ValueError(
+            f"term {term.name!r}: its memory depends_on {term.memory.depends_on!r}: "
+            f"choose of {', '.join(get_args(DependsOn))}"
+        )
     if term.role not in get_args(Role):
         raise ValueError(
             f"term {term.name!r}: role must be one of {', '.join(get_args(Role))}, "

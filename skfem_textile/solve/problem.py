@@ -23,9 +23,8 @@ _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 # (`pytest tests/solve/test_stepper.py -k round_off`).
 _EPSILON, _ROUNDINGS = 2.0**-53, 4
 
-# Share of the energy by which stiffnesses of the discretisation may be off.  Chosen: a
-# fifth of the error at which a path counts as not resolved.
-_SETTLED_ENERGY = 0.002
+# Share of the energy by which stiffnesses of the discretisation may be off on the way.
+_NEARLY_SETTLED = 0.002
 
 _MORE_STIFFNESS = (
     "holding the ply in more places, or more stabilisation or shear stiffness"
@@ -141,15 +140,8 @@ class Problem:
         """Nodal forces of the loads."""
         return self.ply.load(u, self.load_factor)
 
-    def settle(self, u: ndarray, round_off: float = 0.0) -> bool:
+    def settle(self, u: ndarray) -> bool:
         """Hold the stiffnesses at ``u`` in place of others, if that changes the energy.
-
-        Parameters
-        ----------
-        u
-            Displacement.
-        round_off
-            Of the energy in N·mm.
 
         Returns
         -------
@@ -163,8 +155,7 @@ class Problem:
         if ply.settle(u):
             after, _ = self.energies(u)
             energy = sum(before.values())
-            allowed = _SETTLED_ENERGY * abs(energy) + round_off
-            if abs(sum(after.values()) - energy) > allowed:
+            if abs(sum(after.values()) - energy) > _NEARLY_SETTLED * abs(energy):
                 return True
             ply.remembered = held
         return False
@@ -324,14 +315,14 @@ class Tangent:
         dq[free] = self._solve(b)
         return problem.plain(dq)
 
-    def settled(self, f: ndarray) -> ndarray:
-        """Forces after the motion that balances them, to first order."""
+    def settled(self, f: ndarray) -> tuple[ndarray, ndarray]:
+        """The motion that balances forces, and the forces after it, to first order."""
         problem = self._problem
-        q, fixed = np.zeros_like(f), problem.constraints.fixed
-        turned = problem.turned(f)
-        motion = self._solve(-turned[problem.system.free])
-        q[fixed] = turned[fixed] + self._matrix.coupling.T @ motion
-        return problem.plain(q)
+        free, fixed = problem.system.free, problem.constraints.fixed
+        motion, after, turned = np.zeros_like(f), np.zeros_like(f), problem.turned(f)
+        motion[free] = self._solve(-turned[free])
+        after[fixed] = turned[fixed] + self._matrix.coupling.T @ motion[free]
+        return problem.plain(motion), problem.plain(after)
 
     def softest(self) -> ndarray:
         """The motion with the least stiffness, its largest component 1.

@@ -245,13 +245,13 @@ class LoadStepper:
         undeformed = Equilibrium(u, f, (unbalanced,), tolerance)
         trial = Trial(problem, undeformed, None, energies, potentials)
         trial.tangent = tangent
-        state, self._start = self._state(0.0, trial), trial.next_start()
-        values = problem.constraints.fixed_values(0.0)
+        state, values = self._state(0.0, trial), problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
             self._keep(state, trial)
         else:
             self._states = [state]  # until the ply is in balance
+            self._start = problem.start(u, tangent)
             self._advance(0.0)
 
     def _go_on(self, saved: Saved, last: Trial) -> None:
@@ -316,8 +316,8 @@ class LoadStepper:
         loaded = self._loaded if t else self._loaded_at_rest
         most_altered = self._path.most_altered(step, t, loaded)
         goal = Goal(t, step, values, start, start if step else None, most_altered)
-        trial, followed_path, is_settled = self._search(goal)
-        state, altered = self._state(t, trial), trial.equilibrium.altered
+        trial, altered, followed_path, is_settled = self._search(goal)
+        state = self._state(t, trial)
         if self._path.must_repeat(step, state, altered, followed_path):
             log.info("step to %g was hard, taken again as two", t)
             return False
@@ -359,9 +359,9 @@ class LoadStepper:
             log.log(level, "load factor %g: %s", t, warning)
             self._warned.add(check)
         self._length.after(state.linear_solves)
-        self._held = self.problem.ply.remembered
         self._save(state)
         self._states.append(state)
+        self._held = self.problem.ply.remembered
         log.info("load factor %g: %d linear solves", t, state.linear_solves)
         if self.on_step is not None and t > 0:
             self.on_step(state)

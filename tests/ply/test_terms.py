@@ -25,6 +25,7 @@ from skfem_textile import (
     Full,
     LoadStepper,
     MatrixTerm,
+    Mixed,
     OnePoint,
     Ply,
     Quadratic,
@@ -34,6 +35,7 @@ from skfem_textile import (
     forms,
 )
 from skfem_textile.ply.kernels.kernel import ShearKernel
+from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.splitting import cut
 
 SPRINGS = Forms(
@@ -168,7 +170,8 @@ def test_a_tangent_that_is_not_symmetric_is_refused():
 
 def test_terms_of_another_ply_or_name_are_refused():
     ply, N = plain(), plain().basis.N
-    other = CellBasis(MeshQuad(), ELEMENT)
+    other, odd = CellBasis(MeshQuad(), ELEMENT), Drag(ply.basis)
+    odd.depends_on = "stat"
     for term, complaint in (
         (FormTerm("a", SPRINGS, other), "its basis is not one of the displacement"),
         (MatrixTerm("a", np.eye(3)), "its matrix must be"),
@@ -180,6 +183,7 @@ def test_terms_of_another_ply_or_name_are_refused():
         (VectorTerm("", np.ones(N)), "name must be some text"),
         (FormTerm("a", SPRINGS, None), "its basis is not one of the displacement"),
         (FormTerm("a", SPRINGS, ply.basis, memory=object()), "memory has no parameter"),
+        (FormTerm("a", SPRINGS, ply.basis, memory=odd), "'stat': choose of state, path"),
     ):
         with pytest.raises(ValueError, match=complaint):
             ply.with_terms(term)
@@ -244,15 +248,17 @@ class Drag:
         self.parameters = parameters
 
 
+DRAG = Forms(
+    Functional(lambda w: 0.5 * dot(w["u"] - w["last"], w["u"] - w["last"])),
+    LinearForm(lambda v, w: dot(w["u"] - w["last"], v)),
+    BilinearForm(lambda u, v, w: dot(u, v)),
+)
+
+
 @pytest.mark.parametrize("role", ["internal", "load"])
 def test_plies_that_share_a_term_remember_apart(role):
     ply = plain()
-    forms_ = Forms(
-        Functional(lambda w: 0.5 * dot(w["u"] - w["last"], w["u"] - w["last"])),
-        LinearForm(lambda v, w: dot(w["u"] - w["last"], v)),
-        BilinearForm(lambda u, v, w: dot(u, v)),
-    )
-    term = FormTerm("drag", forms_, ply.basis, role=role, memory=Drag(ply.basis))
+    term = FormTerm("drag", DRAG, ply.basis, role=role, memory=Drag(ply.basis))
     first, u = ply.with_terms(term), wobble(ply, 1)
     first.commit(u)
     for second in (
@@ -262,6 +268,55 @@ def test_plies_that_share_a_term_remember_apart(role):
         assert np.abs(second.memories["drag"].parameters["last"]).max() == 0.0
     np.testing.assert_array_equal(first.memories["drag"].parameters["last"], u)
     assert LoadStepper(first, CONDITIONS, 2).run().converged
+
+
+class Count(Drag):
+    """Tells how often it was committed, and changes its arrays in place."""
+
+    def begin(self):
+        super().begin()
+        self.parameters["times"] = self.basis.zeros()
+
+    def commit(self, u):
+        self.parameters["last"][:] = u
+        self.parameters["times"] += 1.0
+        return True
+
+
+@pytest.mark.parametrize("depends_on", ["path", "steps"])
+def test_a_memory_is_committed_once_for_every_state(depends_on):
+    """At rest too, and not by steps that fail: here one in two does at first."""
+    ply = plain(OnePoint())
+    term = FormTerm("drag", DRAG, ply.basis, memory=Count(ply.basis))
+    term.memory.depends_on = depends_on
+    ply = ply.with_terms(term)
+    seen = []
+
+    def see(state):
+        seen.append(ply.memories["drag"].parameters["times"][0])
+
+    refused = iter([True, False, True])
+
+    class Moody(Mixed):
+        def iterates(self, *arguments):
+            if next(refused, False):
+                raise NoEquilibriumError("not today")
+            return super().iterates(*arguments)
+
+    stepper = LoadStepper(ply, CONDITIONS, 4, strategies=[Moody()], on_step=see)
+    result = stepper.run()
+    assert result.steps_cut == 2
+    assert seen == list(range(1, len(result.states)))
+
+
+def test_what_a_ply_remembered_stays_what_it_was():
+    ply = plain(OnePoint())
+    ply = ply.with_terms(FormTerm("drag", DRAG, ply.basis, memory=Count(ply.basis)))
+    before = ply.remembered
+    for seed in (1, 2):
+        ply.remembered = before
+        ply.commit(wobble(ply, seed))
+        assert not before["drag"][0]["last"].any()
 
 
 def test_terms_of_a_ply_cannot_be_changed_behind_its_back():

@@ -25,7 +25,7 @@ from skfem_textile import (
     StepError,
 )
 from skfem_textile.cli import main as cli
-from skfem_textile.scenes import strip
+from skfem_textile.scenes import bias_extension, strip
 
 
 @dataclass(frozen=True)
@@ -254,6 +254,17 @@ def test_a_full_disk_stops_the_run_and_keeps_its_states(tmp_path, monkeypatch):
     assert e.value.result.states[-1].load_factor > 0
     monkeypatch.undo()
     assert_same(stepper(tmp_path / "c").run(resume=True), whole())
+
+
+def test_a_state_that_is_not_written_leaves_no_trace_in_the_ply(tmp_path, monkeypatch):
+    scene = bias_extension(size=(4, 8))
+    fabric = Fabric(1e4, Soft(0.5), scene.warp, scene.weft)
+    ply = Ply(scene.mesh, fabric, OnePoint())
+    monkeypatch.setattr(np, "savez", full_after(3, np.savez))
+    with pytest.raises(StepError, match="cannot write checkpoint") as e:
+        LoadStepper(ply, scene.conditions, 4, checkpoint=tmp_path / "c").run()
+    last = e.value.result.states[-1]
+    assert ply.energies(last.u) == last.energies
 
 
 def full_after(number, savez):

@@ -18,6 +18,8 @@ from skfem_textile import (
     Macro,
     OnePoint,
     Ply,
+    Pretensioned,
+    Quadratic,
     Sin2,
 )
 from skfem_textile.cli import main as cli
@@ -84,6 +86,33 @@ def load_of(result):
 
 def energy_of(result):
     return result.summary()["energy"]
+
+
+@pytest.mark.parametrize("law", [0.5, Sin2(0.5)])
+def test_energy_does_not_either_where_reactions_cancel(law):
+    """One condition holds both ends: the sum of its forces tells nothing."""
+    scene = bias_extension(size=(6, 12), shear_angle=np.radians(50))
+    ends = [scene.mesh.p[1].min(), scene.mesh.p[1].max()]
+    held = Condition(
+        lambda X: np.isin(X[1], ends),
+        lambda X, t: np.where(X[1] == ends[1], scene.displacement(X, t), 0.0),
+    )
+    scene = replace(scene, conditions={"ends": held})
+    one, eight = (loaded(scene, Quadratic(200.0), n, law) for n in (1, 8))
+    assert one.path_resolved
+    assert energy_of(one) == pytest.approx(energy_of(eight), rel=0.005)
+
+
+def test_a_reaction_along_stiff_fibres_does_not_either():
+    """Where the energy changes by a thousandth, it changes by a tenth."""
+    scene = strip(size=(5, 8))
+    fabric = Fabric(Pretensioned(Linear(1e5), 1.0), 0.5, scene.warp, scene.weft)
+    few, many = (
+        LoadStepper(Ply(scene.mesh, fabric), scene.conditions, n).run() for n in (2, 10)
+    )
+    reactions = [np.array([*r.states[-1].reactions.values()]) for r in (few, many)]
+    assert few.path_resolved
+    assert np.abs(reactions[0] - reactions[1]).max() < 0.005 * np.abs(reactions).max()
 
 
 def test_a_small_reaction_does_not_depend_on_the_number_of_steps():

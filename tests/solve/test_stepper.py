@@ -441,13 +441,10 @@ def test_a_function_that_fails_on_the_way_stops_the_run():
 @pytest.mark.parametrize("E", [1e4, 1e7])
 @pytest.mark.parametrize("n", [8, 16])
 def test_what_round_off_leaves_is_within_the_tolerance(n, E, size):
-    """Under a load that is hardly more than round-off.
-
-    Two states, each of one iteration and one solve that asks for its stiffnesses.
-    """
+    """Under a load that is hardly more than round-off."""
     ply = Ply(rectangle(size, size, (n, n), "irregular", 0.2), Fabric(E, 0.5))
     weight = BodyForce((0.0, -1e-9), factor=1.0)
     stepper = LoadStepper(
         ply.with_terms(weight), {"clamp": Condition("bottom")}, 1, strategies=("mixed",)
     )
-    assert stepper.run().linear_solves <= 4
+    assert stepper.run().linear_solves <= 2

@@ -1,9 +1,17 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from skfem_textile import Fabric, Macro, Ply, Quadratic
 from skfem_textile.scenes import Case, bias_extension
 from skfem_textile.solve.states import NoEquilibriumError
+from skfem_textile.solve.stepping import equilibrium_search
+from skfem_textile.solve.stepping.equilibrium_search import (
+    EquilibriumSearch,
+    Found,
+    Goal,
+)
 from skfem_textile.solve.strategies import _shortened
 from skfem_textile.splitting import cut, split
 
@@ -63,3 +71,19 @@ def test_a_step_with_kinks_takes_four_iterations(
     fabric = Fabric(E, 0.5, scene.warp, scene.weft)
     case = Case(scene=scene, fabric=fabric, formulation=formulation, steps=4)
     assert case.run().linear_solves <= 18
+
+
+@pytest.mark.parametrize(("altered", "followed"), [(9, True), (0, False)])
+def test_a_state_that_is_found_again_was_as_hard_to_find_as_at_first(
+    altered, followed, monkeypatch
+):
+    found = iter([Found("first", altered, followed, False), Found("", 0, True, False)])
+    starts = iter(["start", None])
+    monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(found))
+    monkeypatch.setattr(
+        equilibrium_search, "_start_of_another", lambda trial: next(starts)
+    )
+    ply = SimpleNamespace(remembered={})
+    search = EquilibriumSearch(SimpleNamespace(ply=ply), (), (), None)
+    again = search(Goal(1.0, 1.0, None, None, None))
+    assert again == Found("", altered, followed, True)

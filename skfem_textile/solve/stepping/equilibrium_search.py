@@ -17,12 +17,13 @@ _AT_REST = (
     "or more shear stiffness"
 )
 
+# Share of the largest reaction, and of the energy, by which the stiffnesses at a state
+# may change it.  Reactions alone tell nothing where they balance a load, or each other.
+# Chosen: with what further times would change, half of a percent at most.
+_SETTLED = 0.0025
 
-# Share of the largest reaction by which the stiffnesses at a state may change it.
-# Chosen: half of the error at which a path counts as not resolved.
-_SETTLED = 0.005
-
-# How often a state is found again: each time what is left is a small share of what was.
+# How often a state is found again.  Each time about a quarter of the change is left; in
+# coarse quadratic triangles at 60 degrees of shear it is half.
 _TIMES = 4
 
 
@@ -57,6 +58,8 @@ class Found(NamedTuple):
     ----------
     trial
         The state.
+    altered
+        Tangents that were altered on the way, at most, where it was found again.
     followed_path
         Whether its altered tangents tell if it is on the path.
     settled
@@ -65,6 +68,7 @@ class Found(NamedTuple):
     """
 
     trial: Trial
+    altered: int
     followed_path: bool
     settled: bool
 
@@ -102,16 +106,19 @@ class EquilibriumSearch:
         found, ply = self._first(goal), self.problem.ply
         for _ in range(_TIMES):
             held = ply.remembered
-            start = _start_of_another(found.trial)
+            with np.errstate(all="ignore"):  # what is not finite is caught
+                start = _start_of_another(found.trial)
             if start is None:
                 ply.remembered = held
                 return found._replace(settled=True)
             try:
-                trial = self._first(goal._replace(start=start)).trial
+                again = self._first(goal._replace(start=start))
             except NoEquilibriumError:
                 ply.remembered = held
                 break
-            found = found._replace(trial=trial)
+            altered = max(found.altered, again.altered)
+            followed_path = found.followed_path and again.followed_path
+            found = Found(again.trial, altered, followed_path, settled=False)
         return found
 
     def _first(self, goal: Goal) -> Found:
@@ -133,7 +140,8 @@ class EquilibriumSearch:
             except NoEquilibriumError as failure:
                 failures.setdefault(str(failure), failure)
             else:
-                return Found(trial, follows_path(strategy), settled=False)
+                altered = trial.equilibrium.altered
+                return Found(trial, altered, follows_path(strategy), settled=False)
         advice = next(iter(failures.values())).advice
         raise NoEquilibriumError(
             f"no acceptable state at {goal.load_factor:.6g}: {'; '.join(failures)}",
@@ -186,26 +194,30 @@ class EquilibriumSearch:
 
 
 def _start_of_another(trial: Trial) -> Start | None:
-    """Where the search for another state starts; None if the stiffnesses are its own.
+    """Where the search for another state starts; None if this one is good enough.
 
-    The ply then remembers the stiffnesses at the state.  They are its own if they
-    change its energy, and to first order its largest reaction, by a small share.
+    The ply then remembers the stiffnesses at the state.  Those that are not finite are
+    none to search with.
     """
     problem, (u, f, *_) = trial.problem, trial.equilibrium
-    round_off = trial.equilibrium.tolerance
-    if not problem.settle(u, round_off * float(np.abs(u).sum())):
-        if not problem.ply.settle(u):
-            return None
-        if trial.tangent:
-            change = trial.tangent.settled(problem.residual(u) - f)
-            allowed = _SETTLED * _largest_reaction(problem, f) + round_off * u.size
-            if _largest_reaction(problem, change) <= allowed:
-                return None
-    return problem.start(u, trial.tangent)
-
-
-def _largest_reaction(problem: Problem, f: ndarray) -> float:
-    return max(float(np.abs(own).max()) for own in problem.reactions(f).values())
+    if not (problem.holds_stiffness and problem.ply.settle(u)):
+        return None
+    start, tangent = problem.start(u, trial.tangent), trial.tangent
+    tolerance = trial.equilibrium.tolerance
+    if not np.isfinite(start.f).all() or problem.unbalanced(start.f) <= tolerance:
+        return None
+    if tangent is None or tangent.negative_pivots is None:
+        return start
+    du, settled = tangent.settled(start.f)
+    ours, theirs = (np.array([*problem.reactions(x).values()]) for x in (f, settled))
+    force = np.abs(ours - theirs).max()
+    before, after = (sum(x.energies.values()) for x in (trial, start))
+    energy = abs(after + (0.5 * start.f + start.load) @ du - before)
+    changed = (
+        force > _SETTLED * np.abs(ours).max() + tolerance * u.size
+        or energy > _SETTLED * abs(before) + tolerance * np.abs(u).sum()
+    )
+    return start if changed else None
 
 
 def strategy_of(strategy: str | Strategy) -> Strategy:
