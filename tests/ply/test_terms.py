@@ -183,7 +183,7 @@ def test_terms_of_another_ply_or_name_are_refused():
         (VectorTerm("", np.ones(N)), "name must be some text"),
         (FormTerm("a", SPRINGS, None), "its basis is not one of the displacement"),
         (FormTerm("a", SPRINGS, ply.basis, memory=object()), "memory has no parameter"),
-        (FormTerm("a", SPRINGS, ply.basis, memory=odd), "'stat': choose of state, path"),
+        (FormTerm("a", SPRINGS, ply.basis, memory=odd), "'stat': choose of state"),
     ):
         with pytest.raises(ValueError, match=complaint):
             ply.with_terms(term)
