@@ -1,4 +1,4 @@
-"""Stiffnesses of the discretisation, from laws at the last converged state.
+"""Stiffnesses of the discretisation, from laws at a state.
 
 C_s meets the non-constant shear of an element, and E_d what the stretches in it deviate
 from their mean.  Neither is of the fabric: they are as large as keeps the element from

@@ -15,6 +15,7 @@ from studies.laws.cases import (
     QUADRATIC,
     QUADS,
     STEEP_SHEAR,
+    TOE,
     TRIANGLES,
     Case,
 )
@@ -119,7 +120,7 @@ def test_a_refused_case_has_no_load(monkeypatch):
         return stepper(ply, conditions, 1, strategies=["newton"], max_halvings=0)
 
     monkeypatch.setattr(study, "LoadStepper", balks)
-    (found,) = STUDY.examine(Case("judged", LINEAR, QUADS, 8, 1))
+    (found,) = STUDY.examine(Case("judged", TOE, QUADS, 16, 1))
     assert np.isnan(found["load"])
     assert "stopped at load factor 0" in found["refused"]
 
