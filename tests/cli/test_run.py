@@ -135,10 +135,10 @@ def test_numbers_that_json_does_not_have_are_null(tmp_path, monkeypatch):
 
 
 def test_steps_and_iterations_are_told_on_request(tmp_path, capsys):
-    """With 2×2 points every linear solve is an iteration."""
+    """With a fixed C_s every linear solve is an iteration."""
     lines = []
     for verbose in ((), ("-v",), ("-vv",)):
-        assert run(tmp_path, *QUICK, "--formulation", "full", *verbose) == 0
+        assert run(tmp_path, *QUICK, "--formulation", "one-point", *verbose) == 0
         lines.append(capsys.readouterr().err.splitlines())
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert lines[0] == []
