@@ -316,7 +316,7 @@ class LoadStepper:
         loaded = self._loaded if t else self._loaded_at_rest
         most_altered = self._path.most_altered(step, t, loaded)
         goal = Goal(t, step, values, start, start if step else None, most_altered)
-        trial, altered, followed_path, is_settled = self._search(goal)
+        trial, altered, followed_path, is_settled, solves_again = self._search(goal)
         state = self._state(t, trial)
         if self._path.must_repeat(step, state, altered, followed_path):
             log.info("step to %g was hard, taken again as two", t)
@@ -326,6 +326,7 @@ class LoadStepper:
         if step == 0:
             self._states = []
         self._path.reached(state)
+        self._length.after(state.linear_solves - solves_again)
         self._keep(state, trial)
         return True
 
@@ -358,7 +359,6 @@ class LoadStepper:
             level = logging.WARNING if first else logging.INFO
             log.log(level, "load factor %g: %s", t, warning)
             self._warned.add(check)
-        self._length.after(state.linear_solves)
         self._save(state)
         self._states.append(state)
         self._held = self.problem.ply.remembered

@@ -83,7 +83,7 @@ def test_a_state_that_is_found_again_was_as_hard_to_find_as_at_first(
     monkeypatch.setattr(
         equilibrium_search, "_start_of_another", lambda trial: next(starts)
     )
-    ply = SimpleNamespace(remembered={})
-    search = EquilibriumSearch(SimpleNamespace(ply=ply), (), (), None)
+    ply, clock = SimpleNamespace(remembered={}), SimpleNamespace(solves=3)
+    search = EquilibriumSearch(SimpleNamespace(ply=ply, clock=clock), (), (), None)
     again = search(Goal(1.0, 1.0, None, None, None))
     assert again == Found("", altered, followed, True)

@@ -26,6 +26,9 @@ _SETTLED = 0.0025
 # coarse quadratic triangles at 60 degrees of shear it is half.
 _TIMES = 4
 
+# Altered tangents at most on the way to a state that is found again, which is near.
+_MOST_ALTERED_AGAIN = 2
+
 
 class Goal(NamedTuple):
     """What to reach, and from where.
@@ -65,12 +68,15 @@ class Found(NamedTuple):
     settled
         Whether the stiffnesses that the discretisation has at the state would not
         change it.
+    solves_again
+        Linear solves after it was found for the first time.
     """
 
     trial: Trial
     altered: int
     followed_path: bool
     settled: bool
+    solves_again: int = 0
 
 
 @dataclass(frozen=True)
@@ -103,23 +109,28 @@ class EquilibriumSearch:
         NoEquilibriumError
             If no strategy finds one.
         """
-        found, ply = self._first(goal), self.problem.ply
+        found, ply, clock = self._first(goal), self.problem.ply, self.problem.clock
+        before = clock.solves
         for _ in range(_TIMES):
             held = ply.remembered
             with np.errstate(all="ignore"):  # what is not finite is caught
                 start = _start_of_another(found.trial)
             if start is None:
                 ply.remembered = held
-                return found._replace(settled=True)
+                found = found._replace(settled=True)
+                break
+            most_altered = min(goal.most_altered, _MOST_ALTERED_AGAIN)
             try:
-                again = self._first(goal._replace(start=start))
+                again = self._first(
+                    goal._replace(start=start, most_altered=most_altered)
+                )
             except NoEquilibriumError:
                 ply.remembered = held
                 break
             altered = max(found.altered, again.altered)
             followed_path = found.followed_path and again.followed_path
             found = Found(again.trial, altered, followed_path, settled=False)
-        return found
+        return found._replace(solves_again=clock.solves - before)
 
     def _first(self, goal: Goal) -> Found:
         """The state that the first strategy finds which finds any.
@@ -131,7 +142,7 @@ class EquilibriumSearch:
         """
         strategies = self.strategies
         if np.isfinite(goal.most_altered):
-            strategies = [s for s in strategies if follows_path(s)]
+            strategies = [s for s in strategies if follows_path(s)] or strategies
         failures: dict[str, NoEquilibriumError] = {}
         for strategy in strategies:
             try:
