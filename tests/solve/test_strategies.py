@@ -79,11 +79,16 @@ def test_a_state_that_is_found_again_was_as_hard_to_find_as_at_first(
 ):
     found = iter([Found("first", altered, followed, False), Found("", 0, True, False)])
     starts = iter(["start", None])
-    monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(found))
+
+    def first(*_):
+        clock.solves += 5
+        return next(found)
+
+    monkeypatch.setattr(EquilibriumSearch, "_first", first)
     monkeypatch.setattr(
         equilibrium_search, "_start_of_another", lambda trial: next(starts)
     )
     ply, clock = SimpleNamespace(remembered={}), SimpleNamespace(solves=3)
     search = EquilibriumSearch(SimpleNamespace(ply=ply, clock=clock), (), (), None)
     again = search(Goal(1.0, 1.0, None, None, None))
-    assert again == Found("", altered, followed, True)
+    assert again == Found("", altered, followed, True, solves_again=5)

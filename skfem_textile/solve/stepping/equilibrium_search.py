@@ -11,6 +11,7 @@ from ..problem import Problem, Start
 from ..states import Equilibrium, Iteration, NoEquilibriumError
 from ..strategies import STRATEGIES, Strategy, balanced
 from ..verdict import Trial
+from .load_path import MOST_ALTERED
 
 _AT_REST = (
     "less tension, compression or load at rest, loads that grow with the load factor, "
@@ -25,9 +26,6 @@ _SETTLED = 0.0025
 # How often a state is found again.  Each time about a quarter of the change is left; in
 # coarse quadratic triangles at 60 degrees of shear it is half.
 _TIMES = 4
-
-# Altered tangents at most on the way to a state that is found again, which is near.
-_MOST_ALTERED_AGAIN = 2
 
 
 class Goal(NamedTuple):
@@ -119,7 +117,8 @@ class EquilibriumSearch:
                 ply.remembered = held
                 found = found._replace(settled=True)
                 break
-            most_altered = min(goal.most_altered, _MOST_ALTERED_AGAIN)
+            # It is near, so that the way to it is easy.
+            most_altered = min(goal.most_altered, MOST_ALTERED)
             try:
                 again = self._first(
                     goal._replace(start=start, most_altered=most_altered)

@@ -20,9 +20,9 @@ from ..states import State
 # another state leave for another equilibrium.
 _SAME_STATE = 0.01
 
-# Altered tangents at most on the way of an easy step.  With more, steps that leave the
-# path are taken for easy; with fewer, steps that stay on it are halved.
-_MOST_ALTERED = 2
+#: Altered tangents at most on the way of an easy step.  With more, steps that leave the
+#: path are taken for easy; with fewer, steps that stay on it are halved.
+MOST_ALTERED = 2
 
 # How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.
 _PATH_HALVINGS = 6
@@ -116,7 +116,7 @@ class LoadPath:
         Past a limit point of a load, ``loaded``, there is no path to follow.
         """
         followed = step > 1.5 * self._short and t > self.not_followed_until
-        return _MOST_ALTERED if followed or loaded else np.inf
+        return MOST_ALTERED if followed or loaded else np.inf
 
     def must_repeat(
         self, step: float, state: State, altered: int, followed_path: bool
@@ -134,7 +134,7 @@ class LoadPath:
         followed_path
             Whether ``altered`` tells if the state is on the path.
         """
-        if followed_path and altered <= _MOST_ALTERED:
+        if followed_path and altered <= MOST_ALTERED:
             return False
         t = state.load_factor
         if not followed_path:
