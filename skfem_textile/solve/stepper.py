@@ -159,6 +159,7 @@ class LoadStepper:
         """
         if resume and not self.checkpoint:
             raise ValueError("no checkpoint to resume from: name its folder")
+        self._forget()  # no interruption of a run meets one half set up
         try:
             self._begin(resume)
             self._reach_load_factors()
@@ -201,18 +202,22 @@ class LoadStepper:
         self._solver = ChosenSolver(self._solver_name, lower)
         return self._solver
 
-    def _begin(self, resume: bool) -> None:
-        """Start from the ply at rest, or from where the checkpoint ends."""
-        problem, checkpoint = self.problem, self.checkpoint
-        problem.clock, self._began = Clock(), perf_counter()
+    def _forget(self) -> None:
+        """Forget the run before."""
+        self.problem.clock, self._began = Clock(), perf_counter()
         self._steps_cut, self._states = 0, []
-        problem.ply.reset()
-        self._held = problem.ply.remembered
+        self._held = self.problem.ply.remembered
         longest = self.load_factors[0]
         shortest = longest / 2.0**self.max_halvings
         self._length = StepLength(longest, shortest, next=longest)
         self._path = LoadPath(longest, self.max_halvings if self._follows else 0)
         self._warned: set[str] = set()
+
+    def _begin(self, resume: bool) -> None:
+        """Start from the ply at rest, or from where the checkpoint ends."""
+        problem, checkpoint = self.problem, self.checkpoint
+        problem.ply.reset()
+        self._held = problem.ply.remembered
         replay = Replay(problem)
         if checkpoint and resume and (saved := checkpoint.load(replay)):
             self._go_on(saved, replay.last)

@@ -1,5 +1,7 @@
 import logging
+import sys
 from functools import cache
+from itertools import count
 
 import numpy as np
 import pytest
@@ -392,6 +394,29 @@ def test_an_interrupted_run_keeps_its_states():
         stepper.run()
     assert load_factors(stepper.result) == [0.0, 0.25, 0.5]
     assert not stepper.result.converged
+
+
+def interrupt_at(number):
+    """Interrupt the library at its call of that number, from now on."""
+    calls = count()
+
+    def interrupt(frame, event, argument):
+        of_library = frame.f_globals.get("__name__", "").startswith("skfem_textile")
+        if event == "call" and of_library and next(calls) == number:
+            sys.setprofile(None)
+            raise KeyboardInterrupt
+
+    sys.setprofile(interrupt)
+
+
+@pytest.mark.parametrize("number", range(0, 100, 7))
+def test_a_run_may_be_interrupted_wherever_it_begins(number):
+    ply, conditions = pulled(0.5)
+    stepper = LoadStepper(ply, conditions, 1)
+    interrupt_at(number)
+    with pytest.raises(KeyboardInterrupt):
+        stepper.run()
+    assert stepper.run().converged
 
 
 @pytest.mark.parametrize(
