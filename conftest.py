@@ -1,5 +1,9 @@
-"""Doctests of modules that draw are skipped where what they draw with is missing."""
+"""What every test leaves as it was, and which doctests are skipped.
 
+Those of modules that draw are, where what they draw with is missing.
+"""
+
+import logging
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -27,3 +31,13 @@ def pytest_collect_file(file_path, parent):
         if any(module.match(pattern) for pattern in MODULES_THAT_DRAW):
             return [Undrawable.from_parent(parent, path=file_path)]
     return collected
+
+
+@pytest.fixture(autouse=True)
+def _log_as_before():
+    """A run of the command line sets up the log of its whole process."""
+    log = logging.getLogger("skfem_textile")
+    handlers, level = log.handlers[:], log.level
+    yield
+    log.handlers[:] = handlers
+    log.setLevel(level)

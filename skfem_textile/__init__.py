@@ -17,6 +17,7 @@ from .fabric import (
     Sin2,
     Tabulated,
     TensionOnly,
+    mesh_along_fibres,
 )
 from .forms import Forms, hourglass_rate, shear_continuity
 from .mesh.bases import (
@@ -31,22 +32,21 @@ from .mesh.bases import (
 from .mesh.checks import MeshError
 from .mesh.interior_edges import JumpBasis
 from .mesh.macro import MacroBasis
-from .meshing import mesh_along_fibres
+from .mesh.splitting import split
 from .ply import Ply
 from .ply.formulations import Full, Macro, OnePoint, Quadratic
 from .ply.kernels.exported_forms import hourglass, mean_tension, shear, tension
 from .ply.loads import BodyForce, Force, Traction
 from .ply.memory import AccumulatedMoment, HeldStabilisation
+from .ply.refinement import Refinement, marked, refine, shear_angle_jumps
 from .ply.term import Load, Memory, Term
 from .ply.terms import FormTerm, MatrixTerm, VectorTerm
-from .refinement import Refinement, marked, refine, shear_angle_jumps
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition
 from .solve.result import Result, StepError
 from .solve.states import Iteration, State, Verdict
 from .solve.stepper import LoadStepper
 from .solve.strategies import Descent, Mixed, Newton
-from .splitting import split
 
 __version__ = "0.1.0"
 

@@ -1,5 +1,6 @@
 """What a ply is made of: fibre directions, and laws of tension and shear."""
 
+from .along_fibres import mesh_along_fibres
 from .fabric import Direction, Fabric, Family, unit_vectors
 from .law import BiaxialLaw, Law, Linear, Slopes, TwoLaws, is_zero
 from .law_plot import plot_law
@@ -31,6 +32,7 @@ __all__ = [
     "TensionOnly",
     "TwoLaws",
     "is_zero",
+    "mesh_along_fibres",
     "plot_law",
     "unit_vectors",
 ]

@@ -9,8 +9,8 @@ from numpy import ndarray
 from skfem import BilinearForm, Functional, LinearForm
 from skfem.helpers import ddot, grad
 
-from .. import kinematics as kin
 from ..fabric import Fabric
+from ..fabric import kinematics as kin
 from .form import Forms, contract, deformation, directions, once
 
 

@@ -15,7 +15,7 @@ from numpy import ndarray
 from skfem import BilinearForm, Functional, LinearForm
 from skfem.helpers import ddot, grad
 
-from .. import kinematics as kin
+from ..fabric import kinematics as kin
 from .form import Forms, deformation, once
 
 #: J₀, the area ratio det F below which a corner resists.  Chosen: fibres at right

@@ -18,8 +18,8 @@ from skfem import BilinearForm, Functional, LinearForm
 from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot, grad
 
-from .. import kinematics as kin
 from ..fabric import Fabric, is_zero
+from ..fabric import kinematics as kin
 
 
 class Forms(NamedTuple):

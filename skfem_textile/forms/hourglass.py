@@ -14,8 +14,8 @@ from skfem import BilinearForm, DiscreteField, Functional, LinearForm
 from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot, grad, inv
 
-from .. import kinematics as kin
 from ..fabric import Fabric
+from ..fabric import kinematics as kin
 from ..mesh.bases import centre_grad
 from .form import Forms, contract, directions, once
 

@@ -24,8 +24,8 @@ from numpy import ndarray
 from skfem import BilinearForm, Functional, LinearForm
 from skfem.helpers import ddot, grad
 
-from .. import kinematics as kin
 from ..fabric import Fabric
+from ..fabric import kinematics as kin
 from ..mesh.bases import MeanBasis
 from .form import (
     Forms,

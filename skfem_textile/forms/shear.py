@@ -1,7 +1,7 @@
 """In-plane shear."""
 
-from .. import kinematics as kin
 from ..fabric import Fabric
+from ..fabric import kinematics as kin
 from .form import Forms, deformation, directions, elements, of_density, outer
 
 

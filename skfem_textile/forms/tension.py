@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from .. import kinematics as kin
 from ..fabric import Fabric
+from ..fabric import kinematics as kin
 from .form import (
     Forms,
     deformation,

@@ -18,8 +18,8 @@ from skfem import Mesh, MeshQuad, MeshTri
 from ..mesh.checks import MeshError, check_mesh, refuse, refuse_positions
 from ..mesh.named_nodes import with_named_nodes
 from ..mesh.scikit_fem import with_names
+from ..mesh.splitting import boundary_edges, named_edges, split_cells
 from ..mesh.user_input import printable
-from ..splitting import boundary_edges, named_edges, split_cells
 from . import abaqus, gmsh, vtk, vtu
 
 # Extent of a mesh along z over its largest extent, up to which it counts as plane.

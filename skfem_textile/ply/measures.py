@@ -9,8 +9,8 @@ from scipy.sparse import csr_matrix
 from skfem import CellBasis, Mesh
 from skfem.helpers import ddot
 
-from .. import kinematics as kin
 from ..fabric import Fabric
+from ..fabric import kinematics as kin
 from ..mesh.bases import node_dofs
 from ..mesh.corners import Corners
 

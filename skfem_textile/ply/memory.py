@@ -5,8 +5,8 @@ from numpy import ndarray
 from skfem import CellBasis, asm
 from skfem.assembly.form.form import FormExtraParams
 
-from .. import kinematics as kin
 from ..fabric import Fabric
+from ..fabric import kinematics as kin
 from ..fabric.law import mean_slope
 from ..forms.form import directions, elements, fibre_tension
 from ..forms.held_stiffness import (

@@ -21,7 +21,7 @@ from ..forms.form import directions
 from ..mesh.bases import node_positions
 from ..mesh.corners import Corners
 from ..mesh.pattern import Pattern
-from ..splitting import original_elements
+from ..mesh.splitting import original_elements
 from .corners import CornerTerm, corner_stiffness
 from .formulations import DEFAULT
 from .kernels.assembly import KernelSum

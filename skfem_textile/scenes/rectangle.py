@@ -7,9 +7,9 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
+from ..fabric import mesh_along_fibres
 from ..mesh.checks import with_edges
 from ..mesh.named_nodes import named_nodes
-from ..meshing import mesh_along_fibres
 
 Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "delaunay"]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, ElementTriP1
 
-from skfem_textile import kinematics as kin
+from skfem_textile.fabric import kinematics as kin
 from skfem_textile.mesh.bases import GAUSS, SIX
 from skfem_textile.scenes import Scene
 

@@ -9,13 +9,13 @@ import numpy as np
 from skfem import Mesh
 
 from skfem_textile.fabric import Fabric, Law, Linear, Sin2
+from skfem_textile.mesh.splitting import split
 from skfem_textile.ply.formulations import Full, Kind, Macro, OnePoint, Quadratic
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension, picture_frame, strip, trellis
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.strip import HEIGHT, WIDTH
 from skfem_textile.scenes.trellis import SIDE
-from skfem_textile.splitting import split
 
 #: Shear stiffness of the bias extension in N/mm, and its shear angles in degrees.
 G, ANGLES = 0.5, (10, 20, 30, 40, 50)

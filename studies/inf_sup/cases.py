@@ -10,10 +10,10 @@ from numpy import ndarray
 from skfem import Mesh
 
 from skfem_textile.fabric import Fabric
+from skfem_textile.mesh.splitting import cut
 from skfem_textile.ply.formulations import Full, Macro, OnePoint, Quadratic
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import cut
 
 from .constraints import Constraints
 

@@ -16,8 +16,8 @@ from scipy.sparse import csr_matrix, vstack
 from skfem import CellBasis, Mesh
 from skfem.helpers import ddot, grad
 
-from skfem_textile import kinematics as kin
 from skfem_textile.fabric import Fabric
+from skfem_textile.fabric import kinematics as kin
 from skfem_textile.mesh.bases import MeanBasis
 from skfem_textile.ply.terms import Formulation
 

@@ -13,7 +13,7 @@ from scipy.linalg import solve
 from skfem import CellBasis, LinearForm, asm
 from skfem.helpers import ddot, dot, grad
 
-from skfem_textile import kinematics as kin
+from skfem_textile.fabric import kinematics as kin
 from skfem_textile.ply import Ply
 
 from .constants import ORDER, gram

@@ -21,7 +21,7 @@ _MEASURE = """
 import json, time
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Macro, OnePoint, Ply
 from skfem_textile.scenes import strip
-from skfem_textile.splitting import split
+from skfem_textile.mesh.splitting import split
 
 seconds = {}
 for name, size, formulation in (

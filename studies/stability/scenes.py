@@ -9,12 +9,12 @@ from numpy import ndarray
 from skfem import Mesh, MeshQuad
 
 from skfem_textile.mesh.checks import with_edges
+from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import Scene, picture_frame, strip, trellis
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.strip import HEIGHT, WIDTH
 from skfem_textile.scenes.trellis import sheared
 from skfem_textile.solve.conditions import Condition
-from skfem_textile.splitting import split
 
 #: Elements along the sides of a square, unless something else is said.
 SIZE = (8, 8)

@@ -7,8 +7,8 @@ import numpy as np
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import BiaxialLaw, Macro, Quadratic
+from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import cut, split
 
 ONE_QUAD = np.array([[0.0, 2.0, 2.3, -0.2], [0.0, 0.3, 1.7, 1.4]])
 

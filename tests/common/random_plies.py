@@ -9,7 +9,7 @@ from scipy.spatial import Delaunay
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import CrimpInterchange, Linear, Sin2
-from skfem_textile.splitting import split, split_cells
+from skfem_textile.mesh.splitting import split, split_cells
 
 # Laws: what `Fabric` takes, and the same for the plain program
 

@@ -23,7 +23,7 @@ from skfem_textile import (
 from skfem_textile.fabric import plot_law
 from skfem_textile.fabric.law import mean_slope
 from skfem_textile.fabric.law_check import check_laws
-from skfem_textile.splitting import cut
+from skfem_textile.mesh.splitting import cut
 
 LAWS = {
     "balanced": CrimpInterchange(1e4, 0.01, 1.0, 2e-3, 1.0),

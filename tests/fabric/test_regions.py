@@ -21,8 +21,8 @@ from skfem_textile import (
     split,
 )
 from skfem_textile.fabric.regions import RegionalLaw
+from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes import bias_extension
-from skfem_textile.splitting import cut
 
 LEFT = Fabric((1e3, 500.0), Sin2(1.0), warp=(1, 0.3), weft=(-0.2, 1))
 RIGHT = Fabric((2e3, 100.0), Linear(3.0), warp=(1, 0.6), weft=(-0.5, 1))

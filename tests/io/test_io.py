@@ -24,9 +24,9 @@ from skfem_textile.io import (
     write_summary,
 )
 from skfem_textile.io.fields import cell_fields
+from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import split
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0.0]])
 QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])

@@ -8,8 +8,8 @@ from skfem import MeshQuad, MeshTri
 
 from skfem_textile import MeshError
 from skfem_textile.mesh.checks import check_mesh
+from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import cut, split
 
 SHEET = rectangle(4, 4, (4, 4), "aligned")
 

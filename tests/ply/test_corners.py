@@ -15,9 +15,9 @@ from skfem_textile import (
     Quadratic,
 )
 from skfem_textile.forms.corners import RESISTING, resistance
+from skfem_textile.mesh.splitting import split
 from skfem_textile.ply import corners
 from skfem_textile.scenes import bias_extension, strip
-from skfem_textile.splitting import split
 
 FORMULATIONS = [Full(), OnePoint(1.0), Macro(), Quadratic(20.0)]
 

@@ -39,10 +39,10 @@ from skfem_textile import (
 )
 from skfem_textile.mesh import bases as elements
 from skfem_textile.mesh.pattern import Pattern
+from skfem_textile.mesh.splitting import split_cells
 from skfem_textile.ply.kernels.element_groups import element_groups
 from skfem_textile.ply.kernels.integration_points import QuadPoints
 from skfem_textile.ply.kernels.kernel_forms import with_kernel
-from skfem_textile.splitting import split_cells
 
 FABRICS = {
     "even": Fabric((1e4, 3.0), Sin2(0.7), warp=(2, 1), weft=(-1, 3)),

@@ -25,7 +25,7 @@ from skfem_textile import (
     Traction,
     split,
 )
-from skfem_textile.splitting import cut
+from skfem_textile.mesh.splitting import cut
 
 CLAMP = {"clamp": Condition("bottom")}
 

@@ -21,9 +21,9 @@ from skfem_textile.forms.held_stiffness import (
     deviation_stiffness,
     stabilisation_stiffness,
 )
+from skfem_textile.mesh.splitting import cut, split, split_cells
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import cut, split, split_cells
 
 MESHES = {
     "triangles": split(cut(distorted(1))),

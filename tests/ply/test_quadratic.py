@@ -20,12 +20,12 @@ from skfem_textile import (
 from skfem_textile.io import write_fields
 from skfem_textile.io.fields import cell_fields
 from skfem_textile.mesh.checks import check_mesh
+from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import bias_extension, picture_frame, strip, trellis
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear.solvers.superlu import SuperLU
 from skfem_textile.solve.problem import Problem
-from skfem_textile.splitting import cut, split
 from studies.stability.soundness import is_sound
 
 SQUARES = MeshTri().refined(2).with_defaults()

@@ -34,9 +34,9 @@ from skfem_textile import (
     VectorTerm,
     forms,
 )
+from skfem_textile.mesh.splitting import cut
 from skfem_textile.ply.kernels.kernel import ShearKernel
 from skfem_textile.solve.states import NoEquilibriumError
-from skfem_textile.splitting import cut
 
 SPRINGS = Forms(
     Functional(lambda w: 0.5 * (1 + w["t"]) * dot(w["u"], w["u"])),

@@ -22,8 +22,8 @@ from skfem_textile import (
 )
 from skfem_textile.io import read_mesh, write_fields
 from skfem_textile.mesh.named_nodes import with_named_nodes
+from skfem_textile.mesh.splitting import CutMesh, SplitMesh, cut, split, split_cells
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import CutMesh, SplitMesh, cut, split, split_cells
 
 FABRIC = Fabric(100.0, 0.5, (1, 0.2), (-0.1, 1))
 QUADS = distorted(1)

@@ -20,8 +20,8 @@ from skfem_textile import (
     Quadratic,
     split,
 )
+from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import cut
 
 WIDTH, HEIGHT = 40.0, 60.0  # along warp and weft, mm
 PARAMETERS = {

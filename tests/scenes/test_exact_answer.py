@@ -20,11 +20,11 @@ from skfem_textile import (
 )
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_mesh
+from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import bias_extension, picture_frame, strip, trellis
 from skfem_textile.scenes.bias_extension import WIDTH, lost_to_stretch
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.trellis import sheared
-from skfem_textile.splitting import split
 
 EXACT = {
     "displacement_error_rms",

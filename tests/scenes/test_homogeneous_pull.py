@@ -20,8 +20,8 @@ from skfem_textile import (
     StepError,
     split,
 )
+from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import cut
 
 STRAIN, WIDTH, HEIGHT = 0.02, 40.0, 60.0
 

@@ -16,8 +16,8 @@ from skfem_textile import (
     Quadratic,
     StepError,
 )
+from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import cut, split
 
 
 def pulled(formulation, prepare, pull, law, steps, size=(4, 8), **options):

@@ -23,9 +23,9 @@ from skfem_textile import (
     Sin2,
 )
 from skfem_textile.forms.mean_tension import deviation_energy
+from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension, strip, trellis
 from skfem_textile.scenes.picture_frame import picture_frame
-from skfem_textile.splitting import cut, split
 
 # Elements across, before quadrilaterals of macro-elements are split in four, and how
 # they are made of the quadrilaterals of a scene.

@@ -22,12 +22,12 @@ from skfem_textile import (
     Ply,
     StepError,
 )
+from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.linear import SOLVERS
 from skfem_textile.solve.linear.solvers import superlu
 from skfem_textile.solve.states import NoEquilibriumError
-from skfem_textile.splitting import split
 
 CLAMP = {"clamp": Condition("bottom")}
 

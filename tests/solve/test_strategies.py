@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from skfem_textile import Fabric, Macro, Ply, Quadratic
+from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.stepping import equilibrium_search
@@ -13,7 +14,6 @@ from skfem_textile.solve.stepping.equilibrium_search import (
     Goal,
 )
 from skfem_textile.solve.strategies import _shortened
-from skfem_textile.splitting import cut, split
 
 
 class Slope:

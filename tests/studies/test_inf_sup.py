@@ -7,7 +7,7 @@ from helpers import derivative, drawn_here, wobble
 from skfem.helpers import ddot
 
 from skfem_textile import Ply
-from skfem_textile import kinematics as kin
+from skfem_textile.fabric import kinematics as kin
 from studies.__main__ import main
 from studies.inf_sup import cases, tables
 from studies.inf_sup.cases import (

@@ -15,8 +15,8 @@ from ...forms.mean_tension import mean_fibre_tension, mean_strain
 from ...mesh.bases import CENTRE, GAUSS, HourglassBasis, MeanBasis, quad_basis
 from ...mesh.checks import check_mesh
 from ...mesh.interior_edges import JumpBasis
+from ...mesh.splitting import split
 from ...registration import Option
-from ...splitting import split
 from ..kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
 from ..memory import HeldDeviation, HeldStabilisation
 from ..term import Memory, Term

@@ -11,8 +11,8 @@ from ...fabric import Fabric
 from ...mesh.bases import CENTRE
 from ...mesh.checks import MeshError, check_mesh
 from ...mesh.macro import MacroBasis
+from ...mesh.splitting import SplitMesh, split, was_split
 from ...registration import FormulationRegistration
-from ...splitting import SplitMesh, split, was_split
 from ..term import Term
 from ..terms import TensionTerm
 from .common import (

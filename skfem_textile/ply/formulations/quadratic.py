@@ -10,8 +10,8 @@ from skfem import CellBasis, ElementQuad1, Mesh
 from ...fabric import Fabric
 from ...mesh.bases import SIX, MeanBasis, triangle_basis
 from ...mesh.checks import MeshError, check_mesh
+from ...mesh.splitting import SplitMesh, cut
 from ...registration import FormulationRegistration, Option
-from ...splitting import SplitMesh, cut
 from ..terms import TensionTerm
 from .common import (
     Pointwise,

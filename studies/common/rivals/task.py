@@ -7,8 +7,8 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, Element, ElementTriP1, ElementVector
 
-from skfem_textile import kinematics as kin
 from skfem_textile.fabric import Fabric
+from skfem_textile.fabric import kinematics as kin
 from skfem_textile.mesh.bases import node_dofs
 from skfem_textile.scenes import Scene
 from skfem_textile.solve.conditions import Constraints

@@ -12,7 +12,7 @@ from numpy import ndarray
 from scipy.sparse import bmat
 from scipy.sparse.linalg import spsolve
 
-from skfem_textile import kinematics as kin
+from skfem_textile.fabric import kinematics as kin
 
 from .newton import RivalSystem
 from .rival import InProcess, Shape

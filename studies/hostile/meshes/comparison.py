@@ -9,7 +9,7 @@ from numpy import ndarray
 from skfem import Mesh
 
 from skfem_textile.mesh.named_nodes import named_nodes
-from skfem_textile.splitting import was_split
+from skfem_textile.mesh.splitting import was_split
 
 from ..readers.mesh_content import MeshContent
 

@@ -15,7 +15,7 @@ from skfem_textile import (
     Quadratic,
     StepError,
 )
-from skfem_textile.splitting import was_split
+from skfem_textile.mesh.splitting import was_split
 
 # Displacement of the pulled end, as a share of the length of the mesh.
 _PULL = 0.02

@@ -24,8 +24,8 @@ from skfem_textile import (
     Sin2,
     State,
 )
+from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.splitting import cut
 
 from ..folders import folder_content
 

@@ -11,8 +11,8 @@ from skfem import Mesh, MeshQuad, MeshTri
 
 from skfem_textile import Fabric, Full, Macro, OnePoint, Ply, Quadratic
 from skfem_textile.io import read_mesh
+from skfem_textile.mesh.splitting import cut, split, split_cells
 from skfem_textile.ply.terms import Formulation
-from skfem_textile.splitting import cut, split, split_cells
 
 from ..trial import SILENT, Family, Finding, checked, refused, surprised
 from .mesh_defects import DEFECTS, defective_sheet

@@ -8,13 +8,13 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from skfem import Mesh, MeshTri
 
-from ..fabric import Fabric
-from ..fabric.regions import fabric_on
-from ..mesh.bases import node_dofs
-from ..mesh.checks import MeshError
+from ...fabric import Fabric
+from ...fabric.regions import fabric_on
+from ...mesh.bases import node_dofs
+from ...mesh.checks import MeshError
+from ...mesh.splitting import SplitMesh
+from ...mesh.splitting.edges import edges_of
 from ..ply import Ply
-from ..splitting import SplitMesh
-from ..splitting.edges import edges_of
 from .triangles import refine_triangles
 
 

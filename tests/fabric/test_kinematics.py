@@ -4,7 +4,7 @@ from helpers import derivative
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from skfem_textile import kinematics as kin
+from skfem_textile.fabric import kinematics as kin
 
 seeds = st.integers(0, 2**32 - 1)
 angles = st.floats(-np.pi, np.pi)

@@ -14,9 +14,9 @@ import numpy as np
 from numpy import ndarray
 from skfem import ElementQuad1, ElementTriP1, Mesh, MeshQuad, MeshTri
 
-from ..mesh.checks import refuse_nodes
-from ..mesh.named_nodes import NamedNodes, edge_numbers, named_nodes
-from ..mesh.scikit_fem import with_names
+from ..checks import refuse_nodes
+from ..named_nodes import NamedNodes, edge_numbers, named_nodes
+from ..scikit_fem import with_names
 from .edges import edges_of, named_edges
 from .triangles import corner_areas, triangles_of
 

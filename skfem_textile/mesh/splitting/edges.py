@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.checks import MeshError
-from ..mesh.named_nodes import edge_numbers
+from ..checks import MeshError
+from ..named_nodes import edge_numbers
 
 
 def edges_of(cells: Sequence[ndarray]) -> tuple[ndarray, ndarray]:

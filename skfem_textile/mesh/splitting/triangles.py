@@ -8,8 +8,8 @@ from numpy import ndarray
 from skfem import ElementQuad1, Mesh, MeshQuad, MeshTri
 from skfem.helpers import cross
 
-from ..mesh.checks import refuse_nodes
-from ..mesh.named_nodes import NamedNodes, named_nodes
+from ..checks import refuse_nodes
+from ..named_nodes import NamedNodes, named_nodes
 
 # Areas that differ by less than this share count as equal.  Chosen: above rounding, so
 # that the cut of a parallelogram does not depend on it.
