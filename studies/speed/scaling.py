@@ -11,7 +11,7 @@ from statistics import median
 
 import numpy as np
 
-from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import ChosenSolver
 from skfem_textile.solve.problem import Problem
@@ -77,7 +77,7 @@ def _iteration(size: int, solver: str) -> Row:
 def _whole_step(size: int, solver: str) -> Row:
     """The whole load in one step: seconds, linear solves and the peak of the memory."""
     scene = strip_of(size, jitter=0.3)
-    ply = Ply(scene.mesh, Fabric(1e4), OnePoint(10.0))
+    ply = Ply(scene.mesh, Fabric(1e4), Full())
     result = LoadStepper(ply, scene.conditions, steps=1, solver=solver).run()
     return {
         "elements": ply.mesh.nelements,
