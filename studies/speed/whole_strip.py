@@ -1,7 +1,7 @@
 """The whole strip on 60 000 quadrilaterals, beside plain Newton in scikit-fem.
 
-Both load the same ply to 62.5°, with 2×2 points, whose equilibrium is one.  Plain Newton
-takes the equal steps that it needs.  This library begins with one.
+Both load the same ply to 62.5°, with 2×2 points, which have one equilibrium.  Plain
+Newton takes the equal steps that it needs.  This library begins with one.
 """
 
 from statistics import median
