@@ -107,6 +107,7 @@ def loaded_while_turning(steps, angle):
     return np.array([[c, s], [-s, c]]) @ result.states[-1].reactions["top"]
 
 
+@pytest.mark.long
 def test_the_load_on_a_ply_that_turns_while_it_is_loaded_is_unchanged_in_the_limit():
     differences = []
     for steps in (4, 8, 16, 32):

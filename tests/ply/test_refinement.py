@@ -255,6 +255,7 @@ def at_jumps(ply, u):
     return marked(shear_angle_jumps(ply, u), 0.3)
 
 
+@pytest.mark.long
 def test_refinement_at_kinks_does_with_three_quarters_of_the_unknowns():
     scene = extension(45.0)
     uniform, adaptive = rounds(scene, 6400, everywhere), rounds(scene, 4800, at_jumps)

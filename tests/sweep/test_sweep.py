@@ -155,6 +155,7 @@ def test_cases_are_taken_as_they_are_needed(monkeypatch):
     assert next(counter) <= 108
 
 
+@pytest.mark.long
 def test_all_of_this_holds_on_dask_and_the_example_runs_there(
     client, tmp_path, monkeypatch
 ):
