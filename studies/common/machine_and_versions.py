@@ -22,7 +22,7 @@ def described() -> dict[str, Any]:
         "processor": _processor(),
         "cores": os.cpu_count(),
         "threads": os.environ.get("OMP_NUM_THREADS", "as many as cores"),
-        "system": platform.platform(terse=True),
+        "system": f"{platform.system()} on {platform.machine()}",
         "python": platform.python_version(),
         "packages": versions | {"dolfinx": there and there[1]},
     }
