@@ -6,6 +6,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
+from studies.angles.figure import draw_loads
 from studies.error_time.figure import work_precision
 from studies.formulations.figure import convergence
 from studies.inf_sup.figure import draw_constants
@@ -13,6 +14,7 @@ from studies.stability.figure import draw_outcomes
 
 LINES = {"a": ([1, 2], [1, 2])}
 FIGURES = {
+    "loads": lambda file: draw_loads([], file),
     "convergence": lambda file: convergence({"mm": {"title": LINES}}, file),
     "work_precision": lambda file: work_precision(
         {"mm": {("a", "b"): ([1], [1])}}, file

@@ -1,0 +1,181 @@
+import csv
+import json
+from itertools import product
+
+import numpy as np
+import pytest
+from helpers import drawn_here
+
+from skfem_textile.ply.formulations import Full, Quadratic
+from skfem_textile.scenes.bias_extension import WIDTH
+from skfem_textile.solve.stepper import LoadStepper
+from skfem_textile.solve.strategies import Newton
+from studies.__main__ import main
+from studies.angles import cases, references, runs, tables
+from studies.angles.cases import (
+    ANGLES,
+    CHOOSING,
+    JUDGING,
+    SPECIMENS,
+    Judged,
+    Reference,
+    Specimen,
+)
+from studies.angles.study import STUDY
+
+AT_30, AT_60 = (Specimen(theta, "linear", 2e5) for theta in (30.0, 60.0))
+STORED = references.stored()
+
+
+def cells(text, *names):
+    """The cells of the line of a table that begins with these names."""
+    rows = ([c.strip() for c in line.split("|")[1:-1]] for line in text.splitlines())
+    (line,) = (line for line in rows if line[: len(names)] == list(names))
+    return line[len(names) :]
+
+
+def judged_rows(specimen, angle, ratios, elements="quads", across=16):
+    mesh = {"elements": elements, "across": across, "shear_angle": angle}
+    return [specimen.row | mesh | {"load_over_reference": x} for x in ratios]
+
+
+def test_every_stored_reference_is_there_and_has_converged():
+    assert set(STORED) == {(ply, angle) for ply in SPECIMENS for angle in ANGLES}
+    assert len(STORED) == 120
+    assert [row for row in STORED.values() if not references.agree(row)] == []
+
+
+def test_stiff_fibres_lose_no_more_than_the_scene_says():
+    """E/G = 2e6 and θ up to 52.5°, where the load of rigid fibres may judge."""
+    for (ply, _), row in STORED.items():
+        if ply.ratio >= 2e6 and ply.inclination <= 52.5:
+            assert 0 < 1 - row["load"] < row["lost"] < 0.02
+
+
+@pytest.mark.parametrize(
+    ("formulation", "difference"), [(Quadratic(), "halving"), (Full(), "apart")]
+)
+@pytest.mark.parametrize(
+    "ply", [Specimen(52.5, "linear", 2e5), Specimen(37.5, "sin²", 2e6)]
+)
+def test_a_stored_reference_can_be_computed_again(ply, formulation, difference):
+    scene = ply.scene(Reference(ply).mesh(16))
+    result = runs.stepper(scene, ply, formulation).run()
+    for angle, load in runs.loads_over_inextensible(scene, ply, result).items():
+        row = STORED[ply, angle]
+        stored = {
+            "apart": row["load"] * (1 + row["apart"]),
+            "halving": row["load"] / (1 + row["halving"]),
+        }
+        assert load == pytest.approx(stored[difference], rel=2e-5)
+
+
+@pytest.mark.parametrize("ply", [AT_30, AT_60])
+def test_no_cell_of_a_graded_mesh_lies_across_a_fibre_from_a_corner(ply):
+    mesh = Reference(ply).mesh(8)
+    assert ply.scene(mesh).misfit == ""
+    scene = ply.scene(mesh)
+    A = np.array([scene.warp, scene.weft]).T
+    side = WIDTH / (2 * np.cos(np.radians(ply.inclination)))
+    along = np.linalg.solve(A, mesh.p)[:, mesh.t] / side
+    low, high = along.min(axis=1), along.max(axis=1)
+    assert (np.floor(low + 1e-9) + 1 >= high - 1e-9).all()
+    narrowest, widest = np.quantile(high - low, [0, 1])
+    assert narrowest == pytest.approx(np.sinh(1.5) / np.sinh(6) / 2)
+    assert widest > 50 * narrowest
+
+
+def test_no_two_cases_have_one_name_and_none_judges_what_it_has_chosen():
+    judging, choosing = (list(cases.judged(*part)) for part in (JUDGING, CHOOSING))
+    assert len(judging) == 5 * 2 * 3 * 2 * 2 * 5
+    assert len(choosing) == 3 * 2 * 3 * 2 * 2 * 3
+    assert len({STUDY.name(case) for case in judging + choosing}) == 600 + 216
+    assert {case.seed for case in judging}.isdisjoint(case.seed for case in choosing)
+
+
+@pytest.mark.parametrize("elements", cases.MESHES)
+def test_meshes_have_so_many_edges_across_and_about_square_elements(elements):
+    case = Judged(AT_60, elements, 16, 1)
+    mesh = case.formulation.working_mesh(case.mesh())
+    assert np.sum(mesh.p[1, np.unique(mesh.facets)] == 0) == 17
+    assert np.sum(mesh.p[0, np.unique(mesh.facets)] == 0) == 1 + 2 * 28
+
+
+def test_loads_are_compared_with_the_stored_ones():
+    """Coarse macro-elements read a few percent high at 30°, and low at 60°."""
+    at_30, at_60 = (
+        {row["shear_angle"]: row for row in STUDY.examine(Judged(ply, "quads", 8, 1))}
+        for ply in (AT_30, AT_60)
+    )
+    assert list(at_30) == list(ANGLES)
+    for angle, row in at_30.items():
+        stored = STORED[AT_30, angle]["load"]
+        assert row["load"] == pytest.approx(row["load_over_reference"] * stored)
+    assert 1 < at_30[40]["load_over_reference"] < 1.2
+    assert 0.6 < at_60[40]["load_over_reference"] < 1
+
+
+def test_the_load_is_nan_from_where_a_run_stops(monkeypatch):
+    def balks(*given):
+        return LoadStepper(*given, strategies=[Newton(most=2)], max_halvings=0)
+
+    monkeypatch.setattr(runs, "LoadStepper", balks)
+    found = STUDY.examine(Judged(AT_30, "quads", 8, 1))
+    assert [row["shear_angle"] for row in found] == list(ANGLES)
+    assert all(np.isnan(row["load_over_reference"]) for row in found)
+    assert "stopped at load factor 0" in found[0]["refused"]
+
+
+def test_limits_are_twice_as_wide_at_60_degrees():
+    limits = [tables.limit(theta, n) for theta in (52.5, 60.0) for n in (16, 32)]
+    assert limits == [0.04, 0.02, 0.08, 0.04]
+
+
+def test_medians_are_judged_and_the_worst_seed_is_told():
+    rows = judged_rows(AT_30, 10, [1.01, 1.03, 0.95])
+    rows += judged_rows(AT_30, 40, [1.05, np.nan, 1.041])
+    rows += judged_rows(AT_60, 40, [0.93, 0.925, 0.5], "triangles", 32)
+    loads, names = tables.loads(rows), AT_30.names
+    assert cells(loads, *names, "10°")[:3] == ["+1.00 %", "-5.00 %", "-"]
+    assert cells(loads, *names, "40°")[:2] == ["+4.55 % (1 refused)", "+5.00 %"]
+    assert cells(loads, *AT_60.names)[-2:] == ["-7.50 %", "-50.00 %"]
+    summary = tables.summary(rows)
+    assert cells(summary, "30°")[:4] == ["+4.55 %", "1 of 2", "-", "0 of 0"]
+    assert cells(summary, "60°")[-2:] == ["-7.50 %", "0 of 1"]
+
+
+def test_references_that_do_not_agree_are_told():
+    good = STORED[AT_30, 40]
+    bad = good | {"apart": -0.0051}
+    assert STUDY.complaint([good]) == ""
+    assert "1 load(s) are not converged, first: 30°" in STUDY.complaint([good, bad])
+    assert cells(tables.agreements([good]), *AT_30.names)[-3] == "yes"
+    assert cells(tables.agreements([bad]), *AT_30.names)[-3] == "no"
+
+
+def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
+    some = [Judged(AT_30, *mesh) for mesh in product(cases.MESHES, [8], [1, 2])]
+    monkeypatch.setattr("studies.angles.study.judged", lambda *_: iter(some))
+    monkeypatch.setattr(tables, "_MESHES", (("quads", 8), ("triangles", 8)))
+    monkeypatch.setitem(tables.LIMITS, 8, 0.1)
+    words = ["angles", "--out", str(tmp_path)]
+    assert main([*words, "--case", "*quads*"]) == 0
+    with open(tmp_path / "angles.csv") as file:
+        assert len(list(csv.DictReader(file))) == 2 * len(ANGLES)
+    names = {path.name for path in tmp_path.iterdir()}
+    written = {"angles.csv", "summary.md", "loads.md", *drawn_here(STUDY)}
+    assert names == written
+    assert "4 of 4" in cells((tmp_path / "summary.md").read_text(), "30°")
+    assert "30°, linear, E/G = 2e5, quads, 8 across, seed 1" in capsys.readouterr().out
+
+
+def test_references_are_written_beside_what_is_judged(tmp_path, monkeypatch):
+    coarse = [(formulation, 4) for formulation, _ in cases.REFERENCES]
+    monkeypatch.setattr(references, "REFERENCES", coarse)
+    (tmp_path / "angles.csv").touch()
+    words = ["angles", "--part", "references", "--case", AT_30.name]
+    assert main([*words, "--out", str(tmp_path)]) == 1  # as coarse, not converged
+    stored = json.loads((tmp_path / "references.json").read_text())
+    assert [row["shear_angle"] for row in stored] == list(ANGLES)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"angles.csv", "references.json", "references.md"}
