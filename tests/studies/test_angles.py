@@ -45,11 +45,23 @@ def test_every_stored_reference_is_there_and_has_converged():
     assert [row for row in STORED.values() if not references.agree(row)] == []
 
 
-def test_stiff_fibres_lose_no_more_than_the_scene_says():
-    """E/G = 2e6 and θ up to 52.5°, where the load of rigid fibres may judge."""
-    for (ply, _), row in STORED.items():
-        if ply.ratio >= 2e6 and ply.inclination <= 52.5:
-            assert 0 < 1 - row["load"] < row["lost"] < 0.02
+def test_stiff_fibres_lose_what_the_scene_says_at_most():
+    """As far as references are known, at E/G = 2e6 and θ up to 52.5°."""
+    stiff = [
+        row
+        for (ply, _), row in STORED.items()
+        if ply.ratio >= 2e6 and ply.inclination <= 52.5
+    ]
+    assert len(stiff) == 4 * 2 * 4
+    for row in stiff:
+        known = max(abs(row["apart"]), abs(row["halving"]))
+        assert 0 < 1 - row["load"] < min(row["lost"] + known, 0.01)
+
+
+def test_the_estimate_of_what_is_lost_holds_within_two_fifths():
+    """The largest distance is at 30° with sin², where it is too large."""
+    shares = [(1 - row["load"]) / row["lost"] for row in STORED.values()]
+    assert 0.6 < min(shares) < max(shares) < 1.15
 
 
 @pytest.mark.parametrize(
@@ -157,7 +169,7 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     some = [Judged(AT_30, *mesh) for mesh in product(cases.MESHES, [8], [1, 2])]
     monkeypatch.setattr("studies.angles.study.judged", lambda *_: iter(some))
     monkeypatch.setattr(tables, "_MESHES", (("quads", 8), ("triangles", 8)))
-    monkeypatch.setitem(tables.LIMITS, 8, 0.1)
+    monkeypatch.setitem(tables.LIMITS, 8, 0.15)
     words = ["angles", "--out", str(tmp_path)]
     assert main([*words, "--case", "*quads*"]) == 0
     with open(tmp_path / "angles.csv") as file:
@@ -170,11 +182,11 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
 
 
 def test_references_are_written_beside_what_is_judged(tmp_path, monkeypatch):
-    coarse = [(formulation, 4) for formulation, _ in cases.REFERENCES]
+    coarse = [(formulation, n // 8) for formulation, n in cases.REFERENCES]
     monkeypatch.setattr(references, "REFERENCES", coarse)
     (tmp_path / "angles.csv").touch()
     words = ["angles", "--part", "references", "--case", AT_30.name]
-    assert main([*words, "--out", str(tmp_path)]) == 1  # as coarse, not converged
+    assert main([*words, "--out", str(tmp_path)]) == 0
     stored = json.loads((tmp_path / "references.json").read_text())
     assert [row["shear_angle"] for row in stored] == list(ANGLES)
     names = {path.name for path in tmp_path.iterdir()}
