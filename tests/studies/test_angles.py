@@ -152,8 +152,11 @@ def test_medians_are_judged_and_the_worst_seed_is_told():
     assert cells(loads, *names, "40°")[:2] == ["+4.55 % (1 refused)", "+5.00 %"]
     assert cells(loads, *AT_60.names)[-2:] == ["-7.50 %", "-50.00 %"]
     summary = tables.summary(rows)
-    assert cells(summary, "30°")[:4] == ["+4.55 %", "1 of 2", "-", "0 of 0"]
-    assert cells(summary, "60°")[-2:] == ["-7.50 %", "0 of 1"]
+    assert cells(summary, "30°")[:4] == [
+        *("+4.55 %", "1 of 2 within 4 %"),
+        *("-", "0 of 0 within 2 %"),
+    ]
+    assert cells(summary, "60°")[-2:] == ["-7.50 %", "0 of 1 within 4 %"]
 
 
 def test_references_that_do_not_agree_are_told():
@@ -177,7 +180,7 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     names = {path.name for path in tmp_path.iterdir()}
     written = {"angles.csv", "summary.md", "loads.md", *drawn_here(STUDY)}
     assert names == written
-    assert "4 of 4" in cells((tmp_path / "summary.md").read_text(), "30°")
+    assert "4 of 4 within 15 %" in cells((tmp_path / "summary.md").read_text(), "30°")
     assert "30°, linear, E/G = 2e5, quads, 8 across, seed 1" in capsys.readouterr().out
 
 
