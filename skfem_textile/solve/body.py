@@ -103,6 +103,13 @@ class Body(Protocol):
         """Forget every committed state."""
         ...
 
+    def finer(self, u: ndarray) -> Any:
+        """A body of which each element is split in four, and ``u`` on it.
+
+        It has ``ply``, ``u``, ``tension`` and ``parent``, see `Ply.finer`.
+        """
+        ...
+
     def on_users_elements(self, values: ndarray) -> ndarray:
         """The mean of a field over each of the user's elements, ``cells``."""
         ...

@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy import ndarray
 
 from .body import Body
+from .conditions import Condition
 from .linear.solver import Choice
 from .states import State
+from .stepping.error_estimate import ErrorEstimate, estimated_error
 
 # States that a printed result lists at most.
 _LINES = 11
@@ -28,6 +31,8 @@ class Result:
     ----------
     ply
         The ply that was loaded.
+    conditions
+        Its displacement conditions by name.
     states
         Converged states in order of load factor.
     converged
@@ -46,6 +51,7 @@ class Result:
     """
 
     ply: Body
+    conditions: Mapping[str, Condition]
     states: list[State]
     converged: bool
     linear_solves: int
@@ -66,6 +72,12 @@ class Result:
     def u(self) -> ndarray:
         """Displacement of the last converged state."""
         return self.states[-1].u
+
+    @cached_property
+    def estimated_error(self) -> ErrorEstimate:
+        """The estimated error of the last state, found when it is asked for first."""
+        arguments = self.ply, self.conditions, self.states, self.solver.name
+        return estimated_error(*arguments)
 
     def history(self) -> list[dict[str, float | None]]:
         """One row per converged state, ready for a table.
@@ -107,6 +119,11 @@ class Result:
         of quadrilaterals or six points of quadratic triangles, and ``min_det_F`` at
         the nodes of the elements too.  ``mesh_fibre_strain`` is a measure of the mesh,
         not of what fibres carry.
+
+        ``estimated_load_error``, a share of the load, and
+        ``estimated_shear_angle_error_deg`` tell what the mesh costs, as far as a finer
+        one shows it (`estimated_error`); they are None where ``error_estimate`` says
+        why.
         """
         ply, u, verdict = self.ply, self.u, self.states[-1].verdict
         shares = self.states[-1].shares
@@ -130,12 +147,30 @@ class Result:
             "mesh_fibre_strain": verdict.mesh_fibre_strain,
             "max_fibre_tension": _largest(ply.fibre_tension(u)),
             "max_shear_angle_deg": float(np.degrees(_largest(ply.shear_angle(u)))),
+            **self._errors(),
             "wall_time_s": self.wall_time_s,
             "assembly_time_s": self.assembly_time_s,
             "solve_time_s": self.solve_time_s,
             "solver": self.solver.name,
             "solver_reason": self.solver.reason,
         }
+
+    def _errors(self) -> dict[str, str | float | None]:
+        """The estimated error, and what there is to say of it."""
+        error, end = self.estimated_error, self.states[-1].load_factor
+        found: dict[str, str | float | None] = {
+            "estimated_load_error": error.load,
+            "estimated_shear_angle_error_deg": (
+                None
+                if error.shear_angle is None
+                else float(np.degrees(error.shear_angle))
+            ),
+        }
+        if error.reason:
+            found["error_estimate"] = f"none: {error.reason}"
+        elif error.load_factor < end:
+            found["error_estimate"] = f"of the load factor {error.load_factor:g}"
+        return found
 
     def __repr__(self) -> str:
         end = "converged" if self.converged else "stopped early"

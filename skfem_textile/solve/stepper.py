@@ -115,7 +115,7 @@ class LoadStepper:
             ply, steps, max_halvings, strategies, warn_only, solver, callbacks
         )
         constraints = Constraints(ply.basis, conditions)
-        self._solver_name = solver
+        self._conditions, self._solver_name = conditions, solver
         self.problem = Problem(ply, constraints, self._choose_solver)
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         for t in (0.0, *self.load_factors):
@@ -186,6 +186,7 @@ class LoadStepper:
         clock = self.problem.clock
         return Result(
             ply=self.problem.ply,
+            conditions=self._conditions,
             states=list(self._states),
             converged=self._states[-1].load_factor == 1.0,
             linear_solves=clock.solves,

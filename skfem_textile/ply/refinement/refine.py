@@ -14,8 +14,8 @@ from ...mesh.bases import node_dofs
 from ...mesh.checks import MeshError
 from ...mesh.splitting import SplitMesh
 from ...mesh.splitting.edges import edges_of
+from ...mesh.splitting.refined_triangles import refine_triangles
 from ..ply import Ply
-from .triangles import refine_triangles
 
 
 @dataclass(frozen=True, eq=False)
