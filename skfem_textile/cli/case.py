@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ..adaptive.stepper import MOST_UNKNOWNS
 from ..fabric import Fabric, Law
 from ..fabric.laws import LAWS
 from ..fabric.laws.linear import STIFFNESS
@@ -36,6 +37,20 @@ _OF_FIBRES = {STIFFNESS: replace(STIFFNESS, default=1e4, metavar="E")}
 
 _STEPPING = (
     Option(name="steps", help="load steps", default=20, read=int),
+    Option(
+        name="tolerance",
+        help="refine the mesh where the shear angle jumps until the estimated error of "
+        "the load is below this share of it",
+        read=float,
+        metavar="SHARE",
+    ),
+    Option(
+        name="most-unknowns",
+        help="no mesh of a run to a tolerance has more unknowns",
+        default=MOST_UNKNOWNS,
+        read=int,
+        metavar="N",
+    ),
     Option(
         name="strategy",
         help=f"what a step tries, in this order, of {', '.join(STRATEGIES)}",
@@ -107,6 +122,8 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
         strategies=values["strategy"],
         warn_only=values["warn_only"],
         solver=values["solver"],
+        tolerance=values["tolerance"],
+        most_unknowns=values["most_unknowns"],
     ), values
 
 

@@ -2,6 +2,7 @@
 
 import logging
 
+from ..adaptive import AdaptiveStepper
 from ..solve.result import StepError
 from ..solve.states import Iteration, State
 from ..solve.stepper import LoadStepper
@@ -11,7 +12,9 @@ from .interruption import INTERRUPTED
 STOPPED_EARLY = 1
 
 
-def load(stepper: LoadStepper, resume: bool, verbose: int) -> tuple[int, str]:
+def load(
+    stepper: LoadStepper | AdaptiveStepper, resume: bool, verbose: int
+) -> tuple[int, str]:
     """Run with a progress bar on a terminal.
 
     Parameters
@@ -61,8 +64,10 @@ def load(stepper: LoadStepper, resume: bool, verbose: int) -> tuple[int, str]:
     return 0, ""
 
 
-def _interrupted(stepper: LoadStepper) -> str:
+def _interrupted(stepper: LoadStepper | AdaptiveStepper) -> str:
     at = stepper.states[-1].load_factor
+    if isinstance(stepper, AdaptiveStepper):
+        return f"interrupted; the state at load factor {at:.6g} of a mesh is written"
     kept, lost = "--resume goes on from there", "--checkpoint lets a run resume"
     advice = kept if stepper.checkpoint else lost
     return f"interrupted; the state at load factor {at:.6g} is written, {advice}"

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
+from ..adaptive import AdaptiveStepper
 from ..mesh.user_input import printable
 from ..scenes.case import Case
 from ..solve.result import Result
@@ -61,12 +62,20 @@ def run(case: Case, values: Mapping[str, Any], options: argparse.Namespace) -> i
     if case.pictures and code != INTERRUPTED and not _draw(case, result, options.out):
         code = INTERRUPTED
     for key, value in summary.items():
-        shown = f"{value:.6g}" if isinstance(value, float) else value
-        say(f"{key:34}{shown}")
+        _say(key, value)
     say(f"results in {printable(options.out)}")
     if said:
         complain(said)
     return code
+
+
+def _say(key: str, value: Any) -> None:
+    """Print a figure, of a list each of its parts on a line."""
+    for part in value if isinstance(value, list) else [value]:
+        shown = f"{part:.6g}" if isinstance(part, float) else part
+        if isinstance(part, dict):
+            shown = ", ".join(f"{name} {x}" for name, x in part.items())
+        say(f"{key:34}{shown}")
 
 
 def _draw(case: Case, result: Result, out: Path) -> bool:
@@ -97,7 +106,7 @@ def _checkpoint(options: argparse.Namespace) -> Path | None:
     return named.pop() if named else options.out / "checkpoint"
 
 
-def _kept(stepper: LoadStepper) -> str:
+def _kept(stepper: LoadStepper | AdaptiveStepper) -> str:
     """Tell what remains of a run whose results cannot be written."""
     if stepper.checkpoint is None:
         return "nothing is kept, as --checkpoint was not given"

@@ -1,6 +1,7 @@
 """A mesh of which every element is split in four."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -36,7 +37,8 @@ class FinerMesh:
         """
         if isinstance(self.mesh, MeshTri):
             return np.hstack([values, values[:, self.mesh.facets].mean(axis=1)])
-        cells = self.mesh.cells
+        parts: Any = self.mesh
+        cells = parts.cells
         pairs, _ = edges_of(cells)
         centres = [values[:, cell].mean(axis=1) for cell in cells]
         return np.hstack([values, values[:, pairs].mean(axis=1), *centres])[:, :n_nodes]

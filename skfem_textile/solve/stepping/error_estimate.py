@@ -107,7 +107,7 @@ def _at(
     ValueError
         If there is no finer ply, or nothing that does work.
     """
-    _refuse_single_nodes(ply, conditions)
+    refuse_single_nodes(ply, conditions)
     t, u = state.load_factor, state.u
     coarse = _problem(ply, conditions, t, solver)
     with np.errstate(all="ignore"):  # what is not finite is caught
@@ -180,7 +180,7 @@ def _work(problem: Problem, f: ndarray, u: ndarray) -> ndarray:
     return np.array([of_reactions, problem.load(u) @ u])
 
 
-def _refuse_single_nodes(ply: Body, conditions: Mapping[str, Condition]) -> None:
+def refuse_single_nodes(ply: Body, conditions: Mapping[str, Condition]) -> None:
     """Refuse conditions on nodes of the mesh that would be on more of a finer one."""
     named = getattr(ply.mesh, "named_nodes", {})
     for name, condition in conditions.items():
