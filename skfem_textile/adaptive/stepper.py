@@ -20,8 +20,8 @@ from ..solve.strategies import Strategy
 
 log = logging.getLogger(__name__)
 
-#: Unknowns at most, unless told otherwise: a run of some minutes.
-MOST_UNKNOWNS = 100_000
+#: Unknowns at most, unless told otherwise: a run of about a minute.
+MOST_UNKNOWNS = 50_000
 
 # Share of the squares of the jumps that the elements carry which are refined.  Chosen:
 # with less there are more rounds, with more elements are refined that need not be.
@@ -48,9 +48,9 @@ class Round:
     estimated_load_error
         As of `Result.summary`.
     error
-        What counts: the largest of estimate, change, and half of the error of the mesh
-        before, which one round does not lower further.  Without an estimate it is no
-        smaller than on the mesh before, and infinite at first.
+        What counts: the largest of estimate, change, and half of what counted on the
+        mesh before.  Twice the change stands for a missing estimate; it is infinite
+        where both are missing.
     """
 
     unknowns: int
@@ -317,10 +317,12 @@ def _counted(
     rounds: Sequence[Round], unknowns: int, change: float | None, estimate: float | None
 ) -> float:
     """What counts as the error of a round, see `Round`."""
-    before = next((one.error for one in rounds[::-1] if one.unknowns < unknowns), None)
+    coarser = (one.error for one in rounds[::-1] if one.unknowns < unknowns)
+    before = next(coarser, np.inf)
+    least = before / 2 if before < np.inf else 0.0
     if estimate is None:
-        return np.inf if before is None else max(before, change or 0.0)
-    return max(estimate, change or 0.0, 0.0 if before is None else before / 2)
+        return np.inf if change is None else max(2 * change, least)
+    return max(estimate, change or 0.0, least)
 
 
 def _load(state: State) -> float:
