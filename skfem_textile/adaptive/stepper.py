@@ -3,12 +3,11 @@
 import logging
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 
-from ..ply import Ply
 from ..ply.refinement import marked, refine, shear_angle_jumps
 from ..solve.conditions import Condition
 from ..solve.equilibrium import equilibrium_near
@@ -17,6 +16,9 @@ from ..solve.states import Iteration, NoEquilibriumError, State
 from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
 from ..solve.stepping.error_estimate import estimated_error, refuse_single_nodes
 from ..solve.strategies import Strategy
+
+if TYPE_CHECKING:
+    from ..ply import Ply
 
 log = logging.getLogger(__name__)
 
@@ -151,7 +153,7 @@ class AdaptiveStepper:
 
     def __init__(
         self,
-        ply: Ply,
+        ply: "Ply",
         conditions: Mapping[str, Condition],
         tolerance: float,
         steps: int = 20,
@@ -240,7 +242,7 @@ class AdaptiveStepper:
         rounds = tuple(self._rounds)
         return AdaptiveResult(**found, tolerance=self.tolerance, rounds=rounds)
 
-    def _stepper_of(self, ply: Ply) -> LoadStepper:
+    def _stepper_of(self, ply: "Ply") -> LoadStepper:
         callbacks: dict[str, Any] = {
             "on_iteration": self.on_iteration,
             "on_step": self.on_step,
@@ -249,7 +251,7 @@ class AdaptiveStepper:
             ply, self._conditions, self._steps, **self._search, **callbacks
         )
 
-    def _apply(self, ply: Ply, before: State | None = None) -> tuple[Ply, State]:
+    def _apply(self, ply: "Ply", before: State | None = None) -> tuple["Ply", State]:
         """Apply the whole load to a ply; a round.
 
         Raises
@@ -265,7 +267,7 @@ class AdaptiveStepper:
         self._finish(ply, state, before, whole_path=True)
         return ply, state
 
-    def _refined(self, ply: Ply, state: State) -> tuple[Ply, State] | None:
+    def _refined(self, ply: "Ply", state: State) -> tuple["Ply", State] | None:
         """The state on a refined mesh, a round; None where that would be too large."""
         if len(self._rounds) >= _MOST_ROUNDS:
             return None
@@ -287,12 +289,11 @@ class AdaptiveStepper:
         return self._search | {"strategies": first}
 
     def _finish(
-        self, ply: Ply, state: State, before: State | None, whole_path: bool
+        self, ply: "Ply", state: State, before: State | None, whole_path: bool
     ) -> None:
         """Estimate the error of a state, and keep its round."""
-        solver = self._stepper.result.solver.name
-        arguments = ply, self._conditions, [state, state], solver
-        estimate, change = estimated_error(*arguments).load, None
+        place = ply, self._conditions, self._stepper.result.solver.name
+        estimate, change = estimated_error(*place, [state, state]).load, None
         if before is not None:
             loads = np.array([_load(before), _load(state)])
             change = float(np.abs(np.diff(loads))[0] / np.abs(loads).max())

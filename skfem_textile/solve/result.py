@@ -1,6 +1,6 @@
 """What a run of the load stepper leaves behind."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,10 +8,8 @@ import numpy as np
 from numpy import ndarray
 
 from .body import Body
-from .conditions import Condition
 from .linear.solver import Choice
-from .states import State
-from .stepping.error_estimate import ErrorEstimate, estimated_error
+from .states import ErrorEstimate, State
 
 # States that a printed result lists at most.
 _LINES = 11
@@ -31,8 +29,6 @@ class Result:
     ----------
     ply
         The ply that was loaded.
-    conditions
-        Its displacement conditions by name.
     states
         Converged states in order of load factor.
     converged
@@ -48,10 +44,11 @@ class Result:
         to find the fastest solver.
     solver
         Name of the linear solver, and why it was chosen.
+    estimate
+        Finds the estimated error of states of the ply.
     """
 
     ply: Body
-    conditions: Mapping[str, Condition]
     states: list[State]
     converged: bool
     linear_solves: int
@@ -62,6 +59,7 @@ class Result:
     assembly_time_s: float
     solve_time_s: float
     solver: Choice
+    estimate: Callable[[list[State]], ErrorEstimate]
 
     @property
     def path_resolved(self) -> bool:
@@ -76,8 +74,7 @@ class Result:
     @cached_property
     def estimated_error(self) -> ErrorEstimate:
         """The estimated error of the last state, found when it is asked for first."""
-        arguments = self.ply, self.conditions, self.states, self.solver.name
-        return estimated_error(*arguments)
+        return self.estimate(self.states)
 
     def history(self) -> list[dict[str, float | None]]:
         """One row per converged state, ready for a table.

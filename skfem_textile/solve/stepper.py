@@ -3,6 +3,7 @@
 import logging
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -25,6 +26,7 @@ from .stepping.equilibrium_search import (
     follows_path,
     strategy_of,
 )
+from .stepping.error_estimate import estimated_error
 from .stepping.limit import is_known, limit_error, load_growth, loads_grow
 from .stepping.load_path import LoadPath
 from .stepping.step_length import StepLength
@@ -183,10 +185,10 @@ class LoadStepper:
         """What the run has found so far; after an interruption, all of it."""
         if not self._states:
             raise RuntimeError("the load stepper has not been run")
-        clock = self.problem.clock
+        clock, solver = self.problem.clock, self._solver.choice
+        place = self.problem.ply, self._conditions, solver.name
         return Result(
             ply=self.problem.ply,
-            conditions=self._conditions,
             states=list(self._states),
             converged=self._states[-1].load_factor == 1.0,
             linear_solves=clock.solves,
@@ -196,7 +198,8 @@ class LoadStepper:
             wall_time_s=perf_counter() - self._began,
             assembly_time_s=clock.seconds["assembly"],
             solve_time_s=clock.seconds["solve"],
-            solver=self._solver.choice,
+            solver=solver,
+            estimate=partial(estimated_error, *place),
         )
 
     def _choose_solver(self, lower: csc_matrix) -> ChosenSolver:

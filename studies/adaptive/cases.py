@@ -63,12 +63,14 @@ class Case:
 def all_cases() -> Iterator[Case]:
     """Every case; those that judge have other angles, meshes and stiffnesses."""
     meshes, gammas = ("irregular", "delaunay"), (20.0, 40.0)
-    for degrees, gamma, mesh, across in product((30, 45, 60), gammas, meshes, (6, 12)):
+    for degrees, gamma, mesh, across in product(
+        (30.0, 45.0, 60.0), gammas, meshes, (6, 12)
+    ):
         yield Case("calibrates", degrees, gamma, 1e6, mesh, across, seed=1)
-    angles = (30, 37.5, 45, 52.5, 60)
+    angles = (30.0, 37.5, 45.0, 52.5, 60.0)
     for degrees, gamma, mesh, across in product(angles, gammas, meshes, (8, 16)):
         yield Case("judges", degrees, gamma, 1e5, mesh, across, seed=2)
     for degrees, gamma, mesh in product(angles, gammas, meshes):
         yield Case("tolerance", degrees, gamma, 1e5, mesh, 6, seed=3)
-    for degrees in KINKS:
-        yield Case("kinks", degrees, 40.0, 1e6, "delaunay", 4)
+    for kinked in KINKS:
+        yield Case("kinks", kinked, 40.0, 1e6, "delaunay", 4)

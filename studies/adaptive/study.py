@@ -6,7 +6,7 @@ from time import perf_counter
 
 import numpy as np
 
-from skfem_textile import AdaptiveStepper, LoadStepper, Ply, Result, StepError, refine
+from skfem_textile import AdaptiveStepper, LoadStepper, Result, StepError, refine
 from skfem_textile.scenes import Scene
 
 from ..common.tables import csv_table
@@ -61,8 +61,9 @@ def _of_load(case: Case, scene: Scene, exact: float) -> Row:
     """Error of the load, and what was estimated."""
     ply, met = case.ply(scene), None
     if case.task == "tolerance":
-        most = {"most_unknowns": MOST_UNKNOWNS}
-        stepper = AdaptiveStepper(ply, scene.conditions, TOLERANCE, 8, **most)
+        stepper = AdaptiveStepper(
+            *(ply, scene.conditions, TOLERANCE, 8), most_unknowns=MOST_UNKNOWNS
+        )
         result: Result = _best(stepper)
         met = result.summary()["tolerance_met"]
     else:
@@ -89,14 +90,14 @@ def _kinks(case: Case, scene: Scene) -> list[Row]:
     rows, ply = [], case.ply(scene)
     while ply.basis.N <= MOST_UNKNOWNS:
         result = LoadStepper(ply, scene.conditions, 8).run()
-        rows.append(_position(scene, result.ply, result) | {"mesh": "uniform"})
+        rows.append(_position(scene, result) | {"mesh": "uniform"})
         ply = refine(ply, np.arange(ply.users_mesh.nelements)).ply
     most = max(row["unknowns"] for row in rows)
     stepper = AdaptiveStepper(
         case.ply(scene), scene.conditions, 1e-6, 8, most_unknowns=most
     )
     result = _best(stepper)
-    return [*rows, _position(scene, result.ply, result) | {"mesh": "adaptive"}]
+    return [*rows, _position(scene, result) | {"mesh": "adaptive"}]
 
 
 def _best(stepper: AdaptiveStepper) -> Result:
@@ -107,9 +108,9 @@ def _best(stepper: AdaptiveStepper) -> Result:
         return error.result
 
 
-def _position(scene: Scene, ply: Ply, result: Result) -> Row:
+def _position(scene: Scene, result: Result) -> Row:
     error = scene.errors(result)["displacement_error_rms"]
-    return {"unknowns": ply.basis.N, "position_error": error}
+    return {"unknowns": result.ply.basis.N, "position_error": error}
 
 
 STUDY = Adaptive()

@@ -22,7 +22,6 @@ from skfem_textile.adaptive.stepper import _counted
 from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.states import NoEquilibriumError
 
-
 LONG = pytest.mark.long
 
 
@@ -81,9 +80,16 @@ def test_where_the_unknowns_do_not_suffice_it_says_so_and_keeps_the_result():
 
 def test_a_load_that_cannot_be_applied_ends_the_run_with_its_states():
     scene, ply = pull()
-    far = {**scene.conditions, "top": Condition("top", (0.0, 90.0))}
+    held = {"bottom": Condition("bottom"), "top": scene.conditions["top"]}
+
+    def beyond(X, t):
+        if t > 0.5:
+            raise ValueError("no more")
+        return scene.conditions["top"].value(X, t)
+
+    held["top"] = Condition("top", beyond)
     with pytest.raises(StepError, match="stopped at load factor") as told:
-        AdaptiveStepper(ply, far, 0.05, 4).run()
+        AdaptiveStepper(ply, held, 0.05, 4).run()
     assert not told.value.result.converged
     assert not told.value.result.tolerance_met
 

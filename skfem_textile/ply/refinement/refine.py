@@ -1,7 +1,7 @@
 """A ply on a mesh that is finer where it is asked for."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
@@ -15,7 +15,9 @@ from ...mesh.checks import MeshError
 from ...mesh.splitting import SplitMesh, cut
 from ...mesh.splitting.edges import edges_of
 from ...mesh.splitting.refined_triangles import refine_triangles
-from ..ply import Ply
+
+if TYPE_CHECKING:
+    from ..ply import Ply
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +37,10 @@ class Refinement:
         The ply that was refined.
     """
 
-    ply: Ply
+    ply: "Ply"
     parent: ndarray
     ends: ndarray
-    before: Ply
+    before: "Ply"
 
     def carry(self, u: ndarray) -> ndarray:
         """A displacement of the refined ply that is near one of the ply before.
@@ -59,7 +61,7 @@ class Refinement:
         return carried
 
 
-def refine(ply: Ply, elements: ArrayLike) -> Refinement:
+def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
     """Refine a ply in some of its user's elements.
 
     Quadrilaterals are cut in two triangles first, all of them (`cut`).  Every edge of
@@ -85,7 +87,7 @@ def refine(ply: Ply, elements: ArrayLike) -> Refinement:
     Examples
     --------
     >>> from skfem import MeshTri
-    >>> from skfem_textile import Fabric
+    >>> from skfem_textile import Fabric, Ply
     >>> ply = Ply(MeshTri().refined(2), Fabric(1e4))
     >>> finer = refine(ply, [0, 5])
     >>> finer.ply.users_mesh.nelements, len(finer.carry(ply.basis.zeros()))
@@ -103,7 +105,7 @@ def refine(ply: Ply, elements: ArrayLike) -> Refinement:
     fabric, parent = ply.users_fabric, of[refined.parent]
     if isinstance(fabric, Fabric):
         fabric = fabric_on(parent, fabric)
-    finer = Ply(refined.mesh, fabric, ply.formulation, ply.further_terms_as_given)
+    finer = type(ply)(refined.mesh, fabric, ply.formulation, ply.further_terms_as_given)
     return Refinement(finer, parent, refined.ends, ply)
 
 

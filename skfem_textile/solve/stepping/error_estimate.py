@@ -8,7 +8,7 @@ the ply whose elements are split in four, and two linear systems tell to where i
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -17,7 +17,7 @@ from ..body import Body
 from ..conditions import Condition, Constraints
 from ..linear import ChosenSolver
 from ..problem import Problem, Tangent
-from ..states import NoEquilibriumError, State
+from ..states import ErrorEstimate, NoEquilibriumError, State
 from ..strategies import definite
 
 #: Error over the change that halved elements make, of the load and of the shear angle:
@@ -37,31 +37,8 @@ _MOST_INCREMENTS, _SETTLED = 4, 0.2
 _STEP_BACK = 1e-3
 
 
-class ErrorEstimate(NamedTuple):
-    """An estimated error, and the load factor at which it was found.
-
-    Attributes
-    ----------
-    load
-        As a share of the load: of the force of the conditions that move along their
-        motion, and of the work of loads.  None if there is none.
-    shear_angle
-        Root of the mean square over the ply, in radians; None if there is none.
-    load_factor
-        Load factor of the state that tells: the last, or one before where the last
-        state is near none of the finer ply.
-    reason
-        Why there is none; else empty.
-    """
-
-    load: float | None = None
-    shear_angle: float | None = None
-    load_factor: float = 0.0
-    reason: str = ""
-
-
 def estimated_error(
-    ply: Body, conditions: Mapping[str, Condition], states: list[State], solver: str
+    ply: Body, conditions: Mapping[str, Condition], solver: str, states: list[State]
 ) -> ErrorEstimate:
     """Estimate the error of the last state of a run.
 
@@ -69,10 +46,10 @@ def estimated_error(
     ----------
     ply, conditions
         The ply and its conditions.
-    states
-        The states of the run.
     solver
         Name of the linear solver.
+    states
+        The states of the run.
     """
     end = states[-1].load_factor
     if end == 0:
