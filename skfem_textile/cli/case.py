@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..adaptive.stepper import MOST_UNKNOWNS
+from ..adaptive.stepper import MOST_UNKNOWNS, AdaptiveStepper
 from ..fabric import Fabric, Law
 from ..fabric.laws import LAWS
 from ..fabric.laws.linear import STIFFNESS
@@ -24,7 +24,7 @@ from ..registration import (
 from ..scenes import SCENES
 from ..scenes.case import Case
 from ..solve.linear import SOLVERS
-from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY
+from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
 from ..solve.strategies import STRATEGIES
 from ..solve.verdict import CHECKS
 from .mesh import mesh_options, scene_of
@@ -122,9 +122,30 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
         strategies=values["strategy"],
         warn_only=values["warn_only"],
         solver=values["solver"],
-        tolerance=values["tolerance"],
-        most_unknowns=values["most_unknowns"],
     ), values
+
+
+def stepper_of(
+    case: Case, values: Mapping[str, Any], checkpoint: Path | None
+) -> LoadStepper | AdaptiveStepper:
+    """The load stepper of a case, to a tolerance if the values have one.
+
+    Raises
+    ------
+    ValueError
+        As from the steppers, or if there is a tolerance and a checkpoint.
+    """
+    if values["tolerance"] is None:
+        return case.stepper(checkpoint)
+    if checkpoint:
+        raise ValueError("--tolerance cannot have a checkpoint: leave one of them out")
+    return AdaptiveStepper(
+        *(case.ply(), case.scene.conditions, values["tolerance"], case.steps),
+        most_unknowns=values["most_unknowns"],
+        strategies=case.strategies,
+        warn_only=case.warn_only,
+        solver=case.solver,
+    )
 
 
 def _formulation_options() -> tuple[Option, ...]:

@@ -1,30 +1,38 @@
 """The command ``run``: it checks, then computes, then writes."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .. import __version__
-from ..adaptive import AdaptiveStepper
 from ..mesh.user_input import printable
 from ..scenes.case import Case
 from ..solve.result import Result
-from ..solve.stepper import LoadStepper
 from . import pictures
 from .interruption import INTERRUPTED, held
 from .output import OutputError, complain, say
 from .progress import load
 from .result_folder import ResultFolder
 
+if TYPE_CHECKING:
+    from .progress import Stepper
 
-def run(case: Case, values: Mapping[str, Any], options: argparse.Namespace) -> int:
+
+def run(
+    case: Case,
+    stepper_of: Callable[[Path | None], "Stepper"],
+    values: Mapping[str, Any],
+    options: argparse.Namespace,
+) -> int:
     """Load a case and write its results; returns the exit code.
 
     Parameters
     ----------
     case
         The case.
+    stepper_of
+        Makes its load stepper with a checkpoint, or without one.
     values
         Values of the options, for the summary.
     options
@@ -37,7 +45,7 @@ def run(case: Case, values: Mapping[str, Any], options: argparse.Namespace) -> i
     """
     from .. import io  # loads meshio
 
-    stepper = case.stepper(_checkpoint(options))
+    stepper = stepper_of(_checkpoint(options))
     fields = (f"fields/{name}" for name in io.FIELDS)
     written = ("summary.json", "history.csv", *fields, *pictures.PICTURES)
     results = ResultFolder(options.out, written)
@@ -106,7 +114,7 @@ def _checkpoint(options: argparse.Namespace) -> Path | None:
     return named.pop() if named else options.out / "checkpoint"
 
 
-def _kept(stepper: LoadStepper | AdaptiveStepper) -> str:
+def _kept(stepper: "Stepper") -> str:
     """Tell what remains of a run whose results cannot be written."""
     if stepper.checkpoint is None:
         return "nothing is kept, as --checkpoint was not given"

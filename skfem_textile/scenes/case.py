@@ -3,10 +3,7 @@
 import os
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
-from ..adaptive import AdaptiveStepper
-from ..adaptive.stepper import MOST_UNKNOWNS
 from ..fabric import Fabric
 from ..ply import Ply
 from ..ply.formulations import DEFAULT
@@ -35,8 +32,6 @@ class Case:
         Loads beside the scene's conditions.
     steps, strategies, warn_only, solver
         As for `LoadStepper`.
-    tolerance, most_unknowns
-        As for `AdaptiveStepper`; without a tolerance the mesh stays as it is.
     pictures
         Whether pictures are drawn, beside summary, history and fields.
 
@@ -58,8 +53,6 @@ class Case:
     strategies: Sequence[str | Strategy] = DEFAULT_STRATEGIES
     warn_only: Collection[str] = DEFAULT_WARN_ONLY
     solver: str = "auto"
-    tolerance: float | None = None
-    most_unknowns: int = MOST_UNKNOWNS
     pictures: bool = True
 
     def ply(self) -> Ply:
@@ -72,10 +65,8 @@ class Case:
         """
         return Ply(self.scene.mesh, self.fabric, self.formulation, self.loads)
 
-    def stepper(
-        self, checkpoint: str | os.PathLike[str] | None = None
-    ) -> LoadStepper | AdaptiveStepper:
-        """The load stepper of the ply, to a tolerance if there is one.
+    def stepper(self, checkpoint: str | os.PathLike[str] | None = None) -> LoadStepper:
+        """The load stepper of the ply.
 
         Parameters
         ----------
@@ -85,25 +76,16 @@ class Case:
         Raises
         ------
         ValueError
-            As from `Ply` and the load stepper, or if there is both a tolerance and a
-            checkpoint.
+            As from `Ply` and `LoadStepper`.
         """
-        search: dict[str, Any] = {
-            "strategies": self.strategies,
-            "warn_only": self.warn_only,
-            "solver": self.solver,
-        }
-        place = self.ply(), self.scene.conditions
-        if self.tolerance is None:
-            return LoadStepper(*place, self.steps, checkpoint=checkpoint, **search)
-        if checkpoint:
-            raise ValueError("a run to a tolerance cannot have a checkpoint: leave one")
-        return AdaptiveStepper(
-            *place,
-            self.tolerance,
+        return LoadStepper(
+            self.ply(),
+            self.scene.conditions,
             self.steps,
-            most_unknowns=self.most_unknowns,
-            **search,
+            strategies=self.strategies,
+            warn_only=self.warn_only,
+            checkpoint=checkpoint,
+            solver=self.solver,
         )
 
     def run(self) -> Result:

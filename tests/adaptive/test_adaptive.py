@@ -78,20 +78,21 @@ def test_where_the_unknowns_do_not_suffice_it_says_so_and_keeps_the_result():
     assert result.summary()["tolerance_met"] is False
 
 
-def test_a_load_that_cannot_be_applied_ends_the_run_with_its_states():
+def test_a_load_that_cannot_be_applied_ends_the_run_with_its_states(monkeypatch):
     scene, ply = pull()
-    held = {"bottom": Condition("bottom"), "top": scene.conditions["top"]}
+    advance = LoadStepper._advance
 
-    def beyond(X, t):
+    def stuck(stepper, t):
         if t > 0.5:
-            raise ValueError("no more")
-        return scene.conditions["top"].value(X, t)
+            raise NoEquilibriumError("stuck")
+        return advance(stepper, t)
 
-    held["top"] = Condition("top", beyond)
-    with pytest.raises(StepError, match="stopped at load factor") as told:
-        AdaptiveStepper(ply, held, 0.05, 4).run()
+    monkeypatch.setattr(LoadStepper, "_advance", stuck)
+    with pytest.raises(StepError, match=r"stopped at load factor 0\.5: stuck") as told:
+        AdaptiveStepper(ply, scene.conditions, 0.05, 4).run()
     assert not told.value.result.converged
     assert not told.value.result.tolerance_met
+    assert told.value.result.summary()["rounds"] == []
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, -0.1, np.nan])

@@ -40,7 +40,7 @@ LAYERS = {
     "ply.refinement": ("ply", "fabric", "mesh"),
     "solve": ("fabric", "mesh", "registration"),
     "adaptive": ("solve", "ply.refinement", "ply"),
-    "scenes": ("adaptive", "solve", "ply", "fabric", "mesh", "registration"),
+    "scenes": ("solve", "ply", "fabric", "mesh", "registration"),
     "io": ("solve", "mesh"),
     "plot": ("io", "solve"),
     "sweep": ("solve", "cli.output"),
