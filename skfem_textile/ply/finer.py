@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -62,7 +62,8 @@ def finer_mesh(mesh: Mesh) -> FinerMesh:
     return FinerMesh(parts, parts.origin[parts.parent])
 
 
-class FinerState(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class FinerState:
     """A finer ply, and what it takes over of a state: not in balance, but near one.
 
     Attributes

@@ -140,7 +140,8 @@ class State:
         return f"<State at load factor {self.load_factor:g}, {stable}>"
 
 
-class ErrorEstimate(NamedTuple):
+@dataclass(frozen=True)
+class ErrorEstimate:
     """An estimated error, and the load factor at which it was found.
 
     Attributes
