@@ -353,12 +353,8 @@ class LoadStepper:
             self.on_iteration(iteration)
 
     def _state(self, t: float, trial: Trial) -> State:
-        return trial.state(t, self._new_solves())
-
-    def _new_solves(self) -> int:
-        """Linear solves since the last state."""
         before = sum(state.linear_solves for state in self._states)
-        return self.problem.clock.solves - before
+        return trial.state(t, self.problem.clock.solves - before)
 
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step."""
