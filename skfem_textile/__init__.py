@@ -3,6 +3,7 @@
 from .cli import interruption as interruption  # isort: skip  # first: Ctrl-C
 
 from . import forms as forms
+from .adaptive import AdaptiveResult, AdaptiveStepper, Round
 from .fabric import (
     Asymmetric,
     BiaxialLaw,
@@ -43,6 +44,7 @@ from .ply.term import Load, Memory, Term
 from .ply.terms import FormTerm, MatrixTerm, VectorTerm
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition
+from .solve.equilibrium import equilibrium_near
 from .solve.result import Result, StepError
 from .solve.states import Iteration, State, Verdict
 from .solve.stepper import LoadStepper
@@ -54,6 +56,8 @@ __all__ = [
     "CENTRE",
     "GAUSS",
     "AccumulatedMoment",
+    "AdaptiveResult",
+    "AdaptiveStepper",
     "Asymmetric",
     "BiaxialLaw",
     "BodyForce",
@@ -92,6 +96,7 @@ __all__ = [
     "Quadratic",
     "Refinement",
     "Result",
+    "Round",
     "Sin2",
     "State",
     "StepError",
@@ -101,6 +106,7 @@ __all__ = [
     "Traction",
     "VectorTerm",
     "Verdict",
+    "equilibrium_near",
     "hourglass",
     "hourglass_rate",
     "marked",

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ..adaptive.stepper import MOST_UNKNOWNS, AdaptiveStepper
 from ..fabric import Fabric, Law
 from ..fabric.laws import LAWS
 from ..fabric.laws.linear import STIFFNESS
@@ -23,7 +24,7 @@ from ..registration import (
 from ..scenes import SCENES
 from ..scenes.case import Case
 from ..solve.linear import SOLVERS
-from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY
+from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
 from ..solve.strategies import STRATEGIES
 from ..solve.verdict import CHECKS
 from .mesh import mesh_options, scene_of
@@ -36,6 +37,20 @@ _OF_FIBRES = {STIFFNESS: replace(STIFFNESS, default=1e4, metavar="E")}
 
 _STEPPING = (
     Option(name="steps", help="load steps", default=20, read=int),
+    Option(
+        name="tolerance",
+        help="refine the mesh where the shear angle jumps until the estimated error of "
+        "the load is below this share of it",
+        read=float,
+        metavar="SHARE",
+    ),
+    Option(
+        name="most-unknowns",
+        help="no mesh of a run to a tolerance has more unknowns",
+        default=MOST_UNKNOWNS,
+        read=int,
+        metavar="N",
+    ),
     Option(
         name="strategy",
         help=f"what a step tries, in this order, of {', '.join(STRATEGIES)}",
@@ -108,6 +123,29 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
         warn_only=values["warn_only"],
         solver=values["solver"],
     ), values
+
+
+def stepper_of(
+    case: Case, values: Mapping[str, Any], checkpoint: Path | None
+) -> LoadStepper | AdaptiveStepper:
+    """The load stepper of a case, to a tolerance if the values have one.
+
+    Raises
+    ------
+    ValueError
+        As from the steppers, or if there is a tolerance and a checkpoint.
+    """
+    if values["tolerance"] is None:
+        return case.stepper(checkpoint)
+    if checkpoint:
+        raise ValueError("--tolerance cannot have a checkpoint: leave one of them out")
+    return AdaptiveStepper(
+        *(case.ply(), case.scene.conditions, values["tolerance"], case.steps),
+        most_unknowns=values["most_unknowns"],
+        strategies=case.strategies,
+        warn_only=case.warn_only,
+        solver=case.solver,
+    )
 
 
 def _formulation_options() -> tuple[Option, ...]:

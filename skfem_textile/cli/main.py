@@ -3,9 +3,10 @@
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 from ..scenes import SCENES
-from .case import case_of, options_of
+from .case import case_of, options_of, stepper_of
 from .interruption import INTERRUPTED, raised
 from .output import OutputError, complain, say, silence
 from .parser import BAD_INPUT, command_parser
@@ -58,7 +59,7 @@ def _run(arguments: Sequence[str]) -> int:
         given = {o.key: getattr(options, o.key) for o in own[options.scene]}
         case, values = case_of(given | {"scene": options.scene})
         case = replace(case, pictures=not options.no_render)
-        return run(case, values, options)
+        return run(case, partial(stepper_of, case, values), values, options)
     finally:
         say("", end="")  # flushes what argparse printed
 

@@ -1,17 +1,23 @@
 """The course of a run: progress bar, log and exit code."""
 
 import logging
+from typing import TYPE_CHECKING, TypeAlias
 
 from ..solve.result import StepError
 from ..solve.states import Iteration, State
-from ..solve.stepper import LoadStepper
 from .interruption import INTERRUPTED
+
+if TYPE_CHECKING:
+    from ..adaptive import AdaptiveStepper
+    from ..solve.stepper import LoadStepper
+
+    Stepper: TypeAlias = LoadStepper | AdaptiveStepper
 
 #: Exit code of a run that stops early.
 STOPPED_EARLY = 1
 
 
-def load(stepper: LoadStepper, resume: bool, verbose: int) -> tuple[int, str]:
+def load(stepper: "Stepper", resume: bool, verbose: int) -> tuple[int, str]:
     """Run with a progress bar on a terminal.
 
     Parameters
@@ -61,8 +67,10 @@ def load(stepper: LoadStepper, resume: bool, verbose: int) -> tuple[int, str]:
     return 0, ""
 
 
-def _interrupted(stepper: LoadStepper) -> str:
+def _interrupted(stepper: "Stepper") -> str:
     at = stepper.states[-1].load_factor
+    if hasattr(stepper, "tolerance"):
+        return f"interrupted; the state at load factor {at:.6g} of a mesh is written"
     kept, lost = "--resume goes on from there", "--checkpoint lets a run resume"
     advice = kept if stepper.checkpoint else lost
     return f"interrupted; the state at load factor {at:.6g} is written, {advice}"

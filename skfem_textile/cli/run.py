@@ -1,29 +1,38 @@
 """The command ``run``: it checks, then computes, then writes."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .. import __version__
 from ..mesh.user_input import printable
 from ..scenes.case import Case
 from ..solve.result import Result
-from ..solve.stepper import LoadStepper
 from . import pictures
 from .interruption import INTERRUPTED, held
 from .output import OutputError, complain, say
 from .progress import load
 from .result_folder import ResultFolder
 
+if TYPE_CHECKING:
+    from .progress import Stepper
 
-def run(case: Case, values: Mapping[str, Any], options: argparse.Namespace) -> int:
+
+def run(
+    case: Case,
+    stepper_of: Callable[[Path | None], "Stepper"],
+    values: Mapping[str, Any],
+    options: argparse.Namespace,
+) -> int:
     """Load a case and write its results; returns the exit code.
 
     Parameters
     ----------
     case
         The case.
+    stepper_of
+        Makes its load stepper with a checkpoint, or without one.
     values
         Values of the options, for the summary.
     options
@@ -36,7 +45,7 @@ def run(case: Case, values: Mapping[str, Any], options: argparse.Namespace) -> i
     """
     from .. import io  # loads meshio
 
-    stepper = case.stepper(_checkpoint(options))
+    stepper = stepper_of(_checkpoint(options))
     fields = (f"fields/{name}" for name in io.FIELDS)
     written = ("summary.json", "history.csv", *fields, *pictures.PICTURES)
     results = ResultFolder(options.out, written)
@@ -61,12 +70,20 @@ def run(case: Case, values: Mapping[str, Any], options: argparse.Namespace) -> i
     if case.pictures and code != INTERRUPTED and not _draw(case, result, options.out):
         code = INTERRUPTED
     for key, value in summary.items():
-        shown = f"{value:.6g}" if isinstance(value, float) else value
-        say(f"{key:34}{shown}")
+        _say(key, value)
     say(f"results in {printable(options.out)}")
     if said:
         complain(said)
     return code
+
+
+def _say(key: str, value: Any) -> None:
+    """Print a figure, of a list each of its parts on a line."""
+    for part in value if isinstance(value, list) else [value]:
+        shown = f"{part:.6g}" if isinstance(part, float) else part
+        if isinstance(part, dict):
+            shown = ", ".join(f"{name} {x}" for name, x in part.items())
+        say(f"{key:34}{shown}")
 
 
 def _draw(case: Case, result: Result, out: Path) -> bool:
@@ -97,7 +114,7 @@ def _checkpoint(options: argparse.Namespace) -> Path | None:
     return named.pop() if named else options.out / "checkpoint"
 
 
-def _kept(stepper: LoadStepper) -> str:
+def _kept(stepper: "Stepper") -> str:
     """Tell what remains of a run whose results cannot be written."""
     if stepper.checkpoint is None:
         return "nothing is kept, as --checkpoint was not given"

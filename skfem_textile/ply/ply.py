@@ -23,6 +23,7 @@ from ..mesh.corners import Corners
 from ..mesh.pattern import Pattern
 from ..mesh.splitting import original_elements
 from .corners import CornerTerm, corner_stiffness
+from .finer import FinerState, finer_state
 from .formulations import DEFAULT
 from .kernels.assembly import KernelSum
 from .kernels.element_groups import Parameters
@@ -172,6 +173,16 @@ class Ply(Measures):
         ply.users_mesh, ply.users_fabric = self.users_mesh, self.users_fabric
         return ply
 
+    def finer(self, u: ndarray) -> FinerState:
+        """A ply of which each element of ``mesh`` is split in four, and ``u`` on it.
+
+        Raises
+        ------
+        ValueError
+            If a term cannot be built anew, or depends on the steps.
+        """
+        return finer_state(self, u)
+
     @cached_property
     def _fused(self) -> KernelSum:
         """The terms with kernels, which share what they know of the fibres."""
@@ -266,9 +277,13 @@ class Ply(Measures):
             Fibre tensions to use in the geometric stiffness instead of those of
             ``u``, shape (2, n_elements, n_points).
         """
-        if self._tension and tension is not None:
-            tension = self._tension.arrange(tension)
+        if tension is not None:
+            tension = self.arranged(tension)
         return self.pattern.matrix(self.stiffness(u, t, tension=tension))
+
+    def arranged(self, tension: ndarray) -> ndarray:
+        """Fibre tensions at the ply's own points, as `stiffness` takes them."""
+        return self._tension.arrange(tension) if self._tension else tension
 
     def stiffness(
         self,
@@ -310,8 +325,7 @@ class Ply(Measures):
         """
         term = self._tension
         if term is None or not _is_fused(term):
-            T = self.predicted_tension(u, du)
-            return term.arrange(T) if term else T
+            return self.arranged(self.predicted_tension(u, du))
         w = _kernel_parameters([term], 1.0)[term]
         return self._fused.predicted_tension(u, du, term, w)
 

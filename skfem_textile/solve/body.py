@@ -4,12 +4,13 @@
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
-from ..mesh.pattern import Pattern
+if TYPE_CHECKING:
+    from ..mesh.pattern import Pattern
 
 #: Load factors at which loads and further terms are compared, at no regular distances.
 PROBED = (
@@ -34,7 +35,7 @@ class Body(Protocol):
     fine_points: ndarray
 
     @property
-    def pattern(self) -> Pattern:
+    def pattern(self) -> "Pattern":
         """Which nodes the tangent couples."""
         ...
 
@@ -101,6 +102,13 @@ class Body(Protocol):
 
     def reset(self) -> None:
         """Forget every committed state."""
+        ...
+
+    def finer(self, u: ndarray) -> Any:
+        """A body of which each element is split in four, and ``u`` on it.
+
+        It has ``ply``, ``u``, ``tension`` and ``parent``, see `Ply.finer`.
+        """
         ...
 
     def on_users_elements(self, values: ndarray) -> ndarray:

@@ -1,14 +1,15 @@
 """What a run of the load stepper leaves behind."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy import ndarray
 
 from .body import Body
 from .linear.solver import Choice
-from .states import State
+from .states import ErrorEstimate, State
 
 # States that a printed result lists at most.
 _LINES = 11
@@ -43,6 +44,8 @@ class Result:
         to find the fastest solver.
     solver
         Name of the linear solver, and why it was chosen.
+    estimate
+        Finds the estimated error of states of the ply.
     """
 
     ply: Body
@@ -56,6 +59,7 @@ class Result:
     assembly_time_s: float
     solve_time_s: float
     solver: Choice
+    estimate: Callable[[list[State]], ErrorEstimate]
 
     @property
     def path_resolved(self) -> bool:
@@ -66,6 +70,11 @@ class Result:
     def u(self) -> ndarray:
         """Displacement of the last converged state."""
         return self.states[-1].u
+
+    @cached_property
+    def estimated_error(self) -> ErrorEstimate:
+        """The estimated error of the last state, found when it is asked for first."""
+        return self.estimate(self.states)
 
     def history(self) -> list[dict[str, float | None]]:
         """One row per converged state, ready for a table.
@@ -107,6 +116,11 @@ class Result:
         of quadrilaterals or six points of quadratic triangles, and ``min_det_F`` at
         the nodes of the elements too.  ``mesh_fibre_strain`` is a measure of the mesh,
         not of what fibres carry.
+
+        ``estimated_load_error``, a share of the load, and
+        ``estimated_shear_angle_error_deg`` tell what the mesh costs, as far as a finer
+        one shows it (`estimated_error`); they are None where ``error_estimate`` says
+        why.
         """
         ply, u, verdict = self.ply, self.u, self.states[-1].verdict
         shares = self.states[-1].shares
@@ -130,12 +144,30 @@ class Result:
             "mesh_fibre_strain": verdict.mesh_fibre_strain,
             "max_fibre_tension": _largest(ply.fibre_tension(u)),
             "max_shear_angle_deg": float(np.degrees(_largest(ply.shear_angle(u)))),
+            **self._errors(),
             "wall_time_s": self.wall_time_s,
             "assembly_time_s": self.assembly_time_s,
             "solve_time_s": self.solve_time_s,
             "solver": self.solver.name,
             "solver_reason": self.solver.reason,
         }
+
+    def _errors(self) -> dict[str, str | float | None]:
+        """The estimated error, and what there is to say of it."""
+        error, end = self.estimated_error, self.states[-1].load_factor
+        found: dict[str, str | float | None] = {
+            "estimated_load_error": error.load,
+            "estimated_shear_angle_error_deg": (
+                None
+                if error.shear_angle is None
+                else float(np.degrees(error.shear_angle))
+            ),
+        }
+        if error.reason:
+            found["error_estimate"] = f"none: {error.reason}"
+        elif error.load_factor < end:
+            found["error_estimate"] = f"of the load factor {error.load_factor:g}"
+        return found
 
     def __repr__(self) -> str:
         end = "converged" if self.converged else "stopped early"

@@ -138,3 +138,27 @@ class State:
     def __repr__(self) -> str:
         stable = "stable" if self.verdict.stable else "not stable"
         return f"<State at load factor {self.load_factor:g}, {stable}>"
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """An estimated error, and the load factor at which it was found.
+
+    Attributes
+    ----------
+    load
+        As a share of the load: of the force of the conditions that move along their
+        motion, and of the work of loads.  None if there is none.
+    shear_angle
+        Root of the mean square over the ply, in radians; None if there is none.
+    load_factor
+        Load factor of the state that tells: the last, or one before where the last
+        state is near none of the finer ply.
+    reason
+        Why there is none; else empty.
+    """
+
+    load: float | None = None
+    shear_angle: float | None = None
+    load_factor: float = 0.0
+    reason: str = ""

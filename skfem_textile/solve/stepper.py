@@ -3,6 +3,7 @@
 import logging
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -25,6 +26,7 @@ from .stepping.equilibrium_search import (
     follows_path,
     strategy_of,
 )
+from .stepping.error_estimate import estimated_error
 from .stepping.limit import is_known, limit_error, load_growth, loads_grow
 from .stepping.load_path import LoadPath
 from .stepping.step_length import StepLength
@@ -115,7 +117,7 @@ class LoadStepper:
             ply, steps, max_halvings, strategies, warn_only, solver, callbacks
         )
         constraints = Constraints(ply.basis, conditions)
-        self._solver_name = solver
+        self._conditions, self._solver_name = conditions, solver
         self.problem = Problem(ply, constraints, self._choose_solver)
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         for t in (0.0, *self.load_factors):
@@ -183,7 +185,8 @@ class LoadStepper:
         """What the run has found so far; after an interruption, all of it."""
         if not self._states:
             raise RuntimeError("the load stepper has not been run")
-        clock = self.problem.clock
+        clock, solver = self.problem.clock, self._solver.choice
+        place = self.problem.ply, self._conditions, solver.name
         return Result(
             ply=self.problem.ply,
             states=list(self._states),
@@ -195,7 +198,8 @@ class LoadStepper:
             wall_time_s=perf_counter() - self._began,
             assembly_time_s=clock.seconds["assembly"],
             solve_time_s=clock.seconds["solve"],
-            solver=self._solver.choice,
+            solver=solver,
+            estimate=partial(estimated_error, *place),
         )
 
     def _choose_solver(self, lower: csc_matrix) -> ChosenSolver:
@@ -349,12 +353,8 @@ class LoadStepper:
             self.on_iteration(iteration)
 
     def _state(self, t: float, trial: Trial) -> State:
-        return trial.state(t, self._new_solves())
-
-    def _new_solves(self) -> int:
-        """Linear solves since the last state."""
         before = sum(state.linear_solves for state in self._states)
-        return self.problem.clock.solves - before
+        return trial.state(t, self.problem.clock.solves - before)
 
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step."""

@@ -28,6 +28,7 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
         *("reaction_y", "displacement_error_rms", "displacement_error_max"),
         *("shear_angle_error_rms_deg", "inputs", "negative_pivots", "stable"),
         *("steps_cut", "factorisations", "solver", "solver_reason"),
+        *("estimated_load_error", "estimated_shear_angle_error_deg"),
         *(
             f"{whole}_share_of_{role}"
             for whole in ("energy", "work", "reaction")

@@ -27,7 +27,7 @@ from skfem_textile.mesh.bases import node_dofs
 from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.mesh.named_nodes import named_nodes, with_named_nodes
 from skfem_textile.mesh.splitting import cut
-from skfem_textile.ply.refinement.triangles import refine_triangles
+from skfem_textile.mesh.splitting.refined_triangles import refine_triangles
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 
@@ -193,8 +193,6 @@ def test_elements_are_numbers_or_one_bool_for_each():
 
 def test_what_cannot_be_refined_is_refused():
     fabric, quads = Fabric(1e3, 1.0), rectangle(3, 2, (3, 2), "aligned")
-    with pytest.raises(MeshError, match=r"make it of cut\(mesh\)"):
-        refine(Ply(quads, fabric), [0])
     with pytest.raises(MeshError, match="before it is split"):
         refine(Ply(split(sheet()), fabric), [0])
     assert refine(Ply(cut(quads), fabric), [0]).ply.users_mesh.nelements > 12
@@ -282,3 +280,57 @@ def test_quadrilaterals_have_jumps_too():
     eta = shear_angle_jumps(ply, 0.1 * u)
     y = mesh.p[1, mesh.t].mean(axis=0)
     np.testing.assert_array_equal(eta > 1e-9, np.abs(y - 0.5) < 0.2)
+
+
+def test_quadrilaterals_are_refined_through_their_triangles():
+    """Parents, fabric per element, names and displacements are those of the quads."""
+    mesh = rectangle(3.0, 2.0, (4, 3), "irregular", 0.2)
+    x, n = mesh.p[0, mesh.t].mean(axis=0), mesh.nelements
+    mesh = mesh.with_subdomains({"left": np.flatnonzero(x < 1.5)})
+    mesh = with_named_nodes(mesh, {"pins": np.array([0, 7])})
+    stiffness = np.random.default_rng(2).uniform(1e3, 2e3, n)
+    ply = Ply(mesh, Fabric(stiffness, stiffness / 1e3), Full())
+    finer = refine(ply, [2, 3])
+    new = finer.ply.users_mesh
+    parts = np.bincount(finer.parent)
+    assert (parts >= 2).all()
+    assert (parts[[2, 3]] == 8).all()
+    triangles = cut(mesh)
+    whole = np.bincount(triangles.parent, areas(triangles))
+    np.testing.assert_allclose(np.bincount(finer.parent, areas(new)), whole)
+    E = finer.ply.fabric.at().tensions.laws[0].stiffness.ravel()
+    np.testing.assert_array_equal(E, stiffness[finer.parent[finer.ply.parent]])
+    inside = np.isin(finer.parent, mesh.subdomains["left"])
+    np.testing.assert_array_equal(np.flatnonzero(inside), new.subdomains["left"])
+    np.testing.assert_array_equal(named_nodes(new)["pins"], [0, 7])
+    linear = np.array([[0.1, 0.3], [0.0, 0.05]])
+    u = ply.basis.zeros()
+    u[node_dofs(ply.basis)] = linear @ ply.nodes
+    nodes = finer.ply.nodal(finer.carry(u))
+    np.testing.assert_allclose(nodes, linear @ finer.ply.nodes, atol=1e-14)
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+@pytest.mark.parametrize("quads", [True, False])
+def test_a_finer_ply_has_four_parts_of_each_element_and_its_names(formulation, quads):
+    mesh = rectangle(3.0, 2.0, (4, 3), "irregular", 0.2) if quads else sheet()
+    ply = Ply(mesh, Fabric(1e3, 1.0), formulation)
+    linear = np.array([[0.1, 0.3], [0.0, 0.05]])
+    u = ply.basis.zeros()
+    u[node_dofs(ply.basis)] = linear @ ply.nodes
+    ply.settle(u)
+    finer = ply.finer(u)
+    assert finer.ply.mesh.nelements == 4 * ply.mesh.nelements
+    np.testing.assert_array_equal(np.bincount(finer.parent), 4)
+    nodes = finer.ply.nodal(finer.u)
+    np.testing.assert_allclose(nodes, linear @ finer.ply.nodes, atol=1e-14)
+    before, after = ply.energies(u), finer.ply.energies(finer.u)
+    for name, energy in before.items():
+        assert after[name] == pytest.approx(energy, rel=1e-9, abs=1e-12), name
+    for name, (parameters, _) in finer.ply.remembered.items():
+        held = ply.remembered[name][0]
+        for key, values in parameters.items():
+            assert values.mean() == pytest.approx(held[key].mean(), rel=1e-6)
+    for name, edges in ply.mesh.boundaries.items():
+        total = lengths(finer.ply.mesh, finer.ply.mesh.boundaries[name]).sum()
+        assert total == pytest.approx(lengths(ply.mesh, edges).sum(), rel=1e-12)

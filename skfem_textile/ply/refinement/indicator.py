@@ -1,12 +1,15 @@
 """Which elements of a ply are too large for its shear angle."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy import ndarray
 
-from ..ply import Ply
+if TYPE_CHECKING:
+    from ..ply import Ply
 
 
-def shear_angle_jumps(ply: Ply, u: ndarray) -> ndarray:
+def shear_angle_jumps(ply: "Ply", u: ndarray) -> ndarray:
     """Jumps of the shear angle between each of the user's elements and its neighbours.
 
     η² = Σ h² [Γ]², summed over the edges of the element that it shares: h is the length

@@ -1,7 +1,7 @@
 """A ply on a mesh that is finer where it is asked for."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
@@ -12,10 +12,12 @@ from ...fabric import Fabric
 from ...fabric.regions import fabric_on
 from ...mesh.bases import node_dofs
 from ...mesh.checks import MeshError
-from ...mesh.splitting import SplitMesh
+from ...mesh.splitting import SplitMesh, cut
 from ...mesh.splitting.edges import edges_of
-from ..ply import Ply
-from .triangles import refine_triangles
+from ...mesh.splitting.refined_triangles import refine_triangles
+
+if TYPE_CHECKING:
+    from ..ply import Ply
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +37,10 @@ class Refinement:
         The ply that was refined.
     """
 
-    ply: Ply
+    ply: "Ply"
     parent: ndarray
     ends: ndarray
-    before: Ply
+    before: "Ply"
 
     def carry(self, u: ndarray) -> ndarray:
         """A displacement of the refined ply that is near one of the ply before.
@@ -59,24 +61,25 @@ class Refinement:
         return carried
 
 
-def refine(ply: Ply, elements: ArrayLike) -> Refinement:
-    """Refine a ply of triangles in some of its user's elements.
+def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
+    """Refine a ply in some of its user's elements.
 
-    Every edge of these is halved, and further edges where the mesh needs it.  Names of
+    Quadrilaterals are cut in two triangles first, all of them (`cut`).  Every edge of
+    the elements is halved, and further edges where the mesh needs it.  Names of
     boundaries, subdomains and nodes, values of the fabric per element, the formulation
     and loads go with the mesh.  Nodes that are new get no name of nodes.
 
     Parameters
     ----------
     ply
-        A ply on a mesh of triangles.
+        A ply on a mesh of triangles or of quadrilaterals.
     elements
         The user's elements to refine: numbers, or one bool for each.
 
     Raises
     ------
     MeshError
-        If the mesh is not of triangles, or was split before the ply was made.
+        If the mesh was split before the ply was made.
     ValueError
         If there is no such element, the fabric has values for each part of an element,
         or the ply has a term that cannot be built anew on another mesh.
@@ -84,13 +87,13 @@ def refine(ply: Ply, elements: ArrayLike) -> Refinement:
     Examples
     --------
     >>> from skfem import MeshTri
-    >>> from skfem_textile import Fabric
+    >>> from skfem_textile import Fabric, Ply
     >>> ply = Ply(MeshTri().refined(2), Fabric(1e4))
     >>> finer = refine(ply, [0, 5])
     >>> finer.ply.users_mesh.nelements, len(finer.carry(ply.basis.zeros()))
     (40, 282)
     """
-    mesh = _triangles(ply.users_mesh)
+    mesh, of, numbers = _triangles(ply.users_mesh, elements)
     for term in ply.further_terms_as_given:
         if not hasattr(term, "on"):
             name = getattr(term, "name", term)
@@ -98,24 +101,25 @@ def refine(ply: Ply, elements: ArrayLike) -> Refinement:
                 f"term {name!r} is of the mesh that is refined: refine the ply without "
                 "it, and build it anew"
             )
-    refined = refine_triangles(mesh, _numbers(elements, mesh.nelements))
-    fabric = ply.users_fabric
+    refined = refine_triangles(mesh, numbers)
+    fabric, parent = ply.users_fabric, of[refined.parent]
     if isinstance(fabric, Fabric):
-        fabric = fabric_on(refined.parent, fabric)
-    finer = Ply(refined.mesh, fabric, ply.formulation, ply.further_terms_as_given)
-    return Refinement(finer, refined.parent, refined.ends, ply)
+        fabric = fabric_on(parent, fabric)
+    finer = type(ply)(refined.mesh, fabric, ply.formulation, ply.further_terms_as_given)
+    return Refinement(finer, parent, refined.ends, ply)
 
 
-def _triangles(mesh: Mesh) -> MeshTri:
-    """The mesh, if it is of triangles."""
+def _triangles(mesh: Mesh, elements: ArrayLike) -> tuple[MeshTri, ndarray, ndarray]:
+    """Triangles of a mesh, the element of each, and which of them to refine."""
     if isinstance(mesh, SplitMesh):
         raise MeshError("refine a ply of the mesh before it is split, not of its parts")
-    if not isinstance(mesh, MeshTri):
-        raise MeshError(
-            "only a ply of triangles can be refined: make it of cut(mesh) in place of "
-            "the quadrilaterals"
-        )
-    return mesh
+    if isinstance(mesh, MeshTri):
+        numbers = _numbers(elements, mesh.nelements)
+        return mesh, np.arange(mesh.nelements), numbers
+    quads: Any = mesh
+    triangles = cut(quads)
+    chosen = np.isin(triangles.parent, _numbers(elements, mesh.nelements))
+    return triangles, triangles.parent, np.flatnonzero(chosen)
 
 
 def _numbers(elements: ArrayLike, n: int) -> ndarray:

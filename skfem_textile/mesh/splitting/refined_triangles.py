@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import MeshTri
 
-from ...mesh.named_nodes import edge_numbers, named_nodes, with_named_nodes
+from ..named_nodes import edge_numbers, named_nodes, with_named_nodes
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,335 @@
+"""The load stepper in a loop: solve, estimate, refine, until a tolerance is met."""
+
+import logging
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy import ndarray
+
+from ..ply.refinement import marked, refine, shear_angle_jumps
+from ..solve.conditions import Condition
+from ..solve.equilibrium import equilibrium_near
+from ..solve.result import Result, StepError
+from ..solve.states import Iteration, NoEquilibriumError, State
+from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
+from ..solve.stepping.error_estimate import estimated_error, refuse_single_nodes
+from ..solve.strategies import Strategy
+
+if TYPE_CHECKING:
+    from ..ply import Ply
+
+log = logging.getLogger(__name__)
+
+#: Unknowns at most, unless told otherwise: a run of about a minute.
+MOST_UNKNOWNS = 50_000
+
+# Share of the squares of the jumps that the elements carry which are refined.  Chosen:
+# with less there are more rounds, with more elements are refined that need not be.
+_SHARE = 0.5
+
+# Rounds at most: each about doubles the unknowns.
+_MOST_ROUNDS = 25
+
+
+@dataclass(frozen=True)
+class Round:
+    """A mesh of the loop, and what was found on it.
+
+    Attributes
+    ----------
+    unknowns
+        Number of unknowns.
+    linear_solves
+        Linear solves that the state took.
+    whole_path
+        Whether the whole load was applied, and not only its end.
+    load_change
+        Change of the load since the round before, as a share of it; None at first.
+    estimated_load_error
+        As of `Result.summary`.
+    error
+        What counts: the largest of estimate, change, and half of what counted on the
+        mesh before.  Twice the change stands for a missing estimate; it is infinite
+        where both are missing.
+    """
+
+    unknowns: int
+    linear_solves: int
+    whole_path: bool
+    load_change: float | None
+    estimated_load_error: float | None
+    error: float
+
+    def __str__(self) -> str:
+        shares = self.load_change, self.estimated_load_error
+        change, error = ("none" if x is None else f"{x:.2%}" for x in shares)
+        return (
+            f"{self.unknowns} unknowns, {self.linear_solves} linear solves"
+            f"{', whole path' if self.whole_path else ''}, load changed by {change}, "
+            f"estimated error {error}, counted as {self.error:.2%}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptiveResult(Result):
+    """The result on the last mesh, and the rounds that led to it.
+
+    Attributes
+    ----------
+    tolerance
+        Error of the load that was asked for, as a share of it.
+    rounds
+        All rounds, that of the last mesh included.
+    """
+
+    tolerance: float
+    rounds: tuple[Round, ...]
+
+    @property
+    def tolerance_met(self) -> bool:
+        """Whether the whole load was applied, and its estimated error is small."""
+        last = self.rounds[-1:]
+        return self.converged and any(one.error <= self.tolerance for one in last)
+
+    def summary(self) -> dict[str, Any]:
+        """As of `Result`, with ``tolerance``, ``tolerance_met`` and ``rounds``."""
+        return super().summary() | {
+            "tolerance": self.tolerance,
+            "tolerance_met": self.tolerance_met,
+            "rounds": [_finite(asdict(one)) for one in self.rounds],
+        }
+
+
+class AdaptiveStepper:
+    """Load a ply on meshes that are refined until the estimated error is small.
+
+    The load is applied on the mesh as it is.  Then elements at which the shear angle
+    jumps are refined, the last state is carried over and balanced, and the error of the
+    load is estimated, round by round.  Where the state that was carried over leads to
+    none, and on the last mesh, the whole load is applied anew: every state of the
+    result is on the last mesh.
+
+    What counts as the error is the largest of the estimate, of what the load changed
+    since the mesh before, and of half of what counted there: an estimate may be small
+    by chance.
+
+    Parameters
+    ----------
+    ply
+        The ply, on triangles or quadrilaterals, of which a refined one is made of
+        triangles.
+    conditions
+        Displacement conditions by name, on boundaries or given by functions.
+    tolerance
+        Error of the load as a share of it, between 0 and 1.
+    most_unknowns
+        No mesh has more unknowns.
+    on_round
+        Called with each `Round`.
+    steps, strategies, warn_only, solver, on_iteration, on_step
+        As for `LoadStepper`.
+
+    Raises
+    ------
+    ValueError
+        As from `LoadStepper`; if the tolerance or ``most_unknowns`` is not valid, the
+        ply cannot be refined, or a condition is on nodes given by number or name that
+        share an edge.
+
+    Examples
+    --------
+    >>> from skfem_textile.scenes import bias_extension
+    >>> from skfem_textile import AdaptiveStepper, Fabric, Ply
+    >>> scene = bias_extension(size=(4, 8))
+    >>> ply = Ply(scene.mesh, Fabric(1e5, 0.5, scene.warp, scene.weft))
+    >>> result = AdaptiveStepper(ply, scene.conditions, 0.1, steps=4).run()
+    >>> result.tolerance_met
+    True
+    """
+
+    checkpoint = None
+
+    def __init__(
+        self,
+        ply: "Ply",
+        conditions: Mapping[str, Condition],
+        tolerance: float,
+        steps: int = 20,
+        *,
+        most_unknowns: int = MOST_UNKNOWNS,
+        on_round: Callable[[Round], None] | None = None,
+        strategies: Sequence[str | Strategy] = DEFAULT_STRATEGIES,
+        warn_only: Collection[str] = DEFAULT_WARN_ONLY,
+        solver: str = "auto",
+        on_iteration: Callable[[Iteration], None] | None = None,
+        on_step: Callable[[State], None] | None = None,
+    ) -> None:
+        if not 0 < tolerance < 1:
+            raise ValueError(f"the tolerance must be between 0 and 1, got {tolerance}")
+        if not most_unknowns >= ply.basis.N:
+            raise ValueError(
+                f"the ply has {ply.basis.N} unknowns, more than the {most_unknowns} "
+                "that are allowed"
+            )
+        refine(ply, [])  # refuses what cannot be refined
+        refuse_single_nodes(ply, conditions)
+        self._ply, self._conditions, self._steps = ply, conditions, steps
+        self.tolerance, self.most_unknowns = tolerance, most_unknowns
+        self._search: dict[str, Any] = {
+            "strategies": strategies,
+            "warn_only": warn_only,
+            "solver": solver,
+        }
+        self.on_iteration, self.on_step, self.on_round = on_iteration, on_step, on_round
+        self._stepper = self._stepper_of(ply)
+        self._rounds: list[Round] = []
+
+    def run(self, resume: bool = False) -> AdaptiveResult:
+        """Refine and load until the tolerance is met.
+
+        Parameters
+        ----------
+        resume
+            Not possible: there is no checkpoint.
+
+        Raises
+        ------
+        StepError
+            If the load cannot be applied, or the tolerance is not met with the
+            unknowns that are allowed; its ``result`` has what was found.
+        """
+        if resume:
+            raise ValueError("a run to a tolerance has no checkpoint to resume from")
+        self._rounds = []
+        ply, state = self._apply(self._ply)
+        while True:
+            met = self._rounds[-1].error <= self.tolerance
+            if met and self._rounds[-1].whole_path:
+                return self.result
+            if met:
+                ply, state = self._apply(ply, state)
+                continue
+            finer = self._refined(ply, state)
+            if finer is None:
+                break
+            ply, state = finer
+        why = f"with at most {self.most_unknowns} unknowns the tolerance is not met"
+        if not self._rounds[-1].whole_path:
+            self._apply(ply, state)
+        result = self.result
+        if result.tolerance_met:
+            return result
+        error = self._rounds[-1].error
+        said = f"is about {error:.2%}" if error < np.inf else "cannot be estimated"
+        raise StepError(
+            f"{why}: the error of the load {said}, {self.tolerance:.2%} was asked for",
+            result,
+            np.empty(0, dtype=int),
+        )
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """The states on the mesh on which the whole load was applied last."""
+        return self._stepper.states
+
+    @property
+    def result(self) -> AdaptiveResult:
+        """What has been found so far."""
+        result = self._stepper.result
+        found = {field.name: getattr(result, field.name) for field in fields(Result)}
+        rounds = tuple(self._rounds)
+        return AdaptiveResult(**found, tolerance=self.tolerance, rounds=rounds)
+
+    def _stepper_of(self, ply: "Ply") -> LoadStepper:
+        callbacks: dict[str, Any] = {
+            "on_iteration": self.on_iteration,
+            "on_step": self.on_step,
+        }
+        return LoadStepper(
+            ply, self._conditions, self._steps, **self._search, **callbacks
+        )
+
+    def _apply(self, ply: "Ply", before: State | None = None) -> tuple["Ply", State]:
+        """Apply the whole load to a ply; a round.
+
+        Raises
+        ------
+        StepError
+            If that fails.
+        """
+        self._stepper = self._stepper_of(ply)
+        try:
+            state = self._stepper.run().states[-1]
+        except StepError as error:
+            raise StepError(str(error), self.result, error.elements) from None
+        self._finish(ply, state, before, whole_path=True)
+        return ply, state
+
+    def _refined(self, ply: "Ply", state: State) -> tuple["Ply", State] | None:
+        """The state on a refined mesh, a round; None where that would be too large."""
+        if len(self._rounds) >= _MOST_ROUNDS:
+            return None
+        found = refine(ply, marked(shear_angle_jumps(ply, state.u), _SHARE))
+        if not ply.basis.N < found.ply.basis.N <= self.most_unknowns:
+            return None
+        u = found.carry(state.u)
+        try:
+            after = equilibrium_near(found.ply, self._conditions, u, **self._carried())
+        except NoEquilibriumError as error:
+            log.info("the whole load is applied anew: %s", error)
+            return self._apply(found.ply, state)
+        self._finish(found.ply, after, state, whole_path=False)
+        return found.ply, after
+
+    def _carried(self) -> dict[str, Any]:
+        """How a state that was carried over is balanced: by the first strategy."""
+        first = self._search["strategies"][:1]
+        return self._search | {"strategies": first}
+
+    def _finish(
+        self, ply: "Ply", state: State, before: State | None, whole_path: bool
+    ) -> None:
+        """Estimate the error of a state, and keep its round."""
+        place = ply, self._conditions, self._stepper.result.solver.name
+        estimate, change = estimated_error(*place, [state, state]).load, None
+        if before is not None:
+            loads = np.array([_load(before), _load(state)])
+            change = float(np.abs(np.diff(loads))[0] / np.abs(loads).max())
+        solves = state.linear_solves
+        if whole_path:
+            solves = self._stepper.result.linear_solves
+        unknowns = int(ply.basis.N)
+        error = _counted(self._rounds, unknowns, change, estimate)
+        one = Round(unknowns, solves, whole_path, change, estimate, error)
+        self._rounds.append(one)
+        log.info("round %d: %s", len(self._rounds), one)
+        if self.on_round is not None:
+            self.on_round(one)
+
+
+def _finite(row: dict[str, Any]) -> dict[str, Any]:
+    """A row with None in place of what is infinite."""
+    return {key: None if value == np.inf else value for key, value in row.items()}
+
+
+def _counted(
+    rounds: Sequence[Round], unknowns: int, change: float | None, estimate: float | None
+) -> float:
+    """What counts as the error of a round, see `Round`."""
+    coarser = (one.error for one in rounds[::-1] if one.unknowns < unknowns)
+    before = next(coarser, np.inf)
+    least = before / 2 if before < np.inf else 0.0
+    if estimate is None:
+        return np.inf if change is None else max(2 * change, least)
+    return max(estimate, change or 0.0, least)
+
+
+def _load(state: State) -> float:
+    """Work of reactions and loads in the whole displacement, in N·mm."""
+    pairs: list[tuple[ndarray, ndarray]] = [
+        (force, state.displacements[name]) for name, force in state.reactions.items()
+    ]
+    of_reactions = sum(float(force @ moved) for force, moved in pairs)
+    return of_reactions - sum(state.potentials.values())

@@ -1,0 +1,130 @@
+"""A ply of which every element is split in four, with a state of the one before."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh, MeshQuad, MeshTri
+
+from ..mesh.bases import node_dofs
+from ..mesh.named_nodes import named_nodes, with_named_nodes
+from ..mesh.splitting.edges import edges_of
+from ..mesh.splitting.quadrilaterals import split
+from ..mesh.splitting.refined_triangles import refine_triangles
+
+
+@dataclass(frozen=True, eq=False)
+class FinerMesh:
+    """A mesh of which every element is split in four, with the names of the one before.
+
+    Attributes
+    ----------
+    mesh
+        The finer mesh.  Its first nodes are those of the mesh before, then of triangles
+        the middles of the edges in the order of ``facets``.
+    parent
+        For each element the one before that it is part of, shape (n_elements,).
+    """
+
+    mesh: Mesh
+    parent: ndarray
+
+    def nodal(self, values: ndarray, n_nodes: int) -> ndarray:
+        """Values at the nodes of a finer mesh, shape (..., n_nodes).
+
+        They are those at the nodes before, shape (..., n_before), and between them
+        linear along edges, and their mean in the middle of elements.
+        """
+        if isinstance(self.mesh, MeshTri):
+            return np.hstack([values, values[:, self.mesh.facets].mean(axis=1)])
+        parts: Any = self.mesh
+        cells = parts.cells
+        pairs, _ = edges_of(cells)
+        centres = [values[:, cell].mean(axis=1) for cell in cells]
+        return np.hstack([values, values[:, pairs].mean(axis=1), *centres])[:, :n_nodes]
+
+
+def finer_mesh(mesh: Mesh) -> FinerMesh:
+    """Split every element of a mesh in four, however it came to be.
+
+    Parameters
+    ----------
+    mesh
+        A `skfem.MeshQuad` or a `skfem.MeshTri`.
+    """
+    if isinstance(mesh, MeshTri):
+        refined = refine_triangles(mesh, np.arange(mesh.nelements))
+        return FinerMesh(refined.mesh, refined.parent)
+    plain = MeshQuad(mesh.p, mesh.t, mesh.boundaries, mesh.subdomains)
+    parts = split(with_named_nodes(plain, named_nodes(mesh)))
+    return FinerMesh(parts, parts.origin[parts.parent])
+
+
+@dataclass(frozen=True, eq=False)
+class FinerState:
+    """A finer ply, and what it takes over of a state: not in balance, but near one.
+
+    Attributes
+    ----------
+    ply
+        The ply.  It holds the stiffnesses that the ply before held.
+    u
+        The displacement, the same at the nodes that were there.
+    tension
+        Fibre tensions of the elements before, as `Ply.stiffness` takes them.
+    parent
+        For each of its elements the one before that it is part of, shape (n_elements,).
+    """
+
+    ply: Any
+    u: ndarray
+    tension: ndarray
+    parent: ndarray
+
+
+def finer_state(ply: Any, u: ndarray) -> FinerState:
+    """Split every element of ``ply.mesh`` in four; see `Ply.finer`."""
+    for term in ply.further_terms_as_given:
+        if not hasattr(term, "on"):
+            name = getattr(term, "name", term)
+            raise ValueError(f"term {name!r} is of the mesh, and not of a finer one")
+    if any(memory.depends_on != "state" for memory in ply.memories.values()):
+        raise ValueError("the stabilisation depends on the steps")
+    fine = finer_mesh(ply.mesh)
+    arguments = ply.fabric, ply.formulation, ply.further_terms_as_given
+    finer = type(ply)(fine.mesh, *arguments)
+    carried = finer.basis.zeros()
+    nodes = fine.nodal(ply.nodal(u), finer.nodes.shape[1])
+    carried[node_dofs(finer.basis)] = nodes
+    finer.remembered = _held(ply, fine, finer.remembered)
+    T = ply.fibre_tension(u).mean(axis=2)[:, fine.parent, None]
+    tension = np.broadcast_to(T, (*T.shape[:2], finer.basis.dx.shape[1]))
+    return FinerState(finer, carried, finer.arranged(tension), fine.parent)
+
+
+def _held(ply: Any, fine: FinerMesh, at_rest: Mapping[str, Any]) -> dict[str, Any]:
+    """What a finer ply holds: the stiffnesses of the elements before.
+
+    A stiffness is one of each element, or of each of the user's.
+    """
+    held = {}
+    for name, (parameters, work) in ply.remembered.items():
+        new, _ = at_rest[name]
+        held[name] = (
+            {
+                key: _carried(values, new[key].shape[-2], ply.parent, fine)
+                for key, values in parameters.items()
+            },
+            work,
+        )
+    return held
+
+
+def _carried(values: ndarray, n: int, users: ndarray, fine: FinerMesh) -> ndarray:
+    """Values of each element, or user's element, as ``n`` of finer ones."""
+    if values.shape[-2] != len(users):
+        values = values[..., users, :]
+    of = fine.parent if n == len(fine.parent) else getattr(fine.mesh, "origin", None)
+    return np.ascontiguousarray(values[..., of, :])

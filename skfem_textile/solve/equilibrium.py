@@ -1,0 +1,62 @@
+"""A state at one load factor, from a displacement that is near it."""
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+from numpy import ndarray
+
+from .body import Body
+from .conditions import Condition, Constraints
+from .linear import ChosenSolver
+from .problem import Problem
+from .states import State
+from .stepping.equilibrium_search import EquilibriumSearch, Goal, strategy_of
+from .strategies import Strategy
+
+
+def equilibrium_near(
+    ply: Body,
+    conditions: Mapping[str, Condition],
+    u: ndarray,
+    load_factor: float = 1.0,
+    *,
+    strategies: Sequence[str | Strategy] = ("mixed",),
+    warn_only: Collection[str] = (),
+    solver: str = "auto",
+) -> State:
+    """Find the state at a load factor that is near a displacement, and judge it.
+
+    The stiffnesses that the discretisation holds are those at ``u`` to begin with.
+    There is no step behind it, so that work tells nothing.
+
+    Parameters
+    ----------
+    ply, conditions
+        The ply, and its displacement conditions by name.
+    u
+        The displacement, as `Refinement.carry` makes one.
+    load_factor
+        Load factor.
+    strategies, warn_only, solver
+        As for `LoadStepper`.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If no strategy finds a state, or each that they find is refused.
+    ValueError
+        If a condition or a name is not valid.
+    """
+    constraints = Constraints(ply.basis, conditions)
+    problem = Problem(ply, constraints, lambda lower: ChosenSolver(solver, lower)).at(
+        load_factor
+    )
+    ply.reset()
+    with np.errstate(all="ignore"):  # what is not finite is caught
+        ply.settle(u)
+        start = problem.start(u)
+    chosen = [strategy_of(strategy) for strategy in strategies]
+    search = EquilibriumSearch(problem, chosen, frozenset(warn_only), lambda _: None)
+    values = constraints.fixed_values(load_factor)
+    found = search(Goal(load_factor, 0.0, values, start, None))
+    return found.trial.state(load_factor, problem.clock.solves)

@@ -1,0 +1,1 @@
+"""Refinement to a tolerance, and the estimated error against references."""

@@ -1,0 +1,123 @@
+"""Tables of the study of refinement, in Markdown."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from skfem_textile.solve.stepping.error_estimate import (
+    LOAD_OVER_CHANGE,
+    SHEAR_ANGLE_OVER_CHANGE,
+)
+
+from ..common.tables import markdown_table
+from ..study import Row
+from .cases import TOLERANCE
+
+#: Errors below this are small: an estimate is to stay below `_LEAST_LARGE` there.
+SMALL, _LEAST_LARGE = 0.005, 0.02
+
+#: Least and largest estimate over error that pass.
+PASSES = 0.5, 3.0
+
+
+def _of(rows: Sequence[Row], task: str) -> list[Row]:
+    return [row for row in rows if row["task"] == task]
+
+
+def estimates(rows: Sequence[Row]) -> str:
+    """How the estimate of the load does, of the cases that calibrate and that judge."""
+    lines = []
+    for task in ("calibrates", "judges"):
+        found = _of(rows, task)
+        large = [row for row in found if abs(row["error"]) > SMALL]
+        small = [row for row in found if abs(row["error"]) <= SMALL]
+        ratios = [(row["estimate"] or 0.0) / abs(row["error"]) for row in large]
+        passed = sum(PASSES[0] <= ratio <= PASSES[1] for ratio in ratios)
+        below = sum((row["estimate"] or np.inf) < _LEAST_LARGE for row in small)
+        costs = [row["cost"] for row in found]
+        if not found:
+            continue
+        lines.append(
+            [
+                task,
+                f"{passed} of {len(large)}",
+                f"{below} of {len(small)}",
+                f"{np.median(costs):.0%}, {np.max(costs):.0%}",
+            ]
+        )
+    head = [
+        "cases",
+        f"estimate over error from {PASSES[0]:g} to {PASSES[1]:g}",
+        f"error at most {SMALL:.1%}, estimate below {_LEAST_LARGE:.0%}",
+        "share of the run, median and most",
+    ]
+    return markdown_table(head, lines)
+
+
+def factor(rows: Sequence[Row]) -> str:
+    """Error over change in the cases that calibrate, and what is taken for it."""
+    found = [
+        row for row in _of(rows, "calibrates") if row["estimate"] and row["at"] == 1
+    ]
+    large = [row for row in found if abs(row["error"]) > SMALL]
+    of_load = [LOAD_OVER_CHANGE * abs(r["error"]) / r["estimate"] for r in large]
+    taken = SHEAR_ANGLE_OVER_CHANGE
+    of_angle = [taken * r["angle_error"] / r["angle_estimate"] for r in found]
+    lines = [
+        [name, f"{np.median(x):.2f}", f"{min(x):.2f} to {max(x):.2f}", f"{now:g}"]
+        for name, x, now in (
+            ("load", of_load, LOAD_OVER_CHANGE),
+            ("shear angle", of_angle, taken),
+        )
+        if x
+    ]
+    return markdown_table(["error over change", "median", "range", "taken"], lines)
+
+
+def tolerances(rows: Sequence[Row]) -> str:
+    """Runs to a tolerance against the reference."""
+    found = _of(rows, "tolerance")
+    met = [row for row in found if row["met"]]
+    true = [row for row in met if abs(row["error"]) <= TOLERANCE]
+    lines = [
+        [
+            row["case"].removeprefix("tolerance, "),
+            row["unknowns"],
+            f"{row['error']:.2%}",
+            "-" if row["estimate"] is None else f"{row['estimate']:.2%}",
+            "yes" if row["met"] else "no",
+        ]
+        for row in found
+    ]
+    head = ["case", "unknowns", "error", "estimate", "said to be met"]
+    count = (
+        f"Of {len(found)} runs to {TOLERANCE:.0%}, {len(met)} say that they met it, "
+        f"and {len(true)} of these did.\n\n"
+    )
+    return count + markdown_table(head, lines)
+
+
+def kinks(rows: Sequence[Row]) -> str:
+    """Position errors at equal unknowns, those of uniform meshes interpolated."""
+    lines = []
+    for degrees in dict.fromkeys(row["degrees"] for row in _of(rows, "kinks")):
+        own = [row for row in _of(rows, "kinks") if row["degrees"] == degrees]
+        uniform = [row for row in own if row["mesh"] == "uniform"]
+        (fine,) = (row for row in own if row["mesh"] == "adaptive")
+        sizes, errors = (
+            np.log([row[key] for row in uniform])
+            for key in ("unknowns", "position_error")
+        )
+        at = np.exp(np.interp(np.log(fine["unknowns"]), sizes, errors))
+        error = fine["position_error"]
+        lines.append(
+            [
+                f"{degrees:g}°",
+                fine["unknowns"],
+                f"{error:.4f}",
+                f"{at:.4f}",
+                f"{error / at:.2f}",
+            ]
+        )
+    head = ["fibres", "unknowns", "refined at kinks (mm)", "uniform (mm)", "ratio"]
+    return markdown_table(head, lines)

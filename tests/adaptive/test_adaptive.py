@@ -1,0 +1,152 @@
+"""Runs to a tolerance: what they reach, say and refuse."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import (
+    AdaptiveStepper,
+    Condition,
+    Fabric,
+    Full,
+    LoadStepper,
+    MeshError,
+    Ply,
+    StepError,
+    equilibrium_near,
+    marked,
+    refine,
+    shear_angle_jumps,
+    split,
+)
+from skfem_textile.adaptive.stepper import _counted
+from skfem_textile.scenes import bias_extension
+from skfem_textile.solve.states import NoEquilibriumError
+
+LONG = pytest.mark.long
+
+
+def pull(kind="delaunay", size=(4, 8)):
+    scene = bias_extension(kind, size)
+    return scene, Ply(scene.mesh, Fabric(1e5, 0.5, scene.warp, scene.weft))
+
+
+@pytest.mark.parametrize("kind", ["delaunay", pytest.param("irregular", marks=LONG)])
+def test_the_load_is_within_the_tolerance_of_the_reference(kind):
+    """The load on an aligned graded mesh: `studies/adaptive/reference.py`."""
+    scene, ply = pull(kind)
+    told, stepped = [], []
+    stepper = AdaptiveStepper(
+        ply, scene.conditions, 0.04, 4, on_round=told.append, on_step=stepped.append
+    )
+    result = stepper.run()
+    assert abs(result.states[-1].reactions["top"][1] / 43.214 - 1) < 0.04
+    assert result.tolerance_met
+    assert result.converged
+    assert tuple(told) == result.rounds
+    unknowns = [one.unknowns for one in told]
+    assert unknowns == sorted(unknowns)
+    assert unknowns[-1] > unknowns[0] == ply.basis.N
+    assert told[-1].whole_path
+    assert not all(one.whole_path for one in told)
+    assert {state.u.size for state in result.states} == {unknowns[-1]}
+    assert stepped[-1] is result.states[-1]
+    summary = scene.summary(result)
+    assert summary["tolerance_met"] is True
+    assert len(summary["rounds"]) == len(told)
+
+
+def test_a_mesh_that_is_fine_enough_stays_as_it_is():
+    scene, ply = pull("aligned")
+    result = AdaptiveStepper(ply, scene.conditions, 0.5, 4).run()
+    assert [one.unknowns for one in result.rounds] == [ply.basis.N]
+    plain = LoadStepper(ply, scene.conditions, 4).run()
+    np.testing.assert_array_equal(result.u, plain.u)
+
+
+def test_where_the_unknowns_do_not_suffice_it_says_so_and_keeps_the_result():
+    scene, ply = pull()
+    stepper = AdaptiveStepper(ply, scene.conditions, 1e-4, 4, most_unknowns=2000)
+    with pytest.raises(
+        StepError, match="2000 unknowns the tolerance is not met"
+    ) as told:
+        stepper.run()
+    result = told.value.result
+    assert result.converged
+    assert not result.tolerance_met
+    assert ply.basis.N < result.ply.basis.N <= 2000
+    assert result.rounds[-1].whole_path
+    assert result.summary()["tolerance_met"] is False
+
+
+def test_a_load_that_cannot_be_applied_ends_the_run_with_its_states(monkeypatch):
+    scene, ply = pull()
+    advance = LoadStepper._advance
+
+    def stuck(stepper, t):
+        if t > 0.5:
+            raise NoEquilibriumError("stuck")
+        return advance(stepper, t)
+
+    monkeypatch.setattr(LoadStepper, "_advance", stuck)
+    with pytest.raises(StepError, match=r"stopped at load factor 0\.5: stuck") as told:
+        AdaptiveStepper(ply, scene.conditions, 0.05, 4).run()
+    assert not told.value.result.converged
+    assert not told.value.result.tolerance_met
+    assert told.value.result.summary()["rounds"] == []
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1.0, -0.1, np.nan])
+def test_bad_input_is_refused_before_any_work(tolerance):
+    scene, ply = pull()
+    with pytest.raises(ValueError, match="tolerance must be between 0 and 1"):
+        AdaptiveStepper(ply, scene.conditions, tolerance)
+
+
+def test_what_cannot_be_refined_is_refused_before_any_work():
+    scene, ply = pull()
+    with pytest.raises(ValueError, match=f"has {ply.basis.N} unknowns, more than"):
+        AdaptiveStepper(ply, scene.conditions, 0.1, most_unknowns=10)
+    nodes = np.flatnonzero(ply.nodes[1] > 99.9)
+    with pytest.raises(ValueError, match="name a boundary"):
+        AdaptiveStepper(ply, {**scene.conditions, "top": Condition(nodes)}, 0.1)
+    parts = Ply(split(scene.mesh), ply.fabric, Full())
+    with pytest.raises(MeshError, match="before it is split"):
+        AdaptiveStepper(parts, scene.conditions, 0.1)
+    with pytest.raises(ValueError, match="no checkpoint"):
+        AdaptiveStepper(ply, scene.conditions, 0.1).run(resume=True)
+
+
+def test_the_state_near_one_that_was_carried_over_is_that_of_the_whole_path():
+    scene, ply = pull()
+    u = LoadStepper(ply, scene.conditions, 4).run().u
+    finer = refine(ply, marked(shear_angle_jumps(ply, u), 0.3))
+    near = equilibrium_near(finer.ply, scene.conditions, finer.carry(u))
+    whole = LoadStepper(finer.ply, scene.conditions, 4).run().states[-1]
+    assert near.verdict.stable
+    assert near.linear_solves < 20
+    load, exact = (state.reactions["top"][1] for state in (near, whole))
+    assert load == pytest.approx(exact, rel=0.01)
+
+
+def test_a_displacement_near_no_state_is_refused():
+    scene, ply = pull(size=(2, 4))
+    folded = ply.basis.zeros()
+    folded[::2] = -3 * ply.nodes[0]
+    with pytest.raises(NoEquilibriumError):
+        equilibrium_near(ply, scene.conditions, folded)
+
+
+def test_what_counts_falls_by_half_at_most_and_never_without_an_estimate():
+    scene, ply = pull(size=(2, 4))
+    rounds = []
+    stepper = AdaptiveStepper(ply, scene.conditions, 0.9, 2, on_round=rounds.append)
+    stepper.run()
+    (first,) = rounds
+    assert first.error == first.estimated_load_error
+    more = first.unknowns + 1
+    assert _counted(rounds, more, 0.0, 0.0) == first.error / 2
+    assert _counted(rounds, more, 0.7, 0.0) == 0.7
+    assert _counted(rounds, more, 0.0, None) == first.error / 2
+    assert _counted(rounds, more, 0.7, None) == 1.4
+    assert _counted(rounds, first.unknowns, 0.0, 1e-3) == 1e-3
+    assert _counted([], 10, None, None) == np.inf

@@ -1,0 +1,150 @@
+"""The estimated error: what it says, and where there is none."""
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Force,
+    Full,
+    LoadStepper,
+    Macro,
+    MatrixTerm,
+    OnePoint,
+    Ply,
+    Quadratic,
+)
+from skfem_textile.mesh.named_nodes import with_named_nodes
+from skfem_textile.scenes import bias_extension, picture_frame
+from skfem_textile.solve.stepping import error_estimate
+
+MACRO = Macro()
+FORMULATIONS = [MACRO, OnePoint(), Full(), Quadratic(20.0)]
+
+
+def pulled(kind="irregular", formulation=MACRO, across=6, E=1e5):
+    scene = bias_extension(kind, (across, 2 * across))
+    ply = Ply(scene.mesh, Fabric(E, 0.5, scene.warp, scene.weft), formulation)
+    return LoadStepper(ply, scene.conditions, 4).run()
+
+
+@pytest.mark.parametrize("kind", ["irregular", "delaunay"])
+def test_the_estimate_is_near_the_error_of_the_load(kind):
+    """The load on an aligned graded mesh: `studies/adaptive/reference.py`."""
+    result, exact = pulled(kind), 43.214
+    error = abs(result.states[-1].reactions["top"][1] / exact - 1)
+    assert error > 0.005
+    assert 0.5 < result.estimated_error.load / error < 3
+    assert result.estimated_error.load_factor == 1.0
+
+
+def test_a_mesh_that_holds_the_answer_has_no_error():
+    scene = picture_frame("irregular", (4, 4), shear_angle=0.6)
+    ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft))
+    estimate = LoadStepper(ply, scene.conditions, 4).run().estimated_error
+    assert estimate.load < 1e-4
+    assert estimate.shear_angle < 1e-3
+    assert not estimate.reason
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+@pytest.mark.parametrize("kind", ["irregular", "delaunay"])
+def test_every_formulation_has_one(formulation, kind):
+    summary = pulled(kind, formulation).summary()
+    assert 0 < summary["estimated_load_error"] < 2
+    assert 0 < summary["estimated_shear_angle_error_deg"] < 20
+    assert not summary.get("error_estimate", "").startswith("none")
+
+
+def test_it_changes_neither_ply_nor_states():
+    result = pulled(across=4)
+    u, held = result.u.copy(), result.ply.remembered
+    assert result.estimated_error is result.estimated_error
+    np.testing.assert_array_equal(result.u, u)
+    for name, (parameters, _) in result.ply.remembered.items():
+        for key, values in parameters.items():
+            np.testing.assert_array_equal(values, held[name][0][key])
+
+
+def test_a_turned_problem_has_the_same_estimate():
+    estimates = []
+    for angle in (0.0, 0.5):
+        scene = bias_extension("irregular", (4, 8)).rotated(angle)
+        ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft))
+        result = LoadStepper(ply, scene.conditions, 4).run()
+        estimates.append(result.estimated_error.load)
+    assert estimates[0] == pytest.approx(estimates[1], rel=1e-3)
+
+
+def square(fabric=None, formulation=MACRO):
+    return Ply(
+        MeshQuad().refined(2).with_defaults(), fabric or Fabric(1e3, 1.0), formulation
+    )
+
+
+def test_under_loads_it_is_of_their_work():
+    ply = square(Fabric(1e3, 5.0, (1, 1), (-1, 1))).with_terms(Force("top", (0.0, 0.5)))
+    result = LoadStepper(ply, {"clamp": Condition("bottom")}, 4).run()
+    assert 0 < result.estimated_error.load < 0.2
+
+
+@pytest.mark.parametrize(
+    ("what", "reason"),
+    [
+        ("numbers", "condition 'top' is on nodes by number"),
+        ("names", "condition 'top' is on nodes by number"),
+        ("term", "term 'springs' is of the mesh"),
+        ("rate", "the stabilisation depends on the steps"),
+        ("still", "nothing that moves carries a load"),
+        ("large", "more than 10 unknowns"),
+    ],
+)
+def test_where_there_is_none_the_summary_says_why(what, reason, monkeypatch):
+    ply = square(formulation=OnePoint(5.0, kind="rate") if what == "rate" else Macro())
+    top, value = "top", (0.05, 0.0)
+    if what == "numbers":
+        top = np.flatnonzero(ply.nodes[1] == 1.0)
+    elif what == "names":
+        nodes = {"upper": np.flatnonzero(ply.users_mesh.p[1] == 1.0)}
+        ply = Ply(with_named_nodes(ply.users_mesh, nodes), Fabric(1e3, 1.0), Full())
+        top = "upper"
+    elif what == "term":
+        springs = MatrixTerm("springs", 1e-3 * ply.tangent(ply.basis.zeros()))
+        ply = ply.with_terms(springs)
+    elif what == "still":
+        value = (0.0, 0.0)
+    elif what == "large":
+        monkeypatch.setattr(error_estimate, "MOST_UNKNOWNS", 10)
+    held = {"bottom": Condition("bottom"), "top": Condition(top, value)}
+    summary = LoadStepper(ply, held, 2).run().summary()
+    assert summary["estimated_load_error"] is None
+    assert summary["estimated_shear_angle_error_deg"] is None
+    assert summary["error_estimate"].startswith(f"none: {reason}")
+
+
+def test_pins_at_single_nodes_are_on_a_finer_mesh_too():
+    ply = square()
+    (corner,) = np.flatnonzero((ply.nodes == 0).all(axis=0))
+    held = {
+        "pin": Condition([corner]),
+        "left": Condition("left", 0.0, (1, 0)),
+        "right": Condition("right", 0.01, (1, 0)),
+    }
+    assert LoadStepper(ply, held, 2).run().estimated_error.load is not None
+
+
+def test_where_no_state_is_near_one_before_tells(monkeypatch):
+    result = pulled(across=4)
+    find = error_estimate._moved
+
+    def moved(problem, *arguments):
+        if problem.load_factor == 1.0:
+            raise error_estimate.NoEquilibriumError("no")
+        return find(problem, *arguments)
+
+    monkeypatch.setattr(error_estimate, "_moved", moved)
+    summary = result.summary()
+    assert summary["estimated_load_error"] > 0
+    assert summary["error_estimate"] == "of the load factor 0.5"
