@@ -7,12 +7,18 @@ from itertools import product
 import numpy as np
 
 from skfem_textile import Fabric, Ply
+from skfem_textile.ply.ply import DEFAULT
+from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension
 
-from .reference import G
+from ..angles.cases import G, Reference, Specimen
+from ..angles.references import stored
 
 #: Of the pull at equal unknowns: angles in degrees, and unknowns at most.
 KINKS, MOST_UNKNOWNS = (30.0, 45.0, 60.0), 25_000
+
+#: Cells along a side of a rhombus of the mesh along the fibres.
+CELLS = 16
 
 #: Tolerance of the load that is asked for.
 TOLERANCE = 0.01
@@ -55,9 +61,26 @@ class Case:
             shear_angle=np.radians(self.gamma),
         )
 
-    def ply(self, scene: Scene) -> Ply:
-        """The ply, of macro-elements."""
-        return Ply(scene.mesh, Fabric(self.E, G, scene.warp, scene.weft))
+    def ply(self, scene: Scene, formulation: Formulation = DEFAULT) -> Ply:
+        """The ply."""
+        fabric = Fabric(self.E, G, scene.warp, scene.weft)
+        return Ply(scene.mesh, fabric, formulation)
+
+    @property
+    def specimen(self) -> Specimen:
+        """The same ply in the study of angles."""
+        return Specimen(self.degrees, "linear", self.E / G)
+
+    def reference(self, scene: Scene) -> float:
+        """The load in N at the end: that of the study of angles."""
+        assert scene.load is not None
+        inextensible = scene.load(self.specimen.shear_law, 1.0)
+        share = stored()[self.specimen, round(self.gamma)]["load"]
+        return float(share * inextensible)
+
+    def scene_along_fibres(self) -> Scene:
+        """The scene up to 40 degrees on the coarser mesh of the study's references."""
+        return self.specimen.scene(Reference(self.specimen).mesh(CELLS))
 
 
 def all_cases() -> Iterator[Case]:

@@ -19,6 +19,13 @@ SMALL, _LEAST_LARGE = 0.005, 0.02
 #: Least and largest estimate over error that pass.
 PASSES = 0.5, 3.0
 
+#: What meshes of the comparison at equal unknowns are called.
+MESHES = {
+    "refined": "refined at kinks",
+    "known": "refined at the exact kinks",
+    "along": "along fibres, quadratic",
+}
+
 
 def _of(rows: Sequence[Row], task: str) -> list[Row]:
     return [row for row in rows if row["task"] == task]
@@ -98,26 +105,24 @@ def tolerances(rows: Sequence[Row]) -> str:
 
 
 def kinks(rows: Sequence[Row]) -> str:
-    """Position errors at equal unknowns, those of uniform meshes interpolated."""
-    lines = []
-    for degrees in dict.fromkeys(row["degrees"] for row in _of(rows, "kinks")):
-        own = [row for row in _of(rows, "kinks") if row["degrees"] == degrees]
-        uniform = [row for row in own if row["mesh"] == "uniform"]
-        (fine,) = (row for row in own if row["mesh"] == "adaptive")
-        sizes, errors = (
-            np.log([row[key] for row in uniform])
-            for key in ("unknowns", "position_error")
-        )
-        at = np.exp(np.interp(np.log(fine["unknowns"]), sizes, errors))
-        error = fine["position_error"]
-        lines.append(
-            [
-                f"{degrees:g}°",
-                fine["unknowns"],
-                f"{error:.4f}",
-                f"{at:.4f}",
-                f"{error / at:.2f}",
-            ]
-        )
-    head = ["fibres", "unknowns", "refined at kinks (mm)", "uniform (mm)", "ratio"]
-    return markdown_table(head, lines)
+    """Position errors over those of uniform meshes, interpolated at equal unknowns."""
+    lines, found = [], _of(rows, "kinks")
+    for row in (row for row in found if row["mesh"] != "uniform"):
+        uniform = [
+            other
+            for other in found
+            if (other["degrees"], other["mesh"]) == (row["degrees"], "uniform")
+        ]
+        sizes = np.log([other["unknowns"] for other in uniform])
+        line = [f"{row['degrees']:g}°", MESHES[row["mesh"]], row["unknowns"]]
+        for key in ("position_error", "over_area"):
+            errors = np.log([other[key] for other in uniform])
+            at = np.exp(np.interp(np.log(row["unknowns"]), sizes, errors))
+            line += [f"{row[key]:.4f}", f"{at:.4f}", f"{row[key] / at:.2f}"]
+        lines.append(line)
+    over = [
+        f"{name}, {what}"
+        for what in ("nodes", "area")
+        for name in ("error (mm)", "uniform (mm)", "ratio")
+    ]
+    return markdown_table(["fibres", "mesh", "unknowns", *over], lines)

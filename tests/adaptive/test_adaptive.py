@@ -32,7 +32,7 @@ def pull(kind="delaunay", size=(4, 8)):
 
 @pytest.mark.parametrize("kind", ["delaunay", pytest.param("irregular", marks=LONG)])
 def test_the_load_is_within_the_tolerance_of_the_reference(kind):
-    """The load on an aligned graded mesh: `studies/adaptive/reference.py`."""
+    """The load on a graded mesh along the fibres: `docs/angles/references.json`."""
     scene, ply = pull(kind)
     told, stepped = [], []
     stepper = AdaptiveStepper(
