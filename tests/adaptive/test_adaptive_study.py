@@ -1,10 +1,12 @@
 """The study of refinement: its references, its tables, and one case of each task."""
 
+import numpy as np
 import pytest
 
-from skfem_textile import Linear
+from skfem_textile import Linear, refine
+from skfem_textile.mesh.bases import node_dofs
 from studies.adaptive.cases import Case, all_cases
-from studies.adaptive.study import STUDY, Adaptive
+from studies.adaptive.study import STUDY, Adaptive, _band, _position
 from studies.adaptive.tables import estimates, factor, kinks, tolerances
 from studies.angles.cases import G
 
@@ -19,6 +21,33 @@ def test_every_case_of_a_load_has_a_reference():
         scene = case.scene()
         lost = scene.load_lost(case.ply(scene).fabric, 1.0)
         assert load == pytest.approx(scene.load(Linear(G), 1.0) * (1 - lost), rel=0.01)
+
+
+def test_a_band_at_the_exact_kinks_has_the_smallest_elements_and_few_others():
+    case = Case("kinks", 45.0, 40.0, 1e6, "delaunay", 4)
+    scene = case.scene()
+    coarse, band = case.ply(scene), _band(case.ply(scene), scene, 6000)
+    assert 3000 < band.basis.N <= 6000
+    mesh = band.users_mesh
+    area = band.on_users_elements(band.basis.dx.sum(axis=1))
+    x, y = mesh.p[:, mesh.t].mean(axis=1)
+    lines = (x - y, x - y + 50, x + y - 50, x + y - 100)
+    away = np.abs(lines).min(axis=0)
+    assert area[away < 1].max() < 0.3 * area[away > 10].max()
+    largest = coarse.on_users_elements(coarse.basis.dx.sum(axis=1)).max()
+    assert area.max() > 0.3 * largest
+
+
+def test_position_errors_over_nodes_and_area_are_those_of_a_shift():
+    case = Case("kinks", 45.0, 40.0, 1e6, "delaunay", 4)
+    scene = case.scene()
+    ply = refine(case.ply(scene), [0]).ply
+    u = ply.basis.zeros()
+    shift = np.array([[0.3], [0.4]])
+    u[node_dofs(ply.basis)] = scene.displacement(ply.nodes, 1.0) + shift
+    found = _position(scene, ply, u)
+    assert found["position_error"] == pytest.approx(0.5)
+    assert found["over_area"] == pytest.approx(0.5)
 
 
 def test_a_case_has_an_error_and_an_estimate():
