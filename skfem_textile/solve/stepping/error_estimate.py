@@ -1,8 +1,8 @@
 """An estimate of what the mesh costs: how much a finer one changes a state.
 
-A kink of the shear angle lies between the nodes, and a mesh smears it over an element.
-What this changes falls with the first power of the element size, so that from a mesh to
-one of half the size the error changes by half of itself.  The state is carried over to
+A kink of the shear angle lies between the nodes, and a mesh smears it.  The error is
+taken to fall with the first power of the element size, so that from a mesh to one of
+half the size it changes by half of itself.  The state is carried over to
 the ply whose elements are split in four, and two linear systems tell to where it moves.
 """
 
