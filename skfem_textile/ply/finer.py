@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
+from ..fabric.regions import fabric_on
 from ..mesh.bases import node_dofs
 from ..mesh.named_nodes import named_nodes, with_named_nodes
 from ..mesh.splitting.edges import edges_of
@@ -93,8 +94,10 @@ def finer_state(ply: Any, u: ndarray) -> FinerState:
     if any(memory.depends_on != "state" for memory in ply.memories.values()):
         raise ValueError("the stabilisation depends on the steps")
     fine = finer_mesh(ply.mesh)
-    arguments = ply.fabric, ply.formulation, ply.further_terms_as_given
-    finer = type(ply)(fine.mesh, *arguments)
+    fabric = ply.fabric
+    if isinstance(fine.mesh, MeshTri):  # what is split knows where it comes from
+        fabric = fabric_on(fine.parent, fabric)
+    finer = type(ply)(fine.mesh, fabric, ply.formulation, ply.further_terms_as_given)
     carried = finer.basis.zeros()
     nodes = fine.nodal(ply.nodal(u), finer.nodes.shape[1])
     carried[node_dofs(finer.basis)] = nodes

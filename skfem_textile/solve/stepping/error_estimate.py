@@ -60,13 +60,18 @@ def estimated_error(
     held = ply.remembered
     try:
         for state in dict.fromkeys((states[-1], middle)):
-            ply.settle(state.u)
             try:
-                return _at(ply, conditions, state, solver)
+                with np.errstate(all="ignore"):  # what is not finite is caught
+                    ply.settle(state.u)
+                    return _at(ply, conditions, state, solver)
             except NoEquilibriumError as error:
                 reason = f"a finer mesh has no state near: {error}"
+    except MemoryError:
+        reason = "there is not enough memory for a finer mesh"
     except ValueError as error:
         reason = str(error)
+    except Exception as error:  # of a user's term; what was computed is not lost
+        reason = f"{type(error).__name__} {error}".strip().partition("\n")[0]
     finally:
         ply.remembered = held
     return ErrorEstimate(reason=reason)
@@ -87,15 +92,14 @@ def _at(
     refuse_single_nodes(ply, conditions)
     t, u = state.load_factor, state.u
     coarse = _problem(ply, conditions, t, solver)
-    with np.errstate(all="ignore"):  # what is not finite is caught
-        motion, forces = Tangent(coarse, u).settled(coarse.residual(u))
-        before = _work(coarse, forces, u := u + motion)
-        size = np.abs(before).sum()
-        if not size > state.tolerance * np.abs(u).sum():
-            raise ValueError("nothing that moves carries a load")
-        finer = ply.finer(u)
-        fine = _problem(finer.ply, conditions, t, solver)
-        fine_u, after = _moved(fine, finer.u, finer.tension, before)
+    motion, forces = Tangent(coarse, u).settled(coarse.residual(u))
+    before = _work(coarse, forces, u := u + motion)
+    size, length = np.abs(before).sum(), np.abs(u).sum() + np.abs(_rate(coarse)).sum()
+    if not size > state.tolerance * length:
+        raise ValueError("nothing that moves carries a load")
+    finer = ply.finer(u)
+    fine = _problem(finer.ply, conditions, t, solver)
+    fine_u, after = _moved(fine, finer.u, finer.tension, before)
     change = np.abs((after - before).sum()) / size
     angle, fine_angle = (
         body.shear_angle(x).mean(axis=1) for body, x in ((ply, u), (finer.ply, fine_u))
@@ -151,10 +155,15 @@ def _moved(
 
 def _work(problem: Problem, f: ndarray, u: ndarray) -> ndarray:
     """Work of reactions in the motion of their conditions, and of loads, in N·mm."""
+    of_reactions = problem.turned(f)[problem.constraints.fixed] @ _rate(problem)
+    return np.array([of_reactions, problem.load(u) @ u])
+
+
+def _rate(problem: Problem) -> ndarray:
+    """How fixed unknowns move with the load factor, times the load factor, in mm."""
     constraints, t = problem.constraints, problem.load_factor
     now, before = (constraints.fixed_values(x) for x in (t, (1 - _STEP_BACK) * t))
-    of_reactions = problem.turned(f)[constraints.fixed] @ (now - before) / _STEP_BACK
-    return np.array([of_reactions, problem.load(u) @ u])
+    return (now - before) / _STEP_BACK
 
 
 def refuse_single_nodes(ply: Body, conditions: Mapping[str, Condition]) -> None:
