@@ -176,7 +176,7 @@ def test_a_signal_while_results_are_written_lets_them_be_written(
 def test_a_signal_while_the_error_is_estimated_loses_no_result(
     tmp_path, capsys, monkeypatch, options
 ):
-    def interrupted_estimate(ply, u):
+    def interrupted_estimate(ply):
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(10)
 

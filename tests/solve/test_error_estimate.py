@@ -172,7 +172,8 @@ def test_a_load_that_is_round_off_has_no_error():
         return 0.05 * np.array([np.zeros(X.shape[1]), np.full(X.shape[1], t * (1 - t))])
 
     held = {"bottom": Condition("bottom"), "top": Condition("top", there_and_back)}
-    estimate = LoadStepper(square(), held, 4).run().estimated_error
+    ply = square(Fabric(1e3, 1.0, (1, 1), (-1, 1)))
+    estimate = LoadStepper(ply, held, 4).run().estimated_error
     assert estimate.load is None
     assert estimate.reason == "nothing that moves carries a load"
 
@@ -195,3 +196,30 @@ def test_no_failure_of_the_estimate_loses_a_run(error, reason, monkeypatch):
     for name, (parameters, _) in result.ply.remembered.items():
         for key, values in parameters.items():
             np.testing.assert_array_equal(values, held[name][0][key])
+
+
+def test_an_indefinite_tangent_ends_the_search_at_once(monkeypatch):
+    """No increment is solved with it, and each mesh is built once."""
+    result, find, built = pulled(across=4), error_estimate.definite, []
+    finer = Ply.finer
+
+    def indefinite(problem, *arguments):
+        tangent = find(problem, *arguments)
+        if problem.load_factor == 1.0:
+            monkeypatch.setattr(tangent, "_factors", Indefinite())
+        return tangent
+
+    def counted(ply):
+        built.append(ply)
+        return finer(ply)
+
+    monkeypatch.setattr(error_estimate, "definite", indefinite)
+    monkeypatch.setattr(Ply, "finer", counted)
+    assert result.estimated_error.load_factor == 0.5
+    assert len(built) == 1
+
+
+class Indefinite:
+    """Factors that nobody may solve with."""
+
+    definite = False

@@ -7,7 +7,7 @@ the ply whose elements are split in four, and two linear systems tell to where i
 """
 
 from collections.abc import Mapping
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -59,13 +59,15 @@ def estimated_error(
     middle = min(states[1:], key=lambda state: abs(state.load_factor - end / 2))
     held = ply.remembered
     try:
-        for state in dict.fromkeys((states[-1], middle)):
-            try:
-                with np.errstate(all="ignore"):  # what is not finite is caught
-                    ply.settle(state.u)
-                    return _at(ply, conditions, state, solver)
-            except NoEquilibriumError as error:
-                reason = f"a finer mesh has no state near: {error}"
+        refuse_single_nodes(ply, conditions)
+        with np.errstate(all="ignore"):  # what is not finite is caught
+            meshes = _Meshes(ply, conditions, solver)
+            for state in dict.fromkeys((states[-1], middle)):
+                ply.settle(state.u)
+                try:
+                    return _at(meshes, state)
+                except NoEquilibriumError as error:
+                    reason = f"a finer mesh has no state near: {error}"
     except MemoryError:
         reason = "there is not enough memory for a finer mesh"
     except ValueError as error:
@@ -77,9 +79,32 @@ def estimated_error(
     return ErrorEstimate(reason=reason)
 
 
-def _at(
-    ply: Body, conditions: Mapping[str, Condition], state: State, solver: str
-) -> ErrorEstimate:
+class _Meshes:
+    """The problem on both meshes, each built once and when it is asked for."""
+
+    def __init__(
+        self, ply: Body, conditions: Mapping[str, Condition], solver: str
+    ) -> None:
+        self._ply, self._conditions, self._solver = ply, conditions, solver
+
+    def _problem(self, ply: Body) -> Problem:
+        constraints = Constraints(ply.basis, self._conditions)
+        return Problem(ply, constraints, partial(ChosenSolver, self._solver))
+
+    @cached_property
+    def coarse(self) -> Problem:
+        return self._problem(self._ply)
+
+    @cached_property
+    def finer(self) -> Any:
+        return self._ply.finer()
+
+    @cached_property
+    def fine(self) -> Problem:
+        return self._problem(self.finer.ply)
+
+
+def _at(meshes: _Meshes, state: State) -> ErrorEstimate:
     """The estimate from one state.
 
     Raises
@@ -89,35 +114,26 @@ def _at(
     ValueError
         If there is no finer ply, or nothing that does work.
     """
-    refuse_single_nodes(ply, conditions)
     t, u = state.load_factor, state.u
-    coarse = _problem(ply, conditions, t, solver)
+    coarse = meshes.coarse.at(t)
     motion, forces = Tangent(coarse, u).settled(coarse.residual(u))
     before = _work(coarse, forces, u := u + motion)
     size, length = np.abs(before).sum(), np.abs(u).sum() + np.abs(_rate(coarse)).sum()
     if not size > state.tolerance * length:
         raise ValueError("nothing that moves carries a load")
-    finer = ply.finer(u)
-    fine = _problem(finer.ply, conditions, t, solver)
-    fine_u, after = _moved(fine, finer.u, finer.tension, before)
+    fine, parent = meshes.fine.at(t), meshes.finer.parent
+    fine_u, after = _moved(fine, *meshes.finer.carry(u), before)
     change = np.abs((after - before).sum()) / size
     angle, fine_angle = (
-        body.shear_angle(x).mean(axis=1) for body, x in ((ply, u), (finer.ply, fine_u))
+        of.ply.shear_angle(x).mean(axis=1) for of, x in ((coarse, u), (fine, fine_u))
     )
-    off = fine_angle - angle[finer.parent]
-    rms = np.sqrt(np.average(off**2, weights=finer.ply.basis.dx.sum(axis=1)))
+    off = fine_angle - angle[parent]
+    rms = np.sqrt(np.average(off**2, weights=fine.ply.basis.dx.sum(axis=1)))
     if not np.isfinite([change, rms]).all():
         raise NoEquilibriumError("it is not finite")
     return ErrorEstimate(
         float(LOAD_OVER_CHANGE * change), float(SHEAR_ANGLE_OVER_CHANGE * rms), t
     )
-
-
-def _problem(
-    ply: Body, conditions: Mapping[str, Condition], t: float, solver: str
-) -> Problem:
-    constraints = Constraints(ply.basis, conditions)
-    return Problem(ply, constraints, partial(ChosenSolver, solver)).at(t)
 
 
 def _moved(
@@ -134,6 +150,8 @@ def _moved(
     values, last = constraints.fixed_values(problem.load_factor), before
     for number in range(_MOST_INCREMENTS):
         tangent, f = definite(problem, u, tension), problem.residual(u)
+        if not tangent.definite:  # even without compression
+            break
         if number == 0:
             du = tangent.increment(f, u, values)
         else:
