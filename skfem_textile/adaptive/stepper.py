@@ -3,16 +3,17 @@
 import logging
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 
 from ..ply.refinement import marked, refine, shear_angle_jumps
-from ..solve.conditions import Condition
+from ..solve.conditions import Condition, Constraints
 from ..solve.equilibrium import equilibrium_near
 from ..solve.result import Result, StepError
-from ..solve.states import Iteration, NoEquilibriumError, State
+from ..solve.states import ErrorEstimate, Iteration, NoEquilibriumError, State
 from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
 from ..solve.stepping.error_estimate import estimated_error, refuse_single_nodes
 from ..solve.strategies import Strategy
@@ -90,7 +91,7 @@ class AdaptiveResult(Result):
     @property
     def tolerance_met(self) -> bool:
         """Whether the whole load was applied, and its estimated error is small."""
-        last = self.rounds[-1:]
+        last = [one for one in self.rounds[-1:] if one.whole_path]
         return self.converged and any(one.error <= self.tolerance for one in last)
 
     def summary(self) -> dict[str, Any]:
@@ -166,15 +167,17 @@ class AdaptiveStepper:
         on_iteration: Callable[[Iteration], None] | None = None,
         on_step: Callable[[State], None] | None = None,
     ) -> None:
-        if not 0 < tolerance < 1:
-            raise ValueError(f"the tolerance must be between 0 and 1, got {tolerance}")
+        if not isinstance(tolerance, Real) or not 0 < tolerance < 1:
+            raise ValueError(
+                f"the tolerance must be between 0 and 1, got {tolerance!r}"
+            )
+        if not isinstance(most_unknowns, Real):
+            raise ValueError(f"most_unknowns must be a number, got {most_unknowns!r}")
         if not most_unknowns >= ply.basis.N:
             raise ValueError(
                 f"the ply has {ply.basis.N} unknowns, more than the {most_unknowns} "
                 "that are allowed"
             )
-        refine(ply, [])  # refuses what cannot be refined
-        refuse_single_nodes(ply, conditions)
         self._ply, self._conditions, self._steps = ply, conditions, steps
         self.tolerance, self.most_unknowns = tolerance, most_unknowns
         self._search: dict[str, Any] = {
@@ -183,8 +186,9 @@ class AdaptiveStepper:
             "solver": solver,
         }
         self.on_iteration, self.on_step, self.on_round = on_iteration, on_step, on_round
-        self._stepper = self._stepper_of(ply)
+        self._stepper, self._estimate = self._stepper_of(ply), ErrorEstimate()
         self._rounds: list[Round] = []
+        _refuse_what_cannot_be_refined(ply, conditions)
 
     def run(self, resume: bool = False) -> AdaptiveResult:
         """Refine and load until the tolerance is met.
@@ -204,34 +208,48 @@ class AdaptiveStepper:
             raise ValueError("a run to a tolerance has no checkpoint to resume from")
         self._rounds = []
         ply, state = self._apply(self._ply)
-        while True:
-            met = self._rounds[-1].error <= self.tolerance
-            if met and self._rounds[-1].whole_path:
-                return self.result
-            if met:
-                ply, state = self._apply(ply, state)
-                continue
-            finer = self._refined(ply, state)
-            if finer is None:
-                break
-            ply, state = finer
-        why = f"with at most {self.most_unknowns} unknowns the tolerance is not met"
-        if not self._rounds[-1].whole_path:
-            self._apply(ply, state)
+        try:
+            self._refine_from(ply, state)
+        except MemoryError:
+            raise self._unmet("there is not enough memory for a finer mesh") from None
+        except ValueError as error:  # of what a user gave, which was valid before
+            raise self._unmet(f"on a finer mesh {error}") from None
         result = self.result
         if result.tolerance_met:
             return result
-        error = self._rounds[-1].error
-        said = f"is about {error:.2%}" if error < np.inf else "cannot be estimated"
-        raise StepError(
-            f"{why}: the error of the load {said}, {self.tolerance:.2%} was asked for",
-            result,
-            np.empty(0, dtype=int),
+        last = self._rounds[-1].error
+        said = f"is about {last:.2%}" if last < np.inf else "cannot be estimated"
+        if last == np.inf and self._estimate.reason:
+            said += f" ({self._estimate.reason})"
+        raise self._unmet(
+            f"with at most {self.most_unknowns} unknowns the tolerance is not met: the "
+            f"error of the load {said}, {self.tolerance:.2%} was asked for"
         )
+
+    def _refine_from(self, ply: "Ply", state: State) -> None:
+        """Refine until the tolerance is met, or the mesh would be too large."""
+        finer: tuple[Ply, State] | None = (ply, state)
+        while finer is not None:
+            ply, state = finer
+            last = self._rounds[-1]
+            if last.error > self.tolerance:
+                finer = self._refined(ply, state)
+            elif last.whole_path:
+                return
+            else:
+                finer = self._apply(ply, state)
+        if not self._rounds[-1].whole_path:
+            self._apply(ply, state)
+
+    def _unmet(self, why: str) -> StepError:
+        return StepError(why, self.result, np.empty(0, dtype=int))
 
     @property
     def states(self) -> tuple[State, ...]:
-        """The states on the mesh on which the whole load was applied last."""
+        """The states on the last mesh on which the whole load was applied.
+
+        Before there is one, those so far.
+        """
         return self._stepper.states
 
     @property
@@ -239,7 +257,9 @@ class AdaptiveStepper:
         """What has been found so far."""
         result = self._stepper.result
         found = {field.name: getattr(result, field.name) for field in fields(Result)}
-        rounds = tuple(self._rounds)
+        rounds, estimate = tuple(self._rounds), self._estimate
+        if estimate.load is not None:  # else a state before may tell
+            found["estimate"] = lambda states: estimate
         return AdaptiveResult(**found, tolerance=self.tolerance, rounds=rounds)
 
     def _stepper_of(self, ply: "Ply") -> LoadStepper:
@@ -259,11 +279,15 @@ class AdaptiveStepper:
         StepError
             If that fails.
         """
-        self._stepper = self._stepper_of(ply)
+        stepper, is_first = self._stepper_of(ply), not self._rounds
+        if is_first:  # what an interruption leaves
+            self._stepper, self._estimate = stepper, ErrorEstimate()
         try:
-            state = self._stepper.run().states[-1]
+            state = stepper.run().states[-1]
         except StepError as error:
+            self._stepper, self._estimate = stepper, ErrorEstimate()
             raise StepError(str(error), self.result, error.elements) from None
+        self._stepper, self._estimate = stepper, ErrorEstimate()
         self._finish(ply, state, before, whole_path=True)
         return ply, state
 
@@ -293,10 +317,14 @@ class AdaptiveStepper:
     ) -> None:
         """Estimate the error of a state, and keep its round."""
         place = ply, self._conditions, self._stepper.result.solver.name
-        estimate, change = estimated_error(*place, [state, state]).load, None
+        found = estimated_error(*place, [state, state])
+        estimate, change = found.load, None
+        if whole_path:
+            self._estimate = found
         if before is not None:
             loads = np.array([_load(before), _load(state)])
-            change = float(np.abs(np.diff(loads))[0] / np.abs(loads).max())
+            if np.any(loads):
+                change = float(np.abs(np.diff(loads))[0] / np.abs(loads).max())
         solves = state.linear_solves
         if whole_path:
             solves = self._stepper.result.linear_solves
@@ -307,6 +335,26 @@ class AdaptiveStepper:
         log.info("round %d: %s", len(self._rounds), one)
         if self.on_round is not None:
             self.on_round(one)
+
+
+def _refuse_what_cannot_be_refined(
+    ply: "Ply", conditions: Mapping[str, Condition]
+) -> None:
+    """Refuse a ply and conditions that are not valid on a refined mesh.
+
+    Raises
+    ------
+    ValueError
+        If the ply cannot be refined, or a condition names nodes that share an edge or
+        has no valid value there.
+    """
+    refine(ply, [])
+    refuse_single_nodes(ply, conditions)
+    finer = refine(ply, np.arange(ply.users_mesh.nelements)).ply
+    try:
+        Constraints(finer.basis, conditions).fixed_values(1.0)
+    except ValueError as error:
+        raise ValueError(f"on a refined mesh {error}") from None
 
 
 def _finite(row: dict[str, Any]) -> dict[str, Any]:
