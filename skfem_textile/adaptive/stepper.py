@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from ..solve.states import ErrorEstimate, Iteration, NoEquilibriumError, State
 from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
 from ..solve.stepping.error_estimate import estimated_error, refuse_single_nodes
 from ..solve.strategies import Strategy
+from .rounds import AdaptiveResult, Round, counted
 
 if TYPE_CHECKING:
     from ..ply import Ply
@@ -32,75 +33,6 @@ _SHARE = 0.5
 
 # Rounds at most: each about doubles the unknowns.
 _MOST_ROUNDS = 25
-
-
-@dataclass(frozen=True)
-class Round:
-    """A mesh of the loop, and what was found on it.
-
-    Attributes
-    ----------
-    unknowns
-        Number of unknowns.
-    linear_solves
-        Linear solves that the state took.
-    whole_path
-        Whether the whole load was applied, and not only its end.
-    load_change
-        Change of the load since the round before, as a share of it; None at first.
-    estimated_load_error
-        As of `Result.summary`.
-    error
-        What counts: the largest of estimate, change, and half of what counted on the
-        mesh before.  Twice the change stands for a missing estimate; it is infinite
-        where both are missing.
-    """
-
-    unknowns: int
-    linear_solves: int
-    whole_path: bool
-    load_change: float | None
-    estimated_load_error: float | None
-    error: float
-
-    def __str__(self) -> str:
-        shares = self.load_change, self.estimated_load_error
-        change, error = ("none" if x is None else f"{x:.2%}" for x in shares)
-        return (
-            f"{self.unknowns} unknowns, {self.linear_solves} linear solves"
-            f"{', whole path' if self.whole_path else ''}, load changed by {change}, "
-            f"estimated error {error}, counted as {self.error:.2%}"
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class AdaptiveResult(Result):
-    """The result on the last mesh, and the rounds that led to it.
-
-    Attributes
-    ----------
-    tolerance
-        Error of the load that was asked for, as a share of it.
-    rounds
-        All rounds, that of the last mesh included.
-    """
-
-    tolerance: float
-    rounds: tuple[Round, ...]
-
-    @property
-    def tolerance_met(self) -> bool:
-        """Whether the whole load was applied, and its estimated error is small."""
-        last = [one for one in self.rounds[-1:] if one.whole_path]
-        return self.converged and any(one.error <= self.tolerance for one in last)
-
-    def summary(self) -> dict[str, Any]:
-        """As of `Result`, with ``tolerance``, ``tolerance_met`` and ``rounds``."""
-        return super().summary() | {
-            "tolerance": self.tolerance,
-            "tolerance_met": self.tolerance_met,
-            "rounds": [_finite(asdict(one)) for one in self.rounds],
-        }
 
 
 class AdaptiveStepper:
@@ -167,11 +99,11 @@ class AdaptiveStepper:
         on_iteration: Callable[[Iteration], None] | None = None,
         on_step: Callable[[State], None] | None = None,
     ) -> None:
-        if not isinstance(tolerance, Real) or not 0 < tolerance < 1:
+        if not _is_number(tolerance) or not 0 < tolerance < 1:
             raise ValueError(
                 f"the tolerance must be between 0 and 1, got {tolerance!r}"
             )
-        if not isinstance(most_unknowns, Real):
+        if not _is_number(most_unknowns):
             raise ValueError(f"most_unknowns must be a number, got {most_unknowns!r}")
         if not most_unknowns >= ply.basis.N:
             raise ValueError(
@@ -329,7 +261,7 @@ class AdaptiveStepper:
         if whole_path:
             solves = self._stepper.result.linear_solves
         unknowns = int(ply.basis.N)
-        error = _counted(self._rounds, unknowns, change, estimate)
+        error = counted(self._rounds, unknowns, change, estimate)
         one = Round(unknowns, solves, whole_path, change, estimate, error)
         self._rounds.append(one)
         log.info("round %d: %s", len(self._rounds), one)
@@ -357,21 +289,8 @@ def _refuse_what_cannot_be_refined(
         raise ValueError(f"on a refined mesh {error}") from None
 
 
-def _finite(row: dict[str, Any]) -> dict[str, Any]:
-    """A row with None in place of what is infinite."""
-    return {key: None if value == np.inf else value for key, value in row.items()}
-
-
-def _counted(
-    rounds: Sequence[Round], unknowns: int, change: float | None, estimate: float | None
-) -> float:
-    """What counts as the error of a round, see `Round`."""
-    coarser = (one.error for one in rounds[::-1] if one.unknowns < unknowns)
-    before = next(coarser, np.inf)
-    least = before / 2 if before < np.inf else 0.0
-    if estimate is None:
-        return np.inf if change is None else max(2 * change, least)
-    return max(estimate, change or 0.0, least)
+def _is_number(given: Any) -> bool:
+    return isinstance(given, Real)
 
 
 def _load(state: State) -> float:

@@ -18,7 +18,7 @@ from skfem_textile import (
     shear_angle_jumps,
     split,
 )
-from skfem_textile.adaptive.stepper import _counted
+from skfem_textile.adaptive.rounds import counted
 from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.states import NoEquilibriumError
 
@@ -144,12 +144,12 @@ def test_what_counts_falls_by_half_at_most_and_never_without_an_estimate():
     (first,) = rounds
     assert first.error == first.estimated_load_error
     more = first.unknowns + 1
-    assert _counted(rounds, more, 0.0, 0.0) == first.error / 2
-    assert _counted(rounds, more, 0.7, 0.0) == 0.7
-    assert _counted(rounds, more, 0.0, None) == first.error / 2
-    assert _counted(rounds, more, 0.7, None) == 1.4
-    assert _counted(rounds, first.unknowns, 0.0, 1e-3) == 1e-3
-    assert _counted([], 10, None, None) == np.inf
+    assert counted(rounds, more, 0.0, 0.0) == first.error / 2
+    assert counted(rounds, more, 0.7, 0.0) == 0.7
+    assert counted(rounds, more, 0.0, None) == first.error / 2
+    assert counted(rounds, more, 0.7, None) == 1.4
+    assert counted(rounds, first.unknowns, 0.0, 1e-3) == 1e-3
+    assert counted([], 10, None, None) == np.inf
 
 
 def test_values_for_the_nodes_of_one_mesh_are_refused_before_any_work():

@@ -122,7 +122,8 @@ def _at(meshes: _Meshes, state: State) -> ErrorEstimate:
     if not size > state.tolerance * length:
         raise ValueError("nothing that moves carries a load")
     fine, parent = meshes.fine.at(t), meshes.finer.parent
-    fine_u, after = _moved(fine, *meshes.finer.carry(u), before)
+    carried, tension = meshes.finer.carry(u)
+    fine_u, after = _moved(fine, carried, tension, before)
     change = np.abs((after - before).sum()) / size
     angle, fine_angle = (
         of.ply.shear_angle(x).mean(axis=1) for of, x in ((coarse, u), (fine, fine_u))
