@@ -277,11 +277,19 @@ def _refuse_what_cannot_be_refined(
     Raises
     ------
     ValueError
-        If the ply cannot be refined, or a condition names nodes that share an edge or
-        has no valid value there.
+        If the ply cannot be refined, or a condition is on nodes by number that are no
+        vertices or share an edge, or has no valid value there.
     """
     refine(ply, [])
     refuse_single_nodes(ply, conditions)
+    n_vertices = ply.users_mesh.nvertices
+    for name, condition in conditions.items():
+        by_number = not (callable(condition.where) or isinstance(condition.where, str))
+        if by_number and condition.nodes(name, ply.basis).max() >= n_vertices:
+            raise ValueError(
+                f"condition {name!r} is on nodes by number that are no vertices of the "
+                "mesh, and are elsewhere on a refined one: give a function of position"
+            )
     finer = refine(ply, np.arange(ply.users_mesh.nelements)).ply
     try:
         Constraints(finer.basis, conditions).fixed_values(1.0)

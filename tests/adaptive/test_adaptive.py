@@ -222,3 +222,13 @@ def test_without_a_load_no_round_has_a_number_that_is_none():
     for one in told.value.result.rounds:
         assert one.load_change is None
         assert one.error == np.inf
+
+
+def test_nodes_by_number_that_would_be_elsewhere_are_refused():
+    """Of macro-elements the nodes after the vertices are renumbered by refinement."""
+    scene, ply = pull("irregular", (2, 4))
+    n = ply.users_mesh.nvertices
+    pinned = {**scene.conditions, "pin": Condition([n], 0.0, (1, 0))}
+    with pytest.raises(ValueError, match="'pin' is on nodes by number that are no vert"):
+        AdaptiveStepper(ply, pinned, 0.1)
+    AdaptiveStepper(ply, pinned | {"pin": Condition([n - 1], 0.0, (1, 0))}, 0.1)
