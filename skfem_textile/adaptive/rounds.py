@@ -26,8 +26,8 @@ class Round:
     estimated_load_error
         As of `Result.summary`.
     error
-        What counts: the largest of estimate, change, and half of what counted on the
-        mesh before.  Twice the change stands for a missing estimate; it is infinite
+        What counts: the largest of estimate, changes on this mesh, and half of what
+        counted on the mesh before.  Twice the change stands for a missing estimate; it is infinite
         where both are missing.
     """
 
@@ -87,6 +87,9 @@ def counted(
     rounds: Sequence[Round], unknowns: int, change: float | None, estimate: float | None
 ) -> float:
     """What counts as the error of a round, see `Round`."""
+    at_once = [one.load_change for one in rounds if one.unknowns == unknowns]
+    changes = [x for x in (change, *at_once) if x is not None]
+    change = max(changes, default=None)
     coarser = (one.error for one in rounds[::-1] if one.unknowns < unknowns)
     before = next(coarser, np.inf)
     least = before / 2 if before < np.inf else 0.0

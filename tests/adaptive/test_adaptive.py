@@ -1,5 +1,7 @@
 """Runs to a tolerance: what they reach, say and refuse."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -150,6 +152,9 @@ def test_what_counts_falls_by_half_at_most_and_never_without_an_estimate():
     assert counted(rounds, more, 0.7, None) == 1.4
     assert counted(rounds, first.unknowns, 0.0, 1e-3) == 1e-3
     assert counted([], 10, None, None) == np.inf
+    refined = replace(first, unknowns=more, load_change=0.6)
+    assert counted([first, refined], more, 0.0, 0.0) == 0.6
+    assert counted([first, refined], more, 0.0, None) == 1.2
 
 
 def test_values_for_the_nodes_of_one_mesh_are_refused_before_any_work():
@@ -229,6 +234,8 @@ def test_nodes_by_number_that_would_be_elsewhere_are_refused():
     scene, ply = pull("irregular", (2, 4))
     n = ply.users_mesh.nvertices
     pinned = {**scene.conditions, "pin": Condition([n], 0.0, (1, 0))}
-    with pytest.raises(ValueError, match="'pin' is on nodes by number that are no vert"):
+    with pytest.raises(
+        ValueError, match="'pin' is on nodes by number that are no vert"
+    ):
         AdaptiveStepper(ply, pinned, 0.1)
     AdaptiveStepper(ply, pinned | {"pin": Condition([n - 1], 0.0, (1, 0))}, 0.1)
