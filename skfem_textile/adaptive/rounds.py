@@ -27,8 +27,8 @@ class Round:
         As of `Result.summary`.
     error
         What counts: the largest of estimate, changes on this mesh, and half of what
-        counted on the mesh before.  Twice the change stands for a missing estimate; it is infinite
-        where both are missing.
+        counted on the mesh before.  Twice the change stands for a missing estimate; it
+        is infinite where both are missing.
     """
 
     unknowns: int
