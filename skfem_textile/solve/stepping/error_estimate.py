@@ -151,8 +151,6 @@ def _moved(
     values, last = constraints.fixed_values(problem.load_factor), before
     for number in range(_MOST_INCREMENTS):
         tangent, f = definite(problem, u, tension), problem.residual(u)
-        if not tangent.definite:  # even without compression
-            break
         if number == 0:
             du = tangent.increment(f, u, values)
         else:
