@@ -198,28 +198,20 @@ def test_no_failure_of_the_estimate_loses_a_run(error, reason, monkeypatch):
             np.testing.assert_array_equal(values, held[name][0][key])
 
 
-def test_an_indefinite_tangent_ends_the_search_at_once(monkeypatch):
-    """No increment is solved with it, and each mesh is built once."""
-    result, find, built = pulled(across=4), error_estimate.definite, []
+def test_both_meshes_are_built_once_where_a_state_before_tells(monkeypatch):
+    result, find, built = pulled(across=4), error_estimate._moved, []
     finer = Ply.finer
 
-    def indefinite(problem, *arguments):
-        tangent = find(problem, *arguments)
+    def moved(problem, *arguments):
         if problem.load_factor == 1.0:
-            monkeypatch.setattr(tangent, "_factors", Indefinite())
-        return tangent
+            raise error_estimate.NoEquilibriumError("no")
+        return find(problem, *arguments)
 
     def counted(ply):
         built.append(ply)
         return finer(ply)
 
-    monkeypatch.setattr(error_estimate, "definite", indefinite)
+    monkeypatch.setattr(error_estimate, "_moved", moved)
     monkeypatch.setattr(Ply, "finer", counted)
     assert result.estimated_error.load_factor == 0.5
     assert len(built) == 1
-
-
-class Indefinite:
-    """Factors that nobody may solve with."""
-
-    definite = False

@@ -7,7 +7,7 @@ the ply whose elements are split in four, and two linear systems tell to where i
 """
 
 from collections.abc import Mapping
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from ..body import Body
 from ..conditions import Condition, Constraints
-from ..linear import ChosenSolver
+from ..linear import solver_named
 from ..problem import Problem, Tangent
 from ..states import ErrorEstimate, NoEquilibriumError, State
 from ..strategies import definite
@@ -89,7 +89,7 @@ class _Meshes:
 
     def _problem(self, ply: Body) -> Problem:
         constraints = Constraints(ply.basis, self._conditions)
-        return Problem(ply, constraints, partial(ChosenSolver, self._solver))
+        return Problem(ply, constraints, solver_named(self._solver))
 
     @cached_property
     def coarse(self) -> Problem:
