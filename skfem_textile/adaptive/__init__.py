@@ -1,5 +1,6 @@
 """Loads on a mesh that is refined until a tolerance is met."""
 
-from .stepper import AdaptiveResult, AdaptiveStepper, Round
+from .rounds import AdaptiveResult, Round
+from .stepper import AdaptiveStepper
 
 __all__ = ["AdaptiveResult", "AdaptiveStepper", "Round"]

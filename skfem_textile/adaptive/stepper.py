@@ -2,20 +2,22 @@
 
 import logging
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import fields
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
 
 from ..ply.refinement import marked, refine, shear_angle_jumps
-from ..solve.conditions import Condition
+from ..solve.conditions import Condition, Constraints
 from ..solve.equilibrium import equilibrium_near
 from ..solve.result import Result, StepError
-from ..solve.states import Iteration, NoEquilibriumError, State
+from ..solve.states import ErrorEstimate, Iteration, NoEquilibriumError, State
 from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
 from ..solve.stepping.error_estimate import estimated_error, refuse_single_nodes
 from ..solve.strategies import Strategy
+from .rounds import AdaptiveResult, Round, counted
 
 if TYPE_CHECKING:
     from ..ply import Ply
@@ -31,75 +33,6 @@ _SHARE = 0.5
 
 # Rounds at most: each about doubles the unknowns.
 _MOST_ROUNDS = 25
-
-
-@dataclass(frozen=True)
-class Round:
-    """A mesh of the loop, and what was found on it.
-
-    Attributes
-    ----------
-    unknowns
-        Number of unknowns.
-    linear_solves
-        Linear solves that the state took.
-    whole_path
-        Whether the whole load was applied, and not only its end.
-    load_change
-        Change of the load since the round before, as a share of it; None at first.
-    estimated_load_error
-        As of `Result.summary`.
-    error
-        What counts: the largest of estimate, change, and half of what counted on the
-        mesh before.  Twice the change stands for a missing estimate; it is infinite
-        where both are missing.
-    """
-
-    unknowns: int
-    linear_solves: int
-    whole_path: bool
-    load_change: float | None
-    estimated_load_error: float | None
-    error: float
-
-    def __str__(self) -> str:
-        shares = self.load_change, self.estimated_load_error
-        change, error = ("none" if x is None else f"{x:.2%}" for x in shares)
-        return (
-            f"{self.unknowns} unknowns, {self.linear_solves} linear solves"
-            f"{', whole path' if self.whole_path else ''}, load changed by {change}, "
-            f"estimated error {error}, counted as {self.error:.2%}"
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class AdaptiveResult(Result):
-    """The result on the last mesh, and the rounds that led to it.
-
-    Attributes
-    ----------
-    tolerance
-        Error of the load that was asked for, as a share of it.
-    rounds
-        All rounds, that of the last mesh included.
-    """
-
-    tolerance: float
-    rounds: tuple[Round, ...]
-
-    @property
-    def tolerance_met(self) -> bool:
-        """Whether the whole load was applied, and its estimated error is small."""
-        last = self.rounds[-1:]
-        return self.converged and any(one.error <= self.tolerance for one in last)
-
-    def summary(self) -> dict[str, Any]:
-        """As of `Result`, with ``tolerance``, ``tolerance_met`` and ``rounds``."""
-        return super().summary() | {
-            "tolerance": self.tolerance,
-            "tolerance_met": self.tolerance_met,
-            "rounds": [_finite(asdict(one)) for one in self.rounds],
-        }
 
 
 class AdaptiveStepper:
@@ -166,15 +99,17 @@ class AdaptiveStepper:
         on_iteration: Callable[[Iteration], None] | None = None,
         on_step: Callable[[State], None] | None = None,
     ) -> None:
-        if not 0 < tolerance < 1:
-            raise ValueError(f"the tolerance must be between 0 and 1, got {tolerance}")
+        if not _is_number(tolerance) or not 0 < tolerance < 1:
+            raise ValueError(
+                f"the tolerance must be between 0 and 1, got {tolerance!r}"
+            )
+        if not _is_number(most_unknowns):
+            raise ValueError(f"most_unknowns must be a number, got {most_unknowns!r}")
         if not most_unknowns >= ply.basis.N:
             raise ValueError(
                 f"the ply has {ply.basis.N} unknowns, more than the {most_unknowns} "
                 "that are allowed"
             )
-        refine(ply, [])  # refuses what cannot be refined
-        refuse_single_nodes(ply, conditions)
         self._ply, self._conditions, self._steps = ply, conditions, steps
         self.tolerance, self.most_unknowns = tolerance, most_unknowns
         self._search: dict[str, Any] = {
@@ -183,8 +118,9 @@ class AdaptiveStepper:
             "solver": solver,
         }
         self.on_iteration, self.on_step, self.on_round = on_iteration, on_step, on_round
-        self._stepper = self._stepper_of(ply)
+        self._stepper, self._estimate = self._stepper_of(ply), ErrorEstimate()
         self._rounds: list[Round] = []
+        _refuse_what_cannot_be_refined(ply, conditions)
 
     def run(self, resume: bool = False) -> AdaptiveResult:
         """Refine and load until the tolerance is met.
@@ -204,34 +140,48 @@ class AdaptiveStepper:
             raise ValueError("a run to a tolerance has no checkpoint to resume from")
         self._rounds = []
         ply, state = self._apply(self._ply)
-        while True:
-            met = self._rounds[-1].error <= self.tolerance
-            if met and self._rounds[-1].whole_path:
-                return self.result
-            if met:
-                ply, state = self._apply(ply, state)
-                continue
-            finer = self._refined(ply, state)
-            if finer is None:
-                break
-            ply, state = finer
-        why = f"with at most {self.most_unknowns} unknowns the tolerance is not met"
-        if not self._rounds[-1].whole_path:
-            self._apply(ply, state)
+        try:
+            self._refine_from(ply, state)
+        except MemoryError:
+            raise self._unmet("there is not enough memory for a finer mesh") from None
+        except ValueError as error:  # of what a user gave, which was valid before
+            raise self._unmet(f"on a finer mesh {error}") from None
         result = self.result
         if result.tolerance_met:
             return result
-        error = self._rounds[-1].error
-        said = f"is about {error:.2%}" if error < np.inf else "cannot be estimated"
-        raise StepError(
-            f"{why}: the error of the load {said}, {self.tolerance:.2%} was asked for",
-            result,
-            np.empty(0, dtype=int),
+        last = self._rounds[-1].error
+        said = f"is about {last:.2%}" if last < np.inf else "cannot be estimated"
+        if last == np.inf and self._estimate.reason:
+            said += f" ({self._estimate.reason})"
+        raise self._unmet(
+            f"with at most {self.most_unknowns} unknowns the tolerance is not met: the "
+            f"error of the load {said}, {self.tolerance:.2%} was asked for"
         )
+
+    def _refine_from(self, ply: "Ply", state: State) -> None:
+        """Refine until the tolerance is met, or the mesh would be too large."""
+        finer: tuple[Ply, State] | None = (ply, state)
+        while finer is not None:
+            ply, state = finer
+            last = self._rounds[-1]
+            if last.error > self.tolerance:
+                finer = self._refined(ply, state)
+            elif last.whole_path:
+                return
+            else:
+                finer = self._apply(ply, state)
+        if not self._rounds[-1].whole_path:
+            self._apply(ply, state)
+
+    def _unmet(self, why: str) -> StepError:
+        return StepError(why, self.result, np.empty(0, dtype=int))
 
     @property
     def states(self) -> tuple[State, ...]:
-        """The states on the mesh on which the whole load was applied last."""
+        """The states on the last mesh on which the whole load was applied.
+
+        Before there is one, those so far.
+        """
         return self._stepper.states
 
     @property
@@ -239,7 +189,9 @@ class AdaptiveStepper:
         """What has been found so far."""
         result = self._stepper.result
         found = {field.name: getattr(result, field.name) for field in fields(Result)}
-        rounds = tuple(self._rounds)
+        rounds, estimate = tuple(self._rounds), self._estimate
+        if estimate.load is not None:  # else a state before may tell
+            found["estimate"] = lambda states: estimate
         return AdaptiveResult(**found, tolerance=self.tolerance, rounds=rounds)
 
     def _stepper_of(self, ply: "Ply") -> LoadStepper:
@@ -259,11 +211,15 @@ class AdaptiveStepper:
         StepError
             If that fails.
         """
-        self._stepper = self._stepper_of(ply)
+        stepper, is_first = self._stepper_of(ply), not self._rounds
+        if is_first:  # what an interruption leaves
+            self._stepper, self._estimate = stepper, ErrorEstimate()
         try:
-            state = self._stepper.run().states[-1]
+            state = stepper.run().states[-1]
         except StepError as error:
+            self._stepper, self._estimate = stepper, ErrorEstimate()
             raise StepError(str(error), self.result, error.elements) from None
+        self._stepper, self._estimate = stepper, ErrorEstimate()
         self._finish(ply, state, before, whole_path=True)
         return ply, state
 
@@ -293,15 +249,19 @@ class AdaptiveStepper:
     ) -> None:
         """Estimate the error of a state, and keep its round."""
         place = ply, self._conditions, self._stepper.result.solver.name
-        estimate, change = estimated_error(*place, [state, state]).load, None
+        found = estimated_error(*place, [state, state])
+        estimate, change = found.load, None
+        if whole_path:
+            self._estimate = found
         if before is not None:
             loads = np.array([_load(before), _load(state)])
-            change = float(np.abs(np.diff(loads))[0] / np.abs(loads).max())
+            if np.any(loads):
+                change = float(np.abs(np.diff(loads))[0] / np.abs(loads).max())
         solves = state.linear_solves
         if whole_path:
             solves = self._stepper.result.linear_solves
         unknowns = int(ply.basis.N)
-        error = _counted(self._rounds, unknowns, change, estimate)
+        error = counted(self._rounds, unknowns, change, estimate)
         one = Round(unknowns, solves, whole_path, change, estimate, error)
         self._rounds.append(one)
         log.info("round %d: %s", len(self._rounds), one)
@@ -309,21 +269,36 @@ class AdaptiveStepper:
             self.on_round(one)
 
 
-def _finite(row: dict[str, Any]) -> dict[str, Any]:
-    """A row with None in place of what is infinite."""
-    return {key: None if value == np.inf else value for key, value in row.items()}
+def _refuse_what_cannot_be_refined(
+    ply: "Ply", conditions: Mapping[str, Condition]
+) -> None:
+    """Refuse a ply and conditions that are not valid on a refined mesh.
+
+    Raises
+    ------
+    ValueError
+        If the ply cannot be refined, or a condition is on nodes by number that are no
+        vertices or share an edge, or has no valid value there.
+    """
+    refine(ply, [])
+    refuse_single_nodes(ply, conditions)
+    n_vertices = ply.users_mesh.nvertices
+    for name, condition in conditions.items():
+        by_number = not (callable(condition.where) or isinstance(condition.where, str))
+        if by_number and condition.nodes(name, ply.basis).max() >= n_vertices:
+            raise ValueError(
+                f"condition {name!r} is on nodes by number that are no vertices of the "
+                "mesh, and are elsewhere on a refined one: give a function of position"
+            )
+    finer = refine(ply, np.arange(ply.users_mesh.nelements)).ply
+    try:
+        Constraints(finer.basis, conditions).fixed_values(1.0)
+    except ValueError as error:
+        raise ValueError(f"on a refined mesh {error}") from None
 
 
-def _counted(
-    rounds: Sequence[Round], unknowns: int, change: float | None, estimate: float | None
-) -> float:
-    """What counts as the error of a round, see `Round`."""
-    coarser = (one.error for one in rounds[::-1] if one.unknowns < unknowns)
-    before = next(coarser, np.inf)
-    least = before / 2 if before < np.inf else 0.0
-    if estimate is None:
-        return np.inf if change is None else max(2 * change, least)
-    return max(estimate, change or 0.0, least)
+def _is_number(given: Any) -> bool:
+    return isinstance(given, Real)
 
 
 def _load(state: State) -> float:

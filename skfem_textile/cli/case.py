@@ -136,6 +136,8 @@ def stepper_of(
         As from the steppers, or if there is a tolerance and a checkpoint.
     """
     if values["tolerance"] is None:
+        if values["most_unknowns"] != MOST_UNKNOWNS:
+            raise ValueError("--most-unknowns goes with --tolerance")
         return case.stepper(checkpoint)
     if checkpoint:
         raise ValueError("--tolerance cannot have a checkpoint: leave one of them out")

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ from .. import __version__
 from ..mesh.user_input import printable
 from ..scenes.case import Case
 from ..solve.result import Result
+from ..solve.states import ErrorEstimate
 from . import pictures
 from .interruption import INTERRUPTED, held
 from .output import OutputError, complain, say
@@ -51,16 +53,20 @@ def run(
     results = ResultFolder(options.out, written)
     code, said = load(stepper, options.resume is not None, options.verbose)
     result = stepper.result
-    summary = case.summary(result)
     inputs = {"inputs": {"version": __version__, **values}}
+    summary = case.summary(_without_estimate(result)) | inputs
     complete = False
     try:
         with held():
             with results as folder:
-                io.write_summary(summary | inputs, folder / "summary.json")
+                io.write_summary(summary, folder / "summary.json")
                 io.write_history(result, folder / "history.csv")
                 io.write_fields(result, folder / "fields")
             complete = True
+        if code != INTERRUPTED:
+            summary = case.summary(result) | inputs  # with the estimated error
+            with held(), ResultFolder(options.out, ("summary.json",)) as folder:
+                io.write_summary(summary, folder / "summary.json")
     except OutputError as error:
         raise OutputError(f"{error}; {_kept(stepper)}") from None
     except KeyboardInterrupt:
@@ -69,12 +75,19 @@ def run(
         code, said = INTERRUPTED, "interrupted; the results are written"
     if case.pictures and code != INTERRUPTED and not _draw(case, result, options.out):
         code = INTERRUPTED
+    del summary["inputs"]
     for key, value in summary.items():
         _say(key, value)
     say(f"results in {printable(options.out)}")
     if said:
         complain(said)
     return code
+
+
+def _without_estimate(result: Result) -> Result:
+    """The result before its error is estimated, which may take long and be stopped."""
+    none = ErrorEstimate(reason="interrupted")
+    return replace(result, estimate=lambda states: none)
 
 
 def _say(key: str, value: Any) -> None:

@@ -1,4 +1,4 @@
-"""A ply of which every element is split in four, with a state of the one before."""
+"""A ply of which every element is split in four, which takes over states."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
+from ..fabric.regions import fabric_on
 from ..mesh.bases import node_dofs
 from ..mesh.named_nodes import named_nodes, with_named_nodes
 from ..mesh.splitting.edges import edges_of
@@ -63,28 +64,47 @@ def finer_mesh(mesh: Mesh) -> FinerMesh:
 
 
 @dataclass(frozen=True, eq=False)
-class FinerState:
-    """A finer ply, and what it takes over of a state: not in balance, but near one.
+class FinerPly:
+    """A ply of which every element is split in four, and the one before.
 
     Attributes
     ----------
     ply
-        The ply.  It holds the stiffnesses that the ply before held.
-    u
-        The displacement, the same at the nodes that were there.
-    tension
-        Fibre tensions of the elements before, as `Ply.stiffness` takes them.
+        The finer ply.
     parent
         For each of its elements the one before that it is part of, shape (n_elements,).
+    mesh
+        Its mesh, and where the elements come from.
+    before
+        The ply before.
     """
 
     ply: Any
-    u: ndarray
-    tension: ndarray
     parent: ndarray
+    mesh: FinerMesh
+    before: Any
+
+    def carry(self, u: ndarray) -> tuple[ndarray, ndarray]:
+        """Take over a displacement of the ply before, and the stiffnesses it holds.
+
+        Returns
+        -------
+        tuple
+            The displacement, the same at the nodes that were there: not in balance, but
+            near a state.  Fibre tensions of the elements before, as `Ply.stiffness`
+            takes them.
+        """
+        before, ply = self.before, self.ply
+        carried = ply.basis.zeros()
+        nodes = self.mesh.nodal(before.nodal(u), ply.nodes.shape[1])
+        carried[node_dofs(ply.basis)] = nodes
+        ply.remembered = _held(before, self.mesh, ply.remembered)
+        T = before.fibre_tension(u).mean(axis=2)[:, self.parent, None]
+        tension = np.broadcast_to(T, (*T.shape[:2], ply.basis.dx.shape[1]))
+        return carried, ply.arranged(tension)
 
 
-def finer_state(ply: Any, u: ndarray) -> FinerState:
+def finer_ply(ply: Any) -> FinerPly:
     """Split every element of ``ply.mesh`` in four; see `Ply.finer`."""
     for term in ply.further_terms_as_given:
         if not hasattr(term, "on"):
@@ -92,16 +112,11 @@ def finer_state(ply: Any, u: ndarray) -> FinerState:
             raise ValueError(f"term {name!r} is of the mesh, and not of a finer one")
     if any(memory.depends_on != "state" for memory in ply.memories.values()):
         raise ValueError("the stabilisation depends on the steps")
-    fine = finer_mesh(ply.mesh)
-    arguments = ply.fabric, ply.formulation, ply.further_terms_as_given
-    finer = type(ply)(fine.mesh, *arguments)
-    carried = finer.basis.zeros()
-    nodes = fine.nodal(ply.nodal(u), finer.nodes.shape[1])
-    carried[node_dofs(finer.basis)] = nodes
-    finer.remembered = _held(ply, fine, finer.remembered)
-    T = ply.fibre_tension(u).mean(axis=2)[:, fine.parent, None]
-    tension = np.broadcast_to(T, (*T.shape[:2], finer.basis.dx.shape[1]))
-    return FinerState(finer, carried, finer.arranged(tension), fine.parent)
+    fine, fabric = finer_mesh(ply.mesh), ply.fabric
+    if isinstance(fine.mesh, MeshTri):  # what is split knows where it comes from
+        fabric = fabric_on(fine.parent, fabric)
+    arguments = fabric, ply.formulation, ply.further_terms_as_given
+    return FinerPly(type(ply)(fine.mesh, *arguments), fine.parent, fine, ply)
 
 
 def _held(ply: Any, fine: FinerMesh, at_rest: Mapping[str, Any]) -> dict[str, Any]:

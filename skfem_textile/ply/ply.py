@@ -23,7 +23,7 @@ from ..mesh.corners import Corners
 from ..mesh.pattern import Pattern
 from ..mesh.splitting import original_elements
 from .corners import CornerTerm, corner_stiffness
-from .finer import FinerState, finer_state
+from .finer import FinerPly, finer_ply
 from .formulations import DEFAULT
 from .kernels.assembly import KernelSum
 from .kernels.element_groups import Parameters
@@ -173,15 +173,15 @@ class Ply(Measures):
         ply.users_mesh, ply.users_fabric = self.users_mesh, self.users_fabric
         return ply
 
-    def finer(self, u: ndarray) -> FinerState:
-        """A ply of which each element of ``mesh`` is split in four, and ``u`` on it.
+    def finer(self) -> FinerPly:
+        """A ply of which each element of ``mesh`` is split in four.
 
         Raises
         ------
         ValueError
             If a term cannot be built anew, or depends on the steps.
         """
-        return finer_state(self, u)
+        return finer_ply(self)
 
     @cached_property
     def _fused(self) -> KernelSum:

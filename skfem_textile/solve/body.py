@@ -104,11 +104,8 @@ class Body(Protocol):
         """Forget every committed state."""
         ...
 
-    def finer(self, u: ndarray) -> Any:
-        """A body of which each element is split in four, and ``u`` on it.
-
-        It has ``ply``, ``u``, ``tension`` and ``parent``, see `Ply.finer`.
-        """
+    def finer(self) -> Any:
+        """A body of which each element is split in four, as `Ply.finer` gives one."""
         ...
 
     def on_users_elements(self, values: ndarray) -> ndarray:

@@ -1,5 +1,7 @@
 """Runs to a tolerance: what they reach, say and refuse."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ from skfem_textile import (
     shear_angle_jumps,
     split,
 )
-from skfem_textile.adaptive.stepper import _counted
+from skfem_textile.adaptive.rounds import counted
 from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.states import NoEquilibriumError
 
@@ -95,7 +97,7 @@ def test_a_load_that_cannot_be_applied_ends_the_run_with_its_states(monkeypatch)
     assert told.value.result.summary()["rounds"] == []
 
 
-@pytest.mark.parametrize("tolerance", [0.0, 1.0, -0.1, np.nan])
+@pytest.mark.parametrize("tolerance", [0.0, 1.0, -0.1, np.nan, "0.1", None])
 def test_bad_input_is_refused_before_any_work(tolerance):
     scene, ply = pull()
     with pytest.raises(ValueError, match="tolerance must be between 0 and 1"):
@@ -144,9 +146,96 @@ def test_what_counts_falls_by_half_at_most_and_never_without_an_estimate():
     (first,) = rounds
     assert first.error == first.estimated_load_error
     more = first.unknowns + 1
-    assert _counted(rounds, more, 0.0, 0.0) == first.error / 2
-    assert _counted(rounds, more, 0.7, 0.0) == 0.7
-    assert _counted(rounds, more, 0.0, None) == first.error / 2
-    assert _counted(rounds, more, 0.7, None) == 1.4
-    assert _counted(rounds, first.unknowns, 0.0, 1e-3) == 1e-3
-    assert _counted([], 10, None, None) == np.inf
+    assert counted(rounds, more, 0.0, 0.0) == first.error / 2
+    assert counted(rounds, more, 0.7, 0.0) == 0.7
+    assert counted(rounds, more, 0.0, None) == first.error / 2
+    assert counted(rounds, more, 0.7, None) == 1.4
+    assert counted(rounds, first.unknowns, 0.0, 1e-3) == 1e-3
+    assert counted([], 10, None, None) == np.inf
+    refined = replace(first, unknowns=more, load_change=0.6)
+    assert counted([first, refined], more, 0.0, 0.0) == 0.6
+    assert counted([first, refined], more, 0.0, None) == 1.2
+
+
+def test_values_for_the_nodes_of_one_mesh_are_refused_before_any_work():
+    scene, ply = pull(size=(2, 4))
+    n = len(ply.mesh.p[0, np.unique(ply.mesh.facets[:, ply.mesh.boundaries["top"]])])
+    held = {**scene.conditions, "top": Condition("top", np.ones((2, n)))}
+    with pytest.raises(ValueError, match="on a refined mesh condition 'top': the valu"):
+        AdaptiveStepper(ply, held, 0.1)
+    with pytest.raises(ValueError, match="most_unknowns must be a number, got None"):
+        AdaptiveStepper(ply, scene.conditions, 0.1, most_unknowns=None)
+
+
+def test_an_interruption_on_a_finer_mesh_leaves_the_run_on_the_one_before(monkeypatch):
+    """The rounds on the way are those of other meshes: the tolerance is not met."""
+    scene, ply = pull()
+    stepper = AdaptiveStepper(ply, scene.conditions, 0.04, 4)
+    advance = LoadStepper._advance
+
+    def interrupted(one, t):
+        if t > 0.5 and one.problem.ply is not ply:
+            raise KeyboardInterrupt
+        return advance(one, t)
+
+    monkeypatch.setattr(LoadStepper, "_advance", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        stepper.run()
+    assert stepper.result.ply is ply
+    assert stepper.result.converged
+    assert stepper.states[-1].load_factor == 1.0
+    assert not stepper.result.tolerance_met
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (MemoryError(), "there is not enough memory for a finer mesh"),
+        (ValueError("the value fails"), "on a finer mesh the value fails"),
+    ],
+)
+def test_a_failure_on_a_finer_mesh_keeps_the_run_on_the_one_before(
+    error, said, monkeypatch
+):
+    scene, ply = pull()
+    stepper = AdaptiveStepper(ply, scene.conditions, 0.04, 4)
+
+    def fails(*_, **__):
+        raise error
+
+    monkeypatch.setattr("skfem_textile.adaptive.stepper.equilibrium_near", fails)
+    with pytest.raises(StepError, match=said) as told:
+        stepper.run()
+    assert told.value.result.ply is ply
+    assert told.value.result.converged
+
+
+def test_the_error_of_the_last_mesh_is_estimated_once(monkeypatch):
+    scene, ply = pull("aligned")
+    result = AdaptiveStepper(ply, scene.conditions, 0.5, 4).run()
+    (last,) = result.rounds
+    monkeypatch.setattr(Ply, "finer", lambda *_: pytest.fail("estimated again"))
+    assert result.summary()["estimated_load_error"] == last.estimated_load_error
+
+
+def test_without_a_load_no_round_has_a_number_that_is_none():
+    _, ply = pull("irregular", (2, 4))
+    still = {name: Condition(name) for name in ("bottom", "top")}
+    stepper = AdaptiveStepper(ply, still, 0.1, 1, most_unknowns=5000)
+    with pytest.raises(StepError, match="nothing that moves carries a load") as told:
+        stepper.run()
+    for one in told.value.result.rounds:
+        assert one.load_change is None
+        assert one.error == np.inf
+
+
+def test_nodes_by_number_that_would_be_elsewhere_are_refused():
+    """Of macro-elements the nodes after the vertices are renumbered by refinement."""
+    scene, ply = pull("irregular", (2, 4))
+    n = ply.users_mesh.nvertices
+    pinned = {**scene.conditions, "pin": Condition([n], 0.0, (1, 0))}
+    with pytest.raises(
+        ValueError, match="'pin' is on nodes by number that are no vert"
+    ):
+        AdaptiveStepper(ply, pinned, 0.1)
+    AdaptiveStepper(ply, pinned | {"pin": Condition([n - 1], 0.0, (1, 0))}, 0.1)

@@ -172,6 +172,40 @@ def test_a_signal_while_results_are_written_lets_them_be_written(
     assert is_whole(out)
 
 
+@pytest.mark.parametrize("options", [(), ("--tolerance", "0.5")])
+def test_a_signal_while_the_error_is_estimated_loses_no_result(
+    tmp_path, capsys, monkeypatch, options
+):
+    def interrupted_estimate(ply):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(10)
+
+    monkeypatch.setattr(Ply, "finer", interrupted_estimate)
+    out = tmp_path / "out"
+    command = ["run", "strip", *QUICK, *options, "--out", str(out)]
+    assert cli.main(command) == INTERRUPTED
+    assert capsys.readouterr().err.startswith("skfem-textile: interrupted; the ")
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["error_estimate"] == "none: interrupted"
+    assert summary["converged"]
+    assert is_whole(out)
+
+
+def test_an_interrupted_run_takes_no_time_for_an_estimate(tmp_path, monkeypatch):
+    def interrupted_step(stepper, t):
+        if t > 0.5:
+            raise KeyboardInterrupt
+        return advance(stepper, t)
+
+    advance = LoadStepper._advance
+    monkeypatch.setattr(LoadStepper, "_advance", interrupted_step)
+    monkeypatch.setattr(Ply, "finer", lambda *_: pytest.fail("estimated"))
+    out = tmp_path / "out"
+    assert cli.main(["run", "strip", *QUICK, "--out", str(out)]) == INTERRUPTED
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["error_estimate"] == "none: interrupted"
+
+
 def test_a_signal_while_a_picture_is_drawn_lets_that_one_end(
     tmp_path, capsys, monkeypatch
 ):

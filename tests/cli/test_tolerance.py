@@ -47,6 +47,7 @@ def run(tmp_path, *options):
         (("--tolerance", "0.1", "--most-unknowns", "10"), "more than the 10"),
         (("--tolerance", "0.1", "--checkpoint"), "cannot have a checkpoint"),
         (("--tolerance", "much"), "--tolerance"),
+        (("--most-unknowns", "5000"), "--most-unknowns goes with --tolerance"),
     ],
 )
 def test_bad_tolerances_are_refused_in_one_line(tmp_path, capsys, options, message):

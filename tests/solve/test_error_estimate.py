@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from skfem import MeshQuad
+from skfem import MeshQuad, MeshTri
 
 from skfem_textile import (
     Condition,
@@ -84,6 +84,23 @@ def square(fabric=None, formulation=MACRO):
     )
 
 
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+def test_a_fabric_of_each_element_or_subdomain_goes_to_the_finer_mesh(formulation):
+    """Where all have the same fabric, the estimate is that of this fabric."""
+    mesh = MeshTri().refined(2).with_defaults()
+    mesh = mesh.with_subdomains({"a": lambda x: x[0] < 0.5, "b": lambda x: x[0] >= 0.5})
+    warp, weft = (1.0, 1.0), (-1.0, 1.0)
+    one = Fabric(1e3, 1.0, warp, weft)
+    each = Fabric(1e3, 1.0, np.tile([[1.0], [1.0]], mesh.nelements), weft)
+    held = {"bottom": Condition("bottom"), "top": Condition("top", (0.0, 0.05))}
+    plain, *others = (
+        LoadStepper(Ply(mesh, fabric, formulation), held, 2).run().estimated_error
+        for fabric in (one, each, {"a": one, "b": one})
+    )
+    for other in others:
+        assert other.load == pytest.approx(plain.load, rel=1e-6)
+
+
 def test_under_loads_it_is_of_their_work():
     ply = square(Fabric(1e3, 5.0, (1, 1), (-1, 1))).with_terms(Force("top", (0.0, 0.5)))
     result = LoadStepper(ply, {"clamp": Condition("bottom")}, 4).run()
@@ -148,3 +165,53 @@ def test_where_no_state_is_near_one_before_tells(monkeypatch):
     summary = result.summary()
     assert summary["estimated_load_error"] > 0
     assert summary["error_estimate"] == "of the load factor 0.5"
+
+
+def test_a_load_that_is_round_off_has_no_error():
+    def there_and_back(X, t):
+        return 0.05 * np.array([np.zeros(X.shape[1]), np.full(X.shape[1], t * (1 - t))])
+
+    held = {"bottom": Condition("bottom"), "top": Condition("top", there_and_back)}
+    ply = square(Fabric(1e3, 1.0, (1, 1), (-1, 1)))
+    estimate = LoadStepper(ply, held, 4).run().estimated_error
+    assert estimate.load is None
+    assert estimate.reason == "nothing that moves carries a load"
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (MemoryError(), "there is not enough memory for a finer mesh"),
+        (IndexError("out of\nbounds"), "IndexError out of"),
+    ],
+)
+def test_no_failure_of_the_estimate_loses_a_run(error, reason, monkeypatch):
+    def fails(*_):
+        raise error
+
+    result = pulled(across=4)
+    held = result.ply.remembered
+    monkeypatch.setattr(Ply, "finer", fails)
+    assert result.summary()["error_estimate"] == f"none: {reason}"
+    for name, (parameters, _) in result.ply.remembered.items():
+        for key, values in parameters.items():
+            np.testing.assert_array_equal(values, held[name][0][key])
+
+
+def test_both_meshes_are_built_once_where_a_state_before_tells(monkeypatch):
+    result, find, built = pulled(across=4), error_estimate._moved, []
+    finer = Ply.finer
+
+    def moved(problem, *arguments):
+        if problem.load_factor == 1.0:
+            raise error_estimate.NoEquilibriumError("no")
+        return find(problem, *arguments)
+
+    def counted(ply):
+        built.append(ply)
+        return finer(ply)
+
+    monkeypatch.setattr(error_estimate, "_moved", moved)
+    monkeypatch.setattr(Ply, "finer", counted)
+    assert result.estimated_error.load_factor == 0.5
+    assert len(built) == 1

@@ -7,7 +7,7 @@ the ply whose elements are split in four, and two linear systems tell to where i
 """
 
 from collections.abc import Mapping
-from functools import partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from ..body import Body
 from ..conditions import Condition, Constraints
-from ..linear import ChosenSolver
+from ..linear import solver_named
 from ..problem import Problem, Tangent
 from ..states import ErrorEstimate, NoEquilibriumError, State
 from ..strategies import definite
@@ -59,22 +59,52 @@ def estimated_error(
     middle = min(states[1:], key=lambda state: abs(state.load_factor - end / 2))
     held = ply.remembered
     try:
-        for state in dict.fromkeys((states[-1], middle)):
-            ply.settle(state.u)
-            try:
-                return _at(ply, conditions, state, solver)
-            except NoEquilibriumError as error:
-                reason = f"a finer mesh has no state near: {error}"
+        refuse_single_nodes(ply, conditions)
+        with np.errstate(all="ignore"):  # what is not finite is caught
+            meshes = _Meshes(ply, conditions, solver)
+            for state in dict.fromkeys((states[-1], middle)):
+                ply.settle(state.u)
+                try:
+                    return _at(meshes, state)
+                except NoEquilibriumError as error:
+                    reason = f"a finer mesh has no state near: {error}"
+    except MemoryError:
+        reason = "there is not enough memory for a finer mesh"
     except ValueError as error:
         reason = str(error)
+    except Exception as error:  # of a user's term; what was computed is not lost
+        reason = f"{type(error).__name__} {error}".strip().partition("\n")[0]
     finally:
         ply.remembered = held
     return ErrorEstimate(reason=reason)
 
 
-def _at(
-    ply: Body, conditions: Mapping[str, Condition], state: State, solver: str
-) -> ErrorEstimate:
+class _Meshes:
+    """The problem on both meshes, each built once and when it is asked for."""
+
+    def __init__(
+        self, ply: Body, conditions: Mapping[str, Condition], solver: str
+    ) -> None:
+        self._ply, self._conditions, self._solver = ply, conditions, solver
+
+    def _problem(self, ply: Body) -> Problem:
+        constraints = Constraints(ply.basis, self._conditions)
+        return Problem(ply, constraints, solver_named(self._solver))
+
+    @cached_property
+    def coarse(self) -> Problem:
+        return self._problem(self._ply)
+
+    @cached_property
+    def finer(self) -> Any:
+        return self._ply.finer()
+
+    @cached_property
+    def fine(self) -> Problem:
+        return self._problem(self.finer.ply)
+
+
+def _at(meshes: _Meshes, state: State) -> ErrorEstimate:
     """The estimate from one state.
 
     Raises
@@ -84,36 +114,27 @@ def _at(
     ValueError
         If there is no finer ply, or nothing that does work.
     """
-    refuse_single_nodes(ply, conditions)
     t, u = state.load_factor, state.u
-    coarse = _problem(ply, conditions, t, solver)
-    with np.errstate(all="ignore"):  # what is not finite is caught
-        motion, forces = Tangent(coarse, u).settled(coarse.residual(u))
-        before = _work(coarse, forces, u := u + motion)
-        size = np.abs(before).sum()
-        if not size > state.tolerance * np.abs(u).sum():
-            raise ValueError("nothing that moves carries a load")
-        finer = ply.finer(u)
-        fine = _problem(finer.ply, conditions, t, solver)
-        fine_u, after = _moved(fine, finer.u, finer.tension, before)
+    coarse = meshes.coarse.at(t)
+    motion, forces = Tangent(coarse, u).settled(coarse.residual(u))
+    before = _work(coarse, forces, u := u + motion)
+    size, length = np.abs(before).sum(), np.abs(u).sum() + np.abs(_rate(coarse)).sum()
+    if not size > state.tolerance * length:
+        raise ValueError("nothing that moves carries a load")
+    fine, parent = meshes.fine.at(t), meshes.finer.parent
+    carried, tension = meshes.finer.carry(u)
+    fine_u, after = _moved(fine, carried, tension, before)
     change = np.abs((after - before).sum()) / size
     angle, fine_angle = (
-        body.shear_angle(x).mean(axis=1) for body, x in ((ply, u), (finer.ply, fine_u))
+        of.ply.shear_angle(x).mean(axis=1) for of, x in ((coarse, u), (fine, fine_u))
     )
-    off = fine_angle - angle[finer.parent]
-    rms = np.sqrt(np.average(off**2, weights=finer.ply.basis.dx.sum(axis=1)))
+    off = fine_angle - angle[parent]
+    rms = np.sqrt(np.average(off**2, weights=fine.ply.basis.dx.sum(axis=1)))
     if not np.isfinite([change, rms]).all():
         raise NoEquilibriumError("it is not finite")
     return ErrorEstimate(
         float(LOAD_OVER_CHANGE * change), float(SHEAR_ANGLE_OVER_CHANGE * rms), t
     )
-
-
-def _problem(
-    ply: Body, conditions: Mapping[str, Condition], t: float, solver: str
-) -> Problem:
-    constraints = Constraints(ply.basis, conditions)
-    return Problem(ply, constraints, partial(ChosenSolver, solver)).at(t)
 
 
 def _moved(
@@ -151,10 +172,15 @@ def _moved(
 
 def _work(problem: Problem, f: ndarray, u: ndarray) -> ndarray:
     """Work of reactions in the motion of their conditions, and of loads, in N·mm."""
+    of_reactions = problem.turned(f)[problem.constraints.fixed] @ _rate(problem)
+    return np.array([of_reactions, problem.load(u) @ u])
+
+
+def _rate(problem: Problem) -> ndarray:
+    """How fixed unknowns move with the load factor, times the load factor, in mm."""
     constraints, t = problem.constraints, problem.load_factor
     now, before = (constraints.fixed_values(x) for x in (t, (1 - _STEP_BACK) * t))
-    of_reactions = problem.turned(f)[constraints.fixed] @ (now - before) / _STEP_BACK
-    return np.array([of_reactions, problem.load(u) @ u])
+    return (now - before) / _STEP_BACK
 
 
 def refuse_single_nodes(ply: Body, conditions: Mapping[str, Condition]) -> None:
