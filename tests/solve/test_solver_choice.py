@@ -208,12 +208,12 @@ def test_a_measurement_is_on_the_clock_but_not_among_the_factorisations(
     )
     fakes.factorised.clear()
     result = run()
+    slow = [name for name, _ in fakes.factorised].count("slow")
+    fast = len(fakes.factorised) - slow
     summary = result.summary()
     assert summary["solver"] == "fast"
     assert summary["solver_reason"].startswith("fastest of slow 0.20 s, fast 0.10 s")
     assert summary["factorisations"] == plain.factorisations
-    slow = [name for name, _ in fakes.factorised].count("slow")
-    fast = len(fakes.factorised) - slow
     assert (slow, fast) == (2, 2 + plain.factorisations)
     assert summary["solve_time_s"] == pytest.approx(0.2 * slow + 0.1 * fast)
     json.dumps(summary)
