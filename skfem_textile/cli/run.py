@@ -65,8 +65,7 @@ def run(
             complete = True
         if code != INTERRUPTED:
             summary = case.summary(result) | inputs  # with the estimated error
-            with held(), ResultFolder(options.out, ("summary.json",)) as folder:
-                io.write_summary(summary, folder / "summary.json")
+            _write_again(summary, options.out)
     except OutputError as error:
         raise OutputError(f"{error}; {_kept(stepper)}") from None
     except KeyboardInterrupt:
@@ -82,6 +81,17 @@ def run(
     if said:
         complain(said)
     return code
+
+
+def _write_again(summary: Mapping[str, Any], out: Path) -> None:
+    """Write the summary in place of the one without an estimate, if that can be."""
+    from .. import io
+
+    try:
+        with held(), ResultFolder(out, ("summary.json",)) as folder:
+            io.write_summary(summary, folder / "summary.json")
+    except OSError as error:
+        say(f"no estimated error in summary.json: {printable(error)}")
 
 
 def _without_estimate(result: Result) -> Result:

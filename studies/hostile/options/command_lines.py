@@ -175,11 +175,11 @@ def _of_scene(scene: str, random: Random) -> list[list[str]]:
 
 def _odd_part(scene: str, random: Random) -> list[str]:
     """An option, of any scene or none, with an odd word or without one."""
-    own = [name for name in OPTIONS.get(scene, ["out"]) if name != "no-render"]
+    own = [name for name in OPTIONS.get(scene, ["out"]) if name not in _NOT_DRAWN]
     name = random.choice(own)
     kind = random.random()
     if kind < 0.08:
-        others = {n for of in OPTIONS.values() for n in of}
+        others = {n for of in OPTIONS.values() for n in of} - _TO_A_TOLERANCE
         name = random.choice(sorted(others))
     if kind > 0.95:
         return [random.choice(_ODD)]
@@ -212,6 +212,9 @@ _WORDS: dict[str, Callable[[Random], str]] = {
     "free": lambda random: random.choice(("top", "lid", "left")),
     "force": lambda random: random.choice(_FORCES),
 }
+# A run to a tolerance makes meshes of its own, which no line tells.
+_TO_A_TOLERANCE = {"tolerance", "most-unknowns"}
+_NOT_DRAWN = {"no-render", *_TO_A_TOLERANCE}
 _ANGLED = ("warp", "weft", "bend", "shear-angle", "rotate")
 
 

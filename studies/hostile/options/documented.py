@@ -143,6 +143,8 @@ _LOADED = {
     "force": Option(_force, [], "", "all"),
     "rotate": Option(_degrees, 0.0),
     "steps": Option(int, 20),
+    "tolerance": Option(float, None),
+    "most-unknowns": Option(int, 50_000),
     "strategy": Option(one_of("mixed", "descent", "newton"), ["mixed", "descent"], "+"),
     "warn-only": Option(
         one_of(*_CHECKS), ["work", "stabilisation", "deviation", "corners"], "*"
