@@ -110,6 +110,12 @@ def shear_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     return _angle(A1, A2) - _angle(fibre(F, A1), fibre(F, A2))
 
 
+def cos_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
+    """Cosine of the angle ∠(a₁, a₂) at which the families cross."""
+    a1, a2 = fibre(F, A1), fibre(F, A2)
+    return dot(a1, a2) / np.sqrt(dot(a1, a1) * dot(a2, a2))
+
+
 def shear_angle_d(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     """First derivative ∂Γ/∂F = ∂θ₁/∂F − ∂θ₂/∂F, shape (d, 2, ...).
 

@@ -11,16 +11,18 @@ from numpy import ndarray
 
 from ..fabric.law import Law
 
-# C_s over the shear stiffness: measured, `python -m studies formulations`.
-_C_S_OF_SHEAR = 8.0
+# C_s over shear stiffness and over tension, and the power of the grip; what tension adds
+# to E_d over what shear stiffness adds; how fast tension loses weight where fibres are
+# soft.  All by bias extension at three angles: `python -m studies angles --part choosing`.
+_C_S_OF_SHEAR, _C_S_OF_TENSION, _POWER_OF_GRIP = 4.0, 3.2, 1.5
+_TENSION_OVER_SHEAR, _SOFTNESS = 0.7, 80.0
 
-# C_s and E_d over the fibre stiffness where there is no shear stiffness: on the strip
-# and the trellis of the same study.
+# C_s and E_d over the fibre stiffness where there is no shear stiffness: strip and
+# trellis, `python -m studies formulations`.
 _C_S_OF_FIBRES, _E_D_OF_FIBRES = 1e-4, 0.5
 
-# What tension adds to E_d over what shear stiffness adds: `python -m studies
-# formulations`, bias extension at 45 degrees.
-_TENSION_OVER_SHEAR = 0.25
+# The least grip.  Chosen: fibres that cross at 8 degrees, less than fabrics let them.
+_LEAST_GRIP = 0.01
 
 # Shear stiffness over fibre stiffness at which these have fallen to a third.  Chosen:
 # far beyond the 1e-8 of the stiffest cases that are studied, so that it changes none.
@@ -33,21 +35,36 @@ _LEAST_OF_REST = 0.1
 _SMALL_ANGLE = 1e-6
 
 
-def stabilisation_stiffness(G: ndarray, E: ndarray) -> ndarray:
-    """C_s in N/mm: 8 G, and 10⁻⁴ E where there is no shear stiffness.
+def stabilisation_stiffness(
+    G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray
+) -> ndarray:
+    """C_s in N/mm: grows with G and tension, and where fibres close up.
+
+    C_s = (3 G + 4 τ)/(1 − |cos ω|)^1.35 with τ of `effective_tension` and the angle ω
+    between the families, and 10⁻⁴ E without shear stiffness.  Where the families are
+    nearly parallel, the shear angle hardly grips motions across both: of the squares
+    of motions across either, 1 − |cos ω| is the least share.
 
     Parameters
     ----------
-    G, E
-        Stiffness of shear and of fibres, in N/mm, where the element is.
+    G, E, T
+        Stiffness of shear and of fibres, and fibre tension, in N/mm, where the element
+        is.
+    cos_angle
+        |cos ω|.
     """
-    return _C_S_OF_SHEAR * G + _C_S_OF_FIBRES * E * _without_shear(G, E)
+    grip = np.maximum(1.0 - cos_angle, _LEAST_GRIP) ** _POWER_OF_GRIP
+    without_shear = _without_shear(G, E)
+    resistance = (
+        _C_S_OF_SHEAR * G + _C_S_OF_TENSION * effective_tension(G, E, T)
+    ) / grip
+    return (1.0 - without_shear) * resistance + without_shear * _C_S_OF_FIBRES * E
 
 
 def deviation_stiffness(
     multiple: float | ndarray, G: ndarray, E: ndarray, T: ndarray
 ) -> ndarray:
-    """E_d in N/mm: a multiple of G + T/4, ½ E without shear stiffness, at most E.
+    """E_d in N/mm: a multiple of G + 0.8 τ in series with E, ½ E without shear stiffness.
 
     A jump of the shear angle lies along fibres that carry a force of their own.  The
     smaller the elements, the larger is its tension T in them, and the more of the force
@@ -58,18 +75,32 @@ def deviation_stiffness(
     ----------
     multiple
         Measured, see `Macro` and `Quadratic`.
-    G, E
+    G, E, T
         As for `stabilisation_stiffness`; of G what resists further shear,
         `further_shear_stiffness`.
-    T
-        Fibre tension in N/mm; compression counts as none.
     """
     without_shear = _without_shear(G, E)
-    of_resistance = multiple * (G + _TENSION_OVER_SHEAR * np.maximum(T, 0.0))
-    of_fibres = _E_D_OF_FIBRES * E
-    return np.minimum(
-        E, (1.0 - without_shear) * of_resistance + without_shear * of_fibres
-    )
+    resistance = multiple * (G + _TENSION_OVER_SHEAR * effective_tension(G, E, T))
+    both = resistance + E
+    in_series = resistance * E / np.where(both > 0, both, 1.0)
+    return (1.0 - without_shear) * in_series + without_shear * _E_D_OF_FIBRES * E
+
+
+def effective_tension(G: ndarray, E: ndarray, T: ndarray) -> ndarray:
+    """τ = |T|/(1 + 80 √(G/E)) in N/mm.
+
+    The force of a fibre at a jump spreads over a layer whose width goes with √(G/E).
+    Where the layer is wide, elements resolve more of it by themselves.  Fibres in
+    compression count as much as those in tension: elements at a free edge would fold
+    along them.
+
+    Parameters
+    ----------
+    G, E, T
+        As for `stabilisation_stiffness`.
+    """
+    softness = np.sqrt(G / np.where(E > 0, E, 1.0))
+    return np.abs(T) / (1.0 + _SOFTNESS * softness)
 
 
 def shear_stiffness(law: Law, angle: ndarray) -> ndarray:

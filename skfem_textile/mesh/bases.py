@@ -129,9 +129,7 @@ class HourglassBasis(CellBasis):
         self.dx = np.abs(self.mapping.detDF(centre, self.tind)) * self.W
 
 
-def displacement_gradient(
-    basis: CellBasis, u: ndarray, at_centre: bool = False
-) -> ndarray:
+def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
     """∇u alone at the points of a basis, without the values that take most time.
 
     Parameters
@@ -140,8 +138,6 @@ def displacement_gradient(
         Basis of the displacement.
     u
         Displacement, shape (n_unknowns,).
-    at_centre
-        Of a `HourglassBasis`: its `centre_grad`, once for each element.
 
     Returns
     -------
@@ -151,10 +147,7 @@ def displacement_gradient(
     gradient = 0.0
     nodal = u[basis.element_dofs].reshape(-1, 2, 1, basis.nelems, 1)
     for of_node, (function, *_) in zip(nodal, basis.basis[::2], strict=True):
-        grad = (
-            centre_grad(function)[..., :1] if at_centre else np.asarray(function.grad)
-        )
-        gradient = gradient + of_node * grad[0]
+        gradient = gradient + of_node * np.asarray(function.grad)[0]
     return np.asarray(gradient)
 
 

@@ -17,7 +17,7 @@ from ..forms.held_stiffness import (
 )
 from ..forms.hourglass import hourglass_rate, rate_increment
 from ..forms.mean_tension import mean, of_elements
-from ..mesh.bases import CENTRE, displacement_gradient
+from ..mesh.bases import MeanBasis, displacement_gradient
 from .term import DependsOn
 
 
@@ -28,8 +28,10 @@ class _HeldStiffness:
     ----------
     name
         Name of the stiffness among the parameters of the forms.
+    fabric
+        Fibre directions, tension and shear laws.
     basis
-        Basis of the forms.
+        Elements over which the state is averaged.
 
     Attributes
     ----------
@@ -40,8 +42,8 @@ class _HeldStiffness:
     work: float = 0.0
     depends_on: DependsOn = "state"
 
-    def __init__(self, name: str, basis: CellBasis) -> None:
-        self._name, self._basis = name, basis
+    def __init__(self, name: str, fabric: Fabric, basis: MeanBasis) -> None:
+        self._name, self._fabric, self._basis = name, fabric, basis
         self.begin()
 
     def begin(self) -> None:
@@ -66,34 +68,60 @@ class _HeldStiffness:
             raise ValueError(f"{self._name} stores no work, but {work} is given")
         self.parameters = parameters
 
+    @np.errstate(over="ignore")  # a run refuses what is not finite
     def _stiffness(self, u: ndarray) -> ndarray:
+        w = FormExtraParams(self._basis.default_parameters())
+        F = kin.deformation_gradient(displacement_gradient(self._basis, u))
+        return self._of_state(w, F, directions(self._fabric, w))
+
+    def _of_state(
+        self, w: FormExtraParams, F: ndarray, A: tuple[ndarray, ndarray]
+    ) -> ndarray:
         raise NotImplementedError
+
+    def _fibres(
+        self, w: FormExtraParams, F: ndarray, A: tuple[ndarray, ndarray]
+    ) -> tuple[ndarray, ndarray]:
+        """Mean stiffnesses of warp and weft, and tensions of their mean stretches."""
+        fabric = self._fabric.at(elements(w))
+        strain = np.array([kin.fibre_strain(F, a) for a in A])
+        laws = (fabric.tensions.of_family(i, strain) for i in range(2))
+        pairs = zip(laws, strain, strict=True)
+        E = mean(w, np.array([mean_slope(law, own) for law, own in pairs]))
+        mean_strain = np.log(mean(w, np.array([kin.stretch(F, a) for a in A])))
+        return E, fibre_tension(of_elements(self._fabric, elements(w)), mean_strain)
 
 
 class HeldStabilisation(_HeldStiffness):
-    """C_s of `hourglass`: `stabilisation_stiffness` at the centre of each element.
+    """C_s of `hourglass`: `stabilisation_stiffness` of warp and weft together.
 
     Parameters
     ----------
     fabric
         Fibre directions, tension and shear laws.
     basis
-        The `HourglassBasis` of the forms.
+        Elements over which the state is averaged; all of their parts have one C_s.
+    by_tension
+        Whether tension counts.
     """
 
-    def __init__(self, fabric: Fabric, basis: CellBasis) -> None:
-        self._fabric = fabric
-        super().__init__("C_s", basis)
+    def __init__(self, fabric: Fabric, basis: MeanBasis, by_tension: bool) -> None:
+        self._by_tension = by_tension
+        super().__init__("C_s", fabric, basis)
 
-    @np.errstate(over="ignore")  # a run refuses what is not finite
-    def _stiffness(self, u: ndarray) -> ndarray:
-        gradient = displacement_gradient(self._basis, u, at_centre=True)
-        F = kin.deformation_gradient(gradient)
-        centre, _ = CENTRE
-        x = self._basis.mapping.F(centre, self._basis.tind)
-        fabric, A = self._fabric.at(), self._fabric.directions(x)
-        G = shear_stiffness(fabric.shear_law, kin.shear_angle(F, *A))
-        return stabilisation_stiffness(G, _fibre_stiffness(fabric, F, A).mean(axis=0))
+    def _of_state(
+        self, w: FormExtraParams, F: ndarray, A: tuple[ndarray, ndarray]
+    ) -> ndarray:
+        law = self._fabric.at(elements(w)).shear_law
+        G = mean(w, shear_stiffness(law, kin.shear_angle(F, *A)))
+        E, T = self._fibres(w, F, A)
+        C_s = stabilisation_stiffness(
+            G,
+            E.mean(axis=0),
+            self._by_tension * np.abs(T).mean(axis=0),
+            mean(w, np.abs(kin.cos_angle(F, *A))),
+        )
+        return self._basis.to_ply_points(np.broadcast_to(C_s, self._basis.dx.shape))
 
 
 class HeldDeviation(_HeldStiffness):
@@ -110,30 +138,18 @@ class HeldDeviation(_HeldStiffness):
     """
 
     def __init__(
-        self, fabric: Fabric, multiple: float | ndarray, basis: CellBasis
+        self, fabric: Fabric, multiple: float | ndarray, basis: MeanBasis
     ) -> None:
-        self._fabric, self._multiple = fabric, multiple
-        super().__init__("E_d", basis)
+        self._multiple = multiple
+        super().__init__("E_d", fabric, basis)
 
-    @np.errstate(over="ignore")  # a run refuses what is not finite
-    def _stiffness(self, u: ndarray) -> ndarray:
-        w = FormExtraParams(self._basis.default_parameters())
-        F = kin.deformation_gradient(displacement_gradient(self._basis, u))
-        A = directions(self._fabric, w)
-        fabric = self._fabric.at(elements(w))
-        G = further_shear_stiffness(fabric.shear_law, kin.shear_angle(F, *A))
-        E = _fibre_stiffness(fabric, F, A)
-        mean_stretch = mean(w, np.array([kin.stretch(F, a) for a in A]))
-        T = fibre_tension(of_elements(self._fabric, elements(w)), np.log(mean_stretch))
-        return deviation_stiffness(self._multiple, mean(w, G), mean(w, E), T)
-
-
-def _fibre_stiffness(fabric: Fabric, F: ndarray, A: tuple[ndarray, ndarray]) -> ndarray:
-    """Stiffness of warp and weft at points."""
-    strain = np.array([kin.fibre_strain(F, a) for a in A])
-    laws = (fabric.tensions.of_family(i, strain) for i in range(2))
-    pairs = zip(laws, strain, strict=True)
-    return np.array([mean_slope(law, own) for law, own in pairs])
+    def _of_state(
+        self, w: FormExtraParams, F: ndarray, A: tuple[ndarray, ndarray]
+    ) -> ndarray:
+        law = self._fabric.at(elements(w)).shear_law
+        G = mean(w, further_shear_stiffness(law, kin.shear_angle(F, *A)))
+        E, T = self._fibres(w, F, A)
+        return deviation_stiffness(self._multiple, G, E, T)
 
 
 class AccumulatedMoment:

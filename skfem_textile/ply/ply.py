@@ -156,7 +156,8 @@ class Ply(Measures):
             raise ValueError("the fabric has no stiffness: give it tension or shear")
         if (kappa := corner_stiffness(fabric, basis)) > 0:
             terms.append(CornerTerm(kappa, basis, self.corners))
-        return terms + self.formulation.stabilising_terms(basis, fabric)
+        of_fibres = self._tension.basis if self._tension else basis
+        return terms + self.formulation.stabilising_terms(of_fibres, fabric)
 
     def with_terms(self, *terms: Term | Load) -> "Ply":
         """A ply like this one, at rest, on the same mesh, with further terms.

@@ -283,7 +283,11 @@ class Formulation(Protocol):
         ...
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
-        """Terms beyond tension and shear."""
+        """Terms beyond tension and shear.
+
+        ``basis`` is that of the tension term, if there is one, else that of the
+        displacement.
+        """
         ...
 
 

@@ -69,7 +69,7 @@ MACRO_TRIANGLES = _method("macro, triangles", "triangles", 2, Macro())
 AUTO = _method("one point, auto", "quads", 1, OnePoint())
 PAPER = _method("one point, C_s = 1", "quads", 1, OnePoint(1.0))
 MEAN_QUADRATIC = _method(
-    "quadratic, mean stretch", "triangles", 2, Quadratic(deviation=200.0)
+    "quadratic, mean stretch", "triangles", 2, Quadratic(deviation=80.0)
 )
 
 #: One or two methods of each formulation, those with nothing to tune first.

@@ -48,7 +48,7 @@ TWO_BY_TWO = Method("2×2 points, quads", Full(), parts=1)
 ONE_POINT = Method("one point, quads", OnePoint(), parts=1)
 ONE_POINT_TRIANGLES = Method("one point, split triangles", OnePoint(), triangles=True)
 QUADRATIC = Method("quadratic triangles", Quadratic(), triangles=True)
-QUADRATIC_MEAN = Method("quadratic, mean", Quadratic(200.0), triangles=True)
+QUADRATIC_MEAN = Method("quadratic, mean", Quadratic(80.0), triangles=True)
 MACRO = Method("macro-elements, quads", Macro())
 MACRO_TRIANGLES = Method("macro-elements, triangles", Macro(), triangles=True)
 METHODS = (

@@ -33,7 +33,7 @@ _ELEMENTS = {
 }
 
 # Formulations of the fabrics with laws, and their fibre stiffnesses in N/mm.
-_OF_LAWS: tuple[Formulation, ...] = Macro(), OnePoint(), Quadratic(200.0)
+_OF_LAWS: tuple[Formulation, ...] = Macro(), OnePoint(), Quadratic(80.0)
 _STIFFNESSES = 1e3, 1e5, 1e8
 
 

@@ -78,7 +78,7 @@ def hourglass(C_s):
 
 
 def automatic(p, x):
-    return plain.automatic_hourglass(p.cloth, x, p.committed)
+    return plain.automatic_hourglass(p.cloth, x, p.macros, p.committed)
 
 
 def isotropic(kappa):
@@ -99,7 +99,7 @@ def one_point(formulation, stabilisation=None, **others):
 
 
 def macro(mesh, **others):
-    return Case(Macro(), mesh, "centre", of_macros(5000, 6500), automatic, **others)
+    return Case(Macro(), mesh, "centre", of_macros(370, 700), automatic, **others)
 
 
 def macro_of(C_s, c):

@@ -30,7 +30,7 @@ SQUARE = np.array([[0.0, 30.0, 30.0, 0.0], [0.0, 0.0, 30.0, 30.0]])
 HEXAGON = 30 * np.array(
     [np.cos(np.arange(6) * np.pi / 3), np.sin(np.arange(6) * np.pi / 3)]
 )
-FORMULATIONS = [Full(), OnePoint(), Macro(), Quadratic(), Quadratic(200.0)]
+FORMULATIONS = [Full(), OnePoint(), Macro(), Quadratic(), Quadratic(80.0)]
 ANGLES = [30.0, 37.5, 45.0, 52.5, 60.0]
 
 

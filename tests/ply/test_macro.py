@@ -24,6 +24,8 @@ from skfem_textile.forms.held_stiffness import (
 from skfem_textile.mesh.splitting import cut, split, split_cells
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve import problem
+from skfem_textile.solve.stepping import equilibrium_search
 
 MESHES = {
     "triangles": split(cut(distorted(1))),
@@ -74,10 +76,12 @@ def test_the_energy_is_that_of_mean_and_deviation(mesh):
             parts = mesh.parent == parent
             mean = np.average(stretch[parts], weights=area[parts])
             off = area[parts] @ (stretch[parts] - mean) ** 2
-            E_d = min(E, {3: 5000.0, 4: 6500.0}[parts.sum()] * 0.1)
+            resistance = {3: 370.0, 4: 700.0}[parts.sum()] * 0.1
+            E_d = E * resistance / (E + resistance)
             of_mean = 0.5 * E * np.log(mean) ** 2 * area[parts].sum()
             expected += of_mean + 0.5 * E_d * off
-    assert ply.energy(u) == pytest.approx(expected, rel=1e-12)
+    # The tension at rest is not zero to round-off.
+    assert ply.energy(u) == pytest.approx(expected, rel=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -130,25 +134,34 @@ def test_its_tensions_do_the_work_of_its_forces(mesh):
 
 
 @pytest.mark.parametrize(
-    ("G", "E", "expected"),
+    ("G", "E", "T", "resistance"),
     [
-        (0.5, 1e9, 2500.0),  # the multiple, however stiff the fibres
-        (0.5, 1e4, 2500.0),
-        (0.5, 1e3, 1e3),  # at most these
-        (0.5, 0.0, 0.0),
-        (0.0, 1e4, 5e3),  # half of them without shear stiffness
+        (0.5, 1e6, 0.0, 0.5),
+        (0.5, 1e2, 0.0, 0.5),
+        (0.5, 1e6, 3.0, 0.5 + 0.7 * 3.0 / (1 + 80 * np.sqrt(5e-7))),
+        (0.5, 1e6, -3.0, 0.5 + 0.7 * 3.0 / (1 + 80 * np.sqrt(5e-7))),
+        (0.5, 1e2, 3.0, 0.5 + 0.7 * 3.0 / (1 + 80 * np.sqrt(5e-3))),
     ],
 )
-def test_deviations_meet_a_multiple_of_the_shear_stiffness_or_half_the_fibres(
-    G, E, expected
+def test_deviations_meet_shear_stiffness_and_tension_in_series_with_fibres(
+    G, E, T, resistance
 ):
-    E_d = deviation_stiffness(5000.0, np.array(G), np.array(E), np.array(-1.0))
-    assert E_d == pytest.approx(expected, rel=1e-12)
+    E_d = deviation_stiffness(1000.0, *map(np.array, (G, E, T)))
+    assert 1 / E_d == pytest.approx(1 / (1000 * resistance) + 1 / E, rel=1e-12)
+
+
+def test_deviations_meet_half_the_fibres_without_shear_stiffness():
+    G, T = np.array(0.0), np.array(3.0)
+    assert deviation_stiffness(1000.0, G, np.array(1e4), T) == 5e3
+    assert deviation_stiffness(1000.0, G, np.array(0.0), T) == 0.0
 
 
 @pytest.mark.parametrize(
     "rule",
-    [stabilisation_stiffness, lambda G, E: deviation_stiffness(5000.0, G, E, 0.0 * G)],
+    [
+        lambda G, E: stabilisation_stiffness(G, E, 0.0 * G, 0.0 * G),
+        lambda G, E: deviation_stiffness(1000.0, G, E, 0.0 * G),
+    ],
 )
 def test_stiffnesses_go_over_into_those_without_shear_stiffness(rule):
     """No jump as G → 0: the step from one G to the next shrinks with their distance."""
@@ -184,7 +197,7 @@ def test_the_stiffness_of_fibres_beyond_a_table_is_that_at_its_end():
 
 def test_both_stiffnesses_may_be_chosen():
     mesh, fabric = MESHES["quads"], Fabric((1e3, 1e6), 0.5)
-    given, auto = (Ply(mesh, fabric, f) for f in (Macro(4.0, (1.0, 6500.0)), Macro()))
+    given, auto = (Ply(mesh, fabric, f) for f in (Macro(2.0, (1.0, 700.0)), Macro()))
     u = wobble(given, 1)
     assert given.energies(u) == pytest.approx(auto.energies(u), rel=1e-12)
     softer = Ply(mesh, fabric, Macro(0.0, (100.0, 100.0)))
@@ -215,7 +228,7 @@ def test_titles_tell_what_was_chosen():
 @pytest.mark.parametrize("seed", [1, 2])
 def test_quadratic_triangles_may_take_the_mean_strain_too(seed):
     mesh = cut(distorted(seed, jitter=0.2))
-    ply = Ply(mesh, Fabric((1e3, 400.0), 0.02), Quadratic(200.0))
+    ply = Ply(mesh, Fabric((1e3, 400.0), 0.02), Quadratic(80.0))
     ply._terms = tuple(term for term in ply.terms if term.name == "tension")
     u, du = wobble(ply, 1), wobble(ply, 2, 1.0)
     assert derivative(ply.energy, u, du) == pytest.approx(ply.residual(u) @ du)
@@ -228,7 +241,7 @@ def test_quadratic_triangles_may_take_the_mean_strain_too(seed):
         < 1e-12 * abs(K).max()
     )
     plain = Ply(mesh, Fabric((1e3, 400.0)), Quadratic())
-    stiff = Ply(mesh, Fabric((1e3, 400.0), 1e9), Quadratic(200.0))
+    stiff = Ply(mesh, Fabric((1e3, 400.0), 1e9), Quadratic(80.0))
     assert_same_to_first_order(
         lambda u: stiff.energies(u)["tension"], plain.energy, wobble(ply, 1)
     )
@@ -244,7 +257,7 @@ def test_delaunay_triangles_of_the_strip_meet_the_bars():
         assert summary["max_fibre_strain"] < 2e-5
 
 
-@pytest.mark.parametrize("formulation", [Macro(), Quadratic(200.0)])
+@pytest.mark.parametrize("formulation", [Macro(), Quadratic(80.0)])
 def test_a_rotated_problem_and_a_resumed_run_are_the_same(formulation, tmp_path):
     mesh = rectangle(50, 100, (3, 6), "delaunay", 0.25)
     if isinstance(formulation, Macro):
@@ -271,8 +284,14 @@ def test_a_rotated_problem_and_a_resumed_run_are_the_same(formulation, tmp_path)
     assert stepper().run(resume=True).summary()["energy"] == plain["energy"]
 
 
-def test_half_of_a_ply_takes_half_of_the_force():
-    """Nothing in an element knows how large the mesh is."""
+def test_half_of_a_ply_takes_half_of_the_force(monkeypatch):
+    """Nothing in an element knows how large the mesh is.
+
+    With stiffnesses that are those of the state: the search for them ends sooner or
+    later where there are reactions at the symmetry line.
+    """
+    monkeypatch.setattr(equilibrium_search, "_SETTLED", 1e-4)
+    monkeypatch.setattr(problem, "_NEARLY_SETTLED", 1e-4)
     loads = []
     for part, width, size in (("whole", 50, (8, 16)), ("half", 25, (4, 16))):
         mesh = split(rectangle(width, 100, size, "aligned"))
@@ -283,7 +302,7 @@ def test_half_of_a_ply_takes_half_of_the_force():
 
 def test_quadratic_triangles_of_mean_strain_do_not_lock_at_kinks():
     mesh, read = rectangle(50, 100, (8, 16), "delaunay", 0.25), []
-    for formulation in (Quadratic(), Quadratic(200.0)):
+    for formulation in (Quadratic(), Quadratic(80.0)):
         read.append(run(bias_extension(mesh), formulation, 1e6, 0.5)["load_over_exact"])
     assert read[0] > 50
     assert read[1] == pytest.approx(1.0, abs=0.06)
@@ -296,21 +315,28 @@ def assert_same_to_first_order(energy, other, u):
     assert shares[1] == pytest.approx(0.1 * shares[0], rel=0.1)
 
 
+def tensions_of_macro_elements_and_one_point(*fabric):
+    """Energies as functions; E_d is the fibre stiffness to 1e-8 of it."""
+    return (
+        lambda u, ply=Ply(*fabric, formulation): ply.energies(u)["tension"]
+        for formulation in (Macro(), OnePoint())
+    )
+
+
 def test_soft_fibres_are_those_of_one_point():
     """Where E_d is the fibre stiffness a macro-element is the sum of its parts."""
     mesh = split(distorted(3))
-    macro, plain = (Ply(mesh, Fabric(100.0, 0.5), f) for f in (Macro(), OnePoint()))
-    assert_same_to_first_order(macro.energy, plain.energy, wobble(macro, 1))
+    ours = tensions_of_macro_elements_and_one_point(mesh, Fabric(1e-6, 0.5))
+    assert_same_to_first_order(*ours, wobble(Ply(mesh, Fabric()), 1))
 
 
 def test_directions_may_differ_from_part_to_part():
     mesh = split(distorted(4))
     angle = np.linspace(0.1, 0.4, mesh.nelements)
     warp, weft = np.array([np.cos(angle), np.sin(angle)]), (-1, 2)
-    macro, plain = (
-        Ply(mesh, Fabric(100.0, 0.5, warp, weft), f) for f in (Macro(), OnePoint())
-    )
-    assert_same_to_first_order(macro.energy, plain.energy, wobble(macro, 1))
+    fabric = Fabric(1e-6, 0.5, warp, weft)
+    ours = tensions_of_macro_elements_and_one_point(mesh, fabric)
+    assert_same_to_first_order(*ours, wobble(Ply(mesh, Fabric()), 1))
 
 
 @pytest.mark.parametrize("law", [Linear(0.5), Sin2(0.5)])

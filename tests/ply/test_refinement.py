@@ -31,7 +31,7 @@ from skfem_textile.mesh.splitting.refined_triangles import refine_triangles
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 
-FORMULATIONS = [Macro(), OnePoint(), Full(), Quadratic(), Quadratic(200.0)]
+FORMULATIONS = [Macro(), OnePoint(), Full(), Quadratic(), Quadratic(80.0)]
 few = settings(max_examples=20, deadline=None, phases=[Phase.explicit, Phase.generate])
 
 

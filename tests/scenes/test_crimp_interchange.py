@@ -35,7 +35,7 @@ FORMULATIONS = {
     "macro, quads": (Macro(), "irregular"),
     "macro, triangles": (Macro(), "delaunay"),
     "quadratic": (Quadratic(), "delaunay"),
-    "quadratic, mean": (Quadratic(200.0), "delaunay"),
+    "quadratic, mean": (Quadratic(80.0), "delaunay"),
 }
 
 every_fabric = pytest.mark.parametrize(

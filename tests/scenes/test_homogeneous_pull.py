@@ -41,8 +41,8 @@ FORMULATIONS = {
     "macro, quads": (Macro(), "irregular"),
     "macro, triangles": (Macro(), "delaunay"),
     "quadratic": (Quadratic(), "delaunay"),
-    "quadratic, mean": (Quadratic(200.0), "delaunay"),
-    "quadratic of quads": (Quadratic(200.0), "irregular"),
+    "quadratic, mean": (Quadratic(80.0), "delaunay"),
+    "quadratic of quads": (Quadratic(80.0), "irregular"),
 }
 
 

@@ -33,7 +33,7 @@ FORMULATIONS = {
     "one": (OnePoint(), 1, lambda mesh: mesh),
     "macro": (Macro(), 2, split),
     "macro triangles": (Macro(), 2, lambda mesh: split(cut(mesh))),
-    "mean": (Quadratic(200.0), 1, cut),
+    "mean": (Quadratic(80.0), 1, cut),
 }
 
 SCENES = {bias_extension: 2, strip: 1.5, trellis: 1, picture_frame: 1}

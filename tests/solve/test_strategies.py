@@ -55,7 +55,7 @@ def test_where_every_increment_folds_the_search_gives_up():
     [
         (Macro(), (8, 16), split),
         (Macro(), (8, 16), lambda mesh: split(cut(mesh))),
-        (Quadratic(200.0), (16, 32), cut),
+        (Quadratic(80.0), (16, 32), cut),
     ],
     ids=["macro", "macro triangles", "mean"],
 )

@@ -101,9 +101,18 @@ def hourglass_terms(
         return []
     C_s = None if stabilisation == "auto" else float(stabilisation)
     corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
-    held = HeldStabilisation(fabric, corners) if C_s is None else None
+    held = _automatic(basis, fabric) if C_s is None else None
     kernel = HourglassKernel(fabric, C_s)
     return [stabilising_term(forms.hourglass(fabric, C_s), corners, kernel, held)]
+
+
+def _automatic(basis: CellBasis, fabric: Fabric) -> HeldStabilisation:
+    """C_s of each element.  The tension at a single point is not that of the fabric."""
+    if isinstance(basis, MeanBasis):
+        return HeldStabilisation(fabric, basis, by_tension=True)
+    same = {"mapping": basis.mapping, "dofs": basis.dofs}
+    points = MeanBasis(basis.mesh, basis.elem, quadrature=CENTRE, **same)
+    return HeldStabilisation(fabric, points, by_tension=False)
 
 
 def stabilising_term(
@@ -128,8 +137,8 @@ def _read_stabilisation(word: str) -> float | str:
 #: C_s, of every formulation that takes one.
 STABILISATION = Option(
     name="cs",
-    help="stabilisation C_s in N/mm, or auto: eight times the shear stiffness of each "
-    "element, 1e-4 E without any",
+    help="stabilisation C_s in N/mm, or auto: by shear stiffness, tension and angle "
+    "of the fibres of each element, 1e-4 E without shear stiffness",
     default="auto",
     read=_read_stabilisation,
 )

@@ -50,7 +50,7 @@ class Macro(Quadrilaterals):
     """
 
     stabilisation: float | Literal["auto"] = "auto"
-    deviation: tuple[float, float] = (5000.0, 6500.0)
+    deviation: tuple[float, float] = (370.0, 700.0)
 
     name: ClassVar[str] = "macro"
     rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE

@@ -98,7 +98,7 @@ REGISTRATION = FormulationRegistration(
         Option(
             name="deviation",
             help="give quadratic triangles the tension of their mean stretch, and "
-            "deviations from it this multiple of shear stiffness and tension (200 does "
+            "deviations from it this multiple of shear stiffness and tension (80 does "
             "well), or half of the fibre stiffness where there is none",
             read=float,
             metavar="C",

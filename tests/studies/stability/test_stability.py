@@ -262,7 +262,7 @@ def test_every_law_is_on_every_scene_with_every_formulation_and_stiffness():
         own = [p for p in found if p.label.rpartition(", ")[0] == law]
         assert len({p.family for p in own}) == 4
         formulations = {p.formulation for p in own}
-        assert formulations == {Macro(), OnePoint(), Quadratic(200.0)}
+        assert formulations == {Macro(), OnePoint(), Quadratic(80.0)}
         assert {p.E for p in own} == {1e3, 1e5, 1e8}
         for problem in own:
             fabric = problem.ply(problem.scene()).fabric
