@@ -11,9 +11,9 @@ from numpy import ndarray
 
 from ..fabric.law import Law
 
-# C_s over shear stiffness and over tension, and the power of the grip; what tension adds
-# to E_d over what shear stiffness adds; how fast tension loses weight where fibres are
-# soft.  All by bias extension at three angles: `python -m studies angles --part choosing`.
+# C_s over shear stiffness and over tension, and the power of the grip; of E_d, what
+# tension adds over what shear stiffness adds; how fast tension loses weight where
+# fibres are soft: `python -m studies angles --part choosing`.
 _C_S_OF_SHEAR, _C_S_OF_TENSION, _POWER_OF_GRIP = 4.0, 3.2, 1.5
 _TENSION_OVER_SHEAR, _SOFTNESS = 0.7, 80.0
 
@@ -40,7 +40,7 @@ def stabilisation_stiffness(
 ) -> ndarray:
     """C_s in N/mm: grows with G and tension, and where fibres close up.
 
-    C_s = (3 G + 4 τ)/(1 − |cos ω|)^1.35 with τ of `effective_tension` and the angle ω
+    C_s = (4 G + 3.2 τ)/(1 − |cos ω|)^1.5 with τ of `effective_tension` and the angle ω
     between the families, and 10⁻⁴ E without shear stiffness.  Where the families are
     nearly parallel, the shear angle hardly grips motions across both: of the squares
     of motions across either, 1 − |cos ω| is the least share.
@@ -55,21 +55,20 @@ def stabilisation_stiffness(
     """
     grip = np.maximum(1.0 - cos_angle, _LEAST_GRIP) ** _POWER_OF_GRIP
     without_shear = _without_shear(G, E)
-    resistance = (
-        _C_S_OF_SHEAR * G + _C_S_OF_TENSION * effective_tension(G, E, T)
-    ) / grip
-    return (1.0 - without_shear) * resistance + without_shear * _C_S_OF_FIBRES * E
+    resistance = _C_S_OF_SHEAR * G + _C_S_OF_TENSION * effective_tension(G, E, T)
+    of_fibres = _C_S_OF_FIBRES * E
+    return (1.0 - without_shear) * resistance / grip + without_shear * of_fibres
 
 
 def deviation_stiffness(
     multiple: float | ndarray, G: ndarray, E: ndarray, T: ndarray
 ) -> ndarray:
-    """E_d in N/mm: a multiple of G + 0.8 τ in series with E, ½ E without shear stiffness.
+    """E_d in N/mm: a multiple of G + 0.7 τ, in series with E.
 
-    A jump of the shear angle lies along fibres that carry a force of their own.  The
-    smaller the elements, the larger is its tension T in them, and the more of the force
-    would be lost to stretches that deviate.  Where there is no such fibre, E_d is of
-    the order of G and elements do not lock.
+    It is ½ E without shear stiffness.  A jump of the shear angle lies along fibres that
+    carry a force of their own.  The smaller the elements, the larger is its tension T
+    in them, and the more of the force would be lost to stretches that deviate.  Where
+    there is no such fibre, E_d is of the order of G and elements do not lock.
 
     Parameters
     ----------
@@ -82,7 +81,7 @@ def deviation_stiffness(
     without_shear = _without_shear(G, E)
     resistance = multiple * (G + _TENSION_OVER_SHEAR * effective_tension(G, E, T))
     both = resistance + E
-    in_series = resistance * E / np.where(both > 0, both, 1.0)
+    in_series = resistance / np.where(both > 0, both, 1.0) * E
     return (1.0 - without_shear) * in_series + without_shear * _E_D_OF_FIBRES * E
 
 

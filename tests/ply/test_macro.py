@@ -317,9 +317,9 @@ def assert_same_to_first_order(energy, other, u):
 
 def tensions_of_macro_elements_and_one_point(*fabric):
     """Energies as functions; E_d is the fibre stiffness to 1e-8 of it."""
-    return (
-        lambda u, ply=Ply(*fabric, formulation): ply.energies(u)["tension"]
-        for formulation in (Macro(), OnePoint())
+    macro, plain = (Ply(*fabric, formulation) for formulation in (Macro(), OnePoint()))
+    return tuple(
+        lambda u, ply=ply: ply.energies(u)["tension"] for ply in (macro, plain)
     )
 
 

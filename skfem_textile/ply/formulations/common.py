@@ -110,8 +110,13 @@ def _automatic(basis: CellBasis, fabric: Fabric) -> HeldStabilisation:
     """C_s of each element.  The tension at a single point is not that of the fabric."""
     if isinstance(basis, MeanBasis):
         return HeldStabilisation(fabric, basis, by_tension=True)
-    same = {"mapping": basis.mapping, "dofs": basis.dofs}
-    points = MeanBasis(basis.mesh, basis.elem, quadrature=CENTRE, **same)
+    points = MeanBasis(
+        basis.mesh,
+        basis.elem,
+        mapping=basis.mapping,
+        dofs=basis.dofs,
+        quadrature=CENTRE,
+    )
     return HeldStabilisation(fabric, points, by_tension=False)
 
 
