@@ -201,7 +201,9 @@ def test_a_run_that_fails_on_a_finer_mesh_leaves_that_on_the_one_before(monkeypa
 
     monkeypatch.setattr(LoadStepper, "_advance", stuck)
     stepper = AdaptiveStepper(ply, scene.conditions, 0.04, 4)
-    said = r"on a finer mesh, of \d+ unknowns, the run stopped at load factor 0\.5: stuc"
+    said = (
+        r"on a finer mesh, of \d+ unknowns, the run stopped at load factor 0\.5: stuc"
+    )
     with pytest.raises(StepError, match=said) as told:
         stepper.run()
     result = told.value.result

@@ -91,7 +91,8 @@ def _estimate(
     refuse_round_off(before, coarse, state)
     finer: Any = ply.finer()
     fine = problem_at(finer.ply, conditions, solver, state.load_factor)
-    fine_u, after = _moved(fine, *finer.carry(u), before)
+    carried, tension = finer.carry(u)
+    fine_u, after = _moved(fine, carried, tension, before)
     change = change_of(before, after)
     angle, fine_angle = (
         of.ply.shear_angle(x).mean(axis=1) for of, x in ((coarse, u), (fine, fine_u))

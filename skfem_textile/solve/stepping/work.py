@@ -20,7 +20,9 @@ def problem_at(
 ) -> Problem:
     """The problem of a ply at a load factor, with a linear solver by its name."""
     constraints = Constraints(ply.basis, conditions)
-    return Problem(ply, constraints, solver_named(solver)).at(load_factor)
+    problem = Problem(ply, constraints, solver_named(solver))
+    problem.load_factor = load_factor
+    return problem
 
 
 def work(problem: Problem, f: ndarray, u: ndarray) -> ndarray:
