@@ -14,8 +14,12 @@ from ..solve.equilibrium import equilibrium_near
 from ..solve.result import Result, StepError
 from ..solve.states import ErrorEstimate, Iteration, NoEquilibriumError, State
 from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
-from ..solve.stepping.error_estimate import estimated_error, refuse_single_nodes
-from ..solve.stepping.work import change_of, problem_at, work_of
+from ..solve.stepping.error_estimate import (
+    estimated_error,
+    problem_at,
+    refuse_single_nodes,
+)
+from ..solve.stepping.work import change_of, work_of
 from ..solve.strategies import Strategy
 from .rounds import AdaptiveResult, Round, counted
 

@@ -25,7 +25,8 @@ from skfem_textile.adaptive import stepper as stepper_module
 from skfem_textile.adaptive.rounds import counted
 from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.states import ErrorEstimate, NoEquilibriumError
-from skfem_textile.solve.stepping.work import problem_at, work_of
+from skfem_textile.solve.stepping.error_estimate import problem_at
+from skfem_textile.solve.stepping.work import work_of
 
 LONG = pytest.mark.long
 

@@ -13,11 +13,12 @@ import numpy as np
 from numpy import ndarray
 
 from ..body import Body
-from ..conditions import Condition
+from ..conditions import Condition, Constraints
+from ..linear import solver_named
 from ..problem import Problem, Tangent
 from ..states import ErrorEstimate, NoEquilibriumError, State
 from ..strategies import definite
-from .work import change_of, problem_at, refuse_round_off, work
+from .work import change_of, refuse_round_off, work
 
 #: Error over the change that halved elements make, of the load and of the shear angle:
 #: `python -m studies adaptive`, on the cases that calibrate.
@@ -71,6 +72,16 @@ def estimated_error(
     finally:
         ply.remembered = held
     return ErrorEstimate(reason=reason)
+
+
+def problem_at(
+    ply: Body, conditions: Mapping[str, Condition], solver: str, load_factor: float
+) -> Problem:
+    """The problem of a ply at a load factor, with a linear solver by its name."""
+    constraints = Constraints(ply.basis, conditions)
+    problem = Problem(ply, constraints, solver_named(solver))
+    problem.load_factor = load_factor
+    return problem
 
 
 def _estimate(

@@ -1,28 +1,13 @@
 """Work of reactions and loads: the measure of a load, and of how it changes."""
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy import ndarray
 
-from ..body import Body
-from ..conditions import Condition, Constraints
-from ..linear import solver_named
 from ..problem import Problem
 from ..states import State
 
 # Length of the step, as a share of the load factor, that tells how conditions move.
 _STEP_BACK = 1e-3
-
-
-def problem_at(
-    ply: Body, conditions: Mapping[str, Condition], solver: str, load_factor: float
-) -> Problem:
-    """The problem of a ply at a load factor, with a linear solver by its name."""
-    constraints = Constraints(ply.basis, conditions)
-    problem = Problem(ply, constraints, solver_named(solver))
-    problem.load_factor = load_factor
-    return problem
 
 
 def work(problem: Problem, f: ndarray, u: ndarray) -> ndarray:
