@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..ply.finer import refuse_what_has_no_finer
 from ..ply.refinement import marked, refine, shear_angle_jumps
 from ..solve.conditions import Condition, Constraints
 from ..solve.equilibrium import equilibrium_near
@@ -300,7 +301,7 @@ def _refuse_what_cannot_be_refined(
     """
     refine(ply, [])
     try:
-        ply.finer()
+        refuse_what_has_no_finer(ply)
     except ValueError as error:
         raise ValueError(f"the error cannot be estimated: {error}") from None
     refuse_single_nodes(ply, conditions)
