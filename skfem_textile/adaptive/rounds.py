@@ -27,8 +27,8 @@ class Round:
         As of `Result.summary`.
     error
         What counts: the largest of estimate, changes on this mesh, and half of what
-        counted on the mesh before.  Twice the change stands for a missing estimate; it
-        is infinite where both are missing.
+        counted on the last coarser mesh that has an estimate.  Infinite where there is
+        no estimate.
     """
 
     unknowns: int
@@ -44,7 +44,8 @@ class Round:
         return (
             f"{self.unknowns} unknowns, {self.linear_solves} linear solves"
             f"{', whole path' if self.whole_path else ''}, load changed by {change}, "
-            f"estimated error {error}, counted as {self.error:.2%}"
+            f"estimated error {error}"
+            + (f", counted as {self.error:.2%}" if self.error < np.inf else "")
         )
 
 
@@ -87,12 +88,10 @@ def counted(
     rounds: Sequence[Round], unknowns: int, change: float | None, estimate: float | None
 ) -> float:
     """What counts as the error of a round, see `Round`."""
-    at_once = [one.load_change for one in rounds if one.unknowns == unknowns]
-    changes = [x for x in (change, *at_once) if x is not None]
-    change = max(changes, default=None)
-    coarser = (one.error for one in rounds[::-1] if one.unknowns < unknowns)
-    before = next(coarser, np.inf)
-    least = before / 2 if before < np.inf else 0.0
     if estimate is None:
-        return np.inf if change is None else max(2 * change, least)
-    return max(estimate, change or 0.0, least)
+        return np.inf
+    at_once = [one.load_change for one in rounds if one.unknowns == unknowns]
+    coarser = [one.error for one in rounds if one.unknowns < unknowns]
+    before = [error for error in coarser if error < np.inf][-1:]
+    changes = [x for x in (change, *at_once) if x is not None]
+    return max([estimate, *changes, *(error / 2 for error in before)])

@@ -97,7 +97,7 @@ def _write_again(summary: Mapping[str, Any], out: Path) -> None:
 def _without_estimate(result: Result) -> Result:
     """The result before its error is estimated, which may take long and be stopped."""
     none = ErrorEstimate(reason="interrupted")
-    return replace(result, estimate=lambda states: none)
+    return replace(result, estimate=lambda _: none)
 
 
 def _say(key: str, value: Any) -> None:

@@ -106,17 +106,28 @@ class FinerPly:
 
 def finer_ply(ply: Any) -> FinerPly:
     """Split every element of ``ply.mesh`` in four; see `Ply.finer`."""
+    refuse_what_has_no_finer(ply)
+    fine, fabric = finer_mesh(ply.mesh), ply.fabric
+    if isinstance(fine.mesh, MeshTri):  # what is split knows where it comes from
+        fabric = fabric_on(fine.parent, fabric)
+    arguments = fabric, ply.formulation, ply.further_terms_as_given
+    return FinerPly(type(ply)(fine.mesh, *arguments), fine.parent, fine, ply)
+
+
+def refuse_what_has_no_finer(ply: Any) -> None:
+    """Refuse a ply that cannot be built on a finer mesh, or takes over no state there.
+
+    Raises
+    ------
+    ValueError
+        If that is so.
+    """
     for term in ply.further_terms_as_given:
         if not hasattr(term, "on"):
             name = getattr(term, "name", term)
             raise ValueError(f"term {name!r} is of the mesh, and not of a finer one")
     if any(memory.depends_on != "state" for memory in ply.memories.values()):
         raise ValueError("the stabilisation depends on the steps")
-    fine, fabric = finer_mesh(ply.mesh), ply.fabric
-    if isinstance(fine.mesh, MeshTri):  # what is split knows where it comes from
-        fabric = fabric_on(fine.parent, fabric)
-    arguments = fabric, ply.formulation, ply.further_terms_as_given
-    return FinerPly(type(ply)(fine.mesh, *arguments), fine.parent, fine, ply)
 
 
 def _held(ply: Any, fine: FinerMesh, at_rest: Mapping[str, Any]) -> dict[str, Any]:

@@ -45,7 +45,7 @@ class Result:
     solver
         Name of the linear solver, and why it was chosen.
     estimate
-        Finds the estimated error of states of the ply.
+        Finds the estimated error of a state of the ply.
     """
 
     ply: Body
@@ -59,7 +59,7 @@ class Result:
     assembly_time_s: float
     solve_time_s: float
     solver: Choice
-    estimate: Callable[[list[State]], ErrorEstimate]
+    estimate: Callable[[State], ErrorEstimate]
 
     @property
     def path_resolved(self) -> bool:
@@ -74,7 +74,7 @@ class Result:
     @cached_property
     def estimated_error(self) -> ErrorEstimate:
         """The estimated error of the last state, found when it is asked for first."""
-        return self.estimate(self.states)
+        return self.estimate(self.states[-1])
 
     def history(self) -> list[dict[str, float | None]]:
         """One row per converged state, ready for a table.
@@ -154,7 +154,7 @@ class Result:
 
     def _errors(self) -> dict[str, str | float | None]:
         """The estimated error, and what there is to say of it."""
-        error, end = self.estimated_error, self.states[-1].load_factor
+        error = self.estimated_error
         found: dict[str, str | float | None] = {
             "estimated_load_error": error.load,
             "estimated_shear_angle_error_deg": (
@@ -165,8 +165,6 @@ class Result:
         }
         if error.reason:
             found["error_estimate"] = f"none: {error.reason}"
-        elif error.load_factor < end:
-            found["error_estimate"] = f"of the load factor {error.load_factor:g}"
         return found
 
     def __repr__(self) -> str:

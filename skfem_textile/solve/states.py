@@ -142,7 +142,7 @@ class State:
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """An estimated error, and the load factor at which it was found.
+    """An estimated error of a state, or why there is none.
 
     Attributes
     ----------
@@ -151,14 +151,10 @@ class ErrorEstimate:
         motion, and of the work of loads.  None if there is none.
     shear_angle
         Root of the mean square over the ply, in radians; None if there is none.
-    load_factor
-        Load factor of the state that tells: the last, or one before where the last
-        state is near none of the finer ply.
     reason
         Why there is none; else empty.
     """
 
     load: float | None = None
     shear_angle: float | None = None
-    load_factor: float = 0.0
     reason: str = ""

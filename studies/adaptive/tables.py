@@ -63,9 +63,7 @@ def estimates(rows: Sequence[Row]) -> str:
 
 def factor(rows: Sequence[Row]) -> str:
     """Error over change in the cases that calibrate, and what is taken for it."""
-    found = [
-        row for row in _of(rows, "calibrates") if row["estimate"] and row["at"] == 1
-    ]
+    found = [row for row in _of(rows, "calibrates") if row["estimate"]]
     large = [row for row in found if abs(row["error"]) > SMALL]
     of_load = [LOAD_OVER_CHANGE * abs(r["error"]) / r["estimate"] for r in large]
     taken = SHEAR_ANGLE_OVER_CHANGE

@@ -89,6 +89,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         "methods": {
             _name(key): {
                 "across": row["across"],
+                **({"tolerance": row["tolerance"]} if "tolerance" in row else {}),
                 "seconds": row["seconds"],
                 "over_fastest": row["seconds"] / best["seconds"],
             }
@@ -98,7 +99,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         },
         "skipped": {_of(row): row["note"] for row in rows if "seconds" not in row},
         "refused": [
-            f"{_of(row)}, {row['across']} across: {row['note']}"
+            f"{_of(row)}, {mesh_of(row)}: {row['note']}"
             for row in rows
             if "seconds" in row and row["note"]
         ],
@@ -126,7 +127,7 @@ def to_the_bar(rows: Sequence[Row]) -> str:
         shown = row or by[method][-1]
         lines.append(
             [
-                *(_bold(method), str(shown["across"]), str(shown["unknowns"])),
+                *(_bold(method), _across(shown), str(shown["unknowns"])),
                 *(f"{shown['steps']} / {shown['linear_solves']}", _seconds(shown)),
                 *(_ratio(row, best), _ratio(row, own)),
                 *(f"{shown[key]:.2g}" for key in ("angle", "load_error")),
@@ -179,6 +180,16 @@ def curves(rows: Sequence[Row]) -> dict[str, dict[Key, tuple[list, list]]]:
         }
         for error, label in ERRORS.items()
     }
+
+
+def mesh_of(row: Row) -> str:
+    """What a mesh is called, by its edges across and the tolerance it is refined to."""
+    refined = f", refined to {row['tolerance']:g}" if "tolerance" in row else ""
+    return f"{row['across']} across{refined}"
+
+
+def _across(row: Row) -> str:
+    return mesh_of(row).replace(" across", "")
 
 
 def _is_own(key: Key) -> bool:

@@ -1,6 +1,6 @@
 """Codes that are timed on a mesh: elements of this library and of other codes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, ClassVar, Protocol
@@ -9,6 +9,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
+from skfem_textile.adaptive import AdaptiveResult, AdaptiveStepper
 from skfem_textile.ply import Ply
 from skfem_textile.scenes import Scene
 from skfem_textile.solve.result import Result, StepError
@@ -21,6 +22,12 @@ from ..common.rivals.task import Task
 from ..formulations.cases import Case, Method, Specimen
 from ..study import Row
 from .errors import errors, unfolded
+
+#: Refinements of a uniform mesh: element edges across the scene, after any division.
+ACROSS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
+
+#: Tolerances of the load to which a mesh is refined, and edges across the first mesh.
+TOLERANCES, _FIRST_ACROSS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002), 8
 
 #: Seconds of a run after which a method is not refined further.
 LONG = 5.0
@@ -59,8 +66,13 @@ class TimedCode(Protocol):
         """Packages to install first; empty if nothing is missing."""
         ...
 
-    def measured(self, problem: Specimen, across: int) -> Row:
-        """Errors and times on a mesh with so many edges across."""
+    @property
+    def refinements(self) -> Sequence[Any]:
+        """What `measured` takes, from coarse to fine."""
+        ...
+
+    def measured(self, problem: Specimen, refinement: Any) -> Row:
+        """Errors and times on a mesh, and how many edges it has across."""
         ...
 
 
@@ -71,6 +83,7 @@ class ThisLibrary:
     element: str
     method: Method
     code: ClassVar[str] = "skfem_textile"
+    refinements: ClassVar[tuple[int, ...]] = ACROSS
 
     def missing(self) -> str:
         """Nothing."""
@@ -86,16 +99,35 @@ class ThisLibrary:
             ply = Ply(scene.mesh, problem.fabric(scene), formulation)
             return LoadStepper(ply, scene.conditions, 1).run()
 
-        try:
-            result = loaded()
-            seconds = _clocked(loaded)
-        except StepError as error:
-            return _row(error.result.ply.basis, note=str(error))
-        steps, basis = len(result.states) - 1, result.ply.basis
-        load = _load(scene, problem, scene.reaction(result.states[-1]))
-        figures = errors(scene, basis, result.u, load) | _times(seconds)
-        figures["strain"] = result.states[-1].verdict.max_fibre_strain
-        return _row(basis, figures, steps, result.linear_solves)
+        return {"across": across} | _own(scene, problem, loaded)
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A formulation of this library on a mesh that is refined to a tolerance."""
+
+    element: str
+    method: Method
+    code: ClassVar[str] = ThisLibrary.code
+    refinements: ClassVar[tuple[float, ...]] = TOLERANCES
+
+    def missing(self) -> str:
+        """Nothing."""
+        return ""
+
+    @errors_only()
+    def measured(self, problem: Specimen, tolerance: float) -> Row:
+        """Refine to a tolerance, with the whole load in one step on each mesh."""
+        method, formulation = self.method, self.method.formulation(1.0)
+        mesh = problem.mesh(method.mesh, _FIRST_ACROSS // method.parts, _SEED)
+        scene = problem.scene(mesh)
+
+        def loaded() -> AdaptiveResult:
+            ply = Ply(scene.mesh, problem.fabric(scene), formulation)
+            return AdaptiveStepper(ply, scene.conditions, tolerance, 1).run()
+
+        row = _own(scene, problem, loaded)
+        return {"across": _FIRST_ACROSS, "tolerance": tolerance} | row
 
 
 @dataclass(frozen=True)
@@ -103,6 +135,7 @@ class OtherCode:
     """A rival of this library."""
 
     rival: Rival
+    refinements: ClassVar[tuple[int, ...]] = ACROSS
 
     @property
     def code(self) -> str:
@@ -132,12 +165,13 @@ class OtherCode:
             note = f"no unfolded state in up to {steps} equal steps"
             if steps < STEPS[-1]:
                 note += f", given up after {_PATIENCE:.0f} s"
-            return _row(task.basis, note=note)
+            return {"across": across} | _row(task.basis, note=note)
         if (repeats := _repeats(run.seconds[0])) > 1:
             run = self.rival.run(task, steps, repeats)
         load = _load(scene, problem, task.reaction(run.f))
         figures = errors(scene, task.basis, run.u, load) | _times(run.seconds)
-        return _row(task.basis, figures, steps, run.linear_solves)
+        row = _row(task.basis, figures, steps, run.linear_solves)
+        return {"across": across} | row
 
     def _fewest_steps(self, task: Task) -> tuple[int, Run | None]:
         """Number of steps and the run; None if no run converges, or not in time."""
@@ -153,6 +187,23 @@ class OtherCode:
             if perf_counter() - start > _PATIENCE:
                 break
         return steps, None
+
+
+def _own(scene: Scene, problem: Specimen, loaded: Callable[[], Result]) -> Row:
+    """Errors and times of a run of this library."""
+    try:
+        result = loaded()
+        seconds = _clocked(loaded)
+    except StepError as error:
+        return _row(error.result.ply.basis, note=str(error))
+    steps, basis = len(result.states) - 1, result.ply.basis
+    load = _load(scene, problem, scene.reaction(result.states[-1]))
+    figures = errors(scene, basis, result.u, load) | _times(seconds)
+    figures["strain"] = result.states[-1].verdict.max_fibre_strain
+    solves = result.linear_solves
+    if isinstance(result, AdaptiveResult):
+        solves = sum(one.linear_solves for one in result.rounds)
+    return _row(basis, figures, steps, solves)
 
 
 def _load(scene: Scene, problem: Specimen, reaction: ndarray) -> float:

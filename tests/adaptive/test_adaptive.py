@@ -12,6 +12,7 @@ from skfem_textile import (
     Full,
     LoadStepper,
     MeshError,
+    OnePoint,
     Ply,
     StepError,
     equilibrium_near,
@@ -20,9 +21,12 @@ from skfem_textile import (
     shear_angle_jumps,
     split,
 )
+from skfem_textile.adaptive import stepper as stepper_module
 from skfem_textile.adaptive.rounds import counted
 from skfem_textile.scenes import bias_extension
-from skfem_textile.solve.states import NoEquilibriumError
+from skfem_textile.solve.states import ErrorEstimate, NoEquilibriumError
+from skfem_textile.solve.stepping.error_estimate import problem_at
+from skfem_textile.solve.stepping.work import work_of
 
 LONG = pytest.mark.long
 
@@ -148,13 +152,13 @@ def test_what_counts_falls_by_half_at_most_and_never_without_an_estimate():
     more = first.unknowns + 1
     assert counted(rounds, more, 0.0, 0.0) == first.error / 2
     assert counted(rounds, more, 0.7, 0.0) == 0.7
-    assert counted(rounds, more, 0.0, None) == first.error / 2
-    assert counted(rounds, more, 0.7, None) == 1.4
+    assert counted(rounds, more, 0.0, None) == np.inf
     assert counted(rounds, first.unknowns, 0.0, 1e-3) == 1e-3
     assert counted([], 10, None, None) == np.inf
     refined = replace(first, unknowns=more, load_change=0.6)
     assert counted([first, refined], more, 0.0, 0.0) == 0.6
-    assert counted([first, refined], more, 0.0, None) == 1.2
+    unknown = replace(first, unknowns=more, error=np.inf)
+    assert counted([first, unknown], more + 1, 0.0, 0.0) == first.error / 2
 
 
 def test_values_for_the_nodes_of_one_mesh_are_refused_before_any_work():
@@ -185,6 +189,64 @@ def test_an_interruption_on_a_finer_mesh_leaves_the_run_on_the_one_before(monkey
     assert stepper.result.converged
     assert stepper.states[-1].load_factor == 1.0
     assert not stepper.result.tolerance_met
+
+
+def test_a_run_that_fails_on_a_finer_mesh_leaves_that_on_the_one_before(monkeypatch):
+    scene, ply = pull()
+    advance = LoadStepper._advance
+
+    def stuck(one, t):
+        if t > 0.5 and one.problem.ply is not ply:
+            raise NoEquilibriumError("stuck", elements=[3])
+        return advance(one, t)
+
+    monkeypatch.setattr(LoadStepper, "_advance", stuck)
+    stepper = AdaptiveStepper(ply, scene.conditions, 0.04, 4)
+    said = (
+        r"on a finer mesh, of \d+ unknowns, the run stopped at load factor 0\.5: stuc"
+    )
+    with pytest.raises(StepError, match=said) as told:
+        stepper.run()
+    result = told.value.result
+    assert result.ply is ply
+    assert result.converged
+    assert not result.tolerance_met
+    assert len(result.states) == 5
+    assert result.estimated_error.load == result.rounds[0].estimated_load_error
+    assert result.rounds[-1].unknowns > ply.basis.N
+    assert told.value.elements.size == 0  # of another mesh
+    assert stepper.states == tuple(result.states)
+
+
+@pytest.mark.parametrize("ever", [True, False], ids=["on the first mesh", "never"])
+def test_without_an_estimate_the_tolerance_is_never_met(ever, monkeypatch):
+    scene, ply = pull()
+    find = stepper_module.estimated_error
+
+    def estimated(on, conditions, solver, state):
+        if ever and on is ply:
+            return find(on, conditions, solver, state)
+        return ErrorEstimate(reason="not known")
+
+    monkeypatch.setattr(stepper_module, "estimated_error", estimated)
+    stepper = AdaptiveStepper(ply, scene.conditions, 0.06, 4, most_unknowns=2000)
+    said = "tolerance is not met: the error of the load cannot be estimated .not known"
+    with pytest.raises(StepError, match=said) as told:
+        stepper.run()
+    result = told.value.result
+    assert not result.tolerance_met
+    assert result.ply is not ply
+    assert result.summary()["error_estimate"] == "none: not known"
+    assert result.summary()["rounds"][-1]["error"] is None
+    assert "counted" not in str(result.rounds[-1])
+
+
+def test_a_ply_whose_error_cannot_be_estimated_is_refused_before_any_work():
+    scene = bias_extension("irregular", (2, 4))
+    fabric = Fabric(1e5, 0.5, scene.warp, scene.weft)
+    ply = Ply(scene.mesh, fabric, OnePoint(5.0, kind="rate"))
+    with pytest.raises(ValueError, match="cannot be estimated: the stabilisation dep"):
+        AdaptiveStepper(ply, scene.conditions, 0.1)
 
 
 @pytest.mark.parametrize(
@@ -218,15 +280,48 @@ def test_the_error_of_the_last_mesh_is_estimated_once(monkeypatch):
     assert result.summary()["estimated_load_error"] == last.estimated_load_error
 
 
-def test_without_a_load_no_round_has_a_number_that_is_none():
+def there_and_back(X, t):
+    return np.array([np.zeros(X.shape[1]), np.full(X.shape[1], 20 * t * (1 - t))])
+
+
+@pytest.mark.parametrize("value", [0.0, there_and_back], ids=["still", "back"])
+def test_a_load_that_vanishes_at_the_end_stops_on_the_first_mesh(value):
     _, ply = pull("irregular", (2, 4))
-    still = {name: Condition(name) for name in ("bottom", "top")}
-    stepper = AdaptiveStepper(ply, still, 0.1, 1, most_unknowns=5000)
+    held = {"bottom": Condition("bottom"), "top": Condition("top", value)}
     with pytest.raises(StepError, match="nothing that moves carries a load") as told:
-        stepper.run()
-    for one in told.value.result.rounds:
-        assert one.load_change is None
-        assert one.error == np.inf
+        AdaptiveStepper(ply, held, 0.1, 4).run()
+    result = told.value.result
+    assert result.ply is ply
+    assert result.converged
+    assert not result.tolerance_met
+    assert result.rounds == ()
+    assert result.summary()["error_estimate"].startswith("none: nothing that moves")
+
+
+def turned(X, t):
+    """By half a radian about the middle, where the mean over the edge is zero."""
+    x = X[0] - X[0].mean()
+    return np.array([x * (np.cos(0.5 * t) - 1), x * np.sin(0.5 * t)])
+
+
+def test_the_load_of_an_edge_that_turns_is_what_its_energy_grows_by():
+    ply = Ply(pull(size=(2, 4))[0].mesh, Fabric(1e3, 0.5, (1, 1), (-1, 1)), Full())
+    held = {"bottom": Condition("bottom"), "top": Condition("top", turned)}
+    result = LoadStepper(ply, held, n := 40).run()
+    problem = problem_at(ply, held, result.solver.name, 1.0)
+    of_reactions, of_loads = work_of(problem, result.states[-1])
+    *_, before, middle, end = (sum(s.energies.values()) for s in result.states)
+    assert of_reactions == pytest.approx((3 * end - 4 * middle + before) / 2 * n, 1e-3)
+    assert of_loads == 0
+
+
+def test_the_load_of_an_edge_that_turns_changes_from_round_to_round():
+    """Its mean displacement is zero, so that it cannot tell."""
+    _, ply = pull(size=(4, 8))
+    held = {"bottom": Condition("bottom"), "top": Condition("top", turned)}
+    with pytest.raises(StepError, match="tolerance is not met") as told:
+        AdaptiveStepper(ply, held, 1e-6, 4, most_unknowns=1000).run()
+    assert 0.02 < told.value.result.rounds[1].load_change < 0.5
 
 
 def test_nodes_by_number_that_would_be_elsewhere_are_refused():

@@ -37,7 +37,6 @@ def test_the_estimate_is_near_the_error_of_the_load(kind):
     error = abs(result.states[-1].reactions["top"][1] / exact - 1)
     assert error > 0.005
     assert 0.5 < result.estimated_error.load / error < 3
-    assert result.estimated_error.load_factor == 1.0
 
 
 def test_a_mesh_that_holds_the_answer_has_no_error():
@@ -52,10 +51,10 @@ def test_a_mesh_that_holds_the_answer_has_no_error():
 @pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
 @pytest.mark.parametrize("kind", ["irregular", "delaunay"])
 def test_every_formulation_has_one(formulation, kind):
-    summary = pulled(kind, formulation).summary()
+    summary = pulled(kind, formulation, across=8).summary()
     assert 0 < summary["estimated_load_error"] < 2
     assert 0 < summary["estimated_shear_angle_error_deg"] < 20
-    assert not summary.get("error_estimate", "").startswith("none")
+    assert "error_estimate" not in summary
 
 
 def test_it_changes_neither_ply_nor_states():
@@ -152,7 +151,7 @@ def test_pins_at_single_nodes_are_on_a_finer_mesh_too():
     assert LoadStepper(ply, held, 2).run().estimated_error.load is not None
 
 
-def test_where_no_state_is_near_one_before_tells(monkeypatch):
+def test_where_no_state_is_near_there_is_none_of_an_earlier_state_either(monkeypatch):
     result = pulled(across=4)
     find = error_estimate._moved
 
@@ -163,8 +162,9 @@ def test_where_no_state_is_near_one_before_tells(monkeypatch):
 
     monkeypatch.setattr(error_estimate, "_moved", moved)
     summary = result.summary()
-    assert summary["estimated_load_error"] > 0
-    assert summary["error_estimate"] == "of the load factor 0.5"
+    assert summary["estimated_load_error"] is None
+    assert summary["estimated_shear_angle_error_deg"] is None
+    assert summary["error_estimate"] == "none: a finer mesh has no state near: no"
 
 
 def test_a_load_that_is_round_off_has_no_error():
@@ -196,22 +196,3 @@ def test_no_failure_of_the_estimate_loses_a_run(error, reason, monkeypatch):
     for name, (parameters, _) in result.ply.remembered.items():
         for key, values in parameters.items():
             np.testing.assert_array_equal(values, held[name][0][key])
-
-
-def test_both_meshes_are_built_once_where_a_state_before_tells(monkeypatch):
-    result, find, built = pulled(across=4), error_estimate._moved, []
-    finer = Ply.finer
-
-    def moved(problem, *arguments):
-        if problem.load_factor == 1.0:
-            raise error_estimate.NoEquilibriumError("no")
-        return find(problem, *arguments)
-
-    def counted(ply):
-        built.append(ply)
-        return finer(ply)
-
-    monkeypatch.setattr(error_estimate, "_moved", moved)
-    monkeypatch.setattr(Ply, "finer", counted)
-    assert result.estimated_error.load_factor == 0.5
-    assert len(built) == 1

@@ -1,3 +1,4 @@
+import argparse
 import csv
 import json
 
@@ -5,7 +6,15 @@ import numpy as np
 import pytest
 from helpers import drawn_here
 
-from skfem_textile import LoadStepper, Macro, OnePoint, Ply, Quadratic
+from skfem_textile import (
+    AdaptiveStepper,
+    Fabric,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+)
 from studies.__main__ import main
 from studies.common.rivals.newton import STEPS, NotConvergedError, Run
 from studies.common.rivals.plain import Plain
@@ -14,7 +23,7 @@ from studies.common.rivals.with_native import Native
 from studies.error_time import study, tables, timed_codes
 from studies.error_time.errors import errors, unfolded
 from studies.error_time.study import CODES, PROBLEMS, STUDY
-from studies.error_time.timed_codes import OtherCode, ThisLibrary
+from studies.error_time.timed_codes import OtherCode, Refined, ThisLibrary
 from studies.formulations.cases import AUTO, BIAS, Case
 
 
@@ -151,6 +160,48 @@ def test_the_strain_of_this_library_is_the_one_that_the_law_sees():
     assert row["strain"] < 0.9 * np.abs(ply.fibre_strain(u)).max()
 
 
+def test_a_mesh_is_refined_to_tolerances_where_there_is_a_load():
+    (refined,) = (code for code in CODES if isinstance(code, Refined))
+    taken = {
+        scene: [case.code for case in STUDY.cases(argparse.Namespace(scene=scene))]
+        for scene in PROBLEMS
+    }
+    assert refined not in taken["strip"]
+    assert len(taken["strip"]) == len(CODES) - 1
+    assert taken["bias_extension"] == list(CODES)
+    assert refined.refinements == tuple(sorted(refined.refinements, reverse=True))
+
+
+def test_a_run_to_a_tolerance_counts_whole_and_says_what_it_is_refined_to(monkeypatch):
+    results = []
+
+    class Kept(AdaptiveStepper):
+        def run(self, resume=False):
+            results.append(super().run(resume))
+            return results[-1]
+
+    monkeypatch.setattr(timed_codes, "AdaptiveStepper", Kept)
+    refined = next(code for code in CODES if isinstance(code, Refined))
+    problem = PROBLEMS["bias_extension"]
+    found = refined.measured(problem, 0.1)
+    assert len(results) == 1 + found["repeats"]  # the first is not timed
+    last = results[-1]
+    assert last.tolerance_met
+    assert len(last.rounds) > 1
+    assert found["linear_solves"] == sum(one.linear_solves for one in last.rounds)
+    assert found["unknowns"] == last.rounds[-1].unknowns
+    uniform = study.MACRO_TRIANGLES
+    first = Ply(Case("", problem, uniform, 8, 1).scene().mesh, Fabric(1e5), Macro())
+    assert last.rounds[0].unknowns == first.basis.N
+    row = {"scene": "bias_extension", "code": "skfem_textile", "element": "refined"}
+    row |= found
+    assert "| **refined** | 8, refined to 0.1 |" in tables.to_the_bar([row])
+    assert "8 across, refined to 0.1: " in STUDY.line([row])
+    assert (
+        tables.summary([row])["methods"]["skfem_textile, refined"]["tolerance"] == 0.1
+    )
+
+
 def test_a_rival_takes_the_fewest_steps_to_an_unfolded_state(monkeypatch):
     class Slow(Plain):
         def run(self, task, steps, repeats):
@@ -202,13 +253,13 @@ def test_long_runs_are_repeated_less_often():
 
 def test_a_method_is_refined_until_a_run_takes_long(monkeypatch):
     class Steady:
-        code, element = "code", "Q4"
+        code, element, refinements = "code", "Q4", (4, 6, 8, 12, 16)
 
         def missing(self):
             return ""
 
         def measured(self, problem, across):
-            return {"seconds": float(across), "note": ""}
+            return {"seconds": float(across), "note": "", "across": across}
 
     monkeypatch.setattr(study, "LONG", 10.0)
     rows = STUDY.examine(study.Case("strip", Steady()))
@@ -222,7 +273,8 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     some = (CODES[0], CODES[3], OtherCode(Plain(TRIANGLE6)))
     missing = OtherCode(Missing(QUAD4))
     monkeypatch.setattr(study, "CODES", (*some, missing))
-    monkeypatch.setattr(study, "ACROSS", (4, 6))
+    for kind in (ThisLibrary, OtherCode):
+        monkeypatch.setattr(kind, "refinements", (4, 6))
     out = tmp_path / "out"
     assert main(["error_time", "--scene", "strip", "--out", str(out)]) == 0
     names = {path.name for path in out.iterdir()}

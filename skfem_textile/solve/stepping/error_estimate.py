@@ -7,7 +7,6 @@ the ply whose elements are split in four, and two linear systems tell to where i
 """
 
 from collections.abc import Mapping
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from ..linear import solver_named
 from ..problem import Problem, Tangent
 from ..states import ErrorEstimate, NoEquilibriumError, State
 from ..strategies import definite
+from .work import change_of, refuse_round_off, work
 
 #: Error over the change that halved elements make, of the load and of the shear angle:
 #: `python -m studies adaptive`, on the cases that calibrate.
@@ -33,14 +33,14 @@ MOST_UNKNOWNS = 250_000
 # be altered the second increment is within it in all cases of the study.
 _MOST_INCREMENTS, _SETTLED = 4, 0.2
 
-# Length of the step, as a share of the load factor, that tells how conditions move.
-_STEP_BACK = 1e-3
-
 
 def estimated_error(
-    ply: Body, conditions: Mapping[str, Condition], solver: str, states: list[State]
+    ply: Body, conditions: Mapping[str, Condition], solver: str, state: State
 ) -> ErrorEstimate:
-    """Estimate the error of the last state of a run.
+    """Estimate the error of a state.
+
+    Where a finer mesh has no state near it, there is none.  That of an earlier state
+    would not do, for it may be several times smaller than the error.
 
     Parameters
     ----------
@@ -48,26 +48,21 @@ def estimated_error(
         The ply and its conditions.
     solver
         Name of the linear solver.
-    states
-        The states of the run.
+    state
+        The state.
     """
-    end = states[-1].load_factor
-    if end == 0:
+    if state.load_factor == 0:
         return ErrorEstimate(reason="there is no load yet")
     if ply.basis.N > MOST_UNKNOWNS:
         return ErrorEstimate(reason=f"more than {MOST_UNKNOWNS} unknowns")
-    middle = min(states[1:], key=lambda state: abs(state.load_factor - end / 2))
     held = ply.remembered
     try:
         refuse_single_nodes(ply, conditions)
         with np.errstate(all="ignore"):  # what is not finite is caught
-            meshes = _Meshes(ply, conditions, solver)
-            for state in dict.fromkeys((states[-1], middle)):
-                ply.settle(state.u)
-                try:
-                    return _at(meshes, state)
-                except NoEquilibriumError as error:
-                    reason = f"a finer mesh has no state near: {error}"
+            ply.settle(state.u)
+            return _estimate(ply, conditions, solver, state)
+    except NoEquilibriumError as error:
+        reason = f"a finer mesh has no state near: {error}"
     except MemoryError:
         reason = "there is not enough memory for a finer mesh"
     except ValueError as error:
@@ -79,33 +74,20 @@ def estimated_error(
     return ErrorEstimate(reason=reason)
 
 
-class _Meshes:
-    """The problem on both meshes, each built once and when it is asked for."""
-
-    def __init__(
-        self, ply: Body, conditions: Mapping[str, Condition], solver: str
-    ) -> None:
-        self._ply, self._conditions, self._solver = ply, conditions, solver
-
-    def _problem(self, ply: Body) -> Problem:
-        constraints = Constraints(ply.basis, self._conditions)
-        return Problem(ply, constraints, solver_named(self._solver))
-
-    @cached_property
-    def coarse(self) -> Problem:
-        return self._problem(self._ply)
-
-    @cached_property
-    def finer(self) -> Any:
-        return self._ply.finer()
-
-    @cached_property
-    def fine(self) -> Problem:
-        return self._problem(self.finer.ply)
+def problem_at(
+    ply: Body, conditions: Mapping[str, Condition], solver: str, load_factor: float
+) -> Problem:
+    """The problem of a ply at a load factor, with a linear solver by its name."""
+    constraints = Constraints(ply.basis, conditions)
+    problem = Problem(ply, constraints, solver_named(solver))
+    problem.load_factor = load_factor
+    return problem
 
 
-def _at(meshes: _Meshes, state: State) -> ErrorEstimate:
-    """The estimate from one state.
+def _estimate(
+    ply: Body, conditions: Mapping[str, Condition], solver: str, state: State
+) -> ErrorEstimate:
+    """The estimate.
 
     Raises
     ------
@@ -114,26 +96,24 @@ def _at(meshes: _Meshes, state: State) -> ErrorEstimate:
     ValueError
         If there is no finer ply, or nothing that does work.
     """
-    t, u = state.load_factor, state.u
-    coarse = meshes.coarse.at(t)
+    coarse, u = problem_at(ply, conditions, solver, state.load_factor), state.u
     motion, forces = Tangent(coarse, u).settled(coarse.residual(u))
-    before = _work(coarse, forces, u := u + motion)
-    size, length = np.abs(before).sum(), np.abs(u).sum() + np.abs(_rate(coarse)).sum()
-    if not size > state.tolerance * length:
-        raise ValueError("nothing that moves carries a load")
-    fine, parent = meshes.fine.at(t), meshes.finer.parent
-    carried, tension = meshes.finer.carry(u)
+    before = work(coarse, forces, u := u + motion)
+    refuse_round_off(before, coarse, state)
+    finer: Any = ply.finer()
+    fine = problem_at(finer.ply, conditions, solver, state.load_factor)
+    carried, tension = finer.carry(u)
     fine_u, after = _moved(fine, carried, tension, before)
-    change = np.abs((after - before).sum()) / size
+    change = change_of(before, after)
     angle, fine_angle = (
         of.ply.shear_angle(x).mean(axis=1) for of, x in ((coarse, u), (fine, fine_u))
     )
-    off = fine_angle - angle[parent]
+    off = fine_angle - angle[finer.parent]
     rms = np.sqrt(np.average(off**2, weights=fine.ply.basis.dx.sum(axis=1)))
     if not np.isfinite([change, rms]).all():
         raise NoEquilibriumError("it is not finite")
     return ErrorEstimate(
-        float(LOAD_OVER_CHANGE * change), float(SHEAR_ANGLE_OVER_CHANGE * rms), t
+        float(LOAD_OVER_CHANGE * change), float(SHEAR_ANGLE_OVER_CHANGE * rms)
     )
 
 
@@ -155,32 +135,19 @@ def _moved(
             du = tangent.increment(f, u, values)
         else:
             du, forces = tangent.settled(f)
-            work = _work(problem, forces, u + du)
-            moved, change = (np.abs((work - x).sum()) for x in (last, before))
+            now = work(problem, forces, u + du)
+            moved, change = (np.abs((now - x).sum()) for x in (last, before))
             calm = not tangent.altered and number == 1
-            if not np.isfinite(work).all():
+            if not np.isfinite(now).all():
                 break
             if calm or moved <= _SETTLED * change:
-                return u + du, work
-            last = work
+                return u + du, now
+            last = now
         tension = ply.geometric_tension(u, du)
         u = u + du
         if number == 0:
             ply.settle(u)
     raise NoEquilibriumError("the load does not settle")
-
-
-def _work(problem: Problem, f: ndarray, u: ndarray) -> ndarray:
-    """Work of reactions in the motion of their conditions, and of loads, in N·mm."""
-    of_reactions = problem.turned(f)[problem.constraints.fixed] @ _rate(problem)
-    return np.array([of_reactions, problem.load(u) @ u])
-
-
-def _rate(problem: Problem) -> ndarray:
-    """How fixed unknowns move with the load factor, times the load factor, in mm."""
-    constraints, t = problem.constraints, problem.load_factor
-    now, before = (constraints.fixed_values(x) for x in (t, (1 - _STEP_BACK) * t))
-    return (now - before) / _STEP_BACK
 
 
 def refuse_single_nodes(ply: Body, conditions: Mapping[str, Condition]) -> None:
