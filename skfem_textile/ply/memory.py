@@ -21,7 +21,7 @@ from ..mesh.bases import MeanBasis, displacement_gradient
 from .term import DependsOn
 
 
-class _HeldStiffness:
+class HeldStiffness:
     """A stiffness of elements at a state near the one that is sought.
 
     Parameters
@@ -50,9 +50,18 @@ class _HeldStiffness:
         """Return to the undeformed state."""
         self.parameters = {self._name: self._stiffness(self._basis.zeros())}
 
-    def commit(self, u: ndarray) -> bool:
-        """Take the stiffness at ``u``; tell whether it changed."""
-        before, after = self.parameters[self._name], self._stiffness(u)
+    def commit(self, u: ndarray, tension: ndarray | None = None) -> bool:
+        """Take the stiffness at ``u``; tell whether it changed.
+
+        Parameters
+        ----------
+        u
+            Displacement.
+        tension
+            Fibre tensions that take the place of those at ``u``, shape (2, n_elements,
+            n_points), as `Ply.geometric_tension` gives them.
+        """
+        before, after = self.parameters[self._name], self._stiffness(u, tension)
         self.parameters = {self._name: after}
         return not np.array_equal(after, before)
 
@@ -68,9 +77,11 @@ class _HeldStiffness:
             raise ValueError(f"{self._name} stores no work, but {work} is given")
         self.parameters = parameters
 
-    @np.errstate(over="ignore")  # a run refuses what is not finite
-    def _stiffness(self, u: ndarray) -> ndarray:
+    @np.errstate(over="ignore", invalid="ignore")  # runs refuse what is not finite
+    def _stiffness(self, u: ndarray, tension: ndarray | None = None) -> ndarray:
         w = FormExtraParams(self._basis.default_parameters())
+        if tension is not None:
+            w["tension"] = tension
         F = kin.deformation_gradient(displacement_gradient(self._basis, u))
         return self._of_state(w, F, directions(self._fabric, w))
 
@@ -82,17 +93,22 @@ class _HeldStiffness:
     def _fibres(
         self, w: FormExtraParams, F: ndarray, A: tuple[ndarray, ndarray]
     ) -> tuple[ndarray, ndarray]:
-        """Mean stiffnesses of warp and weft, and tensions of their mean stretches."""
+        """Mean stiffnesses of warp and weft, and tensions of their mean stretches.
+
+        Tensions that are given count in place of these, their means.
+        """
         fabric = self._fabric.at(elements(w))
         strain = np.array([kin.fibre_strain(F, a) for a in A])
         laws = (fabric.tensions.of_family(i, strain) for i in range(2))
         pairs = zip(laws, strain, strict=True)
         E = mean(w, np.array([mean_slope(law, own) for law, own in pairs]))
+        if "tension" in w:
+            return E, mean(w, w["tension"])
         mean_strain = np.log(mean(w, np.array([kin.stretch(F, a) for a in A])))
         return E, fibre_tension(of_elements(self._fabric, elements(w)), mean_strain)
 
 
-class HeldStabilisation(_HeldStiffness):
+class HeldStabilisation(HeldStiffness):
     """C_s of `hourglass`: `stabilisation_stiffness` of warp and weft together.
 
     Parameters
@@ -124,7 +140,7 @@ class HeldStabilisation(_HeldStiffness):
         return self._basis.to_ply_points(np.broadcast_to(C_s, self._basis.dx.shape))
 
 
-class HeldDeviation(_HeldStiffness):
+class HeldDeviation(HeldStiffness):
     """E_d of `mean_tension`: `deviation_stiffness` of warp and weft in each element.
 
     Parameters

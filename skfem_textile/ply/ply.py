@@ -29,6 +29,7 @@ from .kernels.assembly import KernelSum
 from .kernels.element_groups import Parameters
 from .kernels.kernel import ShearKernel
 from .measures import Measures
+from .memory import HeldStiffness
 from .term import Contribution, Load, Memory, Role, Term, dimension, refuse_unsymmetric
 from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
 from .terms import FormTerm, Formulation
@@ -403,10 +404,25 @@ class Ply(Measures):
         changed = [memory.commit(u) for memory in self.memories.values()]
         return any(changed)
 
-    def settle(self, u: ndarray) -> bool:
-        """Like `commit`, for what depends on the state alone: stiffnesses at ``u``."""
-        memories = [m for m in self.memories.values() if m.depends_on == "state"]
-        changed = [memory.commit(u) for memory in memories]
+    def settle(self, u: ndarray, tension: ndarray | None = None) -> bool:
+        """Like `commit`, for what depends on the state alone: stiffnesses at ``u``.
+
+        Parameters
+        ----------
+        u
+            Displacement.
+        tension
+            Fibre tensions that take the place of those at ``u``, as
+            `geometric_tension` gives them: away from balance those of stiff fibres are
+            far from what they will be.
+        """
+        changed = [
+            memory.commit(u, tension)
+            if isinstance(memory, HeldStiffness)
+            else memory.commit(u)
+            for memory in self.memories.values()
+            if memory.depends_on == "state"
+        ]
         return any(changed)
 
     @property

@@ -96,7 +96,7 @@ class Body(Protocol):
         """Make ``u`` the last converged state; tell if that changes forces."""
         ...
 
-    def settle(self, u: ndarray) -> bool:
+    def settle(self, u: ndarray, tension: ndarray | None = None) -> bool:
         """Like `commit`, for what depends on the state alone."""
         ...
 

@@ -26,7 +26,8 @@ def equilibrium_near(
 ) -> State:
     """Find the state at a load factor that is near a displacement, and judge it.
 
-    The stiffnesses that the discretisation holds are those at ``u`` to begin with.
+    The stiffnesses that the discretisation holds are those at rest to begin with: away
+    from balance the tensions of stiff fibres tell nothing.
     There is no step behind it, so that work tells nothing.
 
     Parameters
@@ -53,7 +54,6 @@ def equilibrium_near(
     )
     ply.reset()
     with np.errstate(all="ignore"):  # what is not finite is caught
-        ply.settle(u)
         start = problem.start(u)
     chosen = [strategy_of(strategy) for strategy in strategies]
     search = EquilibriumSearch(problem, chosen, frozenset(warn_only), lambda _: None)

@@ -146,7 +146,7 @@ def _moved(
         tension = ply.geometric_tension(u, du)
         u = u + du
         if number == 0:
-            ply.settle(u)
+            ply.settle(u, tension)
     raise NoEquilibriumError("the load does not settle")
 
 
