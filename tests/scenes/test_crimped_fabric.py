@@ -23,12 +23,14 @@ def load(mesh, formulation):
     return LoadStepper(ply, pull, steps=5).run().states[-1].reactions["pull"][1]
 
 
-@pytest.mark.parametrize("kind", ["irregular", "delaunay"])
-def test_macro_elements_read_the_load_of_a_crimped_fabric(kind):
-    """At rest fibres are as soft as crimp, and deviations in elements must not be.
+@pytest.fixture(scope="module")
+def converged():
+    """At 64 edges across."""
+    return load(rectangle(50, 100, (64, 128)), OnePoint())
 
-    Both at 16 edges across.
-    """
+
+@pytest.mark.parametrize("kind", ["irregular", "delaunay"])
+def test_macro_elements_read_the_load_of_a_crimped_fabric(kind, converged):
+    """At rest fibres are as soft as crimp, and deviations in elements must not be."""
     macro = load(split(rectangle(50, 100, (8, 16), kind)), Macro())
-    one_point = load(rectangle(50, 100, (16, 32)), OnePoint())
-    assert macro == pytest.approx(one_point, rel=0.03)
+    assert macro == pytest.approx(converged, rel=0.02)

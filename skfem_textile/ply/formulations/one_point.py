@@ -32,8 +32,8 @@ class OnePoint(Quadrilaterals):
     ----------
     stabilisation
         Stabilisation stiffness C_s in N/mm (Hamila & Boisse 2013, §3.2), or ``auto``:
-        in each element eight times its secant shear stiffness; 10⁻⁴ of the fibre
-        stiffness where there is none.
+        in each element by its shear stiffness and the angle between its fibres
+        (`stabilisation_stiffness`, without tension).
     kind
         ``energy``: independent of the path, with an exact tangent.  ``rate``: the
         paper's accumulated rates; a `Ply` then remembers the last converged state.
