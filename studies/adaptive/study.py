@@ -92,6 +92,7 @@ def _of_load(case: Case, scene: Scene) -> Row:
         "unknowns": result.ply.basis.N,
         "error": scene.reaction(result.states[-1])[1] / case.reference(scene) - 1,
         "estimate": estimate.load,
+        "carried": sum(result.states[-1].shares["energy"].values()),
         "cost": cost,
         "angle_error": scene.errors(result)["shear_angle_error_rms_deg"],
         "angle_estimate": None if angle is None else float(np.degrees(angle)),

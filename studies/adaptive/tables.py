@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from skfem_textile.solve.stepping.error_estimate import (
-    LOAD_OVER_CHANGE,
+    LOAD_OVER_SHARE,
     SHEAR_ANGLE_OVER_CHANGE,
 )
 
@@ -62,21 +62,28 @@ def estimates(rows: Sequence[Row]) -> str:
 
 
 def factor(rows: Sequence[Row]) -> str:
-    """Error over change in the cases that calibrate, and what is taken for it."""
+    """Error over what tells of it in the cases that calibrate, and what is taken."""
     found = [row for row in _of(rows, "calibrates") if row["estimate"]]
     large = [row for row in found if abs(row["error"]) > SMALL]
-    of_load = [LOAD_OVER_CHANGE * abs(r["error"]) / r["estimate"] for r in large]
     taken = SHEAR_ANGLE_OVER_CHANGE
-    of_angle = [taken * r["angle_error"] / r["angle_estimate"] for r in found]
+    columns = (
+        (
+            "load over the share of the energy",
+            [abs(r["error"]) / r["carried"] for r in large],
+            LOAD_OVER_SHARE,
+        ),
+        (
+            "shear angle over its change",
+            [taken * r["angle_error"] / r["angle_estimate"] for r in found],
+            taken,
+        ),
+    )
     lines = [
         [name, f"{np.median(x):.2f}", f"{min(x):.2f} to {max(x):.2f}", f"{now:g}"]
-        for name, x, now in (
-            ("load", of_load, LOAD_OVER_CHANGE),
-            ("shear angle", of_angle, taken),
-        )
+        for name, x, now in columns
         if x
     ]
-    return markdown_table(["error over change", "median", "range", "taken"], lines)
+    return markdown_table(["error", "median", "range", "taken"], lines)
 
 
 def tolerances(rows: Sequence[Row]) -> str:

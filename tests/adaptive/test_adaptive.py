@@ -147,9 +147,8 @@ def test_what_counts_falls_by_half_at_most_and_never_without_an_estimate():
     rounds = []
     stepper = AdaptiveStepper(ply, scene.conditions, 0.9, 2, on_round=rounds.append)
     stepper.run()
-    (first,) = rounds
-    assert first.error == first.estimated_load_error
-    more = first.unknowns + 1
+    assert rounds[0].error == rounds[0].estimated_load_error
+    more = rounds[-1].unknowns + 1
     assert counted(rounds, more, 0.0, 0.0) == first.error / 2
     assert counted(rounds, more, 0.7, 0.0) == 0.7
     assert counted(rounds, more, 0.0, None) == np.inf
