@@ -51,9 +51,9 @@ class AdaptiveStepper:
     none, and on the last mesh, the whole load is applied anew: every state of the
     result is on the last mesh.
 
-    What counts as the error is the largest of the estimate, of what the load changed
-    since the mesh before, and of half of what counted there: an estimate may be small
-    by chance.  Where there is no estimate the tolerance is not met.
+    What counts as the error is the largest of one and a half times the estimate, of
+    what the load changed since the mesh before, and of half of what counted there: an
+    estimate may be small by chance.  Where there is no estimate the tolerance is not met.
 
     Parameters
     ----------
