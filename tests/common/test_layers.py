@@ -41,7 +41,7 @@ LAYERS = {
     "solve": ("fabric", "mesh", "registration"),
     "adaptive": ("solve", "ply.refinement", "ply"),
     "scenes": ("solve", "ply", "fabric", "mesh", "registration"),
-    "io": ("solve", "mesh"),
+    "io": ("solve", "fabric", "mesh"),
     "plot": ("io", "solve"),
     "sweep": ("solve", "cli.output"),
     "cli": (
