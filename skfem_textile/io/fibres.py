@@ -122,7 +122,7 @@ def _of_csv(content: bytes) -> FibreDirections:
 def _of_deck(content: bytes) -> FibreDirections:
     directions = deck_directions(content)
     if directions is None:
-        raise MeshError("it has no *ORIENTATION")
+        raise MeshError("it has no *ORIENTATION and *ELEMENT")
     return FibreDirections(*directions)
 
 

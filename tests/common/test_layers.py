@@ -42,7 +42,7 @@ LAYERS = {
     "adaptive": ("solve", "ply.refinement", "ply"),
     "scenes": ("solve", "ply", "fabric", "mesh", "registration"),
     "io": ("solve", "fabric", "mesh"),
-    "plot": ("io", "solve"),
+    "plot": ("io", "solve", "fabric", "mesh"),
     "sweep": ("solve", "cli.output"),
     "cli": (
         *("plot", "io", "scenes", "adaptive", "solve", "ply", "fabric", "mesh"),

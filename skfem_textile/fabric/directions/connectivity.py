@@ -5,12 +5,16 @@ gives directions that change with the numbering of its nodes.  On a mesh whose e
 not all go one way such directions differ from element to element without a reason.
 """
 
+import logging
+
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
 from ...mesh.splitting import original_elements
 from .per_element import FibreDirections
+
+log = logging.getLogger(__name__)
 
 # Angle within which a direction is that of an edge.  Chosen: far above the six digits
 # of a deck (1e-6 rad), and so small that one element in 1500 is as near by chance.
@@ -54,6 +58,12 @@ def directions_warning(mesh: Mesh, directions: FibreDirections) -> str:
                         "by angles, vectors or a reference curve"
                     )
     return ""
+
+
+def warn_of_directions(mesh: Mesh, directions: FibreDirections) -> None:
+    """Log the sentence of `directions_warning` as a warning, if there is one."""
+    if said := directions_warning(mesh, directions):
+        log.warning(said)
 
 
 def _edges(mesh: Mesh, cells: tuple[ndarray, ...]) -> dict[int, ndarray]:

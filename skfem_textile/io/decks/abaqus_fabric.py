@@ -18,7 +18,6 @@ from ...mesh.user_input import excerpt
 from ..file_numbers import from_words
 from .fabric_of_deck import FabricOfFile, Units
 from .keywords import Block, blocks
-from .orientations import read_directions
 
 # Components of *UNIAXIAL and what they are here: the first yarns are the fill.
 _COMPONENTS = {"1": "weft", "2": "warp", "SHEAR": "shear"}
@@ -88,11 +87,6 @@ def read(
         for component in ("warp", "weft", "shear")
     }
     fabric = Fabric((laws["warp"], laws["weft"]), laws["shear"])
-    if any(b.keyword == "ORIENTATION" for b in every) and any(
-        b.keyword == "ELEMENT" for b in every
-    ):
-        warp, weft = read_directions(content) or (fabric.warp, fabric.weft)
-        fabric = Fabric(fabric.tension, fabric.shear, warp, weft)
     not_taken.append(
         "Abaqus goes in straight lines between the points of the data; the laws here "
         "go through the same points in a monotone cubic"

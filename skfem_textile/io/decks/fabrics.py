@@ -11,6 +11,7 @@ from ...mesh.checks import MeshError
 from ...mesh.user_input import printable
 from . import abaqus_fabric, fabric_file, radioss
 from .fabric_of_deck import FabricOfFile, Units
+from .orientations import read_directions
 from .write_fabric import material_of
 
 log = logging.getLogger(__name__)
@@ -64,7 +65,7 @@ def read_fabric(
     except OSError as error:
         reason = printable(error.strerror or error)
         raise MeshError(f"{printable(path)}: {reason}") from None
-    except MeshError as error:
+    except ValueError as error:
         raise MeshError(f"{printable(path)}: {error}") from None
     for sentence in found.not_taken:
         log.warning("%s: not taken over: %s", printable(path), sentence)
@@ -88,8 +89,12 @@ def _read(
                 "a fabric of the package needs no thickness and no material"
             )
         return fabric_file.read(content)
-    reader = abaqus_fabric if suffix == ".inp" else radioss
-    return reader.read(content, thickness, units, material)
+    if suffix == ".rad":
+        return radioss.read(content, thickness, units, material)
+    fabric, not_taken = abaqus_fabric.read(content, thickness, units, material)
+    if directions := read_directions(content):
+        fabric = Fabric(fabric.tension, fabric.shear, *directions)
+    return FabricOfFile(fabric, not_taken)
 
 
 def write_fabric(

@@ -15,11 +15,7 @@ from ...mesh.user_input import excerpt
 from ..file_numbers import from_words, tag_positions
 from .keywords import Block, blocks
 from .mesh import read_elements
-
-#: Names of two orientations, whose first directions are those of the families: no
-#: orientation of Abaqus holds families that differ in their angle from element to
-#: element.
-WARP, WEFT = "WARP", "WEFT"
+from .write_deck import WARP, WEFT
 
 _SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION", "SHELL GENERAL SECTION")
 
@@ -46,10 +42,11 @@ class _Deck:
     distributions: dict[str, Block] = field(default_factory=dict)
     tables: dict[str, int] = field(default_factory=dict)
     sections: list[_Section] = field(default_factory=list)
+    has_elements: bool = False
 
 
 def read_directions(content: bytes) -> tuple[ndarray, ndarray] | None:
-    """Directions of warp and weft in the elements of a deck; None if it states none.
+    """Directions of warp and weft in the elements of a deck, or None.
 
     Both have the shape (2, n_elements), in the order of the deck.
 
@@ -63,7 +60,7 @@ def read_directions(content: bytes) -> tuple[ndarray, ndarray] | None:
         with_name = _store(deck, block)
         if with_name:
             raise MeshError(f"{block}: there are two of this name")
-    if not deck.orientations:
+    if not deck.orientations or not deck.has_elements:
         return None
     numbers, sets = read_elements(content)
     local = np.full((2, 2, len(numbers)), np.nan)
@@ -98,6 +95,7 @@ def _store(deck: _Deck, block: Block) -> bool:
     """Keep a block if it bears on directions; whether its name is there already."""
     keyword, parameters, data = block
     name = parameters.get("NAME", "").upper()
+    deck.has_elements |= keyword == "ELEMENT"
     kept = {"ORIENTATION": deck.orientations, "DISTRIBUTION": deck.distributions}
     if keyword in _SECTIONS:
         if parameters.get("ORIENTATION"):

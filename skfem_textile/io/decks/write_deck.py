@@ -7,7 +7,10 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from .orientations import WARP, WEFT
+#: Names of two orientations, whose first directions are those of the families: no
+#: orientation of Abaqus holds families that differ in their angle from element to
+#: element.
+WARP, WEFT = "WARP", "WEFT"
 
 # Members of a set in a line: Abaqus takes 16.
 _IN_A_LINE = 16
