@@ -91,20 +91,21 @@ def test_the_first_axis_of_an_orientation_is_the_weft_and_the_second_the_warp(tm
 
 
 @pytest.mark.parametrize(
-    ("points", "second", "weft"),
+    ("points", "second", "warp", "weft"),
     [
-        ("1, 0, 0, 0, 1, 0", "3, 30.", 30),
-        ("1, 0, 0, 0, 1, 0, 5, 0, 0", "3, 0.", 180),  # the origin is past a
-        ("0, 0, 1, 1, 0, 0", "1, 0.", 0),  # about the first axis, which is normal
-        ("1, 0, 0, 0, 0, -1", "2, 0.", 90),  # axes 3 and 1 lie in the plane
+        ("1, 0, 0, 0, 1, 0", "3, 30.", 120, 30),
+        ("1, 0, 0, 0, -1, 0", "3, 30.", -120, -30),  # the third axis points down
+        ("1, 0, 0, 0, 1, 0, 5, 0, 0", "3, 0.", 90, 180),  # the origin is past a
+        ("0, 0, 1, 1, 0, 0", "1, 0.", 90, 0),  # about the first axis, the normal
+        ("1, 0, 0, 0, 0, -1", "2, 0.", 0, 90),  # axes 3 and 1 lie in the plane
     ],
 )
 def test_axes_follow_the_points_and_the_additional_rotation(
-    tmp_path, points, second, weft
+    tmp_path, points, second, warp, weft
 ):
     found = of_deck(tmp_path, f"*ORIENTATION, NAME=A\n{points}\n{second}\n")
-    off = (found.angles_deg()[1] - weft + 180) % 360 - 180
-    assert np.abs(off).max() < 1e-12
+    off = np.array(found.angles_deg()) - [[warp], [weft]]
+    assert np.abs((off + 180) % 360 - 180).max() < 1e-12
 
 
 def test_distributions_have_a_default_sets_and_elements(tmp_path):

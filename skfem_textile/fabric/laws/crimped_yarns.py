@@ -27,6 +27,9 @@ _NEAR = 1e-6
 # More iterations than any state needed: the steepest table takes 30.
 _MOST_ITERATIONS = 200
 
+# Largest crimp.  It tells a crimp in percent from a ratio.
+_MOST_CRIMP = 1.0
+
 # Shortest height of a crimp over that at rest, where its spring is logarithmic.
 _SHORTEST = 1e-9
 
@@ -127,7 +130,8 @@ class CrimpedYarns(DrawnTensions):
     Raises
     ------
     ValueError
-        If a stiffness or a crimp is not a positive finite number, or a yarn no law.
+        If a stiffness or a crimp is not a positive finite number, a crimp more than 1,
+        or a yarn no law.
 
     Examples
     --------
@@ -147,6 +151,11 @@ class CrimpedYarns(DrawnTensions):
         yarns = tuple(inner_law("yarn", yarn) for yarn in self.yarns)
         object.__setattr__(self, "yarns", yarns)
         object.__setattr__(self, "crimp", pair("crimp", self.crimp, above=0))
+        if max(self.crimp) > _MOST_CRIMP:
+            raise ValueError(
+                f"crimp must be a ratio of at most {_MOST_CRIMP:g}, like 0.1 for 10 %, "
+                f"got {self.crimp}"
+            )
         object.__setattr__(self, "springs", pair("springs", self.springs, above=0))
         if self.coupling is not None:
             object.__setattr__(self, "coupling", number("coupling", self.coupling))

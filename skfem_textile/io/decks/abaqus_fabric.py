@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ...fabric import Fabric, Law, Linear, Tabulated, TensionOnly
+from ...fabric import Fabric, Law, Tabulated, TensionOnly
 from ...mesh.checks import MeshError
 from ...mesh.user_input import excerpt
 from ..file_numbers import from_words
@@ -216,10 +216,7 @@ def _thickness(every: list[Block], material: str) -> float:
 def _law(component: str, data: list[_Data], not_taken: list[str], scale: float) -> Law:
     """The law of a component, from its data in N/mm² times the thickness."""
     if not data:
-        not_taken.append(
-            f"{component}: the deck has no loading data, so it has no stiffness"
-        )
-        return Linear(0.0)
+        raise MeshError(f"it has no *LOADING DATA of {component}")
     try:
         return _law_of(component, data, not_taken, scale)
     except ValueError as error:
@@ -250,7 +247,8 @@ def _law_of(
     elif (strain <= -1).any():
         raise MeshError("a nominal strain must be above -1")
     else:
-        x, y = np.log1p(strain), scale * (1 + strain) * stress
+        with np.errstate(over="ignore"):  # infinite values are refused below
+            x, y = np.log1p(strain), scale * (1 + strain) * stress
     linear = all(part.linear for part in both)
     if not linear:
         not_taken.append(
