@@ -18,8 +18,8 @@ _CLOSED = 0.5 * np.pi
 class TangentShear(Drawn):
     """The shear law M_s = G₀ tan Γ, and beyond a locking angle with another slope.
 
-    For |Γ| > a it is G_L tan Γ + (G₀ − G_L) tan a with the sign of Γ, as in
-    OpenRadioss's ``/MAT/LAW58``.  The tangent jumps at a.
+    For Γ beyond a it is G_L tan Γ + (G₀ − G_L) tan a, and odd, as in OpenRadioss's
+    ``/MAT/LAW58``.  The tangent jumps at a.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class TangentShear(Drawn):
         return (self.stiffness - self.locked_stiffness) * float(np.tan(self.angle))
 
     def _side(self, x: ndarray) -> tuple[ndarray, ndarray]:
-        """|Γ|, NaN where fibres have crossed, and whether it is past the lock."""
+        """Magnitude of Γ, NaN where fibres have crossed, and whether it is locked."""
         a = np.abs(np.asarray(x, dtype=float))
         a = np.where(a < _CLOSED, a, np.nan)
         return a, a > self.angle

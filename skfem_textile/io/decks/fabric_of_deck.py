@@ -11,14 +11,10 @@ _LENGTHS = {"mm": 1.0, "cm": 10.0, "m": 1e3}
 
 
 class FabricOfFile(NamedTuple):
-    """A fabric that was read, and what could not be taken over, in sentences.
+    """A fabric that was read, and what could not be taken over.
 
-    Attributes
-    ----------
-    fabric
-        Laws in N/mm, and directions if the file states them.
-    not_taken
-        A sentence for each thing that the file has and the fabric has not.
+    ``fabric`` has laws in N/mm, and directions if the file states them.  ``not_taken``
+    has a sentence for each thing that the file has and the fabric has not.
     """
 
     fabric: Fabric
