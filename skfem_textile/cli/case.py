@@ -27,6 +27,8 @@ from ..solve.linear import SOLVERS
 from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
 from ..solve.strategies import STRATEGIES
 from ..solve.verdict import CHECKS
+from .fibres.from_files import OPTIONS as FILES
+from .fibres.from_files import from_files
 from .mesh import mesh_options, scene_of
 
 # What the names of the options of tension and shear laws begin with.
@@ -112,10 +114,13 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
     """
     scene, values = scene_of(values)
     tension, shear = _law("tension", values), _law("shear", values)
+    fabric = Fabric(tension, shear, scene.warp, scene.weft)
+    laws = (*_law_options("tension"), *_law_options("shear"))
+    scene, fabric = from_files(values, scene, fabric, laws)
     chosen = _chosen("formulation", values["formulation"], FORMULATIONS, values)
     return Case(
         scene=scene,
-        fabric=Fabric(tension, shear, scene.warp, scene.weft),
+        fabric=fabric,
         loads=tuple(Force(name, scene.turn @ total) for name, total in values["force"]),
         formulation=chosen(),
         steps=values["steps"],
@@ -164,6 +169,7 @@ def _fabric_options() -> tuple[Option, ...]:
     return (
         *_law_options("tension"),
         *_law_options("shear"),
+        *FILES,
         Option(
             name="force",
             help="a force in N in all, spread over a named boundary beside the "

@@ -7,6 +7,7 @@ from functools import partial
 
 from ..scenes import SCENES
 from .case import case_of, options_of, stepper_of
+from .fibres.show import show
 from .interruption import INTERRUPTED, raised
 from .output import OutputError, complain, say, silence
 from .parser import BAD_INPUT, command_parser
@@ -56,6 +57,8 @@ def _run(arguments: Sequence[str]) -> int:
         options = command_parser(own).parse_args(arguments)
         if options.command == "list":
             return _list()
+        if options.command == "show":
+            return show(options)
         given = {o.key: getattr(options, o.key) for o in own[options.scene]}
         case, values = case_of(given | {"scene": options.scene})
         case = replace(case, pictures=not options.no_render)

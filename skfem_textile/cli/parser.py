@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 from .. import __version__
 from ..registration import Option
 from ..scenes import SCENES
+from .fibres.arguments import add_show
 from .output import complain
 
 #: Exit code of bad input.
@@ -54,6 +55,7 @@ def command_parser(
     whole.add_argument("--version", action="version", version=__version__)
     commands = whole.add_subparsers(dest="command", required=True)
     commands.add_parser("list", help="list the scenes")
+    add_show(commands)
     run = commands.add_parser(
         "run", help="run a scene and write its results to a folder"
     )

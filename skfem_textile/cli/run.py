@@ -49,7 +49,7 @@ def run(
 
     stepper = stepper_of(_checkpoint(options))
     fields = (f"fields/{name}" for name in io.FIELDS)
-    written = ("summary.json", "history.csv", *fields, *pictures.PICTURES)
+    written = ("summary.json", "history.csv", *io.DRAPED, *fields, *pictures.PICTURES)
     results = ResultFolder(options.out, written)
     code, said = load(stepper, options.resume is not None, options.verbose)
     result = stepper.result
@@ -62,6 +62,7 @@ def run(
                 io.write_summary(summary, folder / "summary.json")
                 io.write_history(result, folder / "history.csv")
                 io.write_fields(result, folder / "fields")
+                io.write_draped(result, folder)
             complete = True
         if code != INTERRUPTED:
             summary = case.summary(result) | inputs  # with the estimated error

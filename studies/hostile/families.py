@@ -1,5 +1,6 @@
 """The families of trials."""
 
+from .decks.trials import FAMILIES as DECKS
 from .disk import disk_trials, kill_trials
 from .meshes.trials import family as mesh_files
 from .options import trials as option_trials
@@ -13,6 +14,7 @@ FAMILIES: tuple[Family, ...] = (
     mesh_files("inp", 2500),
     mesh_files("vtu", 1500),
     mesh_files("vtk", 1500),
+    *DECKS,
     option_trials.FAMILY,
     mesh_trials.FAMILY,
     argument_trials.FAMILY,

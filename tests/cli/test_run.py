@@ -16,7 +16,10 @@ from skfem_textile import LoadStepper, Ply, Result
 def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
     assert run(tmp_path, *QUICK, "--shear-stiffness", "0.5") == 0
     out = tmp_path / "out"
-    assert {p.name for p in out.iterdir()} == {"summary.json", "history.csv", "fields"}
+    assert {p.name for p in out.iterdir()} == {
+        *("summary.json", "history.csv", "fields"),
+        *("fibres.vtu", "fibres.csv", "fibres.inp"),
+    }
     summary = json.loads((out / "summary.json").read_text())
     assert set(summary) == {
         *("scene", "formulation", "n_elements", "n_dofs", "converged", "load_factor"),

@@ -41,8 +41,8 @@ LAYERS = {
     "solve": ("fabric", "mesh", "registration"),
     "adaptive": ("solve", "ply.refinement", "ply"),
     "scenes": ("solve", "ply", "fabric", "mesh", "registration"),
-    "io": ("solve", "mesh"),
-    "plot": ("io", "solve"),
+    "io": ("solve", "fabric", "mesh"),
+    "plot": ("io", "solve", "fabric", "mesh"),
     "sweep": ("solve", "cli.output"),
     "cli": (
         *("plot", "io", "scenes", "adaptive", "solve", "ply", "fabric", "mesh"),

@@ -166,8 +166,10 @@ class Tabulated(Drawn):
             steep = not np.isfinite(np.diff(y) / np.diff(x)).all()
         if steep:
             raise ValueError("the table rises faster than numbers go")
-        with np.errstate(over="ignore"):  # of slopes that are almost none
+        with np.errstate(over="ignore", invalid="ignore"):  # of slopes that are none
             value = PchipInterpolator(x, y)
+        if not np.isfinite(value(x)).all():
+            raise ValueError("the table has values larger than a cubic can go through")
         energy = value.antiderivative()
         return _Curve(*self.shown, energy, value, value.derivative())
 

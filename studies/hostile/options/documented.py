@@ -106,8 +106,14 @@ _CHECKS = (
     "corners",
 )
 
-#: Parameters of laws that are not tried here: any but the default is refused.
+#: Parameters of laws that are not tried here, and files of fabrics and directions, of
+#: which no line has a sound one: any but the default is refused.
 OF_OTHER_LAWS = {
+    "directions": Option(str, None),
+    "fabric": Option(str, None),
+    "thickness": Option(float, None),
+    "units": Option(str, "N mm"),
+    "material": Option(str, None),
     "fibre-warp-crimp": Option(str, None),
     "fibre-weft-crimp": Option(str, None),
     "fibre-bending": Option(str, None),

@@ -1,17 +1,16 @@
 """Input files of Abaqus: nodes, elements and sets."""
 
-import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import meshio
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.checks import MeshError
-from ..mesh.user_input import excerpt, printable
-from .file_numbers import from_words, refuse_duplicates, tag_positions
+from ...mesh.checks import MeshError
+from ...mesh.user_input import excerpt, printable
+from ..file_numbers import from_words, refuse_duplicates, tag_positions
+from .keywords import Block, blocks
 
 # Types of elements, by cell and its number of nodes.
 _TYPES = {
@@ -32,18 +31,6 @@ _PARAMETERS = {
 # Keywords without effect on the mesh, and those that generate or change parts of it.
 _WITHOUT_EFFECT = ("HEADING", "PREPRINT", "PART", "ASSEMBLY", "INSTANCE")
 _GENERATING = ("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY")
-
-
-class _Block(NamedTuple):
-    """A keyword, its parameters, and the words of its data lines."""
-
-    keyword: str
-    parameters: dict[str, str]
-    data: list[list[bytes]]
-
-    def __str__(self) -> str:
-        name = self.parameters.get(self.keyword)
-        return f"*{printable(self.keyword)}" + (f" {name!r}" if name else "")
 
 
 @dataclass
@@ -94,8 +81,44 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
         If the file departs from its format, or has other elements than edges,
         triangles and four-node quadrilaterals.
     """
+    deck = _deck(content)
+    return _mesh(deck), deck.ignored
+
+
+def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
+    """Numbers of the triangles and quadrilaterals of a file, and sets of elements.
+
+    Returns
+    -------
+    tuple
+        The numbers in the order of the file, as of the elements of its mesh; and the
+        members of each set by its name in capitals.
+
+    Raises
+    ------
+    MeshError
+        As from `read`, where nodes and elements are concerned.
+    """
+    deck = _deck(content)
+    sets: dict[str, ndarray] = {}
+    for kind, numbers, _, name in deck.blocks:
+        if name is not None and kind != "line":
+            others = sets.get(name.upper(), numbers[:0])
+            sets[name.upper()] = np.concatenate([others, numbers])
+    for (keyword, name), members in deck.sets.items():
+        if keyword == "ELSET":
+            sets[name.upper()] = members
+    plane = [numbers for kind, numbers, _, _ in deck.blocks if kind != "line"]
+    if not plane:
+        raise MeshError("it has no *ELEMENT")
+    numbers = np.concatenate(plane)
+    refuse_duplicates(numbers, "element")
+    return numbers, sets
+
+
+def _deck(content: bytes) -> _Deck:
     deck, keywords = _Deck(n_lines=content.count(b"\n") + content.count(b"\r")), set()
-    for block in _blocks(content):
+    for block in blocks(content):
         if block.keyword in ("NODE", "PART", "INSTANCE") and block.keyword in keywords:
             raise MeshError(
                 f"there is more than one *{block.keyword} block; put the whole mesh in "
@@ -106,34 +129,10 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
             _read_block(deck, block)
         except MeshError as error:
             raise MeshError(f"{block}: {error}") from None
-    return _mesh(deck), deck.ignored
+    return deck
 
 
-def _blocks(content: bytes) -> Iterator[_Block]:
-    """All keywords, each with its data."""
-    lines = re.split(rb"\r\n|\n|\r", content)
-    stripped = (line.strip() for line in lines)
-    lines = [line for line in stripped if line and not line.startswith(b"**")]
-    starts = [i for i, line in enumerate(lines) if line.startswith(b"*")]
-    if starts[:1] != [0]:
-        raise MeshError("it does not begin with a keyword of Abaqus")
-    for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
-        first, head = start + 1, lines[start][1:]
-        while head.endswith(b",") and first < end:
-            head, first = head + lines[first], first + 1
-        keyword, *words = head.decode(errors="replace").split(",")
-        pairs = [word.partition("=") for word in words if word.strip()]
-        parameters = {key.strip().upper(): value.strip() for key, _, value in pairs}
-        data = [
-            [word.strip() for word in line.split(b",")] for line in lines[first:end]
-        ]
-        block = _Block(" ".join(keyword.upper().split()), parameters, data)
-        if len(parameters) < len(pairs):
-            raise MeshError(f"{block} has a parameter twice")
-        yield block
-
-
-def _read_block(deck: _Deck, block: _Block) -> None:
+def _read_block(deck: _Deck, block: Block) -> None:
     keyword, parameters, data = block
     if keyword == "INCLUDE":
         raise MeshError("is not followed; put the mesh in one file")
