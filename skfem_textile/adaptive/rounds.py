@@ -8,6 +8,9 @@ import numpy as np
 
 from ..solve.result import Result
 
+#: Unknowns at most, unless told otherwise: a run of about a minute.
+MOST_UNKNOWNS = 50_000
+
 
 @dataclass(frozen=True)
 class Round:

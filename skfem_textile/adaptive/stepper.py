@@ -17,15 +17,12 @@ from ..solve.states import ErrorEstimate, Iteration, NoEquilibriumError, State
 from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
 from ..solve.stepping.error_estimate import estimated_error, refuse_single_nodes
 from ..solve.strategies import Strategy
-from .rounds import AdaptiveResult, Round, counted
+from .rounds import MOST_UNKNOWNS, AdaptiveResult, Round, counted
 
 if TYPE_CHECKING:
     from ..ply import Ply
 
 log = logging.getLogger(__name__)
-
-#: Unknowns at most, unless told otherwise: a run of about a minute.
-MOST_UNKNOWNS = 50_000
 
 # Share of the squares of the jumps that the elements carry which are refined.  Chosen:
 # with less there are more rounds, with more elements are refined that need not be.

@@ -1,14 +1,21 @@
 """The pictures of a run."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeAlias
 
-import numpy as np
+from numpy import ndarray
 
 from ..scenes import Scene
 from ..solve.result import Result
+from .case.curve import curve_of
 from .interruption import held
+from .test_curves import ANGLE, DISPLACEMENT, FORCE, NORMALISED
 
-#: Files of the pictures.
+#: Columns of a curve by their headings.
+Curve: TypeAlias = Mapping[str, ndarray]
+
+#: Files of the pictures of every run.
 PICTURES = (
     "fibre_strain.png",
     "shear_angle.png",
@@ -17,8 +24,18 @@ PICTURES = (
     "animation.gif",
 )
 
+#: Files of the further pictures of a shear test.
+OF_SHEAR_TESTS = ("load_by_angle.png", "normalised_load.png")
 
-def draw(scene: Scene, result: Result, folder: Path) -> None:
+#: Pictures of a curve: their titles, and what is drawn over what.
+CURVES = {
+    "load.png": ("Force against displacement", DISPLACEMENT, FORCE),
+    "load_by_angle.png": ("Force against shear angle", ANGLE, FORCE),
+    "normalised_load.png": ("Normalised shear force", ANGLE, NORMALISED),
+}
+
+
+def draw(scene: Scene, result: Result, test: Curve | None, folder: Path) -> None:
     """Draw all pictures into a folder; a signal waits until the current one is done."""
     with held():  # VTK may crash if it is interrupted
         from .. import plot
@@ -31,20 +48,25 @@ def draw(scene: Scene, result: Result, folder: Path) -> None:
             picture(result, filename=folder / name)
     with held():
         plot.animation(result, folder / "animation.gif")
-    _draw_load(scene, result, folder / "load.png")
+    draw_curves(curve_of(scene, result), test, folder)
 
 
-def _draw_load(scene: Scene, result: Result, file: Path) -> None:
-    """Draw the force on the driven edge over its displacement."""
+def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
+    """Draw what `CURVES` says into a folder, as far as run or test have the columns."""
     from ..plot.curves import curves
 
-    moved = np.array([scene.driven_displacement(state) for state in result.states])
-    axis = np.abs(moved).max(axis=0).argmax()  # along which the edge moves further
-    x, y = np.transpose([scene.reaction(state) for state in result.states])
-    lines = {"along x": (moved[:, axis], x), "along y": (moved[:, axis], y)}
-    curves(
-        {"Force on the driven edge": lines},
-        f"Mean displacement of the driven edge along {'xy'[axis]} (mm)",
-        "Force (N)",
-        file,
-    )
+    for name, (title, x, y) in CURVES.items():
+        both = {"run": run, "test": test or {}}
+        lines = {
+            label: (curve[x], curve[y])
+            for label, curve in both.items()
+            if x in curve and y in curve
+        }
+        if "run" in lines:
+            curves({title: lines}, _axis(x), _axis(y), folder / name)
+
+
+def _axis(heading: str) -> str:
+    """What stands on an axis for a heading."""
+    heading = heading.replace("(deg)", "(°)")
+    return heading[:1].upper() + heading[1:]
