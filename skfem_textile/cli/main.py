@@ -10,6 +10,7 @@ from typing import Any
 from ..mesh.user_input import printable
 from ..registration import Option
 from ..scenes import SCENES
+from ..scenes.shear_test import ShearTest
 from .case.build import case_of
 from .case.file import CaseFileError, in_file_words, read_case_file
 from .case.options import options_of, tables_of
@@ -69,7 +70,7 @@ def _run(arguments: Sequence[str]) -> int:
         if options.command == "report":
             from .report.page import write_report
 
-            return write_report(options.folder, options.test_curve)
+            return write_report(options.folder, options.test_curve, _shear_test)
         if is_case_file(options.scene):
             return _run_file(Path(options.scene), options)
         given = {o.key: _given(o, options) for o in own[options.scene]}
@@ -88,6 +89,12 @@ def _run_file(path: Path, options: argparse.Namespace) -> int:
     except ValueError as error:
         said = in_file_words(str(error), every[values["scene"]])
         raise CaseFileError(f"{printable(path)}: {said}") from None
+
+
+def _shear_test(path: Path) -> ShearTest | None:
+    """The test of shear that the case of a file is."""
+    every = {name: tables_of(scene) for name, scene in SCENES.items()}
+    return case_of(read_case_file(path, every))[0].scene.shear_test
 
 
 def _run_case(values: dict[str, Any], options: argparse.Namespace) -> int:

@@ -1,19 +1,12 @@
 """The pictures of a run."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeAlias
-
-from numpy import ndarray
 
 from ..scenes import Scene
 from ..solve.result import Result
-from .case.curve import curve_of
+from .case.curve import Curve, completed, curve_of
+from .curves_of_tests import ANGLE, DISPLACEMENT, FORCE, NORMALISED
 from .interruption import held
-from .test_curves import ANGLE, DISPLACEMENT, FORCE, NORMALISED
-
-#: Columns of a curve by their headings.
-Curve: TypeAlias = Mapping[str, ndarray]
 
 #: Files of the pictures of every run.
 PICTURES = (
@@ -48,7 +41,8 @@ def draw(scene: Scene, result: Result, test: Curve | None, folder: Path) -> None
             picture(result, filename=folder / name)
     with held():
         plot.animation(result, folder / "animation.gif")
-    draw_curves(curve_of(scene, result), test, folder)
+    measured = completed(test, scene.shear_test) if test else None
+    draw_curves(curve_of(scene, result), measured, folder)
 
 
 def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:

@@ -19,14 +19,14 @@ from ..solve.stepper import LoadStepper
 from . import pictures
 from .case.curve import CURVE, curve_of, write_curve
 from .case.written import WRITTEN_FILES, WrittenCase, refuse_foreign_case
+from .curves_of_tests import read_test_curve
 from .interruption import INTERRUPTED, held
 from .output import OutputError, complain, say
 from .progress import load
 from .result_folder import ResultFolder
-from .test_curves import read_test_curve
 
 if TYPE_CHECKING:
-    from .pictures import Curve
+    from .case.curve import Curve
     from .progress import Stepper
 
 # Every picture that a run may draw.

@@ -18,8 +18,11 @@ from .drawing import (
     deformed,
     draw,
     empty_panels,
+    least_spacing,
+    mean_side,
     panel,
     scale_bar,
+    seen_edges,
     write_png,
 )
 from .offscreen import require_offscreen
@@ -133,6 +136,9 @@ def fibre_directions(
 ) -> pv.Plotter:
     """Directions of warp (blue) and weft (red): a line per element and family.
 
+    Where elements are too small for that, some of them have lines.
+
+
     Parameters, returned value and errors as for `fibre_strain`.
     """
     path, titles = check_arguments(results, titles, filename)
@@ -142,10 +148,10 @@ def fibre_directions(
     for column, (result, ply) in enumerate(zip(results, plies, strict=True)):
         plotter.subplot(0, column)
         plotter.add_mesh(ply, color=_PLY, lighting=False)
-        plotter.add_mesh(ply.extract_all_edges(), color=_EDGES, line_width=1)
+        plotter.add_mesh(seen_edges(ply, view), color=_EDGES, line_width=1)
         fields = cell_fields(result.ply, result.u)
         for family, colour in (("warp", _WARP), ("weft", _WEFT)):
-            lines = _segments(ply, fields[f"{family}_direction"])
+            lines = _segments(ply, fields[f"{family}_direction"], view)
             plotter.add_mesh(lines, color=colour, line_width=3)
         decorate(plotter, f"Fibre directions, {titles[column]}", view)
     plotter.subplot(1, 0)
@@ -162,10 +168,15 @@ def fibre_directions(
     return plotter
 
 
-def _segments(ply: pv.UnstructuredGrid, direction: ndarray) -> pv.PolyData:
-    """A line through the centre of each element."""
-    length = _LINE_LENGTH * np.sqrt(ply.compute_cell_sizes()["Area"].mean())
+def _segments(ply: pv.UnstructuredGrid, direction: ndarray, view: View) -> pv.PolyData:
+    """A line through the centre of each element, or of one in each square of a grid."""
+    spacing = max(mean_side(ply), least_spacing(view))
+    length = _LINE_LENGTH * spacing
     centre = ply.cell_centers().points + np.array([0, 0, _LINE_HEIGHT * length])
+    if spacing > mean_side(ply):
+        square = np.floor(centre[:, :2] / spacing).astype(int)
+        _, some = np.unique(square, axis=0, return_index=True)
+        centre, direction = centre[some], direction[some]
     half = 0.5 * length * direction
     ends = np.stack([centre - half, centre + half], axis=1).reshape(-1, 3)
     return pv.line_segments_from_points(ends)

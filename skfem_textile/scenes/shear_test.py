@@ -1,46 +1,45 @@
 """What machines of shear tests measure, and the shear force that it tells of."""
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy import ndarray
 
-# Shares of the largest fall of the pull beyond which a bias test is none: rounding.
+# Angle in radians up to which a ply is at rest: rounding.
 _ROUND_OFF = 1e-9
 
 
-class Measured(NamedTuple):
-    """The curve of a shear test, a row for each state; each of shape (n,).
-
-    Attributes
-    ----------
-    displacement, force
-        Of the machine, in mm and N.
-    angle
-        Shear angle in radians that the displacement means where no fibre stretches.
-    normalised
-        Shear force per length in N/mm that the force means then: the shear moment per
-        area over cos γ.
-    """
-
-    displacement: ndarray
-    force: ndarray
-    angle: ndarray
-    normalised: ndarray
-
-
 class ShearTest(Protocol):
-    """A test that shears a fabric."""
+    """A test that shears a fabric, in the terms of its machine."""
 
-    def measured(self, moved: ndarray, force: ndarray) -> Measured:
-        """What the machine measures.
+    def measured(self, moved: ndarray, force: ndarray) -> tuple[ndarray, ndarray]:
+        """Displacement and force of the machine in mm and N, each of shape (n,).
 
         Parameters
         ----------
         moved, force
             Displacements of the driven edge in mm, and the forces on it in N, of each
             state from the undeformed one on, shape (n, 2).
+        """
+        ...
+
+    def angle(self, displacement: ndarray) -> ndarray:
+        """Shear angle in radians that a displacement means if no fibre stretches.
+
+        NaN beyond what such fibres reach.
+        """
+        ...
+
+    def normalised(self, angle: ndarray, force: ndarray) -> ndarray:
+        """Shear force per length in N/mm: the shear moment per area over cos γ.
+
+        Parameters
+        ----------
+        angle
+            Shear angles in radians, from zero on.
+        force
+            Forces of the machine in N.
         """
         ...
 
@@ -64,23 +63,33 @@ class BiasTest:
     height: float
     share: float = 1.0
 
-    def measured(self, moved: ndarray, force: ndarray) -> Measured:
-        """The pull along y.
+    def measured(self, moved: ndarray, force: ndarray) -> tuple[ndarray, ndarray]:
+        """The pull along y, of the whole ply."""
+        return moved[:, 1], force[:, 1] / self.share
 
-        The shear angle is γ = 2 (asin(sin θ + δ/(2L)) − θ), and the shear moment that
-        of `bias_extension.force`, of which γ/2 is looked up on the curve itself
-        (Cao et al., Composites A 39, 2008, 1037–1053, Eq. 16, at θ = 45°).
+    def angle(self, displacement: ndarray) -> ndarray:
+        """γ = 2 (asin(sin θ + δ/(2L)) − θ)."""
+        theta = self.inclination
+        with np.errstate(invalid="ignore"):
+            turned = np.arcsin(np.sin(theta) + displacement / (2 * self._free_length))
+        return 2 * (turned - theta)
+
+    def normalised(self, angle: ndarray, force: ndarray) -> ndarray:
+        """From the force of `bias_extension.force`: γ/2 is looked up on the curve.
+
+        At θ = 45° that is Eq. 16 of Cao et al., Composites A 39 (2008) 1037–1053.
         """
         theta, W, H = self.inclination, self.width, self.height
-        L = (H / np.sin(theta) - W / np.cos(theta)) / 2
-        pulled, F = moved[:, 1], force[:, 1] / self.share
-        with np.errstate(invalid="ignore"):  # of a ply pulled further than it goes
-            gamma = 2 * (np.arcsin(np.sin(theta) + pulled / (2 * L)) - theta)
-        work = F * L * np.cos(theta + gamma / 2)
+        work = force * self._free_length * np.cos(theta + angle / 2)
         whole = W * (H - 1.5 * W * np.tan(theta))
         half = 0.5 * W**2 * np.tan(theta)
-        moment = _with_half(gamma, work, whole, half)
-        return Measured(pulled, F, gamma, moment / np.cos(gamma))
+        return _with_half(angle, work, whole, half) / np.cos(angle)
+
+    @property
+    def _free_length(self) -> float:
+        """L of the fibres that meet no clamp, in mm."""
+        theta = self.inclination
+        return (self.height / np.sin(theta) - self.width / np.cos(theta)) / 2
 
 
 @dataclass(frozen=True)
@@ -95,7 +104,7 @@ class FrameTest:
 
     side: float
 
-    def measured(self, moved: ndarray, force: ndarray) -> Measured:
+    def measured(self, moved: ndarray, force: ndarray) -> tuple[ndarray, ndarray]:
         """The pull along the diagonal.
 
         The top bar has the force L C (cos γ, −sin γ), with the shear moment C per area;
@@ -106,14 +115,23 @@ class FrameTest:
         gamma = np.arctan2(moved[:, 0], L + moved[:, 1])
         along = force[:, 0] * np.cos(gamma) - force[:, 1] * np.sin(gamma)
         half = np.pi / 4 - gamma / 2
-        apart = 2 * L * (np.cos(half) - np.sqrt(0.5))
-        return Measured(apart, along / np.sin(half), gamma, along / L / np.cos(gamma))
+        return 2 * L * (np.cos(half) - np.sqrt(0.5)), along / np.sin(half)
+
+    def angle(self, displacement: ndarray) -> ndarray:
+        """γ = π/2 − 2 acos(1/√2 + δ/(2L))."""
+        with np.errstate(invalid="ignore"):
+            half = np.arccos(np.sqrt(0.5) + displacement / (2 * self.side))
+        return np.pi / 2 - 2 * half
+
+    def normalised(self, angle: ndarray, force: ndarray) -> ndarray:
+        """F sin(π/4 − γ/2)/(L cos γ)."""
+        return force * np.sin(np.pi / 4 - angle / 2) / (self.side * np.cos(angle))
 
 
 def _with_half(gamma: ndarray, work: ndarray, whole: float, half: float) -> ndarray:
     """The C of whole C(γ) + half C(γ/2) = work, straight between the states.
 
-    C is zero at rest.  NaN where the angles do not rise.
+    C is zero at rest.  NaN where an angle is not above all before.
     """
     known, moment = [0.0], [0.0]
     found = np.full(gamma.shape, np.nan)
@@ -122,8 +140,8 @@ def _with_half(gamma: ndarray, work: ndarray, whole: float, half: float) -> ndar
             found[i] = 0.0
             continue
         last = known[-1]
-        if not angle > last:
-            break
+        if not (angle > last and np.isfinite(W)):
+            continue
         if angle / 2 <= last:
             C = (W - half * np.interp(angle / 2, known, moment)) / whole
         else:  # between the state before and this one

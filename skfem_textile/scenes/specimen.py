@@ -96,7 +96,7 @@ def specimen(
         driven=_driven(moves, conditions, driven),
         displacement=_unknown_displacement,
         shear_angle=_unknown_shear_angle,
-        misfit="it is known for no specimen",
+        misfit="no specimen has one",
         shear_test=_bias_test(mesh, warp, weft, dict(moves)),
     )
 

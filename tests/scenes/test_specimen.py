@@ -28,7 +28,7 @@ def test_a_specimen_is_what_its_conditions_say():
 def test_a_specimen_has_no_exact_answer():
     scene = specimen(size=(2, 4))
     summary = scene.summary(loaded(scene))
-    assert summary["exact_answer"] == "none: it is known for no specimen"
+    assert summary["exact_answer"] == "none: no specimen has one"
     assert "displacement_error_rms" not in summary
     turned = specimen(size=(2, 4)).rotated(0.3)
     other = turned.summary(loaded(turned))

@@ -1,14 +1,20 @@
 """The curve that a machine would measure, from the states of a run."""
 
 import csv
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy import ndarray
 
 from ...scenes import Scene
+from ...scenes.shear_test import ShearTest
 from ...solve.result import Result
-from ..test_curves import ANGLE, DISPLACEMENT, FORCE, NORMALISED
+from ..curves_of_tests import ANGLE, DISPLACEMENT, FORCE, NORMALISED
+
+#: Columns of a curve by their headings.
+Curve: TypeAlias = Mapping[str, ndarray]
 
 #: The file of the curve.
 CURVE = "curve.csv"
@@ -27,13 +33,29 @@ def curve_of(scene: Scene, result: Result) -> dict[str, ndarray]:
     if scene.shear_test is None:
         axis = np.abs(moved).max(axis=0).argmax()
         return {DISPLACEMENT: moved[:, axis], FORCE: force[:, axis]}
-    test = scene.shear_test.measured(moved, force)
-    return {
-        DISPLACEMENT: test.displacement,
-        FORCE: test.force,
-        ANGLE: np.degrees(test.angle),
-        NORMALISED: test.normalised,
-    }
+    displacement, pull = scene.shear_test.measured(moved, force)
+    return completed({DISPLACEMENT: displacement, FORCE: pull}, scene.shear_test)
+
+
+def completed(curve: Curve, test: ShearTest | None) -> dict[str, ndarray]:
+    """A curve with the columns that follow from others, where it lacks them.
+
+    Parameters
+    ----------
+    curve
+        Columns by their headings.
+    test
+        The test that it is of; None if it is of none.
+    """
+    curve = dict(curve)
+    if test is None:
+        return curve
+    if ANGLE not in curve and DISPLACEMENT in curve:
+        curve[ANGLE] = np.degrees(test.angle(curve[DISPLACEMENT]))
+    if NORMALISED not in curve and FORCE in curve:
+        angle = np.radians(curve[ANGLE])
+        curve[NORMALISED] = test.normalised(angle, curve[FORCE])
+    return curve
 
 
 def write_curve(curve: dict[str, ndarray], path: Path) -> None:

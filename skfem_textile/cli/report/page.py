@@ -3,18 +3,20 @@
 import json
 import tempfile
 import tomllib
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Any, TypeAlias
 
 from ...mesh.user_input import printable
-from ..case.curve import CURVE
+from ...scenes.shear_test import ShearTest
+from ..case.curve import CURVE, completed
 from ..case.written import CASE
+from ..curves_of_tests import read_test_curve
 from ..output import say
 from ..pictures import CURVES, draw_curves
 from ..result_folder import ResultFolder
-from ..test_curves import read_test_curve
 from .parts import (
     CITATION,
     case,
@@ -28,6 +30,9 @@ from .parts import (
     verdict,
 )
 
+#: The test of shear that the case in a file is, if it is one.
+ShearTestOf: TypeAlias = Callable[[Path], ShearTest | None]
+
 #: The file of the report.
 REPORT = "report.html"
 
@@ -40,7 +45,7 @@ _PICTURES = {
 }
 
 
-def write_report(folder: Path, test_curve: Path | None = None) -> int:
+def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf) -> int:
     """Write ``report.html`` into the folder of a run; returns the exit code.
 
     The page holds all its pictures and refers to nothing else.  The curves are drawn
@@ -52,6 +57,8 @@ def write_report(folder: Path, test_curve: Path | None = None) -> int:
         Results of a run.
     test_curve
         The curve of a test, in place of the one that the case names.
+    shear_test
+        The test of shear that the case in a file is, if it is one.
 
     Raises
     ------
@@ -62,7 +69,8 @@ def write_report(folder: Path, test_curve: Path | None = None) -> int:
     """
     summary = _summary(folder)
     text = _text(folder / CASE)
-    drawn, why_not = _drawn_curves(folder, test_curve or _named_test(folder, text))
+    test = test_curve or _named_test(folder, text)
+    drawn, why_not = _drawn_curves(folder, test, shear_test)
     pictures = {
         title: (folder / name).read_bytes()
         for name, title in _PICTURES.items()
@@ -77,7 +85,7 @@ def write_report(folder: Path, test_curve: Path | None = None) -> int:
         verdict=verdict(summary),
         figures=figures(summary),
         curves=gallery(drawn) if drawn else paragraph(why_not),
-        pictures=gallery(pictures, wide=True) if pictures else paragraph(nothing),
+        pictures=gallery(pictures) if pictures else paragraph(nothing),
         case=case(text),
         every=every_figure(summary),
         versions=table(summary.get("versions", {})),
@@ -124,12 +132,17 @@ def _named_test(folder: Path, text: str | None) -> Path | None:
     return folder / named if isinstance(named, str) else None
 
 
-def _drawn_curves(folder: Path, test: Path | None) -> tuple[dict[str, bytes], str]:
+def _drawn_curves(
+    folder: Path, test: Path | None, shear_test: ShearTestOf
+) -> tuple[dict[str, bytes], str]:
     """Pictures of the curves by their titles, or why there are none."""
     if not (folder / CURVE).is_file():
         return {}, f"The folder holds no {CURVE}."
     run = read_test_curve(folder / CURVE)
-    measured = read_test_curve(test) if test else None
+    measured = None
+    if test:
+        of = shear_test(folder / CASE) if (folder / CASE).is_file() else None
+        measured = completed(read_test_curve(test), of)
     with tempfile.TemporaryDirectory() as scratch:
         try:
             draw_curves(run, measured, Path(scratch))

@@ -107,10 +107,10 @@ def case(text: str | None) -> str:
     return f'<div class="box" tabindex="0"><pre>{escape(text)}</pre></div>'
 
 
-def gallery(pictures: Mapping[str, bytes], wide: bool = False) -> str:
+def gallery(pictures: Mapping[str, bytes]) -> str:
     """Pictures by their titles, held by the page itself."""
     shown = "\n".join(_shown(title, data) for title, data in pictures.items())
-    return f'<div class="pictures{" wide" if wide else ""}">\n{shown}\n</div>'
+    return f'<div class="pictures">\n{shown}\n</div>'
 
 
 def paragraph(text: str) -> str:

@@ -7,7 +7,7 @@ import pytest
 from command_line import refused
 
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.test_curves import read_test_curve
+from skfem_textile.cli.curves_of_tests import read_test_curve
 
 OUT = ("--size", "2x4", "--steps", "2", "--no-render")
 
