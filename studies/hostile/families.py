@@ -1,5 +1,6 @@
 """The families of trials."""
 
+from .cases import trials as case_trials
 from .disk import disk_trials, kill_trials
 from .meshes.trials import family as mesh_files
 from .options import trials as option_trials
@@ -14,6 +15,7 @@ FAMILIES: tuple[Family, ...] = (
     mesh_files("vtu", 1500),
     mesh_files("vtk", 1500),
     option_trials.FAMILY,
+    case_trials.FAMILY,
     mesh_trials.FAMILY,
     argument_trials.FAMILY,
     checkpoint_trials.FAMILY,

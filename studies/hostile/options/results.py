@@ -79,7 +79,9 @@ def _check_inputs(line: RunLine, summary: dict[str, Any]) -> None:
         expected.update(names)
     inputs = {k: v for k, v in summary["inputs"].items() if k != "version"}
     expected = {k.replace("-", "_"): v for k, v in expected.items()}
-    _expect("inputs", inputs, {"scene": line.scene, **expected})
+    drawn = not line.values["no-render"]
+    also = {"scene": line.scene, "regions": {}, "pictures": drawn}
+    _expect("inputs", inputs, {**also, **expected})
     _expect("scene", summary["scene"], line.scene)
     _expect("formulation", summary["formulation"], line.values["formulation"])
     empty = {k for k, v in summary.items() if v is None} - {"negative_pivots"}

@@ -44,7 +44,7 @@ def attempt(seed: int, folder: Path) -> Finding:
     _fill_folder(folder, words)
     before = folder_content(whole)
     expected, certain = _expected(words)
-    code, out, err = _run(words, folder)
+    code, out, err = run_line(words, folder)
     shown = repr(words)[:1000]
     if code == 2:
         untouched = before == folder_content(whole)
@@ -104,7 +104,7 @@ def _unclear(line: RunLine, code: int, out: str, err: str) -> str:
     return "" if last.startswith("results in ") else f"stdout: {out[-300:]}"
 
 
-def _run(words: Sequence[str], folder: Path) -> tuple[int, str, str]:
+def run_line(words: Sequence[str], folder: Path) -> tuple[int, str, str]:
     """Exit code, stdout and stderr of a command line."""
     logging.getLogger("skfem_textile").handlers.clear()
     files = [Path(f"{folder}.{name}") for name in ("out", "err")]
