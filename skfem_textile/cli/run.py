@@ -63,7 +63,11 @@ def run(
     from .. import io  # loads meshio
 
     stepper = stepper_of(_checkpoint(options))
-    test = read_test_curve(values["test_curve"]) if values["test_curve"] else None
+    test = (
+        read_test_curve(values["test_curve"])
+        if values["test_curve"] is not None
+        else None
+    )
     refuse_foreign_case(options.out)
     fields = (f"fields/{name}" for name in io.FIELDS)
     tables = ("summary.json", "history.csv", CURVE)

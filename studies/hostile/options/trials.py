@@ -159,6 +159,8 @@ def _fill_folder(folder: Path, words: Sequence[str]) -> None:
     for name in ("junk.msh", "junk.vtu", "junk.inp", "file"):
         (folder / name).write_bytes(junk)
     (folder / "empty.vtu").touch()
+    curve = "displacement (mm),force (N)\n0,0\n5,2\n"
+    (folder / "curve.csv").write_text(curve)
     for name in ("folder", "there", "blocked/summary.json", "junk", "unfinished"):
         (folder / name).mkdir(parents=True)
     (folder / "junk" / "run.npz").write_bytes(junk)
