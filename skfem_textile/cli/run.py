@@ -63,11 +63,8 @@ def run(
     from .. import io  # loads meshio
 
     stepper = stepper_of(_checkpoint(options))
-    test = (
-        read_test_curve(values["test_curve"])
-        if values["test_curve"] is not None
-        else None
-    )
+    named = values["test_curve"]
+    test = None if named is None else read_test_curve(named)
     refuse_foreign_case(options.out)
     fields = (f"fields/{name}" for name in io.FIELDS)
     tables = ("summary.json", "history.csv", CURVE)

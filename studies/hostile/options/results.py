@@ -162,6 +162,8 @@ def _check_mesh(line: RunLine, summary: dict[str, Any], first: meshio.Mesh) -> N
 def _check_fields(line: RunLine, first: meshio.Mesh, last: meshio.Mesh) -> None:
     """Check inclinations of the fibres at rest, and tension against strain."""
     v = line.values
+    if v["fibre-compression"] == "none":
+        return  # a smooth switch leaves some tension at rest, which moves the fibres
     pointwise = v["formulation"] != "macro" and v["deviation"] is None
     angles = edge_motions.fibres(line)
     for family, angle in zip(("warp", "weft"), angles, strict=True):
@@ -171,7 +173,7 @@ def _check_fields(line: RunLine, first: meshio.Mesh, last: meshio.Mesh) -> None:
         strain = last.cell_data[f"{family}_strain"][0]
         tension = last.cell_data[f"{family}_tension"][0]
         E = v["fibre-stiffness"]
-        if pointwise and v["fibre-compression"] == "law":
+        if pointwise:
             _expect_near(f"{family} tension", tension, E * strain, E)
 
 
