@@ -195,7 +195,7 @@ def _type(option: Option) -> Any:
 def _value(where: str, option: Option, given: Any, folder: Path) -> Any:
     """The value of an option, which its reader checks as it does a word."""
     if isinstance(given, dict):
-        return list(given.items())
+        return [_pair(where, option, *pair) for pair in given.items()]
     if not isinstance(given, str):
         words = given if isinstance(given, list) else []
     elif option.names_file and option.names_file(given):
@@ -215,6 +215,16 @@ def _value(where: str, option: Option, given: Any, folder: Path) -> Any:
         except ValueError as error:
             raise ValueError(f"{where}: {printable(error)}") from None
     return given
+
+
+def _pair(where: str, option: Option, name: str, given: Any) -> Any:
+    """A name and its value, which the reader checks as it does ``NAME=VALUE``."""
+    parts = given if isinstance(given, tuple) else (given,)
+    word = f"{name.replace('=', '_')}={','.join(map(str, parts))}"
+    try:
+        return name, option.read(word)[1]
+    except ValueError as error:
+        raise ValueError(f"{where}: {printable(error)}") from None
 
 
 def _table(where: str, given: Any) -> dict[str, Any]:
