@@ -8,6 +8,11 @@ import numpy as np
 
 from ..solve.result import Result
 
+#: Unknowns at most, unless told otherwise: a run that reaches them takes about 80 s on
+#: one core, with all of its meshes (`skfem-textile run bias_extension --mesh delaunay
+#: --size 10x20 --tolerance 1e-6 --no-render --out DIR`).
+MOST_UNKNOWNS = 50_000
+
 
 @dataclass(frozen=True)
 class Round:

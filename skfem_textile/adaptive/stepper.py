@@ -22,17 +22,12 @@ from ..solve.stepping.error_estimate import (
 )
 from ..solve.stepping.work import change_of, work_of
 from ..solve.strategies import Strategy
-from .rounds import AdaptiveResult, Round, counted
+from .rounds import MOST_UNKNOWNS, AdaptiveResult, Round, counted
 
 if TYPE_CHECKING:
     from ..ply import Ply
 
 log = logging.getLogger(__name__)
-
-#: Unknowns at most, unless told otherwise: a run that reaches them takes about 80 s on
-#: one core, with all of its meshes (`skfem-textile run bias_extension --mesh delaunay
-#: --size 10x20 --tolerance 1e-6 --no-render --out DIR`).
-MOST_UNKNOWNS = 50_000
 
 # Share of the squares of the jumps that the elements carry which are refined.  Chosen:
 # with less there are more rounds, with more elements are refined that need not be.

@@ -59,7 +59,8 @@ def mesh_and_fibres(
     plotter = empty_panels(view, 1, 1, slice(None))
     plotter.subplot(0, 0)
     unit = [v / np.hypot(*v) for v in (directions.warp, directions.weft)]
-    add_fibres(plotter, ply, *(np.pad(v, ((0, 1), (0, 0))).T for v in unit))
+    warp, weft = (np.pad(v, ((0, 1), (0, 0))).T for v in unit)
+    add_fibres(plotter, ply, warp, weft, view)
     decorate(plotter, f"Mesh and fibres, {n} elements", view)
     add_legend(plotter)
     if path is not None:

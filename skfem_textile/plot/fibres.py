@@ -4,6 +4,8 @@ import numpy as np
 import pyvista as pv
 from numpy import ndarray
 
+from .drawing import View, least_spacing, mean_side, seen_edges
+
 # Chosen by eye, as all sizes and colours below.
 # Width of a name in the legend of fibre directions, and its size in points.
 _LEGEND_WIDTH, _LEGEND_SIZE = 60, 12  # pixels, points
@@ -20,9 +22,15 @@ _WARP, _WEFT = "#0072B2", "#D55E00"
 
 
 def add_fibres(
-    plotter: pv.Plotter, ply: pv.UnstructuredGrid, warp: ndarray, weft: ndarray
+    plotter: pv.Plotter,
+    ply: pv.UnstructuredGrid,
+    warp: ndarray,
+    weft: ndarray,
+    view: View,
 ) -> None:
     """Draw a ply in grey, and a line in each element along both families.
+
+    Where elements are too small for that, some of them have lines.
 
     Parameters
     ----------
@@ -32,11 +40,13 @@ def add_fibres(
         The elements.
     warp, weft
         Unit vectors, shape (n_elements, 3).
+    view
+        What the panel shows.
     """
     plotter.add_mesh(ply, color=_PLY, lighting=False)
-    plotter.add_mesh(ply.extract_all_edges(), color=_EDGES, line_width=1)
+    plotter.add_mesh(seen_edges(ply, view), color=_EDGES, line_width=1)
     for direction, colour in ((warp, _WARP), (weft, _WEFT)):
-        plotter.add_mesh(_segments(ply, direction), color=colour, line_width=3)
+        plotter.add_mesh(_segments(ply, direction, view), color=colour, line_width=3)
 
 
 def add_legend(plotter: pv.Plotter) -> None:
@@ -52,10 +62,15 @@ def add_legend(plotter: pv.Plotter) -> None:
         )
 
 
-def _segments(ply: pv.UnstructuredGrid, direction: ndarray) -> pv.PolyData:
-    """A line through the centre of each element."""
-    length = _LINE_LENGTH * np.sqrt(ply.compute_cell_sizes()["Area"].mean())
+def _segments(ply: pv.UnstructuredGrid, direction: ndarray, view: View) -> pv.PolyData:
+    """A line through the centre of each element, or of one in each square of a grid."""
+    spacing = max(mean_side(ply), least_spacing(view))
+    length = _LINE_LENGTH * spacing
     centre = ply.cell_centers().points + np.array([0, 0, _LINE_HEIGHT * length])
+    if spacing > mean_side(ply):
+        square = np.floor(centre[:, :2] / spacing).astype(int)
+        _, some = np.unique(square, axis=0, return_index=True)
+        centre, direction = centre[some], direction[some]
     half = 0.5 * length * direction
     ends = np.stack([centre - half, centre + half], axis=1).reshape(-1, 3)
     return pv.line_segments_from_points(ends)

@@ -121,6 +121,8 @@ def fibre_directions(
 ) -> pv.Plotter:
     """Directions of warp (blue) and weft (red): a line per element and family.
 
+    Where elements are too small for that, some of them have lines.
+
     Parameters, returned value and errors as for `fibre_strain`.
     """
     path, titles = check_arguments(results, titles, filename)
@@ -130,7 +132,8 @@ def fibre_directions(
     for column, (result, ply) in enumerate(zip(results, plies, strict=True)):
         plotter.subplot(0, column)
         fields = cell_fields(result.ply, result.u)
-        add_fibres(plotter, ply, fields["warp_direction"], fields["weft_direction"])
+        warp, weft = (fields[f"{family}_direction"] for family in ("warp", "weft"))
+        add_fibres(plotter, ply, warp, weft, view)
         decorate(plotter, f"Fibre directions, {titles[column]}", view)
     add_legend(plotter)
     if path is not None:

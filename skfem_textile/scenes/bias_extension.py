@@ -24,6 +24,7 @@ from ..registration import Option, SceneRegistration, angle
 from ..solve.conditions import Condition
 from .rectangle import misfit, rectangle
 from .scene import Scene
+from .shear_test import BiasTest
 from .trellis import Motion
 
 #: Width of the ply in mm.
@@ -107,6 +108,7 @@ def bias_extension(
         load=lambda law, t: share * force(law, t * shear_angle, W, H, theta),
         load_lost=lambda f, t: lost_to_stretch(f, t * shear_angle, W, H, theta),
         misfit=misfit(mesh, _held(share)),
+        shear_test=BiasTest(theta, W, H, share),
     )
 
 

@@ -49,7 +49,12 @@ def test_a_name_is_registered_once(package):
 @pytest.mark.parametrize(
     ("among", "names"),
     [
-        (SCENES, ["strip", "picture_frame", "trellis", "bias_extension"]),
+        (
+            SCENES,
+            [
+                *("strip", "picture_frame", "trellis", "bias_extension", "specimen"),
+            ],
+        ),
         (
             LAWS,
             [

@@ -235,3 +235,15 @@ def test_a_mesh_of_both_kinds_is_drawn_with_its_fibres_before_a_run(tmp_path):
     assert (tmp_path / "mesh.png").exists()
     with pytest.raises(ValueError, match="3 directions for 4 elements"):
         plot.mesh_and_fibres(MeshQuad().refined(1), directions)
+
+
+@pytest.mark.parametrize(("size", "fine"), [((3, 4), False), ((60, 90), True)])
+def test_edges_of_small_elements_do_not_hide_the_colours(size, fine):
+    """The outline of the ply is left of them."""
+    drawing = pytest.importorskip("skfem_textile.plot.drawing")
+    mesh = strip(size=size).mesh
+    points = np.pad(mesh.p, ((0, 1), (0, 0))).T
+    grid = pv.UnstructuredGrid({pv.CellType.QUAD: mesh.t.T}, points)
+    edges = drawing.seen_edges(grid, drawing.View.of([grid]))
+    every, outer = mesh.facets.shape[1], len(mesh.boundary_facets())
+    assert edges.n_cells == (outer if fine else every)

@@ -69,7 +69,7 @@ def started(*words, **options):
 @pytest.mark.parametrize(
     "families",
     [
-        ("--family", "conditions"),
+        ("--family", "conditions", "case files"),
         ("--family", "deck inp", "deck rad"),
         pytest.param((), id="all", marks=pytest.mark.long),
     ],

@@ -12,25 +12,30 @@ from ...scenes import SCENES, Scene
 
 _UNITS = "N mm"
 
-#: Options of files beside those of laws.
-OPTIONS = (
-    Option(
-        name="directions",
-        help="fibre directions of each element: cell data of a .vtu, a .csv, or "
-        "*ORIENTATION of an .inp, which may be the mesh file",
-        metavar="FILE",
-    ),
+#: The option that takes fibre directions.
+DIRECTIONS = Option(
+    name="directions",
+    help="fibre directions of each element: cell data of a .vtu, a .csv, or "
+    "*ORIENTATION of an .inp, which may be the mesh file",
+    metavar="FILE",
+    names_file=bool,
+)
+
+#: The options of a fabric, the file first.
+FABRIC = (
     Option(
         name="fabric",
         help="all laws: a .json of the package, *FABRIC of an .inp, or LAW58 or LAW158 "
         "of a .rad",
         metavar="FILE",
+        names_file=bool,
     ),
     Option(
         name="thickness",
         help="of the ply in mm, for the stresses of a deck (default: of its section)",
         read=float,
         metavar="MM",
+        unit="mm",
     ),
     Option(name="units", help="force and length of a deck", default=_UNITS),
     Option(name="material", help="of a deck with several fabrics", metavar="NAME"),
@@ -45,7 +50,7 @@ def from_files(
     Parameters
     ----------
     values
-        Values of all options by their keys.
+        Values of all options by their keys, and the ``regions``.
     scene, fabric
         As without files.
     laws
@@ -56,6 +61,12 @@ def from_files(
     ValueError
         If a file is refused, or options contradict each other.
     """
+    for name in ("fabric", "directions"):
+        if values[name] is not None and values["regions"]:
+            raise ValueError(
+                f"--{name} is of the whole ply, but regions have their own: leave "
+                "one of them out"
+            )
     if values["fabric"] is not None:
         _refuse_laws(values, laws)
         from ...io import read_fabric  # loads meshio
@@ -64,7 +75,7 @@ def from_files(
         found = read_fabric(values["fabric"], *told).fabric
         fabric = Fabric(found.tension, found.shear, scene.warp, scene.weft)
     else:
-        for option in OPTIONS[2:]:
+        for option in FABRIC[1:]:
             if values[option.key] != option.default:
                 raise ValueError(f"--{option.name} goes with --fabric")
     if values["directions"] is None:

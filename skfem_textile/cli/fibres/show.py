@@ -11,7 +11,7 @@ from ...mesh.splitting import original_elements
 from ...mesh.user_input import printable
 from ..interruption import held
 from ..output import complain, say
-from ..result_folder import ResultFolder
+from ..results.result_folder import ResultFolder
 
 _PICTURE = "mesh_and_fibres.png"
 _FILES = ("directions.vtu", "directions.csv", "directions.inp")

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from weakref import finalize
 
-from ..solve.checkpoint.lock import Lock
-from .interruption import held
-from .output import OutputError
+from ...solve.checkpoint.lock import Lock
+from ..interruption import held
+from ..output import OutputError
 
 # Prefix of the name of a folder that holds a result until it is complete.
 _SCRATCH = ".unfinished-"

@@ -10,7 +10,7 @@ import pytest
 from command_line import DRAWN, run
 
 from skfem_textile.cli import main as cli
-from skfem_textile.cli import pictures
+from skfem_textile.cli.results import pictures
 from skfem_textile.scenes.bias_extension import WIDTH
 
 
@@ -49,20 +49,26 @@ def test_the_load_is_drawn_over_the_displacement_of_the_driven_edge(
         monkeypatch.setattr(plot, name, lambda *_, **__: None)
     drawn = []
     monkeypatch.setattr(curves, "curves", lambda *given: drawn.append(given))
-    for scene, axis in (("strip", "x"), ("bias_extension", "y")):
+    for scene, axis, number in (("strip", "x", 1), ("bias_extension", "y", 3)):
         out = tmp_path / scene
         options = ("--size", "2x4", "--steps", "2", "--rotate", "30")
         assert cli.main(["run", scene, "--out", str(out), *options]) == 0
-        panels, xlabel, ylabel, _ = drawn.pop()
-        assert xlabel == f"Mean displacement of the driven edge along {axis} (mm)"
-        assert ylabel == "Force (N)"
+        assert len(drawn) == number
+        panels, xlabel, ylabel, file = drawn[0]
+        assert (xlabel, ylabel) == ("Displacement (mm)", "Force (N)")
+        assert file.name == "load.png"
         summary = json.loads((out / "summary.json").read_text())
         (lines,) = panels.values()
-        for name in "xy":
-            moved, force = lines[f"along {name}"]
-            assert force[-1] == pytest.approx(summary[f"reaction_{name}"])
-            assert moved[0] == 0
-            assert moved[-1] > 5
+        moved, force = lines["run"]
+        assert force[-1] == pytest.approx(summary[f"reaction_{axis}"])
+        assert moved[0] == 0
+        assert moved[-1] > 5
+        labels = [given[1:3] for given in drawn]
+        drawn.clear()
+    assert labels[1:] == [
+        ("Angle (°)", "Force (N)"),
+        ("Angle (°)", "Normalised shear force (N/mm)"),
+    ]
     theta, gamma = np.radians(45.0), np.radians(40.0)
     turned = np.sin(theta + np.array([0.0, 0.5, 1.0]) * gamma / 2)
     assert moved == pytest.approx(WIDTH * np.tan(theta) * (turned / np.sin(theta) - 1))
