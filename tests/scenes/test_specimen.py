@@ -8,9 +8,9 @@ from skfem_textile.scenes import Case, bias_extension, specimen
 from skfem_textile.scenes.rectangle import rectangle
 
 
-def loaded(scene):
+def loaded(scene, steps=2):
     fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
-    return Case(scene=scene, fabric=fabric, steps=2, solver="superlu").run()
+    return Case(scene=scene, fabric=fabric, steps=steps, solver="superlu").run()
 
 
 def test_a_specimen_is_what_its_conditions_say():
@@ -42,7 +42,8 @@ def test_a_specimen_pulled_as_a_bias_extension_has_its_load():
     moves = [("bottom", (0, 0)), ("top", (0, end))]
     ours = specimen(size=(4, 8), moves=moves)
     assert ours.mesh.p == pytest.approx(theirs.mesh.p)
-    loads = [scene.reaction(loaded(scene).states[-1])[1] for scene in (ours, theirs)]
+    # In one step: the displacements of the two go other ways to the same end.
+    loads = [scene.reaction(loaded(scene, 1).states[-1])[1] for scene in (ours, theirs)]
     assert loads[0] == pytest.approx(loads[1], rel=1e-6)
 
 

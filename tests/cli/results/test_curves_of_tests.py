@@ -9,7 +9,7 @@ from command_line import refused
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.results.curves_of_tests import read_test_curve
 
-OUT = ("--size", "2x4", "--steps", "2", "--no-render")
+OUT = ("--size", "4x8", "--steps", "2", "--no-render")
 
 
 def test_columns_are_read_by_their_headings(tmp_path):
