@@ -3,7 +3,6 @@
 from .cli import interruption as interruption  # isort: skip  # first: Ctrl-C
 
 from . import forms as forms
-from .adaptive import AdaptiveResult, AdaptiveStepper, Round
 from .fabric import (
     Asymmetric,
     BiaxialLaw,
@@ -48,6 +47,7 @@ from .solve.equilibrium import equilibrium_near
 from .solve.result import Result, StepError
 from .solve.states import Iteration, State, Verdict
 from .solve.stepper import LoadStepper
+from .solve.stepping.adaptive import AdaptiveResult, AdaptiveStepper, Round
 from .solve.strategies import Descent, Mixed, Newton
 
 __version__ = "0.1.0"

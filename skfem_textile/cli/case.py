@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..adaptive.stepper import MOST_UNKNOWNS, AdaptiveStepper
 from ..fabric import Fabric, Law
 from ..fabric.laws import LAWS
 from ..fabric.laws.linear import STIFFNESS
@@ -25,6 +24,7 @@ from ..scenes import SCENES
 from ..scenes.case import Case
 from ..solve.linear import SOLVERS
 from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
+from ..solve.stepping.adaptive.stepper import MOST_UNKNOWNS, AdaptiveStepper
 from ..solve.strategies import STRATEGIES
 from ..solve.verdict import CHECKS
 from .mesh import mesh_options, scene_of

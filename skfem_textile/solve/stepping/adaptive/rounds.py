@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..solve.result import Result
+from ...result import Result
 
 
 @dataclass(frozen=True)

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
-from ..ply.refinement import marked, refine, shear_angle_jumps
-from ..solve.conditions import Condition, Constraints
-from ..solve.equilibrium import equilibrium_near
-from ..solve.result import Result, StepError
-from ..solve.states import ErrorEstimate, Iteration, NoEquilibriumError, State
-from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
-from ..solve.stepping.error_estimate import estimated_error, refuse_single_nodes
-from ..solve.strategies import Strategy
+from ....ply.refinement import marked, refine, shear_angle_jumps
+from ...conditions import Condition, Constraints
+from ...equilibrium import equilibrium_near
+from ...result import Result, StepError
+from ...states import ErrorEstimate, Iteration, NoEquilibriumError, State
+from ...stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
+from ...strategies import Strategy
+from ..error_estimate import estimated_error, refuse_single_nodes
 from .rounds import AdaptiveResult, Round, counted
 
 if TYPE_CHECKING:
-    from ..ply import Ply
+    from ....ply import Ply
 
 log = logging.getLogger(__name__)
 
