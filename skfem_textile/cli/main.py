@@ -56,6 +56,10 @@ def _run(arguments: Sequence[str]) -> int:
         options = command_parser(own).parse_args(arguments)
         if options.command == "list":
             return _list()
+        if options.command == "fit":
+            from .fit.run import run_fit  # loads much of scipy
+
+            return run_fit(options)
         given = {o.key: getattr(options, o.key) for o in own[options.scene]}
         case, values = case_of(given | {"scene": options.scene})
         case = replace(case, pictures=not options.no_render)

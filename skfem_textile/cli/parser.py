@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 from .. import __version__
 from ..registration import Option
 from ..scenes import SCENES
+from .fit.options import TESTS
 from .output import complain
 
 #: Exit code of bad input.
@@ -64,7 +65,20 @@ def command_parser(
         for option in options[name]:
             _add(one, option)
         _add_course(one)
+    _add_fits(commands)
     return whole
+
+
+def _add_fits(commands: Any) -> None:
+    """Add the command ``fit``; it sets ``test``."""
+    fit = commands.add_parser("fit", help="find laws of a fabric from its tests")
+    tests = fit.add_subparsers(dest="test", required=True)
+    for name, (description, options) in TESTS.items():
+        one = tests.add_parser(name, help=description, description=description)
+        one.add_argument("data", type=Path, nargs="+", metavar="DATA.csv")
+        _add_outputs(one)
+        for option in options:
+            _add(one, option)
 
 
 def _add(parser: argparse.ArgumentParser, option: Option) -> None:

@@ -204,9 +204,7 @@ def test_a_failure_on_a_finer_mesh_keeps_the_run_on_the_one_before(
     def fails(*_, **__):
         raise error
 
-    monkeypatch.setattr(
-        "skfem_textile.solve.stepping.adaptive.stepper.equilibrium_near", fails
-    )
+    monkeypatch.setattr(stepper_module, "equilibrium_near", fails)
     with pytest.raises(StepError, match=said) as told:
         stepper.run()
     assert told.value.result.ply is ply

@@ -44,8 +44,9 @@ LAYERS = {
     "io": ("solve", "mesh"),
     "plot": ("io", "solve"),
     "sweep": ("solve", "cli.output"),
+    "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),
     "cli": (
-        *("plot", "io", "scenes", "solve.stepping.adaptive", "solve"),
+        *("calibration", "plot", "io", "scenes", "solve.stepping.adaptive", "solve"),
         *("ply", "fabric", "mesh"),
         "registration",
         *("cli.interruption", "cli.output"),
