@@ -19,6 +19,7 @@ from .fabric import (
     TensionOnly,
     mesh_along_fibres,
 )
+from .fabric.fabric_file import read_fabric, read_law, write_fabric, write_law
 from .forms import Forms, hourglass_rate, shear_continuity
 from .mesh.bases import (
     CENTRE,
@@ -113,6 +114,8 @@ __all__ = [
     "mean_tension",
     "mesh_along_fibres",
     "quad_basis",
+    "read_fabric",
+    "read_law",
     "refine",
     "shear",
     "shear_angle_jumps",
@@ -120,4 +123,6 @@ __all__ = [
     "split",
     "tension",
     "triangle_basis",
+    "write_fabric",
+    "write_law",
 ]

@@ -129,13 +129,20 @@ class Fit:
         """Covariance of the parameters, shape (p, p).
 
         That of the noise, and that of the mean of curves that differ beyond it.
-        Residuals that hang together count as fewer points: n (1 − ρ)/(1 + ρ).
+        Residuals that hang together count as fewer points: n (1 − ρ)/(1 + ρ).  Weights
+        that are found from the data lose a little, after Meier (1953, Biometrics 9:59):
+        4 Σ s (1 − s)/ν, where s is the share of a curve in what is known, and ν are the
+        degrees of freedom of its noise.
         """
         free = ~self.at_bound
         within, found = np.ix_(free, free), np.zeros((free.size, free.size))
         rho = np.where(self.systematic, self.correlations, 0.0)
         weights = _spread_out(self.samples, (1 - rho) / (1 + rho) / self.noise**2)
-        found[within] = _covariance(self.jacobian[:, free], weights)
+        known = _leverage(self.samples, self.jacobian[:, free], weights)
+        share = known / known.sum()
+        sizes = np.array([sample.measured.size for sample in self.samples])
+        lost = 4 * np.sum(share * (1 - share) / (sizes - known))
+        found[within] = (1 + lost) * _covariance(self.jacobian[:, free], weights)
         if self.beyond_noise:
             assert self.singles is not None
             spread = np.cov(self.singles.T).reshape(found.shape)
@@ -240,12 +247,10 @@ def _fit(
         residuals = _split(samples, measured - predict(model.build(values)))
         if noise is None or not given:
             free = J[:, ~at_bound]
-            leverage = np.einsum(
-                "ni,ij,nj,n->n", free, _covariance(free, weights), free, weights
-            )
-            left = np.array([(1 - h).sum() for h in _split(samples, leverage)])
+            sizes = np.array([sample.measured.size for sample in samples])
+            left = np.maximum(sizes - _leverage(samples, free, weights), 1e-6)
             squares = np.array([r @ r for r in residuals])
-            noise = np.maximum(np.sqrt(squares / np.maximum(left, 1e-6)), least)
+            noise = np.maximum(np.sqrt(squares / left), least)
             weights = _spread_out(samples, noise**-2.0)
     assert values is not None
     assert noise is not None
@@ -341,6 +346,13 @@ def _covariance(J: ndarray, weights: ndarray) -> ndarray:
         raise ValueError("the data do not tell the parameters apart") from None
     inverse = inverse / size[:, None]
     return inverse @ inverse.T
+
+
+def _leverage(samples: Sequence[Sample], J: ndarray, weights: ndarray) -> ndarray:
+    """How many of the parameters each curve tells."""
+    covariance = _covariance(J, weights)
+    each = np.einsum("ni,ij,nj,n->n", J, covariance, J, weights)
+    return np.array([own.sum() for own in _split(samples, each)])
 
 
 def _spread_out(samples: Sequence[Sample], each: ndarray) -> ndarray:

@@ -89,19 +89,8 @@ def test_tension_and_shear_come_together_in_one_fabric(tmp_path):
 
 def test_simulated_tests_are_fitted(tmp_path):
     data = curves(tmp_path, BiasExtension(100.0, 200.0), noise=0.0)
-    simulated = (
-        *data,
-        *SIZES,
-        "--simulate",
-        4,
-        "--fibre-stiffness",
-        1e6,
-        "--law",
-        "sin2",
-    )
-    assert (
-        fit("bias-extension", *simulated, "--out", tmp_path / "o", "--no-render") == 0
-    )
+    how = "--simulate", 4, "--fibre-stiffness", 1e6, "--law", "sin2", "--no-render"
+    assert fit("bias-extension", *data, *SIZES, *how, "--out", tmp_path / "o") == 0
     fabric = read_fabric(tmp_path / "o" / "fabric.json")
     assert fabric.families[0].tension.stiffness == 1e6
     summary = json.loads((tmp_path / "o" / "summary.json").read_text())
