@@ -59,6 +59,9 @@ def test_forces_are_those_of_a_homogeneous_pull(tmp_path):
     law = CrimpToe(5e3, 0.004, 10.0)
     expected = 100.0 * law.value(np.log([1.02])) / 1.02
     np.testing.assert_allclose(curve.force_along(0, law), expected)
+    both = curve.forces(TwoLaws(law, law))
+    np.testing.assert_allclose(both[0], expected)
+    np.testing.assert_allclose(both[1], 80.0 * law.value(np.log([1.01])) / 1.01)
 
 
 def test_what_is_no_biaxial_test_is_refused(tmp_path):

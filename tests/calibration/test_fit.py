@@ -62,6 +62,18 @@ def test_coefficients_are_within_their_bands_as_often_as_these_say(test):
     assert np.all(np.abs(np.mean(inside, axis=0) - 0.945) < 0.045)
 
 
+def test_the_band_is_that_of_known_noise_and_a_little_for_weights_that_are_found():
+    """(JᵀWJ)⁻¹ (1 + 4 Σ s (1 − s)/ν), s = 1/3 and ν = 59 of three specimens."""
+    three = [specimen(FRAME, Linear(0.1), 0.02, i) for i in range(3)]
+    fit = fit_shear(three, "linear").fit
+    J = fit.jacobian[:60, 0]
+    weights = fit.noise**-2
+    share = weights / weights.sum()
+    more = 4 * np.sum(share * (1 - share) / (60 - share))
+    expected = (1 + more) / (J @ J * weights.sum())
+    assert fit.covariance[0, 0] == pytest.approx(expected, rel=1e-9)
+
+
 def test_the_noise_of_each_specimen_is_told():
     noises = (0.01, 0.02, 0.05)
     several = [specimen(BIAS, QUINTIC, x, i, n=400) for i, x in enumerate(noises)]
@@ -74,6 +86,7 @@ def test_noisy_specimens_count_less():
     wild = specimen(BIAS, Linear(0.1), 0.3, 7)
     alone = fit_shear(quiet, "linear").fit
     mixed = fit_shear([*quiet, wild], "linear").fit
+    assert mixed.values == pytest.approx(alone.values, rel=1e-5)
     assert np.ptp(mixed.intervals) == pytest.approx(np.ptp(alone.intervals), rel=0.05)
 
 

@@ -42,8 +42,8 @@ def inverse(rows: Sequence[Row]) -> str:
     lines = [
         [
             row["seed"],
-            _percent(row["off_over_largest"]),
-            _percent(row["off_past_10"]),
+            f"{100 * row['off_over_largest']:.2f} %",
+            f"{100 * row['off_past_10']:.2f} %",
             *(_percent(row[f"moment_{angle}"]) for angle in ANGLES),
         ]
         for row in of(rows, "inverse")
