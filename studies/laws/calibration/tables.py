@@ -28,13 +28,14 @@ def coverage(rows: Sequence[Row]) -> str:
             row["test"],
             row["law"],
             row["parameter"],
+            row["seeds"],
             f"{100 * row['inside']:.1f} %",
             f"{row['width_over_cramer_rao']:.3f}",
         ]
         for row in of(rows, "coverage")
     ]
-    head = ["test", "law", "parameter", "inside its band", "width over Cramér–Rao"]
-    return markdown_table(head, lines)
+    head = ["test", "law", "parameter", "seeds", "inside its band"]
+    return markdown_table([*head, "width over Cramér–Rao"], lines)
 
 
 def inverse(rows: Sequence[Row]) -> str:
