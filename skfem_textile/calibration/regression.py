@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
-from scipy import linalg, optimize, special
+from scipy import special
+
+from .least_squares import covariance_of, jacobian_of, solve_linear, solve_nonlinear
 
 if TYPE_CHECKING:
     from .models import Model
-
-# Its functions bear the names of private modules, for which a type checker takes them.
-_scipy: Any = optimize
 
 #: Confidence of all bands.
 CONFIDENCE = 0.95
@@ -35,9 +34,6 @@ _ROUNDING = 1e-9
 # Correlation of neighbouring residuals over 1/√n from which it is believed: chance
 # exceeds it in one of a thousand curves.
 _BELIEVED = 3.1
-
-# Singular values below this share of the largest: parameters cannot be told apart.
-_SINGULAR = 1e-10
 
 
 class Sample(NamedTuple):
@@ -142,7 +138,7 @@ class Fit:
         share = known / known.sum()
         sizes = np.array([sample.measured.size for sample in self.samples])
         lost = 4 * np.sum(share * (1 - share) / (sizes - known))
-        found[within] = (1 + lost) * _covariance(self.jacobian[:, free], weights)
+        found[within] = (1 + lost) * covariance_of(self.jacobian[:, free], weights)
         if self.beyond_noise:
             assert self.singles is not None
             spread = np.cov(self.singles.T).reshape(found.shape)
@@ -164,7 +160,7 @@ class Fit:
         value
             Takes a law and returns n numbers.
         """
-        slopes = _jacobian(self.model, self.values, value)
+        slopes = jacobian_of(self.model, self.values, value)
         half = self._quantile * np.sqrt(
             np.einsum("ni,ij,nj->n", slopes, self.covariance, slopes)
         )
@@ -239,7 +235,7 @@ def _fit(
     def predict(law: Any) -> ndarray:
         return np.concatenate([sample.predict(law) for sample in samples])
 
-    solve = _linear if model.start is None else _nonlinear
+    solve = solve_linear if model.start is None else solve_nonlinear
     values = start
     for _ in range(1 if given else _ROUNDS):
         values, J = solve(model, predict, measured, weights, values)
@@ -257,100 +253,9 @@ def _fit(
     return Fit(model, tuple(samples), values, J, residuals, noise, at_bound)
 
 
-def _linear(
-    model: "Model",
-    predict: Callable[[Any], ndarray],
-    measured: ndarray,
-    weights: ndarray,
-    start: ndarray | None,
-) -> tuple[ndarray, ndarray]:
-    """Closed form, unless a bound is met."""
-    units = np.eye(len(model.parameters))
-    J = np.transpose([predict(model.build(unit)) for unit in units])
-    root = np.sqrt(weights)
-    size = np.linalg.norm(J * root[:, None], axis=0)
-    if not np.all(size > 0):
-        raise ValueError(_not_told_apart(model))
-    A, b = J * root[:, None] / size, root * measured
-    values, _, _, singular = np.linalg.lstsq(A, b)
-    if singular[-1] < _SINGULAR * singular[0]:
-        raise ValueError(_not_told_apart(model))
-    low, high = model.low * size, model.high * size
-    if np.any((values < low) | (values > high)):
-        values = _scipy.lsq_linear(A, b, (low, high), method="bvls").x
-    return np.clip(values / size, model.low, model.high), J
-
-
-def _nonlinear(
-    model: "Model",
-    predict: Callable[[Any], ndarray],
-    measured: ndarray,
-    weights: ndarray,
-    start: ndarray | None,
-) -> tuple[ndarray, ndarray]:
-    """Least squares from a start, or from the linear law that is nearest."""
-    from ..fabric import Linear
-
-    assert model.start is not None
-    if start is None:
-        unit = predict(Linear(1.0))
-        if not np.any(unit):
-            raise ValueError(_not_told_apart(model))
-        start = model.start(max(float(unit @ measured / (unit @ unit)), 1e-12))
-    inside = np.clip(start, model.low, model.high)
-    root = np.sqrt(weights)
-
-    def residual(values: ndarray) -> ndarray:
-        return root * (predict(model.build(values)) - measured)
-
-    scale = np.maximum(np.abs(inside), 1e-12)
-    try:
-        values = _scipy.least_squares(
-            residual, inside, bounds=(model.low, model.high), x_scale=scale
-        ).x
-    except ValueError as error:
-        raise ValueError(f"no {model.name} law fits the data: {error}") from None
-    near = np.maximum(np.abs(values), scale) * 1e-6
-    low_end = np.isfinite(model.low) & (values - model.low < near)
-    high_end = np.isfinite(model.high) & (model.high - values < near)
-    values = np.where(low_end, model.low, np.where(high_end, model.high, values))
-    return values, _jacobian(model, values, predict)
-
-
-def _jacobian(
-    model: "Model", values: ndarray, value: Callable[[Any], ndarray]
-) -> ndarray:
-    """Derivatives by the parameters, shape (n, p): exact where they are linear."""
-    if model.start is None:
-        units = np.eye(values.size)
-        return np.transpose([value(model.build(unit)) for unit in units])
-    columns = []
-    for i, own in enumerate(values):
-        step = 1e-6 * max(abs(own), 1e-6)
-        ends = np.repeat(values[None], 2, axis=0)
-        ends[:, i] = np.clip([own - step, own + step], model.low[i], model.high[i])
-        low, high = (value(model.build(end)) for end in ends)
-        columns.append((high - low) / (ends[1, i] - ends[0, i]))
-    return np.transpose(columns)
-
-
-def _covariance(J: ndarray, weights: ndarray) -> ndarray:
-    """(JᵀWJ)⁻¹, with columns of one size."""
-    root = J * np.sqrt(weights)[:, None]
-    size = np.linalg.norm(root, axis=0)
-    if not np.all(size > 0):
-        raise ValueError("the data do not tell all parameters")
-    try:
-        inverse = linalg.inv(linalg.qr(root / size, mode="economic")[1])
-    except linalg.LinAlgError:
-        raise ValueError("the data do not tell the parameters apart") from None
-    inverse = inverse / size[:, None]
-    return inverse @ inverse.T
-
-
 def _leverage(samples: Sequence[Sample], J: ndarray, weights: ndarray) -> ndarray:
     """How many of the parameters each curve tells."""
-    covariance = _covariance(J, weights)
+    covariance = covariance_of(J, weights)
     each = np.einsum("ni,ij,nj,n->n", J, covariance, J, weights)
     return np.array([own.sum() for own in _split(samples, each)])
 
@@ -372,10 +277,3 @@ def _sum_of_squares(residuals: Sequence[ndarray], weights: ndarray) -> float:
 def _correlation(residual: ndarray) -> float:
     square = residual @ residual
     return float(residual[1:] @ residual[:-1] / square) if square else 0.0
-
-
-def _not_told_apart(model: "Model") -> str:
-    return (
-        f"the data do not tell the {len(model.parameters)} parameters of the law "
-        f"{model.name} apart: take a law with fewer"
-    )
