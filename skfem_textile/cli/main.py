@@ -68,6 +68,10 @@ def _run(arguments: Sequence[str]) -> int:
             return _list()
         if options.command == "show":
             return show(options)
+        if options.command == "fit":
+            from .fit.run import run_fit  # loads much of scipy
+
+            return run_fit(options)
         if options.command == "init":
             return _init(options.scene, options.file)
         if options.command == "report":

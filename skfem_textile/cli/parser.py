@@ -11,6 +11,7 @@ from .. import __version__
 from ..registration import Option
 from ..scenes import SCENES
 from .fibres.arguments import add_show
+from .fit.options import TESTS
 from .output import complain
 
 #: Exit code of bad input.
@@ -84,6 +85,7 @@ def command_parser(
     )
     _add_outputs(file)
     _add_course(file)
+    _add_fits(commands)
     _add_init(commands)
     _add_report(commands)
     return whole
@@ -117,6 +119,18 @@ def _case_file(text: str) -> Path:
     if not is_case_file(text):
         raise argparse.ArgumentTypeError(f"{text!r} must end with {_SUFFIX}")
     return Path(text)
+
+
+def _add_fits(commands: Any) -> None:
+    """Add the command ``fit``; it sets ``test``."""
+    fit = commands.add_parser("fit", help="find laws of a fabric from its tests")
+    tests = fit.add_subparsers(dest="test", required=True)
+    for name, (description, options) in TESTS.items():
+        one = tests.add_parser(name, help=description, description=description)
+        one.add_argument("data", type=Path, nargs="+", metavar="DATA.csv")
+        _add_outputs(one)
+        for option in options:
+            _add(one, option)
 
 
 def _add(parser: argparse.ArgumentParser, option: Option) -> None:

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import __version__
-from ..adaptive.rounds import MOST_UNKNOWNS
-from ..adaptive.stepper import AdaptiveStepper
 from ..mesh.user_input import printable
 from ..scenes.case import Case
 from ..solve.result import Result
 from ..solve.states import ErrorEstimate
 from ..solve.stepper import LoadStepper
+from ..solve.stepping.adaptive.rounds import MOST_UNKNOWNS
+from ..solve.stepping.adaptive.stepper import AdaptiveStepper
 from .case.curve import CURVE, curve_of, write_curve
 from .case.written import WRITTEN_FILES, WrittenCase, refuse_foreign_case
 from .interruption import INTERRUPTED, held

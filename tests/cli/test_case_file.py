@@ -13,6 +13,7 @@ from skfem_textile import CrimpToe, Fabric, Force, Linear, Sin2, TensionOnly
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.case import CaseFileError, case_from_file, case_from_tables
 from skfem_textile.fabric.directions import FibreDirections, directions_of
+from skfem_textile.fabric.files.fabric_file import write_law
 from skfem_textile.io import write_directions, write_fabric
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
@@ -131,6 +132,17 @@ def test_a_line_and_the_case_that_it_leaves_are_the_same(tmp_path):
         assert (tmp_path / "a" / name).read_bytes() == (
             tmp_path / "b" / name
         ).read_bytes()
+
+
+def test_a_law_of_a_file_is_beside_the_written_case(tmp_path):
+    write_law(Sin2(0.3), tmp_path / "law.json")
+    line = ["run", "strip", "--size", "3x4", "--steps", "2", "--no-render"]
+    line += ["--shear-law", str(tmp_path / "law.json")]
+    assert cli.main([*line, "--out", str(tmp_path / "a")]) == 0
+    (tmp_path / "law.json").unlink()
+    assert case_from_file(tmp_path / "a" / "case.toml").fabric.shear_law == Sin2(0.3)
+    assert cli.main([*line[:-2], "--out", str(tmp_path / "a")]) == 0
+    assert not (tmp_path / "a" / "case_files" / "shear_law.json").exists()
 
 
 def test_directions_and_fabric_are_of_files_beside_the_case(tmp_path):

@@ -59,7 +59,7 @@ def test_a_name_is_registered_once(package):
             LAWS,
             [
                 *("linear", "sin2", "FILE.csv", "crimp-interchange", "crimp-toe"),
-                *("locking", "polynomial"),
+                *("locking", "polynomial", "FILE.json"),
             ],
         ),
         (FORMULATIONS, ["one-point", "macro", "full", "quadratic"]),

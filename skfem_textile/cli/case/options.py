@@ -7,12 +7,12 @@ The options stand in tables, which are the tables of a case file.
 from dataclasses import replace
 from typing import Any
 
-from ...adaptive.rounds import MOST_UNKNOWNS
 from ...ply.formulations import DEFAULT, FORMULATIONS
 from ...registration import Option, SceneRegistration
 from ...scenes.edge_vectors import FORCES
 from ...solve.linear import SOLVERS
 from ...solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY
+from ...solve.stepping.adaptive.rounds import MOST_UNKNOWNS
 from ...solve.strategies import STRATEGIES
 from ...solve.verdict import CHECKS
 from ..fibres.from_files import DIRECTIONS, FABRIC

@@ -20,7 +20,7 @@ _WHOLE = (".msh", ".inp", ".vtu", ".vtk")
 #: What `WrittenCase.write` may write.
 WRITTEN_FILES = (
     CASE,
-    f"{FILES}/*_law.csv",
+    *(f"{FILES}/*_law{kind}" for kind in (".csv", ".json")),
     *(f"{FILES}/mesh{kind}" for kind in _WHOLE),
     *(f"{FILES}/fabric{kind}" for kind in (".json", ".inp", ".rad")),
     *(f"{FILES}/directions{kind}" for kind in (".vtu", ".csv", ".inp")),

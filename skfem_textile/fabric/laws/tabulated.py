@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from ...mesh.user_input import real_numbers
 from ...registration import LawRegistration, Option, Resistance
+from ..files.table_file import read_table, refuse_bad_points
 from ..law_plot import Drawn
-from ..table_file import read_table, refuse_bad_points
 from .polynomial import CONTINUATION
 
 log = logging.getLogger(__name__)

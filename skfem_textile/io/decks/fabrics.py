@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from ...fabric import Fabric
+from ...fabric.files.fabric_file import fabric_of_text, fabric_text
 from ...mesh.checks import MeshError
 from ...mesh.user_input import printable
-from . import abaqus_fabric, fabric_file, radioss
+from . import abaqus_fabric, radioss
 from .fabric_of_deck import FabricOfFile, Units
 from .orientations import read_directions
 from .write_fabric import material_of
@@ -88,7 +89,7 @@ def _read(
             raise MeshError(
                 "a fabric of the package needs no thickness and no material"
             )
-        return fabric_file.read(content)
+        return FabricOfFile(fabric_of_text(content), ())
     if suffix == ".rad":
         return radioss.read(content, thickness, units, material)
     fabric, not_taken = abaqus_fabric.read(content, thickness, units, material)
@@ -131,7 +132,7 @@ def write_fabric(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".json":
-        text = fabric_file.text_of(fabric)
+        text = fabric_text(fabric)
     elif suffix != ".inp":
         raise ValueError(f"{path}: fabrics are written to .json and .inp")
     elif thickness is None or not (np.isfinite(thickness) and thickness > 0):

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..solve.result import Result
+from ...result import Result
 
 #: Unknowns at most, unless told otherwise: a run that reaches them takes about 80 s on
 #: one core, with all of its meshes (`skfem-textile run bias_extension --mesh delaunay

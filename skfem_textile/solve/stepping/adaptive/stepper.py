@@ -8,24 +8,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..ply.finer import refuse_what_has_no_finer
-from ..ply.refinement import marked, refine, shear_angle_jumps
-from ..solve.conditions import Condition, Constraints
-from ..solve.equilibrium import equilibrium_near
-from ..solve.result import Result, StepError
-from ..solve.states import ErrorEstimate, Iteration, NoEquilibriumError, State
-from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
-from ..solve.stepping.error_estimate import (
+from ....ply.finer import refuse_what_has_no_finer
+from ....ply.refinement import marked, refine, shear_angle_jumps
+from ...conditions import Condition, Constraints
+from ...equilibrium import equilibrium_near
+from ...result import Result, StepError
+from ...states import ErrorEstimate, Iteration, NoEquilibriumError, State
+from ...stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
+from ...strategies import Strategy
+from ..error_estimate import (
     estimated_error,
     problem_at,
     refuse_single_nodes,
 )
-from ..solve.stepping.work import change_of, work_of
-from ..solve.strategies import Strategy
+from ..work import change_of, work_of
 from .rounds import MOST_UNKNOWNS, AdaptiveResult, Round, counted
 
 if TYPE_CHECKING:
-    from ..ply import Ply
+    from ....ply import Ply
 
 log = logging.getLogger(__name__)
 

@@ -9,16 +9,17 @@ from pathlib import Path
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.user_input import excerpt, printable
-from ..registration import Resistance
+from ...mesh.user_input import excerpt, printable
+from ...registration import Resistance
 
 # What each column is called, and its units: how much a unit is in radians, strain, or
 # N/mm.  A moment per area in N·mm/mm² is a number of N/mm.
 _DEGREE = np.pi / 180
-_ANGLE = {"deg": _DEGREE, "°": _DEGREE, "degrees": _DEGREE, "rad": 1.0, "radians": 1.0}
+#: How much units of an angle are in radians.
+ANGLE = {"deg": _DEGREE, "°": _DEGREE, "degrees": _DEGREE, "rad": 1.0, "radians": 1.0}
 _MOMENT = dict.fromkeys(("N mm/mm2", "N mm/mm²", "N·mm/mm²", "N/mm"), 1.0)
 _COLUMNS: dict[Resistance, tuple[dict[str, dict[str, float]], ...]] = {
-    "shear": ({"shear angle": _ANGLE}, {"moment": _MOMENT, "shear moment": _MOMENT}),
+    "shear": ({"shear angle": ANGLE}, {"moment": _MOMENT, "shear moment": _MOMENT}),
     "tension": (
         {"fibre strain": {"-": 1.0, "1": 1.0, "%": 0.01}},
         {"tension": {"N/mm": 1.0, "kN/m": 1.0}},
@@ -29,7 +30,8 @@ _LIKE: dict[Resistance, str] = {
     "tension": "fibre strain (-),tension (N/mm)",
 }
 
-_HEADING = re.compile(r"\s*(.*?)\s*\(\s*(.*?)\s*\)\s*")
+#: The heading of a column: what it is, and its unit in brackets.
+HEADING = re.compile(r"\s*(.*?)\s*\(\s*(.*?)\s*\)\s*")
 
 
 def refuse_bad_points(
@@ -97,16 +99,7 @@ def read_table(
     OSError
         If it cannot be read.
     """
-    file = printable(Path(path))
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as opened:
-            reader = csv.reader(opened)
-            rows = [(reader.line_num, row) for row in reader]
-    except (UnicodeDecodeError, csv.Error):
-        raise ValueError(f"{file}: no CSV file in UTF-8") from None
-    lines = [(line, row) for line, row in rows if any(map(str.strip, row))]
-    if not lines:
-        raise ValueError(f"{file}: the file is empty")
+    file, lines = read_lines(path)
     units = _units(file, lines[0][1], of)
     numbers = [_numbers(file, *line) for line in lines[1:]]
     x, y = np.reshape(numbers, (-1, 2)).T
@@ -117,9 +110,37 @@ def read_table(
     return x * units[0], y * units[1]
 
 
+def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[str]]]]:
+    """The lines of a CSV file that are not empty.
+
+    Returns
+    -------
+    tuple
+        What to call the file in a message, and of each line its number and cells.
+
+    Raises
+    ------
+    ValueError
+        If it is no CSV file in UTF-8, or it is empty; one line names the file.
+    OSError
+        If it cannot be read.
+    """
+    file = printable(Path(path))
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as opened:
+            reader = csv.reader(opened)
+            rows = [(reader.line_num, row) for row in reader]
+    except (UnicodeDecodeError, csv.Error):
+        raise ValueError(f"{file}: no CSV file in UTF-8") from None
+    lines = [(line, row) for line, row in rows if any(map(str.strip, row))]
+    if not lines:
+        raise ValueError(f"{file}: the file is empty")
+    return file, lines
+
+
 def _units(file: str, header: list[str], of: Resistance | None) -> tuple[float, float]:
     """How much the units of the two columns are."""
-    headings = [_HEADING.fullmatch(cell) for cell in header]
+    headings = [HEADING.fullmatch(cell) for cell in header]
     for kind in _COLUMNS if of is None else (of,):
         if len(headings) != 2:
             break
