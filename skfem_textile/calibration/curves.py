@@ -13,12 +13,15 @@ from ..mesh.user_input import excerpt
 _LENGTH = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 _FORCE = {"N": 1.0, "kN": 1000.0, "cN": 0.01, "lbf": 4.4482216152605}
 _STRAIN = {"-": 1.0, "1": 1.0, "%": 0.01}
+_FORCE_PER_LENGTH = {"N/mm": 1.0, "kN/m": 1.0}
 
-#: Columns of a test by name: how much their units are in mm, N, radians and strain.
+#: Columns of a test by name: how much their units are in mm, N, radians, strain and
+#: N/mm.
 COLUMNS: dict[str, dict[str, float]] = {
     "displacement": _LENGTH,
     "force": _FORCE,
     "shear angle": ANGLE,
+    "normalised shear force": _FORCE_PER_LENGTH,
     "warp strain": _STRAIN,
     "weft strain": _STRAIN,
     "warp force": _FORCE,
@@ -32,9 +35,11 @@ _SPACES = re.compile(r"[\s_]+")
 
 
 def read_curve(
-    path: str | os.PathLike[str], units: Mapping[str, str] | None = None
+    path: str | os.PathLike[str],
+    units: Mapping[str, str] | None = None,
+    gaps: bool = False,
 ) -> dict[str, ndarray]:
-    """The columns of a test, in mm, N, radians, and strains as numbers.
+    """The columns of a test, in mm, N, radians, N/mm, and strains as numbers.
 
     The first row names the columns, with their units in brackets: ``displacement
     (mm),force (N)``, in any order.  Names are those of `COLUMNS`; other columns are
@@ -46,6 +51,8 @@ def read_curve(
         The file, in UTF-8.
     units
         Units of columns by their names; they count more than those of the first row.
+    gaps
+        Whether cells may be empty; they are nan then.
 
     Returns
     -------
@@ -76,7 +83,7 @@ def read_curve(
         )
     if len(lines) < 2:
         raise ValueError(f"{file}: there are no points")
-    rows = [_numbers(file, line, row, found.values()) for line, row in lines[1:]]
+    rows = [_numbers(file, *line, found.values(), gaps) for line in lines[1:]]
     return dict(zip(found, np.transpose(rows), strict=True))
 
 
@@ -105,14 +112,26 @@ def _factor(file: str, name: str, unit: str) -> float:
 
 
 def _numbers(
-    file: str, line: int, row: list[str], columns: Iterable[tuple[int, float]]
+    file: str,
+    line: int,
+    row: list[str],
+    columns: Iterable[tuple[int, float]],
+    gaps: bool,
 ) -> list[float]:
     try:
-        numbers = [float(row[i]) * factor for i, factor in columns]
+        numbers = [
+            np.nan if gaps and not row[i].strip() else _finite(row[i]) * factor
+            for i, factor in columns
+        ]
     except (ValueError, IndexError):
-        numbers = [np.nan]
-    if not np.isfinite(numbers).all():
         raise ValueError(
             f"{file}, row {line}: '{excerpt(','.join(row))}' lacks a finite number"
-        )
+        ) from None
     return numbers
+
+
+def _finite(cell: str) -> float:
+    number = float(cell)
+    if not np.isfinite(number):
+        raise ValueError
+    return number
