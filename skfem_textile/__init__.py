@@ -3,7 +3,6 @@
 from .cli import interruption as interruption  # isort: skip  # first: Ctrl-C
 
 from . import forms as forms
-from .adaptive import AdaptiveResult, AdaptiveStepper, Round
 from .fabric import (
     Asymmetric,
     BiaxialLaw,
@@ -20,6 +19,7 @@ from .fabric import (
     TensionOnly,
     mesh_along_fibres,
 )
+from .fabric.files.fabric_file import read_law, write_law
 from .forms import Forms, hourglass_rate, shear_continuity
 from .mesh.bases import (
     CENTRE,
@@ -48,6 +48,7 @@ from .solve.equilibrium import equilibrium_near
 from .solve.result import Result, StepError
 from .solve.states import Iteration, State, Verdict
 from .solve.stepper import LoadStepper
+from .solve.stepping.adaptive import AdaptiveResult, AdaptiveStepper, Round
 from .solve.strategies import Descent, Mixed, Newton
 
 __version__ = "0.1.0"
@@ -113,6 +114,7 @@ __all__ = [
     "mean_tension",
     "mesh_along_fibres",
     "quad_basis",
+    "read_law",
     "refine",
     "shear",
     "shear_angle_jumps",
@@ -120,4 +122,5 @@ __all__ = [
     "split",
     "tension",
     "triangle_basis",
+    "write_law",
 ]

@@ -39,6 +39,13 @@ class Option:
         How many words it takes, as ``nargs`` of `argparse`; empty for one.
     repeated
         Whether it may be given several times, which makes a list.
+    unit
+        Its unit, as the end of its key in a case file, such as ``N_per_mm``.
+    in_file
+        The type of its value in a case file, where it is not what ``read`` or ``words``
+        tell.  A mapping stands for a list of pairs.
+    names_file
+        Whether a word is the name of a file; None where it never is.
     """
 
     name: str
@@ -49,6 +56,9 @@ class Option:
     metavar: str | None = None
     words: str = ""
     repeated: bool = False
+    unit: str = ""
+    in_file: Any = None
+    names_file: Callable[[str], bool] | None = None
 
     @property
     def key(self) -> str:
@@ -193,7 +203,15 @@ def registered(package: str, kind: type[_Kind]) -> dict[str, _Kind]:
 
 def angle(name: str, default: float | None, help: str) -> Option:  # noqa: A002
     """An option that is an angle in degrees."""
-    return Option(name=name, help=help, default=default, read=_degrees, metavar="DEG")
+    return Option(
+        name=name,
+        help=help,
+        default=default,
+        read=_degrees,
+        metavar="DEG",
+        unit="deg",
+        in_file=float,
+    )
 
 
 def _degrees(word: str) -> float:

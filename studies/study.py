@@ -1,7 +1,7 @@
 """The protocol of all studies: cases, the rows of each case, tables and figures.
 
-A study is a subfolder with a module `study` that defines ``STUDY``.  The first line of
-the subfolder's docstring is its description.
+A study is a folder at any depth with a module `study` that defines ``STUDY``.  Its name
+is the folder's, and the first line of the folder's docstring is its description.
 """
 
 import argparse
@@ -71,9 +71,8 @@ class Study(Generic[Case]):
 
 def descriptions() -> dict[str, str]:
     """The description of each study by its name; loads nothing that studies need."""
-    here = Path(__file__).parent
-    names = sorted(file.parent.name for file in here.glob("*/study.py"))
-    documented = ((name, import_module(f"studies.{name}").__doc__) for name in names)
+    modules = sorted(_modules().items())
+    documented = ((name, import_module(module).__doc__) for name, module in modules)
     return {
         name: (text or "").partition("\n")[0].rstrip(".") for name, text in documented
     }
@@ -81,6 +80,13 @@ def descriptions() -> dict[str, str]:
 
 def load(name: str) -> Study[Any]:
     """Load the study of this name, and all that it needs."""
-    study = import_module(f"studies.{name}.study").STUDY
+    study = import_module(f"{_modules()[name]}.study").STUDY
     assert isinstance(study, Study)
     return study
+
+
+def _modules() -> dict[str, str]:
+    """The module of each study by its name."""
+    here = Path(__file__).parent
+    folders = (file.parent.relative_to(here) for file in here.glob("*/**/study.py"))
+    return {folder.name: ".".join(("studies", *folder.parts)) for folder in folders}

@@ -1,17 +1,27 @@
 """The command line ``skfem-textile``: its commands and exit codes."""
 
+import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from typing import Any
 
+from ..mesh.user_input import printable
+from ..registration import Option
 from ..scenes import SCENES
-from .case import case_of, options_of, stepper_of
+from ..scenes.shear_test import ShearTest
+from .case.build import case_of
+from .case.file import CaseFileError, in_file_words, read_case_file
+from .case.options import options_of, tables_of
+from .case.text import case_text
+from .case.written import WrittenCase
+from .fibres.show import show
 from .interruption import INTERRUPTED, raised
 from .output import OutputError, complain, say, silence
-from .parser import BAD_INPUT, command_parser
+from .parser import BAD_INPUT, command_parser, is_case_file
 from .progress import STOPPED_EARLY
-from .run import run
+from .run import run, stepper_of
 
 _STUDIES = (
     "studies are no part of the command line: run `python -m studies NAME --out DIR` "
@@ -53,15 +63,72 @@ def _run(arguments: Sequence[str]) -> int:
         raise ValueError(_STUDIES)
     own = {name: options_of(scene) for name, scene in SCENES.items()}
     try:
-        options = command_parser(own).parse_args(arguments)
+        options = command_parser(own, arguments).parse_args(arguments)
         if options.command == "list":
             return _list()
-        given = {o.key: getattr(options, o.key) for o in own[options.scene]}
-        case, values = case_of(given | {"scene": options.scene})
-        case = replace(case, pictures=not options.no_render)
-        return run(case, partial(stepper_of, case, values), values, options)
+        if options.command == "show":
+            return show(options)
+        if options.command == "fit":
+            from .fit.run import run_fit  # loads much of scipy
+
+            return run_fit(options)
+        if options.command == "init":
+            return _init(options.scene, options.file)
+        if options.command == "report":
+            from .report.page import write_report
+
+            return write_report(options.folder, options.test_curve, _shear_test)
+        if is_case_file(options.scene):
+            return _run_file(Path(options.scene), options)
+        given = {o.key: _given(o, options) for o in own[options.scene]}
+        said = {"scene": options.scene, "regions": {}, "pictures": True}
+        return _run_case(given | said, options)
     finally:
         say("", end="")  # flushes what argparse printed
+
+
+def _run_file(path: Path, options: argparse.Namespace) -> int:
+    """Run a case file; what is wrong with it is told in its own words."""
+    every = {name: tables_of(scene) for name, scene in SCENES.items()}
+    values = read_case_file(path, every)
+    try:
+        return _run_case(values, options)
+    except ValueError as error:
+        said = in_file_words(str(error), every[values["scene"]])
+        raise CaseFileError(f"{printable(path)}: {said}") from None
+
+
+def _shear_test(path: Path) -> ShearTest | None:
+    """The test of shear that the case of a file is."""
+    every = {name: tables_of(scene) for name, scene in SCENES.items()}
+    return case_of(read_case_file(path, every))[0].scene.shear_test
+
+
+def _run_case(values: dict[str, Any], options: argparse.Namespace) -> int:
+    values["pictures"] = values["pictures"] and not options.no_render
+    case, values = case_of(values)
+    tables = tables_of(SCENES[values["scene"]])
+    written = WrittenCase(partial(case_text, tables, values))
+    return run(case, partial(stepper_of, case, values), values, written, options)
+
+
+def _given(option: Option, options: argparse.Namespace) -> Any:
+    """The value of an option; one that may be repeated and is not has its default."""
+    value = getattr(options, option.key)
+    return list(option.default) if option.repeated and not value else value
+
+
+def _init(scene: str, file: Path) -> int:
+    """Write a case file of a scene, with all defaults and comments."""
+    tables = tables_of(SCENES[scene])
+    values = {option.key: option.default for t in tables for option in t.options}
+    _, values = case_of({**values, "scene": scene, "regions": {}})
+    head = f"# A case: skfem-textile run {file.name} --out results"
+    text = case_text(tables, values, head)
+    with open(file, "x", encoding="utf-8") as opened:
+        opened.write(text)
+    say(f"{printable(file)}: a case of the scene {scene}")
+    return 0
 
 
 def _list() -> int:

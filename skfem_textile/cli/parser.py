@@ -10,10 +10,17 @@ from typing import Any, NoReturn
 from .. import __version__
 from ..registration import Option
 from ..scenes import SCENES
+from .fibres.arguments import add_show
+from .fit.options import TESTS
 from .output import complain
 
 #: Exit code of bad input.
 BAD_INPUT = 2
+
+# How the name of a case file ends.
+_SUFFIX = ".toml"
+
+_CASE_FILE = f"CASE{_SUFFIX}"
 
 _EXIT_CODES = (
     "exit code: 0, every step converged; 1, stopped early and the last good state "
@@ -37,8 +44,13 @@ class _Parser(argparse.ArgumentParser):
         return super().parse_args(arguments, namespace)
 
 
+def is_case_file(word: str) -> bool:
+    """Whether a word in the place of a scene is the name of a case file."""
+    return word.lower().endswith(_SUFFIX)
+
+
 def command_parser(
-    options: Mapping[str, Sequence[Option]],
+    options: Mapping[str, Sequence[Option]], arguments: Sequence[str] = ()
 ) -> argparse.ArgumentParser:
     """The parser; it sets ``command``, and for the command ``run`` also ``scene``.
 
@@ -46,6 +58,8 @@ def command_parser(
     ----------
     options
         The options that describe a case, for each scene by its name.
+    arguments
+        What is to be parsed: the name of a case file may stand for a scene.
     """
     whole = _Parser(
         prog="skfem-textile",
@@ -54,8 +68,9 @@ def command_parser(
     whole.add_argument("--version", action="version", version=__version__)
     commands = whole.add_subparsers(dest="command", required=True)
     commands.add_parser("list", help="list the scenes")
+    add_show(commands)
     run = commands.add_parser(
-        "run", help="run a scene and write its results to a folder"
+        "run", help="run a scene or a case file and write its results to a folder"
     )
     scenes = run.add_subparsers(dest="scene", required=True)
     for name, scene in SCENES.items():
@@ -64,13 +79,64 @@ def command_parser(
         for option in options[name]:
             _add(one, option)
         _add_course(one)
+    files = [word for word in arguments[1:2] if is_case_file(word)]
+    file = scenes.add_parser(
+        _CASE_FILE, aliases=files, help="a case in a file", epilog=_EXIT_CODES
+    )
+    _add_outputs(file)
+    _add_course(file)
+    _add_fits(commands)
+    _add_init(commands)
+    _add_report(commands)
     return whole
+
+
+def _add_init(commands: Any) -> None:
+    init = commands.add_parser("init", help="write a commented case file to start from")
+    init.add_argument("file", type=_case_file, metavar=_CASE_FILE)
+    init.add_argument(
+        "--scene",
+        choices=tuple(SCENES),
+        default="specimen",
+        help="of which it is a case (default: %(default)s)",
+    )
+
+
+def _add_report(commands: Any) -> None:
+    report = commands.add_parser(
+        "report", help="write report.html, one page of all that a run has found"
+    )
+    report.add_argument("folder", type=_folder, metavar="DIR", help="results of a run")
+    report.add_argument(
+        "--test-curve",
+        type=Path,
+        metavar="FILE.csv",
+        help="the curve of a test, in place of the one of the case",
+    )
+
+
+def _case_file(text: str) -> Path:
+    if not is_case_file(text):
+        raise argparse.ArgumentTypeError(f"{text!r} must end with {_SUFFIX}")
+    return Path(text)
+
+
+def _add_fits(commands: Any) -> None:
+    """Add the command ``fit``; it sets ``test``."""
+    fit = commands.add_parser("fit", help="find laws of a fabric from its tests")
+    tests = fit.add_subparsers(dest="test", required=True)
+    for name, (description, options) in TESTS.items():
+        one = tests.add_parser(name, help=description, description=description)
+        one.add_argument("data", type=Path, nargs="+", metavar="DATA.csv")
+        _add_outputs(one)
+        for option in options:
+            _add(one, option)
 
 
 def _add(parser: argparse.ArgumentParser, option: Option) -> None:
     """Add an option; the help shows its default if there is one."""
     given: dict[str, Any] = {"default": option.default, "help": option.help}
-    if option.default not in (None, ()):
+    if option.default not in (None, ()) and not option.repeated:
         given["help"] += " (default: %(default)s)"
     if option.repeated:
         given |= {"action": "extend" if option.words else "append", "default": []}

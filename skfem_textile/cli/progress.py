@@ -8,8 +8,8 @@ from ..solve.states import Iteration, State
 from .interruption import INTERRUPTED
 
 if TYPE_CHECKING:
-    from ..adaptive import AdaptiveStepper
     from ..solve.stepper import LoadStepper
+    from ..solve.stepping.adaptive import AdaptiveStepper
 
     Stepper: TypeAlias = LoadStepper | AdaptiveStepper
 

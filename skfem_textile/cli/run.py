@@ -1,8 +1,10 @@
 """The command ``run``: it checks, then computes, then writes."""
 
 import argparse
+import platform
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,20 +13,31 @@ from ..mesh.user_input import printable
 from ..scenes.case import Case
 from ..solve.result import Result
 from ..solve.states import ErrorEstimate
-from . import pictures
+from ..solve.stepper import LoadStepper
+from ..solve.stepping.adaptive.rounds import MOST_UNKNOWNS
+from ..solve.stepping.adaptive.stepper import AdaptiveStepper
+from .case.curve import CURVE, curve_of, write_curve
+from .case.written import WRITTEN_FILES, WrittenCase, refuse_foreign_case
 from .interruption import INTERRUPTED, held
 from .output import OutputError, complain, say
 from .progress import load
-from .result_folder import ResultFolder
+from .results import pictures
+from .results.curves_of_tests import read_test_curve
+from .results.result_folder import ResultFolder
 
 if TYPE_CHECKING:
+    from .case.curve import Curve
     from .progress import Stepper
+
+# Every picture that a run may draw.
+_PICTURES = (*pictures.PICTURES, *pictures.OF_SHEAR_TESTS)
 
 
 def run(
     case: Case,
     stepper_of: Callable[[Path | None], "Stepper"],
     values: Mapping[str, Any],
+    written: WrittenCase,
     options: argparse.Namespace,
 ) -> int:
     """Load a case and write its results; returns the exit code.
@@ -37,6 +50,8 @@ def run(
         Makes its load stepper with a checkpoint, or without one.
     values
         Values of the options, for the summary.
+    written
+        The case file to write beside the results.
     options
         Folders of results and checkpoint, and how much is logged.
 
@@ -48,23 +63,33 @@ def run(
     from .. import io  # loads meshio
 
     stepper = stepper_of(_checkpoint(options))
+    named = values["test_curve"]
+    test = None if named is None else read_test_curve(named)
+    refuse_foreign_case(options.out)
     fields = (f"fields/{name}" for name in io.FIELDS)
-    written = ("summary.json", "history.csv", *fields, *pictures.PICTURES)
-    results = ResultFolder(options.out, written)
+    tables = ("summary.json", "history.csv", CURVE)
+    files = (*tables, *WRITTEN_FILES, *io.DRAPED, *fields, *_PICTURES)
+    results = ResultFolder(options.out, files)
     code, said = load(stepper, options.resume is not None, options.verbose)
     result = stepper.result
-    inputs = {"inputs": {"version": __version__, **values}}
-    summary = case.summary(_without_estimate(result)) | inputs
+    said_before = {
+        "inputs": {"version": __version__, **values},
+        "versions": versions(),
+    }
+    summary = case.summary(_without_estimate(result)) | said_before
     complete = False
     try:
         with held():
             with results as folder:
                 io.write_summary(summary, folder / "summary.json")
                 io.write_history(result, folder / "history.csv")
+                write_curve(curve_of(case.scene, result), folder / CURVE)
+                written.write(folder)
                 io.write_fields(result, folder / "fields")
+                io.write_draped(result, folder)
             complete = True
         if code != INTERRUPTED:
-            summary = case.summary(result) | inputs  # with the estimated error
+            summary = case.summary(result) | said_before  # with the estimated error
             _write_again(summary, options.out)
     except OutputError as error:
         raise OutputError(f"{error}; {_kept(stepper)}") from None
@@ -72,15 +97,55 @@ def run(
         if not complete:
             raise
         code, said = INTERRUPTED, "interrupted; the results are written"
-    if case.pictures and code != INTERRUPTED and not _draw(case, result, options.out):
+    if (
+        case.pictures
+        and code != INTERRUPTED
+        and not _draw(case, result, test, options.out)
+    ):
         code = INTERRUPTED
-    del summary["inputs"]
+    del summary["inputs"], summary["versions"]
     for key, value in summary.items():
         _say(key, value)
     say(f"results in {printable(options.out)}")
     if said:
         complain(said)
     return code
+
+
+def versions() -> dict[str, str]:
+    """Versions of what a run is computed with."""
+    packages = "numpy", "scipy", "scikit-fem"
+    return {
+        "skfem-textile": __version__,
+        "Python": platform.python_version(),
+        **{package: metadata.version(package) for package in packages},
+        "system": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def stepper_of(
+    case: Case, values: Mapping[str, Any], checkpoint: Path | None
+) -> LoadStepper | AdaptiveStepper:
+    """The load stepper of a case, to a tolerance if the values have one.
+
+    Raises
+    ------
+    ValueError
+        As from the steppers, or if there is a tolerance and a checkpoint.
+    """
+    if values["tolerance"] is None:
+        if values["most_unknowns"] != MOST_UNKNOWNS:
+            raise ValueError("--most-unknowns goes with --tolerance")
+        return case.stepper(checkpoint)
+    if checkpoint:
+        raise ValueError("--tolerance cannot have a checkpoint: leave one of them out")
+    return AdaptiveStepper(
+        *(case.ply(), case.scene.conditions, values["tolerance"], case.steps),
+        most_unknowns=values["most_unknowns"],
+        strategies=case.strategies,
+        warn_only=case.warn_only,
+        solver=case.solver,
+    )
 
 
 def _write_again(summary: Mapping[str, Any], out: Path) -> None:
@@ -109,14 +174,14 @@ def _say(key: str, value: Any) -> None:
         say(f"{key:34}{shown}")
 
 
-def _draw(case: Case, result: Result, out: Path) -> bool:
+def _draw(case: Case, result: Result, test: "Curve | None", out: Path) -> bool:
     """Draw pictures, or print in one line why not; False after an interruption.
 
     The numbers are already written.
     """
     try:
-        with ResultFolder(out, pictures.PICTURES) as folder:
-            pictures.draw(case.scene, result, folder)
+        with ResultFolder(out, _PICTURES) as folder:
+            pictures.draw(case.scene, result, test, folder)
     except ImportError as error:
         say(f"no pictures: {printable(error)}; pip install 'skfem-textile[plot]'")
     except Exception as error:

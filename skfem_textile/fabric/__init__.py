@@ -6,18 +6,21 @@ from .law import BiaxialLaw, Law, Linear, Slopes, TwoLaws, is_zero
 from .law_plot import plot_law
 from .laws.crimp_interchange import CrimpInterchange
 from .laws.crimp_toe import CrimpToe
+from .laws.crimped_yarns import CrimpedYarns, Softening
 from .laws.locking import Locking
 from .laws.one_sided import Asymmetric, TensionOnly
 from .laws.polynomial import Polynomial
 from .laws.pretensioned import Pretensioned
 from .laws.sin2 import Sin2
 from .laws.tabulated import Tabulated
+from .laws.tangent_shear import TangentShear
 
 __all__ = [
     "Asymmetric",
     "BiaxialLaw",
     "CrimpInterchange",
     "CrimpToe",
+    "CrimpedYarns",
     "Direction",
     "Fabric",
     "Family",
@@ -28,7 +31,9 @@ __all__ = [
     "Pretensioned",
     "Sin2",
     "Slopes",
+    "Softening",
     "Tabulated",
+    "TangentShear",
     "TensionOnly",
     "TwoLaws",
     "is_zero",

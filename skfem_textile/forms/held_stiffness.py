@@ -40,10 +40,10 @@ def stabilisation_stiffness(
 ) -> ndarray:
     """C_s in N/mm: grows with G and tension, and where fibres close up.
 
-    C_s = (4 G + 3.2 τ)/(1 − |cos ω|)^1.5 with τ of `effective_tension` and the angle ω
-    between the families, and 10⁻⁴ E without shear stiffness.  Where the families are
-    nearly parallel, the shear angle hardly grips motions across both: of the squares
-    of motions across either, 1 − |cos ω| is the least share.
+    ``C_s = (4 G + 3.2 τ)/(1 − |cos ω|)^1.5`` with τ of `effective_tension` and the
+    angle ω between the families, and 10⁻⁴ E without shear stiffness.  Where the
+    families are nearly parallel, the shear angle hardly grips motions across both: of
+    the squares of motions across either, ``1 − |cos ω|`` is the least share.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def stabilisation_stiffness(
         Stiffness of shear and of fibres, and fibre tension, in N/mm, where the element
         is.
     cos_angle
-        |cos ω|.
+        ``|cos ω|``.
     """
     grip = np.maximum(1.0 - cos_angle, _LEAST_GRIP) ** _POWER_OF_GRIP
     without_shear = _without_shear(G, E)
@@ -86,7 +86,7 @@ def deviation_stiffness(
 
 
 def effective_tension(G: ndarray, E: ndarray, T: ndarray) -> ndarray:
-    """τ = |T|/(1 + 80 √(G/E)) in N/mm.
+    """``τ = |T|/(1 + 80 √(G/E))`` in N/mm.
 
     The force of a fibre at a jump spreads over a layer whose width goes with √(G/E).
     Where the layer is wide, elements resolve more of it by themselves.  Fibres in

@@ -20,7 +20,8 @@ from ..mesh.named_nodes import with_named_nodes
 from ..mesh.scikit_fem import with_names
 from ..mesh.splitting import boundary_edges, named_edges, split_cells
 from ..mesh.user_input import printable
-from . import abaqus, gmsh, vtk, vtu
+from . import gmsh, vtk, vtu
+from .decks import mesh as abaqus
 
 # Extent of a mesh along z over its largest extent, up to which it counts as plane.
 # Chosen: far above rounding (2e-16).

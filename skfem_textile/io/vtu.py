@@ -1,5 +1,7 @@
 """Unstructured grids of VTK in XML files."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -29,14 +31,23 @@ _TYPES = {
 _ORDERS: dict[str, Any] = {"LittleEndian": "<", "BigEndian": ">"}
 
 
-def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
+def read(
+    content: bytes, wanted: Mapping[str, int] = MappingProxyType({})
+) -> tuple[meshio.Mesh, list[str]]:
     """Read an unstructured grid of one piece.
+
+    Parameters
+    ----------
+    content
+        Of the file.
+    wanted
+        Data of cells to read, by name, and how many components they must have.
 
     Returns
     -------
     tuple
-        The mesh, with the data of cells that hold names by scikit-fem, and the names
-        of other data, which are not read.
+        The mesh, with the data of cells that hold names by scikit-fem or are wanted,
+        and the names of other data, which are not read.
 
     Raises
     ------
@@ -65,6 +76,11 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
     for name, array in (item for arrays in of_cells for item in arrays.items()):
         if name.startswith(SKFEM):
             data[name] = file.array(array, n_cells)
+        elif name in wanted:
+            width = wanted[name]
+            if array.get("NumberOfComponents", "1") != str(width):
+                raise MeshError(f"{name} must have {width} component(s)")
+            data[name] = file.array(array, n_cells * width).reshape(n_cells, width)
     for part in (*piece.findall("PointData"), *piece.findall("CellData")):
         ignored += [name for name in _by_name(part) if name not in data]
     for part in grid.findall("FieldData"):

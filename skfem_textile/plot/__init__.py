@@ -1,5 +1,6 @@
-"""Pictures of results, drawn off screen."""
+"""Pictures of meshes and results, drawn off screen."""
 
+from .before import mesh_and_fibres
 from .pictures import (
     animation,
     contact_sheet,
@@ -13,5 +14,6 @@ __all__ = [
     "contact_sheet",
     "fibre_directions",
     "fibre_strain",
+    "mesh_and_fibres",
     "shear_angle",
 ]

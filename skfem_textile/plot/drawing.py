@@ -33,6 +33,7 @@ _BAR_TITLE_GAP = 8  # pixels between a scale and its title
 _MOST_INTERVALS = 6  # between the numbers on a scale
 _ROUND_STEPS = [1, 2, 2.5, 4, 5, 10]  # of the numbers on a scale, times powers of ten
 _EDGE_COLOUR, _EDGE_WIDTH = "#404040", 1.5  # dark grey, pixels
+_LEAST_ELEMENT = 10  # pixels of a mean side, below which edges would hide the colours
 
 
 class Picture(NamedTuple):
@@ -156,10 +157,29 @@ def panel(
         show_scalar_bar=False,
         name="ply",
     )
-    edges = ply.extract_all_edges()
+    edges = seen_edges(ply, view)
     plotter.add_mesh(edges, color=_EDGE_COLOUR, line_width=_EDGE_WIDTH, name="edges")
     decorate(plotter, title, view)
     return actor
+
+
+def least_spacing(view: View) -> float:
+    """Distance in mm of things that are still told apart."""
+    return _LEAST_ELEMENT * 2 * view.reach / view.height
+
+
+def mean_side(ply: pv.UnstructuredGrid) -> float:
+    """Side of a square as large as the mean element, in mm."""
+    return float(np.sqrt(ply.compute_cell_sizes()["Area"].mean()))
+
+
+def seen_edges(ply: pv.UnstructuredGrid, view: View) -> pv.PolyData:
+    """The edges of the elements; those of the ply alone where elements are small."""
+    if mean_side(ply) >= least_spacing(view):
+        return ply.extract_all_edges()
+    return ply.extract_feature_edges(
+        feature_edges=False, manifold_edges=False, non_manifold_edges=False
+    )
 
 
 def decorate(plotter: pv.Plotter, title: str, view: View) -> None:

@@ -22,6 +22,7 @@ from .drawing import (
     scale_bar,
     write_png,
 )
+from .fibres import add_fibres, add_legend
 from .offscreen import require_offscreen
 from .picture_files import picture_path
 
@@ -33,19 +34,6 @@ _FRAMES_PER_SECOND = 8
 
 # Height of a panel of a contact sheet, in pixels.
 _SHEET_PANEL_HEIGHT = 300
-
-# Width of a name in the legend of fibre directions, and its size in points.
-_LEGEND_WIDTH, _LEGEND_SIZE = 60, 12  # pixels, points
-
-# Length of the line of a fibre over the mean size of an element, and its height above
-# the ply over its length, so that it is drawn in front.
-_LINE_LENGTH, _LINE_HEIGHT = 0.8, 1e-3
-
-# Colours of the ply and its edges behind fibre directions: light and middle grey.
-_PLY, _EDGES = "#F4F4F4", "#B0B0B0"
-
-# Blue and vermilion of Okabe & Ito (2008), distinct in any kind of colour vision.
-_WARP, _WEFT = "#0072B2", "#D55E00"
 
 
 def fibre_strain(
@@ -133,6 +121,8 @@ def fibre_directions(
 ) -> pv.Plotter:
     """Directions of warp (blue) and weft (red): a line per element and family.
 
+    Where elements are too small for that, some of them have lines.
+
     Parameters, returned value and errors as for `fibre_strain`.
     """
     path, titles = check_arguments(results, titles, filename)
@@ -141,34 +131,14 @@ def fibre_directions(
     plotter = empty_panels(view, 1, len(results), slice(None))
     for column, (result, ply) in enumerate(zip(results, plies, strict=True)):
         plotter.subplot(0, column)
-        plotter.add_mesh(ply, color=_PLY, lighting=False)
-        plotter.add_mesh(ply.extract_all_edges(), color=_EDGES, line_width=1)
         fields = cell_fields(result.ply, result.u)
-        for family, colour in (("warp", _WARP), ("weft", _WEFT)):
-            lines = _segments(ply, fields[f"{family}_direction"])
-            plotter.add_mesh(lines, color=colour, line_width=3)
+        warp, weft = (fields[f"{family}_direction"] for family in ("warp", "weft"))
+        add_fibres(plotter, ply, warp, weft, view)
         decorate(plotter, f"Fibre directions, {titles[column]}", view)
-    plotter.subplot(1, 0)
-    name_width = _LEGEND_WIDTH / plotter.window_size[0]
-    for name, colour, x in (
-        ("Warp", _WARP, 0.5 - 1.2 * name_width),
-        ("Weft", _WEFT, 0.5 + 0.2 * name_width),
-    ):
-        plotter.add_text(
-            name, position=(x, 0.6), viewport=True, font_size=_LEGEND_SIZE, color=colour
-        )
+    add_legend(plotter)
     if path is not None:
         write_png(plotter, path)
     return plotter
-
-
-def _segments(ply: pv.UnstructuredGrid, direction: ndarray) -> pv.PolyData:
-    """A line through the centre of each element."""
-    length = _LINE_LENGTH * np.sqrt(ply.compute_cell_sizes()["Area"].mean())
-    centre = ply.cell_centers().points + np.array([0, 0, _LINE_HEIGHT * length])
-    half = 0.5 * length * direction
-    ends = np.stack([centre - half, centre + half], axis=1).reshape(-1, 3)
-    return pv.line_segments_from_points(ends)
 
 
 def animation(result: Result, filename: str | os.PathLike[str]) -> None:

@@ -5,6 +5,7 @@ from .bias_extension import bias_extension
 from .case import Case
 from .picture_frame import picture_frame
 from .scene import Scene
+from .specimen import specimen
 from .strip import strip
 from .trellis import trellis
 
@@ -17,6 +18,7 @@ __all__ = [
     "Scene",
     "bias_extension",
     "picture_frame",
+    "specimen",
     "strip",
     "trellis",
 ]

@@ -24,7 +24,9 @@ from ..registration import Option, SceneRegistration, angle
 from ..solve.conditions import Condition
 from .rectangle import misfit, rectangle
 from .scene import Scene
+from .shear_test import BiasTest
 from .trellis import Motion
+from .zones import force_of_moments, free_length
 
 #: Width of the ply in mm.
 WIDTH = 50.0
@@ -107,6 +109,7 @@ def bias_extension(
         load=lambda law, t: share * force(law, t * shear_angle, W, H, theta),
         load_lost=lambda f, t: lost_to_stretch(f, t * shear_angle, W, H, theta),
         misfit=misfit(mesh, _held(share)),
+        shear_test=BiasTest(theta, W, H, share),
     )
 
 
@@ -133,11 +136,9 @@ def force(
     inclination
         Angle θ between warp and clamps in radians.
     """
-    W, H, c, s = width, height, np.cos(inclination), np.sin(inclination)
-    L = (H / s - W / c) / 2
+    middle, between = force_of_moments(gamma, width, height, inclination)
     C, C_half = law.value(np.array([gamma, gamma / 2]))
-    work = W * (H - 1.5 * W * s / c) * C + 0.5 * W**2 * s / c * C_half
-    return float(work / (L * np.cos(inclination + gamma / 2)))
+    return float(middle * C + between * C_half)
 
 
 def lost_to_stretch(
@@ -167,7 +168,7 @@ def lost_to_stretch(
     sides = width, height, inclination
     law, h = fabric.shear_law, 1e-4 * min(gamma, np.pi - 2 * inclination - gamma)
     E = np.array([mean_slope(f.tension, np.zeros(1))[0] for f in fabric.families])
-    L = (height / np.sin(inclination) - width / np.cos(inclination)) / 2
+    L = free_length(*sides)
     with np.errstate(divide="ignore", invalid="ignore"):
         after, before = (_layer(law, gamma + d, *sides) for d in (h, -h))
         rate = np.sum(2 / np.sqrt(E)) * (after - before) / (2 * h)

@@ -9,6 +9,7 @@ from skfem import Mesh
 
 from ..registration import SceneRegistration, angle
 from .scene import Scene
+from .shear_test import FrameTest
 from .trellis import trellis
 
 
@@ -41,7 +42,9 @@ def picture_frame(
         If the mesh is not valid, or the frame would close.
     """
     turns = (_straight, lambda s, t: np.full(s.shape, -t * shear_angle))
-    return replace(trellis(mesh, size, jitter, seed, turns=turns), name="picture_frame")
+    scene = trellis(mesh, size, jitter, seed, turns=turns)
+    side = float(np.ptp(scene.mesh.p[1]))
+    return replace(scene, name="picture_frame", shear_test=FrameTest(side))
 
 
 def _straight(s: ndarray, t: float) -> ndarray:

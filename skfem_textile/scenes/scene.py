@@ -11,6 +11,7 @@ from ..fabric import Fabric, Law, is_zero
 from ..solve.conditions import Condition
 from ..solve.result import Result
 from ..solve.states import State
+from .shear_test import ShearTest
 
 ExactField = Callable[[ndarray, float], ndarray]
 
@@ -48,6 +49,8 @@ class Scene:
         ``(fabric, t) -> float``; None if there is no estimate.
     misfit
         Why the exact answer does not hold on this mesh; empty if it does.
+    shear_test
+        The test of shear that this is; None if it is none.
     """
 
     name: str
@@ -62,6 +65,7 @@ class Scene:
     load: Callable[[Law, float], float] | None = None
     load_lost: Callable[[Fabric, float], float] | None = None
     misfit: str = ""
+    shear_test: ShearTest | None = None
 
     def rotated(self, angle: float) -> "Scene":
         """The same problem with mesh, fibres and conditions turned together.

@@ -307,6 +307,8 @@ REGISTRATION = SceneRegistration(
             read=_read_roller,
             metavar="SIDE=DEG",
             repeated=True,
+            unit="deg",
+            in_file=dict[str, float],
         ),
     ),
     rank=3,

@@ -1,8 +1,10 @@
 """The families of trials."""
 
+from .decks.trials import FAMILIES as DECKS
 from .disk import disk_trials, kill_trials
 from .meshes.trials import family as mesh_files
 from .options import trials as option_trials
+from .options.cases import trials as case_trials
 from .restarts import checkpoint_trials, sweep_trials
 from .semantics import argument_trials, mesh_trials
 from .trial import Family
@@ -13,7 +15,9 @@ FAMILIES: tuple[Family, ...] = (
     mesh_files("inp", 2500),
     mesh_files("vtu", 1500),
     mesh_files("vtk", 1500),
+    *DECKS,
     option_trials.FAMILY,
+    case_trials.FAMILY,
     mesh_trials.FAMILY,
     argument_trials.FAMILY,
     checkpoint_trials.FAMILY,

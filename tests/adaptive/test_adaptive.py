@@ -21,10 +21,10 @@ from skfem_textile import (
     shear_angle_jumps,
     split,
 )
-from skfem_textile.adaptive import stepper as stepper_module
-from skfem_textile.adaptive.rounds import counted
 from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.states import ErrorEstimate, NoEquilibriumError
+from skfem_textile.solve.stepping.adaptive import stepper as stepper_module
+from skfem_textile.solve.stepping.adaptive.rounds import counted
 from skfem_textile.solve.stepping.error_estimate import problem_at
 from skfem_textile.solve.stepping.work import work_of
 
@@ -265,7 +265,7 @@ def test_a_failure_on_a_finer_mesh_keeps_the_run_on_the_one_before(
     def fails(*_, **__):
         raise error
 
-    monkeypatch.setattr("skfem_textile.adaptive.stepper.equilibrium_near", fails)
+    monkeypatch.setattr(stepper_module, "equilibrium_near", fails)
     with pytest.raises(StepError, match=said) as told:
         stepper.run()
     assert told.value.result.ply is ply

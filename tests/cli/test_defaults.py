@@ -8,7 +8,7 @@ import pytest
 from command_line import refused
 
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.case import options_of
+from skfem_textile.cli.case.options import options_of
 from skfem_textile.scenes import SCENES
 
 
@@ -39,7 +39,10 @@ def test_a_plain_run_comes_near_its_exact_answer(tmp_path, capsys, scene):
 
 
 def test_the_other_scenes_are_the_bias_extension():
-    assert set(SCENES) - {"strip", "picture_frame", "trellis"} == {"bias_extension"}
+    assert set(SCENES) - {"strip", "picture_frame", "trellis"} == {
+        "bias_extension",
+        "specimen",
+    }
 
 
 def test_a_plain_picture_frame_has_the_load_of_its_shear_stiffness(tmp_path, capsys):

@@ -19,7 +19,7 @@ from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, StepErr
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.interruption import INTERRUPTED, held, raised
 from skfem_textile.cli.output import OutputError
-from skfem_textile.cli.result_folder import ResultFolder
+from skfem_textile.cli.results.result_folder import ResultFolder
 from skfem_textile.io import write_fields, write_history
 from skfem_textile.scenes import strip
 from skfem_textile.sweep import WorkerProcesses

@@ -8,7 +8,7 @@ import pytest
 from command_line import MESH, refused, run
 
 from skfem_textile.cli import main as cli
-from skfem_textile.cli import pictures
+from skfem_textile.cli.results import pictures
 
 
 def test_a_run_takes_a_mesh_file_and_full_integration(tmp_path):

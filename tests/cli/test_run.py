@@ -16,7 +16,10 @@ from skfem_textile import LoadStepper, Ply, Result
 def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
     assert run(tmp_path, *QUICK, "--shear-stiffness", "0.5") == 0
     out = tmp_path / "out"
-    assert {p.name for p in out.iterdir()} == {"summary.json", "history.csv", "fields"}
+    assert {p.name for p in out.iterdir()} == {
+        *("summary.json", "history.csv", "curve.csv", "case.toml", "fields"),
+        *("fibres.vtu", "fibres.csv", "fibres.inp"),
+    }
     summary = json.loads((out / "summary.json").read_text())
     assert set(summary) == {
         *("scene", "formulation", "n_elements", "n_dofs", "converged", "load_factor"),
@@ -26,7 +29,13 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
         *("mesh_fibre_strain", "max_fibre_tension", "max_shear_angle_deg"),
         *("min_det_F", "wall_time_s", "assembly_time_s", "solve_time_s", "reaction_x"),
         *("reaction_y", "displacement_error_rms", "displacement_error_max"),
-        *("shear_angle_error_rms_deg", "inputs", "negative_pivots", "stable"),
+        *(
+            "shear_angle_error_rms_deg",
+            "inputs",
+            "versions",
+            "negative_pivots",
+            "stable",
+        ),
         *("steps_cut", "factorisations", "solver", "solver_reason"),
         *("estimated_load_error", "estimated_shear_angle_error_deg"),
         *(

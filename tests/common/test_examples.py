@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from skfem_textile.cli.case import case_from_file
+
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+CASES = sorted((ROOT / "examples").rglob("*.toml"))
 OPTIONAL = ("pyvista", "matplotlib", "imageio", "pypardiso", "cvxopt", "dask")
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
 CODE = "".join(
@@ -22,6 +25,11 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 def test_examples_run_and_keep_their_promise(example, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(example), run_name="__main__")
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
+def test_case_files_among_the_examples_are_cases(case):
+    assert case_from_file(case).ply().basis.N > 0
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)

@@ -11,6 +11,8 @@ HEAVY = (
     "imageio",
     "dask",
     "threadpoolctl",
+    "msgspec",
+    "tomli_w",
 )
 OPTIONAL_SOLVERS = ("cvxopt", "pypardiso")
 

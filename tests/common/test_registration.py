@@ -49,12 +49,17 @@ def test_a_name_is_registered_once(package):
 @pytest.mark.parametrize(
     ("among", "names"),
     [
-        (SCENES, ["strip", "picture_frame", "trellis", "bias_extension"]),
+        (
+            SCENES,
+            [
+                *("strip", "picture_frame", "trellis", "bias_extension", "specimen"),
+            ],
+        ),
         (
             LAWS,
             [
                 *("linear", "sin2", "FILE.csv", "crimp-interchange", "crimp-toe"),
-                *("locking", "polynomial"),
+                *("locking", "polynomial", "FILE.json"),
             ],
         ),
         (FORMULATIONS, ["one-point", "macro", "full", "quadratic"]),

@@ -16,7 +16,7 @@ from skfem_textile import (
     OnePoint,
     Ply,
 )
-from skfem_textile.cli.result_folder import ResultFolder
+from skfem_textile.cli.results.result_folder import ResultFolder
 from skfem_textile.io import (
     read_mesh,
     write_fields,

@@ -4,8 +4,11 @@ import sys
 
 import numpy as np
 import pytest
+from skfem import MeshQuad
 
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
+from skfem_textile.fabric.directions import FibreDirections
+from skfem_textile.mesh.splitting import split_cells
 from skfem_textile.scenes import strip
 
 pv = pytest.importorskip("pyvista")
@@ -211,3 +214,36 @@ def test_nothing_is_said_on_stderr(tmp_path):
         cwd=tmp_path,
     )
     assert child.stderr == ""
+
+
+def test_a_mesh_of_both_kinds_is_drawn_with_its_fibres_before_a_run(tmp_path):
+    points = np.array([[0.0, 1, 2, 0, 1, 2], [0.0, 0, 0, 1, 1, 1]])
+    quad, triangles = np.array([[0, 1, 4, 3]]).T, np.array([[1, 2, 4], [2, 5, 4]]).T
+    mesh = split_cells(points, [quad, triangles])
+    directions = FibreDirections.of_angles([0, 45, 90], [90, 135, 0])
+    plotter = plot.mesh_and_fibres(mesh, directions, tmp_path / "mesh.png")
+    actors = [
+        a for a in plotter.renderers[0].actors.values() if isinstance(a, pv.Actor)
+    ]
+    drawn = [actor.mapper.dataset for actor in actors]
+    warp, _ = [x for x in drawn if isinstance(x, pv.PolyData) and x.n_lines == 3]
+    ends = warp.points.reshape(3, 2, 3)
+    along = ends[:, 1] - ends[:, 0]
+    found = np.degrees(np.arctan2(along[:, 1], along[:, 0]))
+    assert np.allclose(found, [0, 45, 90], atol=1e-4)
+    assert np.allclose(ends.mean(axis=1)[0, :2], [0.5, 0.5])
+    assert (tmp_path / "mesh.png").exists()
+    with pytest.raises(ValueError, match="3 directions for 4 elements"):
+        plot.mesh_and_fibres(MeshQuad().refined(1), directions)
+
+
+@pytest.mark.parametrize(("size", "fine"), [((3, 4), False), ((60, 90), True)])
+def test_edges_of_small_elements_do_not_hide_the_colours(size, fine):
+    """The outline of the ply is left of them."""
+    drawing = pytest.importorskip("skfem_textile.plot.drawing")
+    mesh = strip(size=size).mesh
+    points = np.pad(mesh.p, ((0, 1), (0, 0))).T
+    grid = pv.UnstructuredGrid({pv.CellType.QUAD: mesh.t.T}, points)
+    edges = drawing.seen_edges(grid, drawing.View.of([grid]))
+    every, outer = mesh.facets.shape[1], len(mesh.boundary_facets())
+    assert edges.n_cells == (outer if fine else every)

@@ -68,7 +68,11 @@ def started(*words, **options):
 
 @pytest.mark.parametrize(
     "families",
-    [("--family", "conditions"), pytest.param((), id="all", marks=pytest.mark.long)],
+    [
+        ("--family", "conditions", "case files"),
+        ("--family", "deck inp", "deck rad"),
+        pytest.param((), id="all", marks=pytest.mark.long),
+    ],
 )
 def test_no_hostile_input_ends_badly(tmp_path, families):
     options = "--short", "--workers", "2", *families, "--out", str(tmp_path)

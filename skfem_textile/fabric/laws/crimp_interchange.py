@@ -228,6 +228,7 @@ REGISTRATION = LawRegistration(
             help="K in N/mm, resistance to an exchange of crimp",
             read=float,
             metavar="K",
+            unit="N_per_mm",
         ),
         TOE,
         INITIAL_STIFFNESS,

@@ -107,6 +107,7 @@ INITIAL_STIFFNESS = Option(
     help="k in N/mm, at rest and in compression",
     read=float,
     metavar="K",
+    unit="N_per_mm",
 )
 
 REGISTRATION = LawRegistration(

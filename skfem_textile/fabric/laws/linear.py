@@ -4,7 +4,14 @@ from ...registration import LawRegistration, Option
 from ..law import Linear
 
 #: The parameter of laws that have no other.
-STIFFNESS = Option(name="stiffness", help="N/mm", default=0.0, read=float, metavar="G")
+STIFFNESS = Option(
+    name="stiffness",
+    help="N/mm",
+    default=0.0,
+    read=float,
+    metavar="G",
+    unit="N_per_mm",
+)
 
 REGISTRATION = LawRegistration(
     name="linear",

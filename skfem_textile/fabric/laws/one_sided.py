@@ -6,7 +6,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ...registration import Resistance
+from ...registration import Option, Resistance
 from ..law import Law, domain_of
 from ..law_parameters import inner_law, number, refuse_force_at_rest
 from ..law_plot import Drawn
@@ -178,3 +178,17 @@ def _tangent(law: Law, ramp: _Ramp, sign: float) -> ndarray:
     """The derivative of a law's value, switched on one side."""
     x = sign * ramp.strain
     return law.tangent(x) * ramp.slope**2 + sign * law.value(x) * ramp.bend
+
+
+#: What fibres of a law do in compression.
+COMPRESSION = Option(
+    name="compression",
+    help="what fibres do in compression: what the law says, or nothing at all",
+    default="law",
+    choices=("law", "none"),
+)
+
+
+def with_compression(law: Law, compression: str) -> Law:
+    """The law as it is, or without compression, by the words of `COMPRESSION`."""
+    return TensionOnly(law) if compression == "none" else law

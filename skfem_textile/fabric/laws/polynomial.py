@@ -120,7 +120,12 @@ REGISTRATION = LawRegistration(
     build=_of_words,
     options=(
         Option(
-            name="coefficients", help="c1, c2, ... in N/mm", read=_numbers, metavar="C"
+            name="coefficients",
+            help="c1, c2, ... in N/mm",
+            read=_numbers,
+            metavar="C",
+            unit="N_per_mm",
+            in_file=tuple[float, ...],
         ),
         Option(
             name="variable",

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from ...mesh.user_input import real_numbers
 from ...registration import LawRegistration, Option, Resistance
+from ..files.table_file import read_table, refuse_bad_points
 from ..law_plot import Drawn
-from ..table_file import read_table, refuse_bad_points
 from .polynomial import CONTINUATION
 
 log = logging.getLogger(__name__)
@@ -166,8 +166,10 @@ class Tabulated(Drawn):
             steep = not np.isfinite(np.diff(y) / np.diff(x)).all()
         if steep:
             raise ValueError("the table rises faster than numbers go")
-        with np.errstate(over="ignore"):  # of slopes that are almost none
+        with np.errstate(over="ignore", invalid="ignore"):  # of slopes that are none
             value = PchipInterpolator(x, y)
+        if not np.isfinite(value(x)).all():
+            raise ValueError("the table has values larger than a cubic can go through")
         energy = value.antiderivative()
         return _Curve(*self.shown, energy, value, value.derivative())
 

@@ -17,8 +17,8 @@ from skfem_textile import (
     StepError,
 )
 from skfem_textile.cli.output import OutputError
-from skfem_textile.cli.result_folder import ResultFolder
-from skfem_textile.io import FIELDS, write_fields, write_history
+from skfem_textile.cli.results.result_folder import ResultFolder
+from skfem_textile.io import DRAPED, FIELDS, write_draped, write_fields, write_history
 from skfem_textile.io import write_summary as write
 from skfem_textile.scenes import strip
 from skfem_textile.sweep import sweep
@@ -43,7 +43,8 @@ from .command_run import (
 _CASES, _EARLIER_CASES, _NUMBERS = 20, 5, 1000
 
 #: Files of a result.
-_NAMES = "summary.json", "history.csv", *(f"fields/{name}" for name in FIELDS)
+_FIELDS = tuple(f"fields/{name}" for name in FIELDS)
+_NAMES = "summary.json", "history.csv", *DRAPED, *_FIELDS
 
 
 class Disk(NamedTuple):
@@ -162,6 +163,7 @@ def _write(result: Result, out: Path, spoil: Callable[[], None] = lambda: None) 
         write(result.summary(), folder / "summary.json")
         write_history(result, folder / "history.csv")
         write_fields(result, folder / "fields")
+        write_draped(result, folder)
 
 
 def sweep_file(disk: Disk) -> None:

@@ -48,6 +48,11 @@ _FORCES = (
     *("top", "top=1", "top=1,2,3", "left=inf,0", "right=0,0", "bottom=1_0,-0"),
 )
 
+_MOVES = (
+    *("top=0,5", "bottom=0,0", "left=free,free", "right=free,0", "lid=0,0", "top"),
+    *("top=1", "top=1,2,3", "top=nan,0", "top=fre,1", "=0,1", "top=1e308,0"),
+)
+_CURVES = ("curve.csv", "missing.csv", "junk.inp", "folder", "curve.csv\0", "")
 
 #: Scenes that are drawn more often, and a study, which is no scene.
 _OFTEN = ("strip", "trellis", "bias_extension")
@@ -160,6 +165,15 @@ def _of_scene(scene: str, random: Random) -> list[list[str]]:
         fibres = [["--warp", str(warp)], ["--weft", str(180 - warp)]]
         more = random.choice(([], [["--part", "half"]], [["--shear-angle", "20"]]))
         return random.choice(([], fibres)) + more
+    if scene == "specimen":
+        return random.choice(
+            (
+                *([], [["--driven", "top"]], [["--move", "top=0,5"], _HELD]),
+                [["--move", "top=free,-3"], _HELD, ["--test-curve", "curve.csv"]],
+                [["--warp", angle], ["--weft", "100"], ["--driven", "bottom"]],
+                [["--width", "40"], ["--height", "120"]],
+            )
+        )
     if scene == "trellis":
         parts = [
             ["--warp", str(random.randint(-30, 30))],
@@ -171,6 +185,10 @@ def _of_scene(scene: str, random: Random) -> list[list[str]]:
         ]
         return random.sample(parts, random.randint(0, 4))
     return []
+
+
+# A side of a specimen that does not move.
+_HELD = ["--move", "bottom=0,0"]
 
 
 def _odd_part(scene: str, random: Random) -> list[str]:
@@ -211,6 +229,10 @@ _WORDS: dict[str, Callable[[Random], str]] = {
     "part": lambda random: random.choice(("half", "third", "whole")),
     "free": lambda random: random.choice(("top", "lid", "left")),
     "force": lambda random: random.choice(_FORCES),
+    "move": lambda random: random.choice(_MOVES),
+    "driven": lambda random: random.choice(("top", "left", "lid")),
+    "test-curve": lambda random: random.choice(_CURVES),
+    "fibre-compression": lambda random: random.choice(("none", "law", "non")),
 }
 # A run to a tolerance makes meshes of its own, which no line tells.
 _TO_A_TOLERANCE = {"tolerance", "most-unknowns"}

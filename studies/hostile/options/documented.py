@@ -90,6 +90,14 @@ def _force(word: str) -> list[Any]:
     return [name, force]
 
 
+def _move(word: str) -> list[Any]:
+    name, _, components = word.partition("=")
+    move = [x if x == "free" else float(x) for x in components.split(",")]
+    if not name or len(move) != 2:
+        raise UnreadableError(f"{word!r} is not like top=0,40")
+    return [name, move]
+
+
 def _folder(word: str) -> str:
     if not word or word.startswith("--"):
         raise UnreadableError("a folder without a name, or an option")
@@ -106,8 +114,14 @@ _CHECKS = (
     "corners",
 )
 
-#: Parameters of laws that are not tried here: any but the default is refused.
+#: Parameters of laws that are not tried here, and files of fabrics and directions, of
+#: which no line has a sound one: any but the default is refused.
 OF_OTHER_LAWS = {
+    "directions": Option(str, None),
+    "fabric": Option(str, None),
+    "thickness": Option(float, None),
+    "units": Option(str, "N mm"),
+    "material": Option(str, None),
     "fibre-warp-crimp": Option(str, None),
     "fibre-weft-crimp": Option(str, None),
     "fibre-bending": Option(str, None),
@@ -140,8 +154,10 @@ _LOADED = {
     "shear-law": Option(one_of("linear", "sin2"), "linear"),
     "tension-law": Option(one_of("linear"), "linear"),
     **OF_OTHER_LAWS,
+    "fibre-compression": Option(one_of("law", "none"), "law"),
     "force": Option(_force, [], "", "all"),
     "rotate": Option(_degrees, 0.0),
+    "test-curve": Option(str, None),
     "steps": Option(int, 20),
     "tolerance": Option(float, None),
     "most-unknowns": Option(int, 50_000),
@@ -176,14 +192,30 @@ _BIAS = {
     "part": Option(one_of("whole", "half"), "whole"),
 }
 
+_SPECIMEN = {
+    **_SHEARED,
+    "fibre-stiffness": Option(float, 1e5),
+    "width": Option(float, 50.0),
+    "height": Option(float, 100.0),
+    "warp": Option(_degrees, 45.0),
+    "weft": Option(_degrees, 135.0),
+    "move": Option(_move, [], "", "all"),
+    "driven": Option(str, None),
+}
+
+#: What a specimen moves if nothing is said.
+MOVES = [["bottom", [0.0, 0.0]], ["top", [0.0, 10.0]]]
+
 #: The options of each scene.
 OPTIONS: Mapping[str, Mapping[str, Option]] = {
     "strip": _LOADED,
     "picture_frame": {**_LOADED, **_SHEARED, "shear-angle": Option(_degrees, 45.0)},
     "trellis": {**_LOADED, **_TRELLIS},
     "bias_extension": {**_LOADED, **_BIAS},
+    "specimen": {**_LOADED, **_SPECIMEN},
 }
 
 #: Defaults of the jitter, by scene, and of its seed.
-JITTER = {"strip": 0.3, "picture_frame": 0.3, "trellis": 0.3, "bias_extension": 0.25}
+JITTER = {"strip": 0.3, "picture_frame": 0.3, "trellis": 0.3}
+JITTER |= {"bias_extension": 0.25, "specimen": 0.25}
 SEED = 1

@@ -30,6 +30,8 @@ def sides(line: RunLine) -> tuple[float, float]:
     if line.scene == "bias_extension":
         share = 0.5 if line.values["part"] == "half" else 1.0
         return share * 50.0, 100.0 * float(np.tan(fibres(line)[0]))
+    if line.scene == "specimen":
+        return line.values["width"], line.values["height"]
     return 100.0, 100.0
 
 
@@ -41,6 +43,9 @@ def conditions(line: RunLine) -> set[str]:
         return {"bottom", "top"} | (
             {"axis"} if line.values["part"] == "half" else set()
         )
+    if line.scene == "specimen":
+        moves = line.values["move"]
+        return {name for name, move in moves if move != ["free", "free"]}
     free = line.values.get("free", [])
     rollers = {side for side, _ in line.values.get("roller", [])}
     driven = next(s for s in ("top", "right", "bottom", "left") if s not in free)
@@ -73,6 +78,13 @@ def misplaced(line: RunLine, X: ndarray, u: ndarray, t: float) -> float:
         off = [u[:, on["bottom"]].ravel(), (u[0] - arc)[on["right"]]]
     elif line.scene == "bias_extension":
         off = _off_clamps(line.values, on, X, u, t)
+    elif line.scene == "specimen":
+        off = [
+            u[axis, on[side]] - t * component
+            for side, move in line.values["move"]
+            for axis, component in enumerate(move)
+            if component != "free"
+        ]
     else:
         off = _off_frame(line.values, on, trellis(line, X, t) - X - u)
     return float(np.abs(np.concatenate(off)).max())

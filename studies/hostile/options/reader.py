@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from itertools import takewhile
 from typing import Any, NamedTuple
 
-from .documented import OPTIONS, UNNAMED, Option, UnreadableError
+from .documented import MOVES, OPTIONS, UNNAMED, Option, UnreadableError
 
 
 class RunLine(NamedTuple):
@@ -62,6 +62,8 @@ def read(line: Sequence[str]) -> RunLine:
         given.add(name)
     if "out" not in given:
         raise UnreadableError("no --out")
+    if values.get("move") == []:
+        values["move"] = MOVES
     return RunLine(line[1], values, given)
 
 

@@ -31,6 +31,7 @@ def refuse_contradictions(line: RunLine) -> None:
     _refuse_formulation(values)
     _refuse_checkpoint(values)
     _refuse_edges(values)
+    _refuse_moves(line)
     if not _round_off_decides(values):
         _refuse_fibres(line)
 
@@ -48,7 +49,19 @@ def may_be_refused(line: RunLine) -> bool:
         for name in ("checkpoint", "resume")
         if v[name] not in (None, UNNAMED)
     }
+    if line.scene == "specimen" and _unusual(v):
+        return True
     return odd or distorted or same or _round_off_decides(v) or not 15 < theta < 75
+
+
+def _unusual(v: dict[str, Any]) -> bool:
+    """Whether fibres, sides or moves of a specimen may contradict one another."""
+    parallel = abs(sin(radians(v["weft"] - v["warp"]))) < 0.1
+    usual = {side: v[side] for side in ("width", "height")} == {
+        "width": 50.0,
+        "height": 100.0,
+    }
+    return parallel or not usual or len(v["move"]) != 2
 
 
 def _round_off_decides(v: dict[str, Any]) -> bool:
@@ -146,6 +159,30 @@ def _refuse_checkpoint(v: dict[str, Any]) -> None:
         _refuse_folder(folder)
         if os.path.basename(folder) == "junk":
             raise UnreadableError("no checkpoint")
+
+
+def _refuse_moves(line: RunLine) -> None:
+    """Refuse a curve of a test that is none, and moves that nobody can mean."""
+    v = line.values
+    if v["test-curve"] not in (None, "curve.csv"):
+        raise UnreadableError("no curve of a test")
+    if line.scene != "specimen":
+        return
+    moves = v["move"]
+    names = [name for name, _ in moves]
+    if not set(names) <= {"top", "right", "bottom", "left"}:
+        raise UnreadableError("no such boundary")
+    if len(set(names)) < len(names):
+        raise UnreadableError("a boundary is moved twice")
+    if not all(isfinite(x) for _, move in moves for x in move if x != "free"):
+        raise UnreadableError("move")
+    moved = [name for name, move in moves if move != ["free", "free"]]
+    if not moved or v["driven"] not in (None, *moved):
+        raise UnreadableError("nothing is moved, or not what is driven")
+    if v["mesh"] in KINDS and not all(
+        isfinite(v[side]) and v[side] > 0 for side in ("width", "height")
+    ):
+        raise UnreadableError("sides")
 
 
 def _refuse_fibres(line: RunLine) -> None:

@@ -44,7 +44,7 @@ def attempt(seed: int, folder: Path) -> Finding:
     _fill_folder(folder, words)
     before = folder_content(whole)
     expected, certain = _expected(words)
-    code, out, err = _run(words, folder)
+    code, out, err = run_line(words, folder)
     shown = repr(words)[:1000]
     if code == 2:
         untouched = before == folder_content(whole)
@@ -104,7 +104,7 @@ def _unclear(line: RunLine, code: int, out: str, err: str) -> str:
     return "" if last.startswith("results in ") else f"stdout: {out[-300:]}"
 
 
-def _run(words: Sequence[str], folder: Path) -> tuple[int, str, str]:
+def run_line(words: Sequence[str], folder: Path) -> tuple[int, str, str]:
     """Exit code, stdout and stderr of a command line."""
     logging.getLogger("skfem_textile").handlers.clear()
     files = [Path(f"{folder}.{name}") for name in ("out", "err")]
@@ -159,6 +159,8 @@ def _fill_folder(folder: Path, words: Sequence[str]) -> None:
     for name in ("junk.msh", "junk.vtu", "junk.inp", "file"):
         (folder / name).write_bytes(junk)
     (folder / "empty.vtu").touch()
+    curve = "displacement (mm),force (N)\n0,0\n5,2\n"
+    (folder / "curve.csv").write_text(curve)
     for name in ("folder", "there", "blocked/summary.json", "junk", "unfinished"):
         (folder / name).mkdir(parents=True)
     (folder / "junk" / "run.npz").write_bytes(junk)

@@ -1,0 +1,26 @@
+"""Laws of a fabric from its tests: picture frame, bias extension and biaxial."""
+
+from .biaxial import BiaxialCurve, TensionFit, fit_tension, read_biaxial
+from .curves import read_curve
+from .inverse import Simulation, fit_by_simulation
+from .regression import Fit
+from .shear import ShearFit, Specimen, fit_shear, read_specimen
+from .shear_tests import BiasExtension, PictureFrame, ShearTest
+
+__all__ = [
+    "BiasExtension",
+    "BiaxialCurve",
+    "Fit",
+    "PictureFrame",
+    "ShearFit",
+    "ShearTest",
+    "Simulation",
+    "Specimen",
+    "TensionFit",
+    "fit_by_simulation",
+    "fit_shear",
+    "fit_tension",
+    "read_biaxial",
+    "read_curve",
+    "read_specimen",
+]

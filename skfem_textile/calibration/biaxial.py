@@ -1,0 +1,198 @@
+"""Tension laws from biaxial tests.
+
+Strains of a test are elongations per length, λ − 1; laws take ε = ln λ.  A fabric of
+the width W across the pull has the force F = W T(ε)/λ.
+"""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy import ndarray
+
+from ..fabric import BiaxialLaw, Law
+from . import models
+from .curves import read_curve
+from .models import Model
+from .regression import Fit, Sample, fit
+
+#: The two families.
+FAMILIES = "warp", "weft"
+
+#: Tension laws by name, of the largest strain and the number of points.
+TENSION_LAWS: dict[str, Callable[[float, int], Model]] = {
+    "crimp-toe": lambda largest, points: models.crimp_toe(largest),
+    "linear": lambda largest, points: models.linear(),
+    "tabulated": lambda largest, points: models.tabulated(
+        np.linspace(0.0, largest, points + 1)[1:]
+    ),
+    "crimp-interchange": lambda largest, points: models.crimp_interchange(largest),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class BiaxialCurve:
+    """A test at one ratio of the strains.
+
+    Attributes
+    ----------
+    name
+        What it is called.
+    strain
+        Logarithmic strains ln λ of warp and weft, shape (2, n).
+    force
+        Forces along warp and weft in N, shape (2, n).
+    widths
+        Width in mm across the pull of the warp, and of the weft.
+    """
+
+    name: str
+    strain: ndarray
+    force: ndarray
+    widths: tuple[float, float]
+
+    @property
+    def tension(self) -> ndarray:
+        """Tensions T = F λ/W in N/mm, shape (2, n)."""
+        return self.force * np.exp(self.strain) / np.reshape(self.widths, (2, 1))
+
+    def forces(self, law: BiaxialLaw) -> ndarray:
+        """The forces that a law of both strains gives, shape (2, n)."""
+        stretch = np.exp(self.strain)
+        return np.reshape(self.widths, (2, 1)) * law.value(self.strain) / stretch
+
+    def force_along(self, family: int, law: Law) -> ndarray:
+        """The force along a family that a law of its own strain gives, shape (n,)."""
+        strain = self.strain[family]
+        return self.widths[family] * law.value(strain) / np.exp(strain)
+
+
+@dataclass(frozen=True, eq=False)
+class TensionFit:
+    """Tension laws that were found from biaxial tests.
+
+    Attributes
+    ----------
+    fits
+        By ``warp`` and ``weft``, or ``both`` for a law of both strains.
+    curves
+        The tests.
+    """
+
+    fits: dict[str, Fit]
+    curves: tuple[BiaxialCurve, ...]
+
+    @property
+    def tension(self) -> BiaxialLaw | tuple[Law, Law]:
+        """The laws, as `Fabric` takes them."""
+        if "both" in self.fits:
+            return self.fits["both"].law
+        return self.fits["warp"].law, self.fits["weft"].law
+
+    def forces(self, curve: BiaxialCurve) -> ndarray:
+        """The forces that the laws give, shape (2, n)."""
+        if "both" in self.fits:
+            return curve.forces(self.fits["both"].law)
+        laws = (self.fits[name].law for name in FAMILIES)
+        return np.array([curve.force_along(i, law) for i, law in enumerate(laws)])
+
+
+def read_biaxial(
+    path: str | os.PathLike[str],
+    widths: tuple[float, float],
+    units: Mapping[str, str] | None = None,
+) -> BiaxialCurve:
+    """The test of a CSV file with strain and force of warp and weft.
+
+    Parameters
+    ----------
+    path
+        The file, which `read_curve` describes.
+    widths
+        Width in mm across the pull of the warp, and of the weft.
+    units
+        Units of columns that the file does not tell.
+
+    Raises
+    ------
+    ValueError
+        If the file is refused, a column is missing, or a strain is not above −1.
+    OSError
+        If it cannot be read.
+    """
+    columns, name = read_curve(path, units), Path(path).name
+    for family in FAMILIES:
+        for column in (f"{family} strain", f"{family} force"):
+            if column not in columns:
+                raise ValueError(f"{name}: there is no column {column!r}")
+    elongation = np.array([columns[f"{family} strain"] for family in FAMILIES])
+    if not np.all(elongation > -1):
+        raise ValueError(f"{name}: a strain is not above -1")
+    force = np.array([columns[f"{family} force"] for family in FAMILIES])
+    return BiaxialCurve(name, np.log1p(elongation), force, widths)
+
+
+def fit_tension(
+    curves: Sequence[BiaxialCurve],
+    law: str = "crimp-toe",
+    *,
+    points: int = 8,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> TensionFit:
+    """Find tension laws from biaxial tests at one or more ratios of the strains.
+
+    Parameters
+    ----------
+    curves
+        The tests.
+    law
+        A law of one strain for each family, ``crimp-toe``, ``linear`` or ``tabulated``;
+        or ``crimp-interchange``, whose tensions take both strains.
+    points
+        Points of a table beside 0.
+    bounds
+        Least and largest value of parameters by name.
+
+    Raises
+    ------
+    ValueError
+        If the law is unknown, no fibre is stretched, or as from `regression.fit`.
+    """
+    if law not in TENSION_LAWS:
+        raise ValueError(f"the law {law!r} is none of {', '.join(TENSION_LAWS)}")
+    if law == "crimp-interchange":
+        model = _model(law, curves, (0, 1), points, bounds)
+        both = [Sample(c.name, c.force.ravel(), partial(_both, c)) for c in curves]
+        return TensionFit({"both": fit(model, both, compare=False)}, tuple(curves))
+    fits = {}
+    for i, family in enumerate(FAMILIES):
+        model = _model(law, curves, (i,), points, bounds)
+        samples = [
+            Sample(f"{c.name}, {family}", c.force[i], partial(c.force_along, i))
+            for c in curves
+        ]
+        fits[family] = fit(model, samples)
+    return TensionFit(fits, tuple(curves))
+
+
+def _both(curve: BiaxialCurve, law: BiaxialLaw | Law) -> ndarray:
+    """Both forces in a row; a law of one strain stands for both families."""
+    if isinstance(law, BiaxialLaw):
+        return curve.forces(law).ravel()
+    return np.concatenate([curve.force_along(i, law) for i in (0, 1)])
+
+
+def _model(
+    law: str,
+    curves: Sequence[BiaxialCurve],
+    families: tuple[int, ...],
+    points: int,
+    bounds: Mapping[str, tuple[float, float]] | None,
+) -> Model:
+    largest = max(float(c.strain[i].max()) for c in curves for i in families)
+    if not largest > 0:
+        raise ValueError(f"no test stretches the {FAMILIES[families[0]]}")
+    return TENSION_LAWS[law](largest, points).bounded(bounds or {})

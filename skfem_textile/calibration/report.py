@@ -1,0 +1,253 @@
+"""What a fit found, as JSON has it and as text."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy import ndarray
+
+from ..fabric.files.fabric_file import law_to_json
+from .regression import CONFIDENCE, Fit
+from .shear_tests import APART
+
+if TYPE_CHECKING:
+    from .biaxial import TensionFit
+    from .shear import ShearFit, Specimen
+
+#: Shear angles at which moments are told, in degrees, as far as the data go.
+ANGLES = tuple(range(5, 90, 5))
+
+_PERCENT = 100.0
+
+
+def shear_report(found: "ShearFit") -> dict[str, Any]:
+    """What a fit of a shear law found: numbers, lists and text."""
+    reach = np.degrees(found.largest_angle) + 1e-9
+    angles = np.array([angle for angle in ANGLES if angle <= reach], dtype=float)
+    return {
+        **_law("shear", found.fit),
+        "compared_with": "simulations" if found.simulated else "closed forms",
+        "kinematics_hold_to_deg": min(_holds(one) for one in found.specimens),
+        "largest_angle_deg": float(np.degrees(found.largest_angle)),
+        "specimens": _specimens(found),
+        "moments": _moments(found, angles),
+        "notes": [*_notes(found.fit), *_range_notes(found), *_falling(found)],
+    }
+
+
+def tension_report(found: "TensionFit") -> dict[str, Any]:
+    """What a fit of tension laws found."""
+    reports = {}
+    for family, one in found.fits.items():
+        report = _law("tension", one)
+        curves = [_curve(one, i) for i in range(len(one.samples))]
+        reports[family] = report | {"curves": curves, "notes": _notes(one)}
+        if one.beyond_noise:
+            reports[family]["notes"].append(
+                "tests at several ratios of the strains contradict a tension of one "
+                "strain: take crimp-interchange, whose tensions take both"
+            )
+    return reports
+
+
+def _law(of: str, fit: Fit) -> dict[str, Any]:
+    rows = zip(
+        *(fit.model.parameters, fit.model.units, fit.values, fit.intervals),
+        fit.at_bound,
+        strict=True,
+    )
+    return {
+        "of": of,
+        "law": law_to_json(fit.law),
+        "confidence": CONFIDENCE,
+        "parameters": [
+            {
+                "name": name,
+                "unit": unit,
+                "value": float(value),
+                "low": float(ends[0]),
+                "high": float(ends[1]),
+                "at_bound": bool(bound),
+            }
+            for name, unit, value, ends, bound in rows
+        ],
+        "specimens_differ_probability": fit.differ,
+        "specimens_differ_beyond_noise": fit.beyond_noise,
+    }
+
+
+def _curve(fit: Fit, i: int) -> dict[str, Any]:
+    sample, residual = fit.samples[i], fit.residuals[i]
+    largest = float(np.abs(sample.measured).max())
+    return {
+        "name": sample.name,
+        "points": int(residual.size),
+        "noise_N": float(fit.noise[i]),
+        "noise_over_largest": float(fit.noise[i]) / largest,
+        "residual_rms_N": float(np.sqrt(np.mean(residual**2))),
+        "residual_largest_N": float(np.abs(residual).max()),
+        "correlation_of_neighbours": float(fit.correlations[i]),
+    }
+
+
+def _specimens(found: "ShearFit") -> list[dict[str, Any]]:
+    rows = []
+    for i, specimen in enumerate(found.specimens):
+        used = specimen.used(found.up_to)
+        measured = specimen.measured_angle is not None
+        rows.append(
+            _curve(found.fit, i)
+            | {
+                "left_out": int(np.sum(~used)),
+                "angle": "measured" if measured else "theoretical",
+                "kinematics_hold_to_deg": _holds(specimen),
+                "test": repr(specimen.test),
+            }
+        )
+    return rows
+
+
+def _moments(found: "ShearFit", angles: ndarray) -> list[dict[str, Any]]:
+    """C at angles in degrees: the law, its band, and each specimen alone."""
+    gamma, fit = np.radians(angles), found.fit
+
+    def value(law: Any) -> ndarray:
+        return law.value(gamma)
+
+    C, band, alone = value(fit.law), fit.band(value), fit.singles
+    own = [] if alone is None else [value(fit.model.build(one)) for one in alone]
+    points = [s.pointwise(found.up_to) for s in found.specimens]
+    rows = []
+    for i, angle in enumerate(angles):
+        low, high = band[:, i]
+        row = {"angle_deg": angle, "moment": C[i], "low": low, "high": high}
+        if own:
+            row["between_specimens"] = np.std([one[i] for one in own], ddof=1)
+        reduced = [
+            float(np.interp(gamma[i], x, y))
+            for x, y in points
+            if x.size and x[0] <= gamma[i] <= x[-1] * (1 + 1e-9)
+        ]
+        rows.append({k: float(v) for k, v in row.items()} | {"point_by_point": reduced})
+    return rows
+
+
+def _holds(specimen: "Specimen") -> float:
+    return float(np.degrees(specimen.kinematics_hold_to))
+
+
+def _notes(fit: Fit) -> list[str]:
+    """What to know before the law is used."""
+    notes = []
+    if fit.beyond_noise:
+        notes.append(
+            f"curves differ beyond their noise (probability {fit.differ:.2g}): bands "
+            "are those of the mean of such specimens"
+        )
+    names = np.array([sample.name for sample in fit.samples])
+    if fit.systematic.any():
+        notes.append(
+            f"residuals hang together ({', '.join(names[fit.systematic])}): the law "
+            "does not follow the curve; bands count fewer points for it"
+        )
+    if fit.at_bound.any():
+        bound = np.array(fit.model.parameters)[fit.at_bound]
+        notes.append(f"at a bound, and without a band: {', '.join(bound)}")
+    return notes
+
+
+def _range_notes(found: "ShearFit") -> list[str]:
+    notes: list[str] = []
+    end = np.degrees(found.largest_angle)
+    if found.simulated:
+        return notes
+    for specimen in found.specimens:
+        holds = _holds(specimen)
+        if specimen.measured_angle is None:
+            if end > holds + 1e-9:
+                notes.append(
+                    f"{specimen.name}: points up to {end:.1f} degrees are fitted, but "
+                    f"the theoretical angle is believed to {holds:g} degrees only: "
+                    "measure the angle, or fit by simulation"
+                )
+        elif specimen.theoretical_angle is not None and holds < end - 1e-9:
+            notes.append(
+                f"{specimen.name}: the measured angle leaves the theoretical one by "
+                f"more than {np.degrees(APART):g} degrees past {holds:.1f} degrees"
+            )
+    return list(dict.fromkeys(notes))
+
+
+def _falling(found: "ShearFit") -> list[str]:
+    """Whether the law falls somewhere in the range of the data."""
+    gamma = np.linspace(0.0, found.largest_angle * (1 - 1e-9), 201)
+    falls = gamma[found.fit.law.tangent(gamma) < 0]
+    if not falls.size:
+        return []
+    return [
+        f"the moment falls from {np.degrees(falls[0]):.1f} degrees on: such a fabric "
+        "may be unstable in a simulation"
+    ]
+
+
+def text(reports: Mapping[str, Mapping[str, Any]]) -> str:
+    """Reports as text in Markdown, by their titles."""
+    return "\n".join(_section(title, report) for title, report in reports.items())
+
+
+def _section(title: str, report: Mapping[str, Any]) -> str:
+    lines = [f"# {title}", ""]
+    if "compared_with" in report:
+        lines += [
+            f"Fitted up to {report['largest_angle_deg']:.1f} degrees of shear, beside "
+            f"{report['compared_with']}. The kinematics hold up to "
+            f"{report['kinematics_hold_to_deg']:.1f} degrees.",
+            "",
+        ]
+    percent = f"{_PERCENT * report['confidence']:g} %"
+    rows = [
+        [p["name"], f"{p['value']:.5g}", _ends(p), p["unit"]]
+        for p in report["parameters"]
+    ]
+    law = report["law"]["kind"]
+    lines += [f"Law: {law}", "", *_table(["parameter", "value", percent, "unit"], rows)]
+    rows = [
+        [
+            c["name"],
+            c["points"],
+            f"{c['noise_N']:.4g} ({_PERCENT * c['noise_over_largest']:.1f} %)",
+            f"{c['residual_rms_N']:.4g}",
+            f"{c['correlation_of_neighbours']:+.2f}",
+        ]
+        for c in report.get("specimens", report.get("curves", []))
+    ]
+    head = ["curve", "points", "noise, N", "residual, N", "correlation"]
+    lines += ["", *_table(head, rows)]
+    if report.get("moments"):
+        rows = [
+            [
+                f"{m['angle_deg']:g}",
+                f"{m['moment']:.4g}",
+                f"{m['low']:.4g} to {m['high']:.4g}",
+                f"{m['between_specimens']:.2g}" if "between_specimens" in m else "-",
+                ", ".join(f"{one:.4g}" for one in m["point_by_point"]) or "-",
+            ]
+            for m in report["moments"]
+        ]
+        head = ["angle, deg", "C, N·mm/mm²", percent, "between specimens"]
+        lines += ["", *_table([*head, "point by point"], rows)]
+    for note in report["notes"]:
+        lines += ["", f"Note: {note}."]
+    return "\n".join(lines) + "\n"
+
+
+def _ends(parameter: Mapping[str, Any]) -> str:
+    if parameter["at_bound"]:
+        return "at a bound"
+    return f"{parameter['low']:.5g} to {parameter['high']:.5g}"
+
+
+def _table(head: Sequence[object], rows: Sequence[Sequence[object]]) -> list[str]:
+    lines = [f"| {' | '.join(map(str, line))} |" for line in (head, *rows)]
+    lines.insert(1, "|" + "---|" * len(head))
+    return lines

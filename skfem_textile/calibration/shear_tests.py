@@ -1,0 +1,211 @@
+"""Reductions of picture-frame and bias-extension tests.
+
+Both give the force as a sum of shear moments C(γ) per area, each times a length.  The
+picture frame is after Cao et al. (2008, Compos. A 39:1037), F_n = F_s L_frame/L_fabric²
+and C = F_n cos γ; the bias extension after their Eq. 16, for any fibre angle.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+
+from ..fabric import Law
+from ..fabric.law_parameters import number
+from ..scenes.zones import force_of_moments, free_length
+
+#: Shear angle up to which the theoretical one is believed, in radians.  Cao et al.
+#: (2008) find that it fails somewhere past 30 to 45 degrees.
+BELIEVED = float(np.radians(40.0))
+
+#: A measured angle that is further from the theoretical one shows slip, in radians.
+APART = float(np.radians(2.0))
+
+
+class ShearTest(ABC):
+    """A test in which fibres that do not stretch are sheared.
+
+    Angles are in radians, lengths in mm, forces in N, moments in N·mm/mm².
+    """
+
+    @property
+    @abstractmethod
+    def largest_angle(self) -> float:
+        """The shear angle at which the motion ends."""
+
+    @abstractmethod
+    def shear_angle(self, displacement: ndarray) -> ndarray:
+        """The theoretical shear angle γ; nan where the motion has ended."""
+
+    @abstractmethod
+    def displacement(self, gamma: ndarray) -> ndarray:
+        """The displacement at the theoretical shear angle."""
+
+    @abstractmethod
+    def arms(self, gamma: ndarray) -> tuple[tuple[float, ndarray], ...]:
+        """Pairs of a share s and a length a: the force is Σ a C(s γ)."""
+
+    @abstractmethod
+    def moment(self, gamma: ndarray, force: ndarray) -> ndarray:
+        """C(γ), point by point, from forces at shear angles in rising order."""
+
+    def force(self, law: Law, gamma: ndarray) -> ndarray:
+        """The force of a shear law at shear angles, which is linear in the law."""
+        parts = (arm * law.value(share * gamma) for share, arm in self.arms(gamma))
+        return sum(parts, np.zeros(np.shape(gamma)))
+
+
+@dataclass(frozen=True)
+class PictureFrame(ShearTest):
+    """A square of fabric in a hinged frame whose corners are pulled apart.
+
+    Parameters
+    ----------
+    frame
+        L_frame, the side of the frame from hinge to hinge, in mm.
+    fabric
+        L_fabric, the side of the square that is sheared, in mm.
+
+    Raises
+    ------
+    ValueError
+        If a side is not a positive finite number, or the fabric's is the longer.
+
+    Examples
+    --------
+    >>> from skfem_textile import Linear
+    >>> test, gamma = PictureFrame(frame=200.0, fabric=150.0), np.radians([20.0, 40.0])
+    >>> forces = test.force(Linear(0.1), gamma)
+    >>> test.moment(gamma, forces) / gamma
+    array([0.1, 0.1])
+    """
+
+    frame: float
+    fabric: float
+
+    def __post_init__(self) -> None:
+        number("the side of the frame", self.frame, above=0)
+        number("the side of the fabric", self.fabric, above=0)
+        if self.fabric > self.frame:
+            raise ValueError(
+                f"the side of the fabric, {self.fabric:g} mm, is longer than that of "
+                f"the frame, {self.frame:g} mm"
+            )
+
+    @property
+    def largest_angle(self) -> float:
+        """A right angle: the frame is closed."""
+        return np.pi / 2
+
+    def shear_angle(self, displacement: ndarray) -> ndarray:
+        """γ = π/2 − 2 acos(1/√2 + δ/(2 L_frame))."""
+        with np.errstate(invalid="ignore"):
+            half = np.arccos(np.sqrt(0.5) + displacement / (2 * self.frame))
+        return np.pi / 2 - 2 * half
+
+    def displacement(self, gamma: ndarray) -> ndarray:
+        """δ = 2 L_frame (cos(π/4 − γ/2) − cos(π/4))."""
+        return 2 * self.frame * (np.cos(np.pi / 4 - gamma / 2) - np.sqrt(0.5))
+
+    def arms(self, gamma: ndarray) -> tuple[tuple[float, ndarray], ...]:
+        """L_fabric² over dδ/dγ = L_frame sin(π/4 − γ/2)."""
+        return ((1.0, self.fabric**2 / (self.frame * np.sin(np.pi / 4 - gamma / 2))),)
+
+    def moment(self, gamma: ndarray, force: ndarray) -> ndarray:
+        """C = F_n cos γ, F_n = F_s L_frame/L_fabric², F_s = F/(2 cos(π/4 − γ/2))."""
+        F_s = force / (2 * np.cos(np.pi / 4 - gamma / 2))
+        F_n = F_s * self.frame / self.fabric**2
+        return F_n * np.cos(gamma)
+
+
+@dataclass(frozen=True)
+class BiasExtension(ShearTest):
+    """A strip pulled along the bisector of its fibres, clamped at both ends.
+
+    Parameters
+    ----------
+    width, height
+        W and H in mm, H ≥ 2W tan θ between the clamps.
+    inclination
+        Angle θ between fibres and clamps in radians.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive and finite, θ is not below a right angle, or the
+        strip is too short.
+
+    Examples
+    --------
+    >>> from skfem_textile import Linear
+    >>> BiasExtension(50.0, 100.0).force(Linear(0.5), np.radians([40.0])).round(2)
+    array([43.8])
+    """
+
+    width: float
+    height: float
+    inclination: float = np.pi / 4
+
+    def __post_init__(self) -> None:
+        number("the width", self.width, above=0)
+        number("the height", self.height, above=0)
+        theta = number("the fibre angle", self.inclination, above=0)
+        if theta >= np.pi / 2:
+            raise ValueError(
+                "the angle between fibres and clamps must be below 90 degrees, got "
+                f"{np.degrees(theta):g}"
+            )
+        low = 2 * self.width * np.tan(theta)
+        if self.height < low * (1 - 1e-6):
+            raise ValueError(
+                f"a strip {self.width:g} mm wide with fibres at {np.degrees(theta):g} "
+                f"degrees must be at least {low:g} mm high, not {self.height:g} mm: no "
+                "zone between the clamps is in full shear"
+            )
+
+    @property
+    def largest_angle(self) -> float:
+        """π − 2θ: fibres lie along the pull."""
+        return np.pi - 2 * self.inclination
+
+    @property
+    def _length(self) -> float:
+        return free_length(self.width, self.height, self.inclination)
+
+    def shear_angle(self, displacement: ndarray) -> ndarray:
+        """γ = 2 (asin(sin θ + δ/(2L)) − θ)."""
+        theta = self.inclination
+        with np.errstate(invalid="ignore"):
+            turned = np.arcsin(np.sin(theta) + displacement / (2 * self._length))
+        return 2 * (turned - theta)
+
+    def displacement(self, gamma: ndarray) -> ndarray:
+        """δ = 2L (sin(θ + γ/2) − sin θ)."""
+        theta = self.inclination
+        return 2 * self._length * (np.sin(theta + gamma / 2) - np.sin(theta))
+
+    def arms(self, gamma: ndarray) -> tuple[tuple[float, ndarray], ...]:
+        """Those of the middle, and of the zones that shear by γ/2."""
+        sides = self.width, self.height, self.inclination
+        middle, between = force_of_moments(gamma, *sides)
+        return (1.0, middle), (0.5, between)
+
+    def moment(self, gamma: ndarray, force: ndarray) -> ndarray:
+        """C(γ) by the recursion in γ/2, which begins with C(0) = 0.
+
+        C(γ/2) lies on straight lines between the points, the new one included.
+        """
+        (_, middle), (_, between) = self.arms(gamma)
+        angles, C = np.zeros(gamma.size + 1), np.zeros(gamma.size + 1)
+        angles[1:] = gamma
+        for i, angle in enumerate(gamma):
+            a, half = angles[i], angle / 2
+            if half > a:  # between the last point and the new one
+                s = (half - a) / (angle - a)
+                known, unknown = (1 - s) * C[i], s
+            else:
+                known, unknown = np.interp(half, angles[: i + 1], C[: i + 1]), 0.0
+            own = middle[i] + between[i] * unknown
+            C[i + 1] = (force[i] - between[i] * known) / own
+        return C[1:]

@@ -1,0 +1,126 @@
+"""What a case may say, on the command line and in a file.
+
+A case is described by *values*: a mapping with a value for each option, by its key.
+The options stand in tables, which are the tables of a case file.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+from ...ply.formulations import DEFAULT, FORMULATIONS
+from ...registration import Option, SceneRegistration
+from ...scenes.edge_vectors import FORCES
+from ...solve.linear import SOLVERS
+from ...solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY
+from ...solve.stepping.adaptive.rounds import MOST_UNKNOWNS
+from ...solve.strategies import STRATEGIES
+from ...solve.verdict import CHECKS
+from ..fibres.from_files import DIRECTIONS, FABRIC
+from .laws import PREFIXES, described, law_table, own_options
+from .mesh_options import is_mesh_file, mesh_options, scene_options
+from .table import Table
+
+# What of the options of formulations a case file needs to know beside their readers.
+_IN_FILE: dict[str, dict[str, Any]] = {
+    "cs": {"unit": "N_per_mm", "in_file": float | str},
+}
+
+_STEPPING = (
+    Option(name="steps", help="load steps", default=20, read=int),
+    Option(
+        name="tolerance",
+        help="refine the mesh where the shear angle jumps until the estimated error of "
+        "the load is below this share of it",
+        read=float,
+        metavar="SHARE",
+    ),
+    Option(
+        name="most-unknowns",
+        help="no mesh of a run to a tolerance has more unknowns",
+        default=MOST_UNKNOWNS,
+        read=int,
+        metavar="N",
+    ),
+    Option(
+        name="strategy",
+        help=f"what a step tries, in this order, of {', '.join(STRATEGIES)}",
+        default=list(DEFAULT_STRATEGIES),
+        choices=tuple(STRATEGIES),
+        metavar="NAME",
+        words="+",
+    ),
+    Option(
+        name="warn-only",
+        help=f"checks that do not refuse a state, of {', '.join(CHECKS)}",
+        default=list(DEFAULT_WARN_ONLY),
+        choices=tuple(CHECKS),
+        metavar="CHECK",
+        words="*",
+    ),
+    Option(
+        name="solver",
+        help="linear solver: cholmod needs cvxopt, pardiso pypardiso; auto takes the "
+        "fastest that is there, which it measures for large systems",
+        default="auto",
+        choices=("auto", *SOLVERS),
+    ),
+)
+
+_TEST_CURVE = Option(
+    name="test-curve",
+    help="a CSV file with the curve of a test, which is drawn beside that of the run",
+    metavar="FILE.csv",
+    names_file=bool,
+)
+
+#: Whether pictures are drawn: ``--no-render`` on the command line.
+PICTURES = Option(name="pictures", help="draw pictures", default=True, in_file=bool)
+
+
+def tables_of(scene: SceneRegistration) -> tuple[Table, ...]:
+    """The tables of a case of the scene."""
+    tables = (
+        Table("scene", scene_options(scene)),
+        Table(
+            *("mesh", (*mesh_options(scene), DIRECTIONS), "source"),
+            applies=lambda word, option: (
+                option.name == DIRECTIONS.name or not is_mesh_file(word)
+            ),
+        ),
+        Table("fabric", FABRIC, "file", applies=lambda word, option: word is not None),
+        *(law_table(of) for of in PREFIXES),
+        _formulation_table(),
+        Table("loads", (FORCES,)),
+        Table("stepping", _STEPPING),
+        Table("output", (_TEST_CURVE, PICTURES)),
+    )
+    own = {option.name for option in scene.options}
+
+    def of_scene(option: Option) -> Option:
+        if option.name in own:
+            return option
+        default = scene.defaults.get(option.name, option.default)
+        return replace(option, default=default)
+
+    return tuple(replace(t, options=tuple(map(of_scene, t.options))) for t in tables)
+
+
+def options_of(scene: SceneRegistration) -> tuple[Option, ...]:
+    """Every option of the command line that describes a case of the scene."""
+    every = [option for table in tables_of(scene) for option in table.options]
+    return tuple(option for option in every if option.in_file is not bool)
+
+
+def _formulation_table() -> Table:
+    names = Option(
+        name="formulation",
+        help=described(FORMULATIONS),
+        default=DEFAULT.name,
+        choices=tuple(FORMULATIONS),
+    )
+    own = (replace(o, **_IN_FILE.get(o.name, {})) for o in own_options(FORMULATIONS))
+
+    def applies(chosen: str, option: Option) -> bool:
+        return option.name in {one.name for one in FORMULATIONS[chosen].options}
+
+    return Table("formulation", (names, *own), "name", applies=applies)

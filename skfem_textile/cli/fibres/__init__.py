@@ -1,0 +1,1 @@
+"""Fibre directions and fabrics of files on the command line."""

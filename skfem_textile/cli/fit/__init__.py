@@ -1,0 +1,1 @@
+"""The command ``fit``: laws of a fabric from its tests."""

@@ -1,0 +1,195 @@
+"""The command ``fit``: it reads, then computes, then writes."""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ... import __version__
+from ...calibration import biaxial, report
+from ...calibration.curves import COLUMNS, column_named
+from ...calibration.inverse import Simulation, fit_by_simulation
+from ...calibration.shear import Specimen, fit_shear, read_specimen
+from ...calibration.shear_tests import BiasExtension, PictureFrame, ShearTest
+from ...fabric import Fabric
+from ...fabric.files.fabric_file import write_law
+from ...mesh.user_input import printable
+from ..interruption import held
+from ..output import say
+from ..results.result_folder import ResultFolder
+
+# Fibre stiffness in N/mm of a fabric of which only shear is known.
+_FIBRES = 1e5
+
+# Files that a fit may write; summary.json comes last.
+_FILES = (
+    *("summary.json", "fabric.json", "report.md"),
+    *("law.json", "warp_law.json", "weft_law.json"),
+)
+_PICTURE = "fit.png"
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Reports by title, the fabric, laws by file name, and what draws the figure."""
+
+    reports: dict[str, dict[str, Any]]
+    fabric: Fabric
+    laws: dict[str, Any]
+    draw: Callable[[Path], None]
+
+
+def run_fit(options: argparse.Namespace) -> int:
+    """Fit laws to the files of the options and write them; returns the exit code.
+
+    Raises
+    ------
+    ValueError
+        If an option, a file or the fit is refused.
+    OutputError
+        If the results cannot be written.
+    """
+    from ... import io  # loads meshio
+
+    fits = {"biaxial": _tension, "picture-frame": _frame, "bias-extension": _bias}
+    found = fits[options.test](options)
+    text = report.text(found.reports)
+    inputs = {k: v for k, v in vars(options).items() if k not in ("command", "out")}
+    inputs["data"] = [str(path) for path in options.data]
+    summary = {"reports": found.reports, "inputs": {"version": __version__, **inputs}}
+    with held(), ResultFolder(options.out, (*_FILES, _PICTURE)) as folder:
+        for name, law in found.laws.items():
+            write_law(law, folder / name)
+        io.write_fabric(folder / "fabric.json", found.fabric)
+        (folder / "report.md").write_text(text, encoding="utf-8")
+        io.write_summary(summary, folder / "summary.json")
+    if not options.no_render:
+        _draw(found, options.out)
+    say(text, end="")
+    say(f"results in {printable(options.out)}")
+    return 0
+
+
+def _draw(found: _Found, out: Path) -> None:
+    try:
+        with ResultFolder(out, (_PICTURE,)) as folder:
+            found.draw(folder / _PICTURE)
+    except ImportError as error:
+        say(f"no picture: {printable(error)}; pip install 'skfem-textile[plot]'")
+
+
+def _frame(options: argparse.Namespace) -> _Found:
+    sizes = _sizes(options, "frame_side", "fabric_side")
+    tests = [PictureFrame(frame, fabric) for frame, fabric in sizes]
+    specimens = _specimens(options, tests)
+    base = _base(options, None, Fabric(_FIBRES))
+    return _shear(options, specimens, base)
+
+
+def _bias(options: argparse.Namespace) -> _Found:
+    theta = float(np.radians(options.warp))
+    sizes = _sizes(options, "width", "height")
+    tests = [BiasExtension(width, height, theta) for width, height in sizes]
+    specimens = _specimens(options, tests)
+    c, s = float(np.cos(theta)), float(np.sin(theta))
+    base = _base(
+        options, options.fibre_stiffness, Fabric(_FIBRES, 0.0, (c, s), (-c, s))
+    )
+    return _shear(options, specimens, base, options.simulate)
+
+
+def _shear(
+    options: argparse.Namespace,
+    specimens: list[Specimen],
+    base: Fabric,
+    across: int | None = None,
+) -> _Found:
+    how: dict[str, Any] = {
+        "degree": options.degree,
+        "points": options.points,
+        "up_to": None if options.up_to is None else float(np.radians(options.up_to)),
+        "bounds": dict(options.bound),
+    }
+    if across is None:
+        found = fit_shear(specimens, options.law, **how)
+    else:
+        simulation = Simulation(base.tension, across)
+        found = fit_by_simulation(specimens, options.law, simulation, **how)
+    law = found.fit.law
+
+    def draw(file: Path) -> None:
+        from ...calibration.figure import draw_shear  # loads matplotlib
+
+        draw_shear(found, file)
+
+    reports = {"Shear": report.shear_report(found)}
+    return _Found(reports, replace(base, shear=law), {"law.json": law}, draw)
+
+
+def _tension(options: argparse.Namespace) -> _Found:
+    sizes, units = _sizes(options, "warp_width", "weft_width"), _units(options)
+    paths = zip(options.data, sizes, strict=True)
+    curves = [biaxial.read_biaxial(path, size, units) for path, size in paths]
+    bounds = dict(options.bound)
+    how: dict[str, Any] = {"points": options.points, "bounds": bounds}
+    found = biaxial.fit_tension(curves, options.law, **how)
+    base, tension = _base(options, None, Fabric()), found.tension
+    laws = (
+        {"warp_law.json": tension[0], "weft_law.json": tension[1]}
+        if isinstance(tension, tuple)
+        else {"law.json": tension}
+    )
+
+    def draw(file: Path) -> None:
+        from ...calibration.figure import draw_tension  # loads matplotlib
+
+        draw_tension(found, file)
+
+    reports = {f"Tension, {k}": r for k, r in report.tension_report(found).items()}
+    return _Found(reports, replace(base, tension=tension), laws, draw)
+
+
+def _specimens(options: argparse.Namespace, tests: list[Any]) -> list[Specimen]:
+    units = _units(options)
+    pairs: zip[tuple[Path, ShearTest]] = zip(options.data, tests, strict=True)
+    return [read_specimen(path, test, units) for path, test in pairs]
+
+
+def _base(
+    options: argparse.Namespace, stiffness: float | None, plain: Fabric
+) -> Fabric:
+    """The fabric of --fabric, or a plain one, with a fibre stiffness that is given."""
+    from ...io import read_fabric  # loads meshio
+
+    base = plain if options.fabric is None else read_fabric(options.fabric).fabric
+    return base if stiffness is None else replace(base, tension=stiffness)
+
+
+def _units(options: argparse.Namespace) -> dict[str, str]:
+    units = {column_named(name): unit for name, unit in options.unit}
+    for name in units:
+        if name not in COLUMNS:
+            raise ValueError(f"--unit {name}: no column is one of {', '.join(COLUMNS)}")
+    return units
+
+
+def _sizes(options: argparse.Namespace, *keys: str) -> list[tuple[float, float]]:
+    """Two sizes of the specimen of each file."""
+    n, columns = len(options.data), []
+    for key in keys:
+        given, name = getattr(options, key), f"--{key.replace('_', '-')}"
+        if given is None:
+            raise ValueError(
+                f"{name} is missing: the sizes of the specimens are needed"
+            )
+        if len(given) not in (1, n):
+            raise ValueError(
+                f"{name} has {len(given)} sizes for {n} files: give one for all or one "
+                "for each"
+            )
+        columns.append(given * n if len(given) == 1 else given)
+    first, second = columns
+    return list(zip(first, second, strict=True))

@@ -1,0 +1,83 @@
+"""Directions of both fibre families in each element, as vectors and as angles."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from ..fabric import Fabric
+
+
+@dataclass(frozen=True, eq=False)
+class FibreDirections:
+    """Directions of warp and weft in each of the user's elements.
+
+    Parameters
+    ----------
+    warp, weft
+        Vectors of any length, shape (2, n_elements); kept as they are given.
+
+    Raises
+    ------
+    ValueError
+        If there are not as many of both, one is zero or not finite, or warp and weft
+        are parallel.
+
+    Examples
+    --------
+    >>> directions = FibreDirections.of_angles([0.0, 10.0], [90.0, 100.0])
+    >>> directions.angles_deg()[0].round(12)
+    array([ 0., 10.])
+    """
+
+    warp: ndarray
+    weft: ndarray
+
+    def __post_init__(self) -> None:
+        for name in ("warp", "weft"):
+            given = np.array(getattr(self, name), dtype=float)
+            if given.ndim != 2 or len(given) != 2 or not given.size:
+                raise ValueError(
+                    f"{name} must have the shape (2, n_elements), not {given.shape}"
+                )
+            object.__setattr__(self, name, given)
+        if self.warp.shape != self.weft.shape:
+            raise ValueError(
+                f"{self.warp.shape[1]} directions of warp and {self.weft.shape[1]} of "
+                "weft; give both for each element"
+            )
+        Fabric(warp=self.warp, weft=self.weft)  # refuses vectors that are none
+
+    @classmethod
+    def of_angles(cls, warp_deg: ArrayLike, weft_deg: ArrayLike) -> Self:
+        """Directions at angles to the x axis in degrees, each of shape (n_elements,).
+
+        Multiples of 90° are exact.
+        """
+        return cls(_at_angles(warp_deg), _at_angles(weft_deg))
+
+    def angles_deg(self) -> tuple[ndarray, ndarray]:
+        """Angles of warp and weft to the x axis in degrees, in (−180, 180]."""
+        pair = self.warp, self.weft
+        warp, weft = (np.degrees(np.arctan2(y + 0.0, x)) for x, y in pair)  # no -0.0
+        return warp, weft
+
+    def on(self, fabric: Fabric) -> Fabric:
+        """The laws of a fabric, with these directions."""
+        return Fabric(fabric.tension, fabric.shear, self.warp, self.weft)
+
+
+def _at_angles(degrees: ArrayLike) -> ndarray:
+    """Unit vectors; quarter turns are taken off first, so that they are exact."""
+    given = np.asarray(degrees, dtype=float)
+    if given.ndim != 1 or not np.isfinite(given).all():
+        raise ValueError("angles must be finite numbers, one for each element")
+    turns = np.rint(given / 90.0)
+    rest = np.radians(given - 90.0 * turns)
+    c, s = np.cos(rest), np.sin(rest)
+    quarter = (turns % 4).astype(int)
+    x = np.choose(quarter, [c, -s, -c, s])
+    y = np.choose(quarter, [s, c, -s, -c])
+    return np.stack([x, y])

@@ -1,0 +1,1 @@
+"""Laws and fabrics in files: tables as CSV, and JSON."""

@@ -1,0 +1,92 @@
+"""A shear law in the tangent of the shear angle, stiffer past a locking angle."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy import ndarray
+
+from ...registration import Resistance
+from ..law_parameters import number
+from ..law_plot import Drawn
+
+# The tangent is infinite there, and fibres of both families lie on each other.
+_CLOSED = 0.5 * np.pi
+
+
+@dataclass(frozen=True)
+class TangentShear(Drawn):
+    """The shear law M_s = G₀ tan Γ, and beyond a locking angle with another slope.
+
+    For Γ beyond a it is G_L tan Γ + (G₀ − G_L) tan a, and odd, as in OpenRadioss's
+    ``/MAT/LAW58``.  The tangent jumps at a.
+
+    Parameters
+    ----------
+    stiffness, locked_stiffness
+        G₀ and G_L in N/mm.
+    angle
+        a in radians, below a right angle.
+
+    Raises
+    ------
+    ValueError
+        If one of them is not a finite number in its range.
+
+    Examples
+    --------
+    >>> law = TangentShear(1.0, 5.0, np.radians(45))
+    >>> law.value(np.arctan([0.5, 2.0])).round(12).tolist()
+    [0.5, 6.0]
+    """
+
+    stiffness: float
+    locked_stiffness: float
+    angle: float
+    of: ClassVar[Resistance] = "shear"
+    domain: ClassVar[tuple[float, float]] = (-_CLOSED, _CLOSED)
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "locked_stiffness"):
+            object.__setattr__(self, name, number(name, getattr(self, name)))
+        a = number("locking angle", self.angle, above=0)
+        if a >= _CLOSED:
+            raise ValueError(f"locking angle must be below 90°, got {np.degrees(a):g}°")
+        object.__setattr__(self, "angle", a)
+
+    @property
+    def shown(self) -> tuple[float, float]:
+        """A third beyond the locking angle, as far as the law holds."""
+        end = min(4 / 3 * self.angle, 0.9 * _CLOSED)
+        return -end, end
+
+    def energy(self, x: ndarray) -> ndarray:
+        """The integral of the value from 0."""
+        a, locked = self._side(x)
+        at_lock = np.minimum(a, self.angle)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            free = -self.stiffness * np.log(np.cos(at_lock))
+            past = -self.locked_stiffness * np.log(np.cos(a) / np.cos(at_lock))
+        return free + np.where(locked, past + self._step * (a - at_lock), 0.0)
+
+    def value(self, x: ndarray) -> ndarray:
+        """G₀ tan Γ, or its continuation past the locking angle."""
+        a, locked = self._side(x)
+        past = self.locked_stiffness * np.tan(a) + self._step
+        return np.sign(x) * np.where(locked, past, self.stiffness * np.tan(a))
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """The stiffness times 1 + tan² Γ."""
+        a, locked = self._side(x)
+        G = np.where(locked, self.locked_stiffness, self.stiffness)
+        return G * (1 + np.tan(a) ** 2)
+
+    @property
+    def _step(self) -> float:
+        return (self.stiffness - self.locked_stiffness) * float(np.tan(self.angle))
+
+    def _side(self, x: ndarray) -> tuple[ndarray, ndarray]:
+        """Magnitude of Γ, NaN where fibres have crossed, and whether it is locked."""
+        a = np.abs(np.asarray(x, dtype=float))
+        a = np.where(a < _CLOSED, a, np.nan)
+        return a, a > self.angle

@@ -1,0 +1,1 @@
+"""Decks of Abaqus and OpenRadioss: meshes, fibre directions and fabrics."""

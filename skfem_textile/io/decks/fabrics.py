@@ -1,0 +1,142 @@
+"""Fabrics from files and to files, whatever their format."""
+
+import logging
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ...fabric import Fabric
+from ...fabric.files.fabric_file import fabric_of_text, fabric_text
+from ...mesh.checks import MeshError
+from ...mesh.user_input import printable
+from . import abaqus_fabric, radioss
+from .fabric_of_deck import FabricOfFile, Units
+from .orientations import read_directions
+from .write_fabric import material_of
+
+log = logging.getLogger(__name__)
+
+#: Suffixes of files that have a fabric.
+SUFFIXES = (".json", ".inp", ".rad")
+
+
+def read_fabric(
+    path: str | os.PathLike[str],
+    thickness: float | None = None,
+    units: str = "N mm",
+    material: str | None = None,
+) -> FabricOfFile:
+    """Read a fabric: of the package (.json), of Abaqus (.inp) or OpenRadioss (.rad).
+
+    The log ``skfem_textile`` has a warning for each thing that could not be taken over.
+
+    Parameters
+    ----------
+    path
+        The file.
+    thickness
+        Of the ply in mm, which turns stress into force per width.  If it is not given,
+        that of the material's section in an Abaqus deck.
+    units
+        Force and length of a deck.
+    material
+        Name, or in OpenRadioss the number, of the material, if there are several.
+
+    Returns
+    -------
+    FabricOfFile
+        The fabric, and sentences on what could not be taken over.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read or has no fabric; one line names the file.
+
+    Examples
+    --------
+    >>> path = getfixture("tmp_path") / "fabric.json"
+    >>> write_fabric(path, Fabric(1e4, 0.5, warp=(1, 1), weft=(-1, 1)))
+    >>> read_fabric(path).fabric.families[0].tension
+    Linear(stiffness=10000.0)
+    """
+    path = Path(path)
+    try:
+        found = _read(path, thickness, Units.of(units), material)
+    except OSError as error:
+        reason = printable(error.strerror or error)
+        raise MeshError(f"{printable(path)}: {reason}") from None
+    except ValueError as error:
+        raise MeshError(f"{printable(path)}: {error}") from None
+    for sentence in found.not_taken:
+        log.warning("%s: not taken over: %s", printable(path), sentence)
+    return found
+
+
+def _read(
+    path: Path, thickness: float | None, units: Units, material: str | None
+) -> FabricOfFile:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise MeshError(f"fabrics are read from {', '.join(SUFFIXES)}")
+    if thickness is not None and not (np.isfinite(thickness) and thickness > 0):
+        raise MeshError(
+            f"the thickness must be a positive number of mm, got {thickness}"
+        )
+    content = path.read_bytes()
+    if suffix == ".json":
+        if thickness is not None or material is not None:
+            raise MeshError(
+                "a fabric of the package needs no thickness and no material"
+            )
+        return FabricOfFile(fabric_of_text(content), ())
+    if suffix == ".rad":
+        return radioss.read(content, thickness, units, material)
+    fabric, not_taken = abaqus_fabric.read(content, thickness, units, material)
+    if directions := read_directions(content):
+        fabric = Fabric(fabric.tension, fabric.shear, *directions)
+    return FabricOfFile(fabric, not_taken)
+
+
+def write_fabric(
+    path: str | os.PathLike[str],
+    fabric: Fabric,
+    thickness: float | None = None,
+    name: str = "FABRIC",
+) -> None:
+    """Write a fabric, to .json without loss or to .inp as a material of Abaqus.
+
+    A .inp has the laws alone, in N and mm; a law that is no table is written as 1001
+    points, up to a strain of 0.1 or an angle of 80°.  Directions go to
+    `write_directions`.
+
+    Parameters
+    ----------
+    path
+        The file.
+    fabric
+        The fabric.
+    thickness
+        Of the ply in mm, for a .inp.
+    name
+        Of the material in a .inp.
+
+    Raises
+    ------
+    ValueError
+        If the format cannot say what the fabric is, a thickness is missing, or the name
+        has another suffix.
+    OSError
+        If the file cannot be written.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".json":
+        text = fabric_text(fabric)
+    elif suffix != ".inp":
+        raise ValueError(f"{path}: fabrics are written to .json and .inp")
+    elif thickness is None or not (np.isfinite(thickness) and thickness > 0):
+        raise ValueError(f"{path}: *FABRIC needs the thickness of the ply in mm")
+    else:
+        text = material_of(fabric, thickness, name)
+    path.write_text(text, encoding="utf-8")

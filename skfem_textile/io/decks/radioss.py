@@ -1,0 +1,289 @@
+"""Fabrics from `/MAT/LAW58` and `/MAT/LAW158` of OpenRadioss.
+
+Fields and defaults are those of ``hm_read_mat58.F`` and ``hm_read_mat158.F``, formulas
+those of ``sigeps58c.F`` and ``sigeps158c.F``.  The force F(d) of a yarn there is per
+thickness; times the thickness it is that of `CrimpedYarns`.  The shear stress is taken
+in the axes that turn with both families, which makes the moment t τ(Γ).
+"""
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+from ...fabric import CrimpedYarns, Fabric, Law, Softening, Tabulated, TangentShear
+from ...mesh.checks import MeshError
+from ...mesh.user_input import excerpt
+from ..file_numbers import from_words
+from .fabric_of_deck import FabricOfFile, Units
+
+_LAWS = {"LAW58": 58, "FABR_A": 58, "LAW158": 158, "FABR_NL": 158}
+
+# Width of a column of a card; numbers with a point take two.
+_COLUMN = 10
+
+# Fields of the cards by name: first column, and how many it has.
+_CARDS_58 = (
+    {"density": (0, 2)},
+    {"E1": (0, 2), "B1": (2, 2), "E2": (4, 2), "B2": (6, 2), "Flex": (8, 2)},
+    {"G0": (0, 2), "GT": (2, 2), "AlphaT": (4, 2), "Gsh": (6, 2), "sens_ID": (9, 1)},
+    {"Df": (0, 2), "Ds": (2, 2), "Gfrot": (4, 2), "ZeroStress": (8, 2)},
+    {
+        "N1": (0, 1),
+        "N2": (1, 1),
+        "S1": (2, 2),
+        "S2": (4, 2),
+        "Flex1": (6, 2),
+        "Flex2": (8, 2),
+    },
+    {"fct_ID1": (0, 1), "Fscale1": (2, 2)},
+    {"fct_ID2": (0, 1), "Fscale2": (2, 2)},
+    {"fct_ID3": (0, 1), "Fscale3": (2, 2)},
+    {"fct_ID4": (0, 1), "fct_ID5": (1, 1), "fct_ID6": (6, 1)},
+)
+_CARDS_158 = (
+    {"density": (0, 2)},
+    {"S1": (0, 2), "S2": (2, 2), "Flex": (4, 2), "Flex1": (6, 2), "Flex2": (8, 2)},
+    {"ZeroStress": (0, 2), "sens_ID": (3, 1)},
+    *_CARDS_58[5:8],
+    {"fct_ID4": (0, 1), "fct_ID5": (1, 1)},
+)
+_CARDS = {
+    58: (_CARDS_58, 5),
+    158: (_CARDS_158, 6),
+}  # the second: how many must be there
+
+# Defaults of hm_read_mat58.F and hm_read_mat158.F.
+_CRIMP, _FLEX = 0.1, 1e-3
+
+# Fields that have no counterpart if they are not zero, and why.
+_OTHERS = {
+    "Gsh": "the ply lies in its plane",
+    "sens_ID": "there is no reference state before the first",
+    "Df": "the ply is in static equilibrium, without damping",
+    "Ds": "yarns cross without friction",
+    "Gfrot": "yarns cross without friction",
+    "ZeroStress": "there is no reference state before the first",
+}
+
+
+class _Option(NamedTuple):
+    """A keyword, the parts of its name, and its cards."""
+
+    name: list[str]
+    cards: list[str]
+
+
+def read(
+    content: bytes, thickness: float | None, units: Units, material: str | None
+) -> FabricOfFile:
+    """Read a fabric from a deck.
+
+    Raises
+    ------
+    MeshError
+        If the deck departs from its format, has no such material, or no thickness is
+        given.
+    """
+    options = _options(content)
+    found = [
+        o
+        for o in options
+        if o.name[0] == "MAT" and o.name[1:2] and o.name[1].upper() in _LAWS
+    ]
+    if material is not None:
+        found = [o for o in found if o.name[2:3] == [material]]
+    if not found:
+        wanted = "" if material is None else f" of the number {excerpt(material)}"
+        raise MeshError(f"it has no /MAT/LAW58 or /MAT/LAW158{wanted}")
+    if len(found) > 1:
+        raise MeshError("it has several fabrics; give the number of one material")
+    (option,) = found
+    name = "/" + "/".join(option.name[:3])
+    if thickness is None:
+        raise MeshError(f"{excerpt(name)}: state the thickness in mm")
+    law = _LAWS[option.name[1].upper()]
+    try:
+        tables = _Functions(options, thickness * units.stress)
+        fields = _fields(option.cards, *_CARDS[law])
+        not_taken = _not_taken(option, fields)
+        build = _law58 if law == 58 else _law158
+        fabric = build(fields, thickness * units.stress, tables, not_taken)
+    except ValueError as error:
+        raise MeshError(f"{excerpt(name)}: {error}") from None
+    return FabricOfFile(fabric, tuple(not_taken))
+
+
+def _options(content: bytes) -> list[_Option]:
+    found: list[_Option] = []
+    for line in re.split(r"\r\n|\n|\r", content.decode("utf-8", "replace")):
+        if line.startswith("/"):
+            found.append(_Option([p.strip() for p in line[1:].split("/")], []))
+        elif found and not line.startswith(("#", "$")):
+            found[-1].cards.append(line)
+    if not found:
+        raise MeshError("it has no keyword of OpenRadioss")
+    return found
+
+
+def _fields(
+    cards: list[str], layout: tuple[dict[str, tuple[int, int]], ...], least: int
+) -> dict[str, float]:
+    """Numbers of the cards after the title, by name; blank ones are zero."""
+    while cards and not cards[-1].strip():
+        cards = cards[:-1]
+    if len(cards) - 1 < least:
+        raise MeshError(f"{max(len(cards) - 1, 0)} lines after its title, not {least}")
+    if len(cards) - 1 > len(layout):
+        raise MeshError(f"more than {len(layout)} lines after its title")
+    fields = {}
+    for number, fields_of_card in enumerate(layout):
+        card = cards[number + 1] if number + 1 < len(cards) else ""
+        for name, (first, width) in fields_of_card.items():
+            word = card[_COLUMN * first : _COLUMN * (first + width)].strip()
+            try:
+                value = from_words(
+                    [word.encode() or b"0"], "i8" if width == 1 else "f8"
+                )
+            except MeshError as error:
+                raise MeshError(f"{name}: {error}") from None
+            fields[name] = value.item()
+        if not all(np.isfinite(fields[name]) for name in fields_of_card):
+            raise MeshError(f"line {number + 1} after its title is not finite")
+    return fields
+
+
+def _not_taken(option: _Option, fields: dict[str, float]) -> list[str]:
+    said = [f"{n}: {why}" for n, why in _OTHERS.items() if fields.get(n)]
+    if fields["density"]:
+        said.append("density: the ply is in static equilibrium")
+    if option.name[3:4] not in ([], [""], ["0"]):
+        said.append(
+            f"/UNIT/{excerpt(option.name[3])}: units are those that were told beside "
+            "the deck"
+        )
+    return said
+
+
+class _Functions:
+    """The /FUNCT of a deck, as laws in N/mm."""
+
+    def __init__(self, options: list[_Option], scale: float) -> None:
+        self._scale = scale
+        self._cards = {
+            o.name[1]: o.cards
+            for o in options
+            if o.name[0].upper() == "FUNCT" and len(o.name) > 1
+        }
+
+    def table(self, number: float, factor: float) -> tuple[ndarray, ndarray]:
+        """Arguments and values of a function, times its factor and the thickness."""
+        cards = self._cards.get(str(int(number)))
+        if cards is None:
+            raise MeshError(f"there is no /FUNCT/{int(number)}")
+        rows = [card for card in cards[1:] if card.strip()]
+        words = [(r[:20].strip().encode(), r[20:40].strip().encode()) for r in rows]
+        numbers = from_words([w or b"0" for row in words for w in row], "f8")
+        x, y = numbers.reshape(-1, 2).T
+        return x, (factor or 1.0) * self._scale * y
+
+    def yarn(self, number: float, factor: float) -> tuple[Law, float]:
+        """The law of a yarn, and its slope at rest."""
+        x, y = self.table(number, factor)
+        law = Tabulated(x, y, "linear")
+        at_rest = float(law.value(np.zeros(1))[0])
+        ahead = x[x > 0]
+        if at_rest or not len(ahead):
+            raise MeshError(f"/FUNCT/{int(number)} must vanish at 0 and go on past it")
+        slope = float(law.value(ahead[:1])[0]) / float(ahead[0])
+        return law, slope
+
+
+def _spring_note(not_taken: list[str]) -> None:
+    not_taken.append(
+        "functions of warp and weft: OpenRadioss scales the crimp's spring with the "
+        "slope of the function; here it keeps the one at rest"
+    )
+    _line_note(not_taken)
+
+
+def _line_note(not_taken: list[str]) -> None:
+    note = (
+        "functions: OpenRadioss goes in straight lines between points; the laws here "
+        "go through the same points in a monotone cubic"
+    )
+    if note not in not_taken:
+        not_taken.append(note)
+
+
+def _law58(
+    f: dict[str, float], scale: float, tables: _Functions, not_taken: list[str]
+) -> Fabric:
+    for name in ("N1", "N2"):
+        if f[name] not in (0, 1):
+            raise MeshError(f"{name} = {f[name]:g} is not read; state yarns for 1")
+    crimp = [f["S1"] or _CRIMP, f["S2"] or _CRIMP]
+    flex = f["Flex"] or _FLEX
+    flexes = (f["Flex1"] or f["Flex2"] or flex, f["Flex2"] or f["Flex1"] or flex)
+    yarns, springs = [], []
+    for i, (s, own) in enumerate(zip(crimp, flexes, strict=True), 1):
+        if f[f"fct_ID{i}"]:
+            yarn, slope = tables.yarn(f[f"fct_ID{i}"], f[f"Fscale{i}"])
+            slope = slope or scale * f[f"E{i}"]
+        else:
+            yarn, slope = (
+                Softening(scale * f[f"E{i}"], scale * f[f"B{i}"]),
+                (scale * f[f"E{i}"]),
+            )
+        yarns.append(yarn)
+        springs.append(own * slope * _sine(s))
+    if f["fct_ID1"] or f["fct_ID2"]:
+        _spring_note(not_taken)
+    for i, name in ((4, "warp"), (5, "weft"), (6, "shear")):
+        if f[f"fct_ID{i}"]:
+            not_taken.append(f"fct_ID{i}: unloading of {name} follows the loading")
+    law = CrimpedYarns((yarns[0], yarns[1]), tuple(crimp), tuple(springs))
+    if f["fct_ID3"]:
+        return Fabric(law, _shear(f, tables, not_taken))
+    GT = f["GT"] or 0.25 * (f["E1"] + f["E2"])
+    cosine = 0.5 * sum(np.sqrt((1 + s) ** 2 - 1) for s in crimp)
+    if not f["AlphaT"] and cosine >= 1:
+        raise MeshError("AlphaT is not given, and none follows from so much crimp")
+    lock = np.radians(f["AlphaT"]) if f["AlphaT"] else float(np.arccos(cosine))
+    G = GT / (1 + np.tan(lock) ** 2)
+    shear = TangentShear(scale * (f["G0"] or G), scale * G, float(lock))
+    return Fabric(law, shear)
+
+
+def _law158(
+    f: dict[str, float], scale: float, tables: _Functions, not_taken: list[str]
+) -> Fabric:
+    for i in (1, 2, 3):
+        if not f[f"fct_ID{i}"]:
+            raise MeshError(f"fct_ID{i} must name a function")
+    for i, name in ((4, "warp"), (5, "weft")):
+        if f[f"fct_ID{i}"]:
+            not_taken.append(
+                f"fct_ID{i}: the crimp's spring of the {name} stays logarithmic"
+            )
+    yarns = [tables.yarn(f[f"fct_ID{i}"], f[f"Fscale{i}"])[0] for i in (1, 2)]
+    _line_note(not_taken)
+    springs = (scale * (f["Flex1"] or 1.0), scale * (f["Flex2"] or 1.0))
+    crimp = (f["S1"] or _CRIMP, f["S2"] or _CRIMP)
+    law = CrimpedYarns((yarns[0], yarns[1]), crimp, springs, scale * (f["Flex"] or 1.0))
+    return Fabric(law, _shear(f, tables, not_taken))
+
+
+def _shear(f: dict[str, float], tables: _Functions, not_taken: list[str]) -> Law:
+    """The law of a function of the shear angle in degrees."""
+    x, y = tables.table(f["fct_ID3"], f["Fscale3"])
+    if one_sided := bool(len(x)) and bool((x >= 0).all()):
+        not_taken.append("fct_ID3: the law of positive angles holds for both signs")
+    _line_note(not_taken)
+    return Tabulated(np.radians(x), y, "linear", one_sided)
+
+
+def _sine(crimp: float) -> float:
+    """Height of a crimp over the length of its yarn."""
+    return float(np.sqrt((1 + crimp) ** 2 - 1) / (1 + crimp))

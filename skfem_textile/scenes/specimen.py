@@ -1,0 +1,237 @@
+"""Scene `specimen`: a ply of which the user says what is held and what moves."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh
+
+from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..mesh.named_nodes import named_nodes
+from ..mesh.user_input import printable
+from ..registration import Option, SceneRegistration, angle
+from ..solve.conditions import Condition
+from .edge_vectors import FREE, MOVES, Component
+from .rectangle import rectangle
+from .scene import Scene
+from .shear_test import BiasTest
+
+#: Sides of a ply to make in mm.
+WIDTH, HEIGHT = 50.0, 100.0
+
+# What moves if nothing is said, by x and y in mm.
+_MOVES = (("bottom", (0.0, 0.0)), ("top", (0.0, 10.0)))
+
+# An outline is a rectangle at the origin if it is off by less than this share of it.
+_OFF = 1e-6
+
+
+def specimen(
+    mesh: str | Mesh = "irregular",
+    size: tuple[int, int] = (8, 16),
+    jitter: float = 0.25,
+    seed: int = 1,
+    width: float = WIDTH,
+    height: float = HEIGHT,
+    warp: float = np.pi / 4,
+    weft: float = 3 * np.pi / 4,
+    moves: Sequence[tuple[str, tuple[Component, Component]]] = _MOVES,
+    driven: str | None = None,
+) -> Scene:
+    """A ply with boundaries that are held or moved; it has no exact answer.
+
+    Parameters
+    ----------
+    mesh
+        A mesh, or the kind of `rectangle` to make, with a lower left corner at the
+        origin.
+    size, jitter, seed
+        As for `rectangle`.
+    width, height
+        Sides of a mesh to make in mm.
+    warp, weft
+        Inclination of the fibres in radians.
+    moves
+        Names of boundaries or of nodes, and their displacements along x and y in mm in
+        the end; ``"free"`` for one that is not prescribed.
+    driven
+        Which of them has the reported reaction: the one that moves furthest if none is
+        given.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid or has no such boundary, a side is not positive,
+        nothing is prescribed, a displacement is not finite, or ``driven`` does not
+        move.
+
+    Examples
+    --------
+    >>> scene = specimen(moves=[("bottom", (0, 0)), ("top", ("free", 40))])
+    >>> scene.driven, scene.conditions["top"].direction
+    ('top', (0.0, 1.0))
+    """
+    if isinstance(mesh, str):
+        for name, side in (("width", width), ("height", height)):
+            if not (np.isfinite(side) and side > 0):
+                raise ValueError(f"{name} must be a finite number > 0, got {side:g} mm")
+        mesh = rectangle(width, height, size, mesh, jitter, seed, warp, weft)
+    else:
+        check_mesh(mesh)
+        mesh = with_edges(mesh)
+    conditions = {}
+    for name, components in moves:
+        if name in conditions:
+            raise ValueError(f"specimen: boundary {name!r} is moved twice")
+        if condition := _condition(mesh, name, components):
+            conditions[name] = condition
+    return Scene(
+        name="specimen",
+        mesh=mesh,
+        warp=(float(np.cos(warp)), float(np.sin(warp))),
+        weft=(float(np.cos(weft)), float(np.sin(weft))),
+        conditions=conditions,
+        driven=_driven(moves, conditions, driven),
+        displacement=_unknown_displacement,
+        shear_angle=_unknown_shear_angle,
+        misfit="no specimen has one",
+        shear_test=_bias_test(mesh, warp, weft, dict(moves)),
+    )
+
+
+def _condition(
+    mesh: Mesh, name: str, components: tuple[Component, Component]
+) -> Condition | None:
+    """The condition of a boundary; None if nothing of it is prescribed."""
+    known = [*(mesh.boundaries or {}), *named_nodes(mesh)]
+    if name not in known:
+        raise MeshError(
+            f"specimen: the mesh has no boundary {name!r} (it has: "
+            f"{', '.join(map(repr, known)) or 'none'})"
+        )
+    for component in components:
+        if component != FREE and not np.isfinite(_number(name, component)):
+            raise ValueError(f"specimen: {name!r} moves by {component}, not finite")
+    axes = [axis for axis in range(2) if components[axis] != FREE]
+    if len(axes) == 2:
+        x, y = (_number(name, component) for component in components)
+        return Condition(name, (x, y))
+    if not axes:
+        return None
+    direction = (1.0, 0.0) if axes == [0] else (0.0, 1.0)
+    return Condition(name, _number(name, components[axes[0]]), direction)
+
+
+def _number(name: str, component: Component) -> float:
+    if isinstance(component, str):
+        raise ValueError(
+            f"specimen: {name!r} moves by {component!r}, which is neither a number nor "
+            f"{FREE!r}"
+        )
+    return float(component)
+
+
+def _driven(
+    moves: Sequence[tuple[str, tuple[Component, Component]]],
+    conditions: dict[str, Condition],
+    named: str | None,
+) -> str:
+    """Of which condition the reaction is reported."""
+    if not conditions:
+        raise ValueError("specimen: nothing is held or moved: name a boundary")
+    if named is not None:
+        if named not in conditions:
+            raise ValueError(
+                f"specimen: {printable(named)!r} is not held or moved: name one of "
+                f"{', '.join(conditions)}"
+            )
+        return named
+
+    def length(name: str) -> float:
+        x, y = (0.0 if c == FREE else float(c) for c in dict(moves)[name])
+        return float(np.hypot(x, y))
+
+    return max(conditions, key=length)
+
+
+def _bias_test(
+    mesh: Mesh,
+    warp: float,
+    weft: float,
+    moves: Mapping[str, tuple[Component, Component]],
+) -> BiasTest | None:
+    """The bias test that this is, if it is one: by outline, fibres and clamps."""
+    width, height = np.ptp(mesh.p, axis=1).tolist()
+    theta = warp % np.pi
+    mirrored = abs(theta + weft % np.pi - np.pi) < _OFF and 0 < theta < np.pi / 2
+    clamped = set(moves) == {"bottom", "top"} and moves["top"][0] == 0
+    if not (mirrored and clamped and tuple(moves["bottom"]) == (0, 0)):
+        return None
+    if moves["top"][1] == FREE:
+        return None
+    high_enough = height >= 2 * width * np.tan(theta) * (1 - _OFF)
+    whole = all(_spans(mesh, name, width) for name in moves)
+    return BiasTest(theta, width, height) if high_enough and whole else None
+
+
+def _spans(mesh: Mesh, name: str, width: float) -> bool:
+    """Whether a boundary goes from side to side."""
+    edges = (mesh.boundaries or {}).get(name, ())
+    x = mesh.p[0, mesh.facets[:, edges]]
+    return x.size > 0 and bool(np.ptp(x) > (1 - _OFF) * width)
+
+
+def _unknown_displacement(X: ndarray, t: float) -> ndarray:
+    return np.full(X.shape, np.nan)
+
+
+def _unknown_shear_angle(X: ndarray, t: float) -> ndarray:
+    return np.full(X.shape[1], np.nan)
+
+
+def _from_options(
+    *,
+    warp: float,
+    weft: float,
+    move: Sequence[tuple[str, tuple[Component, Component]]],
+    **others: Any,
+) -> Scene:
+    warp, weft = np.radians([warp, weft])
+    return specimen(warp=warp, weft=weft, moves=move, **others)
+
+
+REGISTRATION = SceneRegistration(
+    name="specimen",
+    description="a ply of which you say what is held and what moves",
+    build=_from_options,
+    size=(8, 16),
+    jitter=0.25,
+    defaults={"fibre-stiffness": 1e5, "shear-stiffness": 0.5},
+    options=(
+        Option(
+            name="width",
+            help="of a mesh to make, in mm",
+            default=WIDTH,
+            read=float,
+            unit="mm",
+        ),
+        Option(
+            name="height",
+            help="of a mesh to make, in mm",
+            default=HEIGHT,
+            read=float,
+            unit="mm",
+        ),
+        angle("warp", 45.0, "inclination of the warp"),
+        angle("weft", 135.0, "inclination of the weft"),
+        replace(MOVES, default=_MOVES),
+        Option(
+            name="driven",
+            help="boundary whose reaction is reported, or else what moves furthest",
+            metavar="NAME",
+        ),
+    ),
+    rank=5,
+)

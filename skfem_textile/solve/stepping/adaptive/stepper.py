@@ -1,0 +1,319 @@
+"""The load stepper in a loop: solve, estimate, refine, until a tolerance is met."""
+
+import logging
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import fields
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....ply.finer import refuse_what_has_no_finer
+from ....ply.refinement import marked, refine, shear_angle_jumps
+from ...conditions import Condition, Constraints
+from ...equilibrium import equilibrium_near
+from ...result import Result, StepError
+from ...states import ErrorEstimate, Iteration, NoEquilibriumError, State
+from ...stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
+from ...strategies import Strategy
+from ..error_estimate import (
+    estimated_error,
+    problem_at,
+    refuse_single_nodes,
+)
+from ..work import change_of, work_of
+from .rounds import MOST_UNKNOWNS, AdaptiveResult, Round, counted
+
+if TYPE_CHECKING:
+    from ....ply import Ply
+
+log = logging.getLogger(__name__)
+
+# Share of the squares of the jumps that the elements carry which are refined.  Chosen:
+# with less there are more rounds, with more elements are refined that need not be.
+_SHARE = 0.5
+
+# Rounds at most: each about doubles the unknowns.
+_MOST_ROUNDS = 25
+
+
+class AdaptiveStepper:
+    """Load a ply on meshes that are refined until the estimated error is small.
+
+    The load is applied on the mesh as it is.  Then elements at which the shear angle
+    jumps are refined, the last state is carried over and balanced, and the error of the
+    load is estimated, round by round.  Where the state that was carried over leads to
+    none, and on the last mesh, the whole load is applied anew: every state of the
+    result is on the last mesh.
+
+    What counts as the error is the largest of one and a half times the estimate, of
+    what the load changed since the mesh before, and of half of what counted there: an
+    estimate may be small by chance.  Where there is no estimate the tolerance is not met.
+
+    Parameters
+    ----------
+    ply
+        The ply, on triangles or quadrilaterals, of which a refined one is made of
+        triangles.
+    conditions
+        Displacement conditions by name, on boundaries or given by functions.
+    tolerance
+        Error of the load as a share of it, between 0 and 1.
+    most_unknowns
+        No mesh has more unknowns.
+    on_round
+        Called with each `Round`.
+    steps, strategies, warn_only, solver, on_iteration, on_step
+        As for `LoadStepper`.
+
+    Raises
+    ------
+    ValueError
+        As from `LoadStepper`; if the tolerance or ``most_unknowns`` is not valid, the
+        ply cannot be refined or has no estimated error, or a condition is on nodes
+        given by number or name that share an edge.
+
+    Examples
+    --------
+    >>> from skfem_textile.scenes import bias_extension
+    >>> from skfem_textile import AdaptiveStepper, Fabric, Ply
+    >>> scene = bias_extension(size=(4, 8))
+    >>> ply = Ply(scene.mesh, Fabric(1e5, 0.5, scene.warp, scene.weft))
+    >>> result = AdaptiveStepper(ply, scene.conditions, 0.1, steps=4).run()
+    >>> result.tolerance_met
+    True
+    """
+
+    checkpoint = None
+
+    def __init__(
+        self,
+        ply: "Ply",
+        conditions: Mapping[str, Condition],
+        tolerance: float,
+        steps: int = 20,
+        *,
+        most_unknowns: int = MOST_UNKNOWNS,
+        on_round: Callable[[Round], None] | None = None,
+        strategies: Sequence[str | Strategy] = DEFAULT_STRATEGIES,
+        warn_only: Collection[str] = DEFAULT_WARN_ONLY,
+        solver: str = "auto",
+        on_iteration: Callable[[Iteration], None] | None = None,
+        on_step: Callable[[State], None] | None = None,
+    ) -> None:
+        if not _is_number(tolerance) or not 0 < tolerance < 1:
+            raise ValueError(
+                f"the tolerance must be between 0 and 1, got {tolerance!r}"
+            )
+        if not _is_number(most_unknowns):
+            raise ValueError(f"most_unknowns must be a number, got {most_unknowns!r}")
+        if not most_unknowns >= ply.basis.N:
+            raise ValueError(
+                f"the ply has {ply.basis.N} unknowns, more than the {most_unknowns} "
+                "that are allowed"
+            )
+        self._ply, self._conditions, self._steps = ply, conditions, steps
+        self.tolerance, self.most_unknowns = tolerance, most_unknowns
+        self._search: dict[str, Any] = {
+            "strategies": strategies,
+            "warn_only": warn_only,
+            "solver": solver,
+        }
+        self.on_iteration, self.on_step, self.on_round = on_iteration, on_step, on_round
+        self._stepper = self._stepper_of(ply)
+        self._estimate: ErrorEstimate | None = None
+        self._rounds: list[Round] = []
+        self._work = np.zeros(2)  # of the last round
+        _refuse_what_cannot_be_refined(ply, conditions)
+
+    def run(self, resume: bool = False) -> AdaptiveResult:
+        """Refine and load until the tolerance is met.
+
+        Parameters
+        ----------
+        resume
+            Not possible: there is no checkpoint.
+
+        Raises
+        ------
+        StepError
+            If the load cannot be applied, nothing that moves carries a load, or the
+            tolerance is not met with the unknowns that are allowed.  Its ``result`` is
+            that on the last mesh that carried the whole load, if there is one.
+        """
+        if resume:
+            raise ValueError("a run to a tolerance has no checkpoint to resume from")
+        self._rounds = []
+        first = self._apply(self._ply)
+        try:
+            self._refine_from(*first)
+        except MemoryError:
+            raise self._unmet("there is not enough memory for a finer mesh") from None
+        except ValueError as error:  # of what a user gave, which was valid before
+            raise self._unmet(f"on a finer mesh {error}") from None
+        result = self.result
+        if result.tolerance_met:
+            return result
+        last = self._rounds[-1].error
+        said = f"is about {last:.2%}"
+        if last == np.inf:
+            said = f"cannot be estimated ({result.estimated_error.reason})"
+        raise self._unmet(
+            f"with at most {self.most_unknowns} unknowns the tolerance is not met: the "
+            f"error of the load {said}, {100 * self.tolerance:g}% was asked for"
+        )
+
+    def _refine_from(self, ply: "Ply", state: State) -> None:
+        """Refine until the tolerance is met, or the mesh would be too large."""
+        finer: tuple[Ply, State] | None = (ply, state)
+        while finer is not None:
+            ply, state = finer
+            last = self._rounds[-1]
+            if last.error > self.tolerance:
+                finer = self._refined(ply, state)
+            elif last.whole_path:
+                return
+            else:
+                finer = self._apply(ply)
+        if not self._rounds[-1].whole_path:
+            self._apply(ply)
+
+    def _unmet(self, why: str) -> StepError:
+        return StepError(why, self.result, np.empty(0, dtype=int))
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """The states on the last mesh on which the whole load was applied.
+
+        Before there is one, those so far.
+        """
+        return self._stepper.states
+
+    @property
+    def result(self) -> AdaptiveResult:
+        """What has been found so far."""
+        result = self._stepper.result
+        found = {field.name: getattr(result, field.name) for field in fields(Result)}
+        rounds, estimate = tuple(self._rounds), self._estimate
+        if estimate is not None:
+            found["estimate"] = lambda _: estimate
+        return AdaptiveResult(**found, tolerance=self.tolerance, rounds=rounds)
+
+    def _stepper_of(self, ply: "Ply") -> LoadStepper:
+        callbacks: dict[str, Any] = {
+            "on_iteration": self.on_iteration,
+            "on_step": self.on_step,
+        }
+        return LoadStepper(
+            ply, self._conditions, self._steps, **self._search, **callbacks
+        )
+
+    def _apply(self, ply: "Ply") -> tuple["Ply", State]:
+        """Apply the whole load to a ply; a round.
+
+        Raises
+        ------
+        StepError
+            If that fails.  What was found on a mesh before remains.
+        """
+        stepper = self._stepper_of(ply)
+        if not self._rounds:  # what a failure or an interruption leaves
+            self._stepper, self._estimate = stepper, None
+        try:
+            state = stepper.run().states[-1]
+        except StepError as error:
+            if self._rounds:
+                where = f"on a finer mesh, of {ply.basis.N} unknowns, "
+                raise self._unmet(f"{where}the run {error}") from None
+            raise StepError(str(error), self.result, error.elements) from None
+        self._stepper, self._estimate = stepper, None
+        self._finish(ply, state, whole_path=True)
+        return ply, state
+
+    def _refined(self, ply: "Ply", state: State) -> tuple["Ply", State] | None:
+        """The state on a refined mesh, a round; None where that would be too large."""
+        if len(self._rounds) >= _MOST_ROUNDS:
+            return None
+        found = refine(ply, marked(shear_angle_jumps(ply, state.u), _SHARE))
+        if not ply.basis.N < found.ply.basis.N <= self.most_unknowns:
+            return None
+        u = found.carry(state.u)
+        try:
+            after = equilibrium_near(found.ply, self._conditions, u, **self._carried())
+        except NoEquilibriumError as error:
+            log.info("the whole load is applied anew: %s", error)
+            return self._apply(found.ply)
+        self._finish(found.ply, after, whole_path=False)
+        return found.ply, after
+
+    def _carried(self) -> dict[str, Any]:
+        """How a state that was carried over is balanced: by the first strategy."""
+        first = self._search["strategies"][:1]
+        return self._search | {"strategies": first}
+
+    def _finish(self, ply: "Ply", state: State, whole_path: bool) -> None:
+        """Estimate the error of a state, and keep its round.
+
+        Raises
+        ------
+        StepError
+            If nothing that moves carries a load.
+        """
+        place = ply, self._conditions, self._stepper.result.solver.name
+        try:
+            work = work_of(problem_at(*place, state.load_factor), state)
+        except ValueError as none:
+            why = f"the tolerance is a share of a load, but there is none: {none}"
+            raise self._unmet(why) from None
+        change = change_of(self._work, work) if self._rounds else None
+        self._work, found = work, estimated_error(*place, state)
+        estimate = found.load
+        if whole_path:
+            self._estimate = found
+        solves = state.linear_solves
+        if whole_path:
+            solves = self._stepper.result.linear_solves
+        unknowns = int(ply.basis.N)
+        error = counted(self._rounds, unknowns, change, estimate)
+        one = Round(unknowns, solves, whole_path, change, estimate, error)
+        self._rounds.append(one)
+        log.info("round %d: %s", len(self._rounds), one)
+        if self.on_round is not None:
+            self.on_round(one)
+
+
+def _refuse_what_cannot_be_refined(
+    ply: "Ply", conditions: Mapping[str, Condition]
+) -> None:
+    """Refuse a ply and conditions that are not valid on a refined mesh.
+
+    Raises
+    ------
+    ValueError
+        If the ply cannot be refined or has no estimated error, or a condition is on
+        nodes by number that are no vertices or share an edge, or has no valid value
+        there.
+    """
+    refine(ply, [])
+    try:
+        refuse_what_has_no_finer(ply)
+    except ValueError as error:
+        raise ValueError(f"the error cannot be estimated: {error}") from None
+    refuse_single_nodes(ply, conditions)
+    n_vertices = ply.users_mesh.nvertices
+    for name, condition in conditions.items():
+        by_number = not (callable(condition.where) or isinstance(condition.where, str))
+        if by_number and condition.nodes(name, ply.basis).max() >= n_vertices:
+            raise ValueError(
+                f"condition {name!r} is on nodes by number that are no vertices of the "
+                "mesh, and are elsewhere on a refined one: give a function of position"
+            )
+    finer = refine(ply, np.arange(ply.users_mesh.nelements)).ply
+    try:
+        Constraints(finer.basis, conditions).fixed_values(1.0)
+    except ValueError as error:
+        raise ValueError(f"on a refined mesh {error}") from None
+
+
+def _is_number(given: Any) -> bool:
+    return isinstance(given, Real)

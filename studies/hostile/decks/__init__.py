@@ -1,0 +1,1 @@
+"""Trials of damaged decks with fabrics and fibre directions."""

@@ -1,0 +1,1 @@
+"""Case files and the tables that they name, damaged."""

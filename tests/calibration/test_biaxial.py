@@ -1,0 +1,77 @@
+"""Tension laws from biaxial tests."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import CrimpInterchange, CrimpToe
+from skfem_textile.calibration.biaxial import BiaxialCurve, fit_tension, read_biaxial
+from skfem_textile.calibration.report import tension_report
+from skfem_textile.fabric import TwoLaws
+
+RATIOS = (0.5, 1.0, 2.0)
+
+
+def pulls(law, noise=0.0):
+    """Tests of a law at several ratios of the strains."""
+    curves, rng = [], np.random.default_rng(3)
+    for ratio in RATIOS:
+        e = np.linspace(0.0, 0.02, 41)[1:]
+        strain = np.array([e, ratio * e]) / max(1.0, ratio)
+        curve = BiaxialCurve(f"{ratio:g}", strain, np.zeros((2, 40)), (100.0, 80.0))
+        forces = curve.forces(law)
+        forces = forces + noise * forces.max() * rng.standard_normal(forces.shape)
+        curves.append(BiaxialCurve(curve.name, strain, forces, curve.widths))
+    return curves
+
+
+def test_two_crimped_families_are_found_and_do_not_contradict_one_strain():
+    warp, weft = CrimpToe(5e3, 0.004, 10.0), CrimpToe(3e3, 0.006, 5.0)
+    found = fit_tension(pulls(TwoLaws(warp, weft), noise=0.01))
+    x = np.linspace(0.002, 0.02, 10)
+    for law, truth in zip(found.tension, (warp, weft), strict=True):
+        np.testing.assert_allclose(law.value(x), truth.value(x), rtol=0.05, atol=0.3)
+    for report in tension_report(found).values():
+        assert not report["specimens_differ_beyond_noise"]
+
+
+def test_exchanged_crimp_contradicts_laws_of_one_strain_and_is_found():
+    law = CrimpInterchange((2e3, 1.5e3), (0.01, 0.015), 5.0, 2e-3, 0.15)
+    curves = pulls(law, noise=0.01)
+    alone = tension_report(fit_tension(curves))
+    assert "take crimp-interchange" in " ".join(alone["warp"]["notes"])
+    both = fit_tension(curves, "crimp-interchange")
+    assert isinstance(both.tension, CrimpInterchange)
+    for curve in curves:
+        largest = 0.01 * curve.force.max()
+        np.testing.assert_allclose(both.forces(curve), curve.forces(law), atol=largest)
+    low, high = both.fits["both"].intervals.T
+    truth = [2e3, 1.5e3, 0.01, 0.015, 5.0, 2e-3]
+    assert np.sum((low <= truth) & (truth <= high)) >= 5  # of six at 95 %
+
+
+def test_forces_are_those_of_a_homogeneous_pull(tmp_path):
+    """W T(ln λ)/λ, from elongations per length."""
+    header = "warp strain (%),weft strain (-),warp force (kN),weft force (N)\n"
+    (tmp_path / "pull.csv").write_text(f"{header}2,0.01,0.5,20\n")
+    curve = read_biaxial(tmp_path / "pull.csv", (100.0, 80.0))
+    np.testing.assert_allclose(curve.strain[:, 0], np.log([1.02, 1.01]))
+    np.testing.assert_allclose(curve.tension[:, 0], [5.0 * 1.02, 0.25 * 1.01])
+    law = CrimpToe(5e3, 0.004, 10.0)
+    expected = 100.0 * law.value(np.log([1.02])) / 1.02
+    np.testing.assert_allclose(curve.force_along(0, law), expected)
+    both = curve.forces(TwoLaws(law, law))
+    np.testing.assert_allclose(both[0], expected)
+    np.testing.assert_allclose(both[1], 80.0 * law.value(np.log([1.01])) / 1.01)
+
+
+def test_what_is_no_biaxial_test_is_refused(tmp_path):
+    file = tmp_path / "pull.csv"
+    file.write_text("warp strain (%),warp force (N)\n2,3\n")
+    with pytest.raises(ValueError, match="no column 'weft strain'"):
+        read_biaxial(file, (1.0, 1.0))
+    curves = pulls(CrimpInterchange(2e3, 0.01, 5.0, 2e-3, 0.15))
+    with pytest.raises(ValueError, match="is none of crimp-toe"):
+        fit_tension(curves, "sin2")
+    still = [BiaxialCurve("one", np.zeros((2, 9)), np.zeros((2, 9)), (1.0, 1.0))]
+    with pytest.raises(ValueError, match="no test stretches the warp"):
+        fit_tension(still)

@@ -1,0 +1,114 @@
+import csv
+
+import numpy as np
+import pytest
+
+from skfem_textile.calibration import BiasExtension
+from studies.__main__ import main
+from studies.laws.calibration import fits, study, tables
+from studies.laws.calibration.cases import (
+    BENCHMARK,
+    TESTS,
+    Benchmark,
+    Coverage,
+    all_cases,
+    known,
+    specimens,
+    steps,
+)
+from studies.laws.calibration.study import STUDY
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Curves of the benchmark's format, of a linear law of 0.02 N/mm."""
+    for width, height in BENCHMARK:
+        test = BiasExtension(width, height)
+        gamma = np.radians(np.linspace(0.5, 55.0, 200))
+        force = test.force(known("linear")[0].build(np.array([0.02])), gamma)
+        rows = zip(test.displacement(gamma), force, strict=True)
+        lines = ["displacement,   force", *(f"{x:.12g}, {y:.12g}" for x, y in rows)]
+        name = f"glass_plain_{width:g}_{height:g}.csv"
+        (tmp_path / name).write_text("\n".join(lines))
+    return tmp_path
+
+
+def test_no_two_cases_have_one_name_and_the_benchmark_needs_its_curves(tmp_path):
+    names = [STUDY.name(case) for case in all_cases(None)]
+    assert len(set(names)) == len(names)
+    assert sum(name.startswith("inverse") for name in names) == 10
+    bands = [case for case in all_cases(None) if isinstance(case, Coverage)]
+    assert {case.seeds for case in bands if case.law != "tabulated"} == {1000}
+    with pytest.raises(FileNotFoundError, match="glass_plain_115_230"):
+        all_cases(tmp_path)
+
+
+def test_noise_is_2_percent_of_the_largest_force_and_independent():
+    tests, (model, truth) = TESTS["frame"], known("sin2")
+    moved = [steps(test, 4000) for test in tests]
+    forces = [
+        t.force(model.build(truth), t.shear_angle(x))
+        for t, x in zip(tests, moved, strict=True)
+    ]
+    found = specimens(tests, moved, forces, 1, 0.02)
+    noise = [s.force - f for s, f in zip(found, forces, strict=True)]
+    for own, force in zip(noise, forces, strict=True):
+        assert own.std() == pytest.approx(0.02 * force.max(), rel=0.05)
+    assert np.abs(np.corrcoef(noise) - np.eye(3)).max() < 0.06
+
+
+def test_the_cramer_rao_width_is_that_of_a_fit_that_knows_the_noise():
+    """Of one coefficient by hand: σ/|x|, x the force of the unit law."""
+    case = Coverage("frame", "linear", seeds=3)
+    tests, (model, _) = TESTS["frame"], known("linear")
+    moved = [steps(test) for test in tests]
+    unit = [
+        t.force(model.build(np.ones(1)), t.shear_angle(x))
+        for t, x in zip(tests, moved, strict=True)
+    ]
+    forces = [0.1 * one for one in unit]
+    information = sum(
+        (x / (0.02 * f.max())) @ (x / (0.02 * f.max()))
+        for x, f in zip(unit, forces, strict=True)
+    )
+    found = fits._cramer_rao(case, forces)
+    assert found[0] == pytest.approx(information**-0.5, rel=1e-6)
+
+
+def test_the_benchmark_is_read_and_reduced(folder):
+    for case in all_cases(folder):
+        if isinstance(case, Benchmark):
+            for row in fits.benchmark(case):
+                expected = 0.02 * np.radians(row["angle"])
+                assert row["moment"] == pytest.approx(expected, rel=1e-3)
+
+
+def test_targets_that_are_missed_are_told():
+    good = {"task": "coverage", "test": "frame", "law": "sin2", "parameter": "G"}
+    good |= {"inside": 0.95, "width_over_cramer_rao": 1.0}
+    assert tables.missed([good]) == []
+    assert len(tables.missed([good | {"inside": 0.92}])) == 1
+    assert len(tables.missed([good | {"inside": 0.98}])) == 1
+    assert len(tables.missed([good | {"width_over_cramer_rao": 1.6}])) == 1
+    for task, key, most in (
+        ("inverse", "off_over_largest", 0.02),
+        ("agreement", "apart", 0.02),
+        ("round trip", "off", 0.03),
+        ("benchmark", "off", 0.05),
+    ):
+        assert tables.missed([{"task": task, key: -0.99 * most}]) == []
+        assert len(tables.missed([{"task": task, key: -1.01 * most}])) == 1
+        assert len(tables.missed([{"task": task, key: np.nan}])) == 1
+
+
+def test_the_study_writes_its_report(tmp_path, monkeypatch, folder, capsys):
+    some = [Coverage("frame", "linear", seeds=40), Benchmark(115.0, 230.0, folder)]
+    monkeypatch.setattr(study, "all_cases", lambda benchmark: some)
+    out = tmp_path / "out"
+    assert main(["calibration", "--out", str(out), "--no-render"]) == 1
+    assert "target(s) missed" in capsys.readouterr().err  # it is another law
+    assert {p.name for p in out.iterdir()} == set(STUDY.files)
+    with open(out / "calibration.csv") as file:
+        (line,) = csv.DictReader(file)
+    assert line["seeds"] == "40"
+    assert "115 × 230 | 40 | 0.0140" in (out / "benchmark.md").read_text()

@@ -1,0 +1,191 @@
+"""Shear laws from curves of specimens."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import Linear, Locking, Polynomial, Sin2, Tabulated
+from skfem_textile.calibration import (
+    BiasExtension,
+    PictureFrame,
+    Simulation,
+    Specimen,
+    fit_by_simulation,
+    fit_shear,
+)
+from skfem_textile.calibration.report import shear_report, text
+
+QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
+TABLE = Tabulated(np.radians(5 * np.arange(9)), np.arange(9.0) ** 2, odd=True)
+BIAS = BiasExtension(100.0, 200.0)
+FRAME = PictureFrame(200.0, 160.0)
+
+
+def specimen(test, law, noise=0.0, seed=0, n=60, end=40.0, name="one", scale=1.0):
+    """A specimen of a law, of which the noise is a share of the largest force."""
+    gamma = np.linspace(0.0, np.radians(end), n + 1)[1:]
+    force = scale * test.force(law, gamma)
+    force += noise * force.max() * np.random.default_rng(seed).standard_normal(n)
+    return Specimen(name, test, force, test.displacement(gamma))
+
+
+def notes(found):
+    return " ".join(shear_report(found)["notes"])
+
+
+@pytest.mark.parametrize("test", [BIAS, FRAME], ids=["bias", "frame"])
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        ("linear", Linear(0.2)),
+        ("sin2", Sin2(0.2)),
+        ("polynomial", QUINTIC),
+        ("locking", Locking(0.1, np.radians(60.0))),
+        ("tabulated", TABLE),
+    ],
+)
+def test_without_noise_a_law_is_found_again(test, name, law):
+    gamma = np.radians(np.linspace(1.0, 39.9, 50))
+    found = fit_shear([specimen(test, law)], name).fit.law
+    assert type(found) is type(law)
+    np.testing.assert_allclose(found.value(gamma), law.value(gamma), rtol=1e-5)
+
+
+@pytest.mark.parametrize("test", [BIAS, FRAME], ids=["bias", "frame"])
+def test_coefficients_are_within_their_bands_as_often_as_these_say(test):
+    """95 %: of 200 seeds between 90 and 99 %, about three standard deviations."""
+    inside = []
+    for seed in range(200):
+        three = [specimen(test, QUINTIC, 0.02, (seed, i)) for i in range(3)]
+        low, high = fit_shear(three).fit.intervals.T
+        truth = np.array(QUINTIC.coefficients[::2])
+        inside.append((low <= truth) & (truth <= high))
+    assert np.all(np.abs(np.mean(inside, axis=0) - 0.945) < 0.045)
+
+
+def test_the_band_is_that_of_known_noise_and_a_little_for_weights_that_are_found():
+    """(JᵀWJ)⁻¹ (1 + 4 Σ s (1 − s)/ν), s = 1/3 and ν = 59 of three specimens."""
+    three = [specimen(FRAME, Linear(0.1), 0.02, i) for i in range(3)]
+    fit = fit_shear(three, "linear").fit
+    J = fit.jacobian[:60, 0]
+    weights = fit.noise**-2
+    share = weights / weights.sum()
+    more = 4 * np.sum(share * (1 - share) / (60 - share))
+    expected = (1 + more) / (J @ J * weights.sum())
+    assert fit.covariance[0, 0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_noise_of_each_specimen_is_told():
+    noises = (0.01, 0.02, 0.05)
+    several = [specimen(BIAS, QUINTIC, x, i, n=400) for i, x in enumerate(noises)]
+    found = fit_shear(several).fit.noise / BIAS.force(QUINTIC, np.radians(40.0))
+    np.testing.assert_allclose(found, noises, rtol=0.15)
+
+
+def test_noisy_specimens_count_less():
+    quiet = [specimen(BIAS, Linear(0.1), 0.001, i) for i in range(2)]
+    wild = specimen(BIAS, Linear(0.1), 0.3, 7)
+    alone = fit_shear(quiet, "linear").fit
+    mixed = fit_shear([*quiet, wild], "linear").fit
+    assert mixed.values == pytest.approx(alone.values, rel=1e-5)
+    assert np.ptp(mixed.intervals) == pytest.approx(np.ptp(alone.intervals), rel=0.05)
+
+
+def test_specimens_that_differ_beyond_noise_widen_the_band():
+    same = [specimen(BIAS, QUINTIC, 0.01, i) for i in range(3)]
+    unlike = [
+        specimen(BIAS, QUINTIC, 0.01, i, scale=scale)
+        for i, scale in enumerate((0.9, 1.0, 1.1))
+    ]
+    assert not fit_shear(same).fit.beyond_noise
+    found = fit_shear(unlike)
+    assert found.fit.beyond_noise
+    low, high = fit_shear(unlike, "linear").fit.intervals[0]
+    assert high - low > 0.4 * low  # t(2) times 10 %/√3 to either side
+    last = shear_report(found)["moments"][-1]
+    assert last["between_specimens"] / last["moment"] == pytest.approx(0.1, rel=0.1)
+    assert "differ beyond their noise" in notes(found)
+
+
+def test_a_law_that_does_not_follow_the_curve_is_told():
+    data = [specimen(BIAS, QUINTIC, 0.005)]
+    assert "does not follow the curve" in notes(fit_shear(data, "linear"))
+    assert notes(fit_shear(data)) == ""
+
+
+def test_a_bound_holds_and_leaves_no_band():
+    data = [specimen(BIAS, QUINTIC, 0.01)]
+    found = fit_shear(data, bounds={"c3": (0.0, 1.0)})
+    assert found.fit.values[1] == 0.0
+    assert found.fit.at_bound.tolist() == [False, True, False]
+    assert found.fit.intervals[1].tolist() == [0.0, 0.0]
+    assert "at a bound, and without a band: c3" in notes(found)
+    inside = fit_shear(data, bounds={"c3": (-1.0, 1.0)}).fit
+    np.testing.assert_allclose(inside.values, fit_shear(data).fit.values)
+
+
+def test_points_beyond_the_kinematics_are_left_out():
+    data = specimen(BIAS, QUINTIC, end=60.0, n=60)
+    found = fit_shear([data])
+    assert np.degrees(found.largest_angle) == pytest.approx(40.0)
+    assert shear_report(found)["specimens"][0]["left_out"] == 20
+    further = fit_shear([data], up_to=np.radians(50.0))
+    assert np.degrees(further.largest_angle) == pytest.approx(50.0)
+    assert "fit by simulation" in notes(further)
+
+
+def test_a_measured_angle_counts_more_and_tells_where_the_theoretical_one_fails():
+    gamma = np.radians(np.arange(1.0, 51.0))
+    slip = np.where(gamma > np.radians(35.0), 0.45 * (gamma - np.radians(35.0)), 0.0)
+    moved = BIAS.displacement(gamma + slip)
+    data = Specimen("one", BIAS, BIAS.force(QUINTIC, gamma), moved, gamma)
+    found = fit_shear([data])
+    np.testing.assert_allclose(found.fit.values, QUINTIC.coefficients[::2], rtol=1e-8)
+    assert np.degrees(data.kinematics_hold_to) == pytest.approx(39.0)  # 2 degrees
+    assert "past 39.0 degrees" in notes(found)
+
+
+def test_what_cannot_be_fitted_is_refused():
+    data = specimen(BIAS, QUINTIC)
+    few = specimen(BIAS, QUINTIC, n=3, end=39.0)
+    for arguments, options, said in (
+        (([data], "cubic"), {}, "'cubic' is none of polynomial"),
+        (([data],), {"degree": 4}, "must be an odd number"),
+        (([data],), {"up_to": -1.0}, "largest shear angle must be > 0"),
+        (([data],), {"up_to": 1e-4}, "no point is in the range"),
+        (([data],), {"bounds": {"c2": (0, 1)}}, "no parameter 'c2'"),
+        (
+            ([data], "linear"),
+            {"bounds": {"stiffness": (-2, -1)}},
+            "no number is within",
+        ),
+        (([few],), {}, "3 points are too few for 3 parameters"),
+        (([data], "tabulated"), {"points": 0}, "at least one point"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            fit_shear(*arguments, **options)
+    with pytest.raises(ValueError, match="only bias extensions"):
+        fit_by_simulation([specimen(FRAME, QUINTIC)])
+    with pytest.raises(ValueError, match="even and >= 2"):
+        Simulation(across=5)
+
+
+def test_the_report_is_readable():
+    three = [specimen(BIAS, QUINTIC, 0.02, i, name=f"no. {i}") for i in range(3)]
+    said = text({"Shear": shear_report(fit_shear(three))})
+    for part in ("Law: Polynomial", "| c1 | 0.", "| no. 2 | 60 |", "| 40 |", "N/mm"):
+        assert part in said
+
+
+def test_simulated_fibres_that_stretch_are_seen_by_the_inverse_fit():
+    """Soft fibres cost load, which the closed form takes for a softer law."""
+    soft = Simulation(tension=500.0, across=4, steps=4)
+    strip = BiasExtension(50.0, 100.0)
+    angles, forces = soft.curve(Linear(0.5), strip, np.radians(48.0))
+    lost = forces[1:] / strip.force(Linear(0.5), angles[1:])
+    assert lost[-1] < 0.9
+    moved = strip.displacement(angles[1:])
+    data = [Specimen("one", strip, forces[1:], moved)]
+    found = fit_by_simulation(data, "linear", soft)
+    assert found.simulated
+    assert found.fit.law.stiffness == pytest.approx(0.5, rel=2e-3)
+    assert fit_shear(data, "linear").fit.law.stiffness < 0.48

@@ -1,0 +1,104 @@
+"""Pictures of a run, and what happens where they fail."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from command_line import DRAWN, run
+
+from skfem_textile.cli import main as cli
+from skfem_textile.cli.results import pictures
+from skfem_textile.scenes.bias_extension import WIDTH
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "told"),
+    [
+        (ValueError("no ink"), 0, ("no pictures: no ink", "")),
+        (
+            KeyboardInterrupt,
+            130,
+            ("", "interrupted; the numbers are written, pictures are not\n"),
+        ),
+    ],
+)
+def test_pictures_that_fail_lose_no_numbers(
+    tmp_path, capsys, monkeypatch, error, code, told
+):
+    def draw(*_):
+        raise error
+
+    monkeypatch.setattr(pictures, "draw", draw)
+    assert run(tmp_path, *DRAWN) == code
+    assert (tmp_path / "out" / "summary.json").exists()
+    out, err = capsys.readouterr()
+    assert told[0] in out
+    assert err == (f"skfem-textile: {told[1]}" if told[1] else "")
+
+
+def test_the_load_is_drawn_over_the_displacement_of_the_driven_edge(
+    tmp_path, monkeypatch
+):
+    pytest.importorskip("pyvista")
+    plot = pytest.importorskip("skfem_textile.plot")
+    curves = pytest.importorskip("skfem_textile.plot.curves")
+    for name in ("fibre_strain", "shear_angle", "fibre_directions", "animation"):
+        monkeypatch.setattr(plot, name, lambda *_, **__: None)
+    drawn = []
+    monkeypatch.setattr(curves, "curves", lambda *given: drawn.append(given))
+    for scene, axis, number in (("strip", "x", 1), ("bias_extension", "y", 3)):
+        out = tmp_path / scene
+        options = ("--size", "2x4", "--steps", "2", "--rotate", "30")
+        assert cli.main(["run", scene, "--out", str(out), *options]) == 0
+        assert len(drawn) == number
+        panels, xlabel, ylabel, file = drawn[0]
+        assert (xlabel, ylabel) == ("Displacement (mm)", "Force (N)")
+        assert file.name == "load.png"
+        summary = json.loads((out / "summary.json").read_text())
+        (lines,) = panels.values()
+        moved, force = lines["run"]
+        assert force[-1] == pytest.approx(summary[f"reaction_{axis}"])
+        assert moved[0] == 0
+        assert moved[-1] > 5
+        labels = [given[1:3] for given in drawn]
+        drawn.clear()
+    assert labels[1:] == [
+        ("Angle (°)", "Force (N)"),
+        ("Angle (°)", "Normalised shear force (N/mm)"),
+    ]
+    theta, gamma = np.radians(45.0), np.radians(40.0)
+    turned = np.sin(theta + np.array([0.0, 0.5, 1.0]) * gamma / 2)
+    assert moved == pytest.approx(WIDTH * np.tan(theta) * (turned / np.sin(theta) - 1))
+
+
+def test_without_gl_everything_else_is_written(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("pyvista")
+    offscreen = pytest.importorskip("skfem_textile.plot.offscreen")
+    monkeypatch.setattr(offscreen, "_can_draw", lambda environment: False)
+    offscreen.require_offscreen.cache_clear()
+    try:
+        assert run(tmp_path, *DRAWN) == 0
+    finally:
+        offscreen.require_offscreen.cache_clear()
+    assert (tmp_path / "out" / "summary.json").exists()
+    assert not list((tmp_path / "out").glob("*.png"))
+    said = [x for x in capsys.readouterr().out.splitlines() if "libegl1" in x]
+    assert len(said) == 1
+
+
+def test_pictures_are_written_and_nothing_is_said_on_stderr(tmp_path):
+    pytest.importorskip("pyvista")
+    command = [sys.executable, "-m", "skfem_textile", "run", "strip", *DRAWN]
+    child = subprocess.run(
+        [*command, "--steps", "2", "--out", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={k: v for k, v in os.environ.items() if k != "DISPLAY"},
+    )
+    assert child.stderr == ""
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert set(pictures.PICTURES) <= names

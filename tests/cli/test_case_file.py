@@ -1,0 +1,362 @@
+"""Cases in files: what they say, what is refused, and the way there and back."""
+
+import json
+import shutil
+import tomllib
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from command_line import MESH, QUICK, refused
+
+from skfem_textile import CrimpToe, Fabric, Force, Linear, Sin2, TensionOnly
+from skfem_textile.cli import main as cli
+from skfem_textile.cli.case import CaseFileError, case_from_file, case_from_tables
+from skfem_textile.fabric.directions import FibreDirections, directions_of
+from skfem_textile.fabric.files.fabric_file import write_law
+from skfem_textile.io import write_directions, write_fabric
+from skfem_textile.scenes import bias_extension
+from skfem_textile.scenes.rectangle import rectangle
+
+SHEAR = "shear angle (deg),moment (N mm/mm2)\n0,0\n30,0.1\n60,0.8\n"
+
+SPECIMEN = """
+[scene]
+name = "specimen"
+height_mm = 110
+rotate_deg = 20
+[scene.move_mm]
+bottom = [0, 0]
+top = ["free", 12]
+[mesh]
+size = [3, 7]
+[tension]
+law = "crimp-toe"
+stiffness_N_per_mm = 1000
+toe = 0.004
+initial_stiffness_N_per_mm = 10
+compression = "none"
+[shear]
+law = "tables/shear.csv"
+continuation = "odd"
+[formulation]
+name = "one-point"
+cs_N_per_mm = 2
+[loads.force_N]
+right = [0.5, 0]
+[stepping]
+steps = 2
+solver = "superlu"
+[output]
+pictures = false
+"""
+
+OF_FILES = """
+[scene]
+name = "bias_extension"
+[mesh]
+size = [3, 6]
+directions = "fibres.csv"
+[fabric]
+file = "cloth.inp"
+thickness_mm = 0.2
+[stepping]
+steps = 2
+solver = "superlu"
+[output]
+pictures = false
+"""
+
+
+def written(tmp_path, text=SPECIMEN):
+    """A case file, beside the table of a shear law."""
+    (tmp_path / "tables").mkdir(exist_ok=True)
+    (tmp_path / "tables" / "shear.csv").write_text(SHEAR)
+    file = tmp_path / "one.toml"
+    file.write_text(text)
+    return file
+
+
+def run(file, out, *more):
+    return cli.main(["run", str(file), "--out", str(out), *more])
+
+
+def summary_of(out):
+    """What a summary says, but for times."""
+    summary = json.loads((out / "summary.json").read_text())
+    return {k: v for k, v in summary.items() if not k.endswith("_time_s")}
+
+
+def test_a_file_says_all_that_a_case_has(tmp_path):
+    case = case_from_file(written(tmp_path))
+    assert case.scene.name == "specimen"
+    assert case.scene.mesh.nelements == 21
+    assert list(case.scene.conditions) == ["bottom", "top"]
+    assert case.scene.driven == "top"
+    assert case.scene.rotation == pytest.approx(np.radians(20))
+    law = case.fabric.families[0].tension
+    assert law == TensionOnly(CrimpToe(1000, 0.004, 10))
+    assert case.fabric.shear_law.domain == pytest.approx((-np.pi / 3, np.pi / 3))
+    assert case.formulation.stabilisation == 2
+    assert isinstance(case.loads[0], Force)
+    assert (case.steps, case.solver, case.pictures) == (2, "superlu", False)
+
+
+def test_a_run_of_the_written_case_is_the_same_bit_for_bit(tmp_path):
+    outs = [tmp_path / name for name in ("a", "b", "c")]
+    assert run(written(tmp_path), outs[0]) == 0
+    shutil.rmtree(tmp_path / "tables")  # the results have a copy
+    for before, after in pairwise(outs):
+        assert run(before / "case.toml", after) == 0
+        for name in ("case.toml", "history.csv", "curve.csv"):
+            assert (before / name).read_bytes() == (after / name).read_bytes()
+    first, last = (summary_of(out) for out in (outs[0], outs[-1]))
+    assert [first.pop("inputs"), last.pop("inputs")]
+    assert first == last
+
+
+def test_a_line_and_the_case_that_it_leaves_are_the_same(tmp_path):
+    """On a mesh of triangles from a file."""
+    line = ["run", "strip", "--mesh", str(MESH), "--steps", "2", "--no-render"]
+    laws = ["--shear-law", "sin2", "--shear-stiffness", "1", "--solver", "superlu"]
+    laws += ["--formulation", "one-point"]
+    assert (
+        cli.main([*line, *laws, "--force", "top=1,0", "--out", str(tmp_path / "a")])
+        == 0
+    )
+    assert run(tmp_path / "a" / "case.toml", tmp_path / "b") == 0
+    assert (tmp_path / "a" / "case_files" / "mesh.msh").read_bytes() == (
+        MESH.read_bytes()
+    )
+    for name in ("case.toml", "history.csv"):
+        assert (tmp_path / "a" / name).read_bytes() == (
+            tmp_path / "b" / name
+        ).read_bytes()
+
+
+def test_a_law_of_a_file_is_beside_the_written_case(tmp_path):
+    write_law(Sin2(0.3), tmp_path / "law.json")
+    line = ["run", "strip", "--size", "3x4", "--steps", "2", "--no-render"]
+    line += ["--shear-law", str(tmp_path / "law.json")]
+    assert cli.main([*line, "--out", str(tmp_path / "a")]) == 0
+    (tmp_path / "law.json").unlink()
+    assert case_from_file(tmp_path / "a" / "case.toml").fabric.shear_law == Sin2(0.3)
+    assert cli.main([*line[:-2], "--out", str(tmp_path / "a")]) == 0
+    assert not (tmp_path / "a" / "case_files" / "shear_law.json").exists()
+
+
+def test_directions_and_fabric_are_of_files_beside_the_case(tmp_path):
+    """And of the results, whose case has copies of them."""
+    scene = bias_extension(size=(3, 6))
+    own = Fabric(warp=scene.warp, weft=scene.weft)
+    given = directions_of(scene.mesh, own)
+    turned = FibreDirections.of_angles(*(angle + 5 for angle in given.angles_deg()))
+    inputs = tmp_path / "inputs"
+    inputs.mkdir()
+    write_directions(inputs / "fibres.csv", scene.mesh, turned)
+    write_fabric(inputs / "cloth.inp", Fabric(1e5, Sin2(0.3)), 0.2)
+    (inputs / "one.toml").write_text(OF_FILES)
+    assert run(inputs / "one.toml", tmp_path / "a") == 0
+    case = case_from_file(inputs / "one.toml")
+    gamma = np.array([0.5])
+    assert case.fabric.shear_law.value(gamma) == pytest.approx(
+        Sin2(0.3).value(gamma), rel=1e-4
+    )
+    shutil.rmtree(inputs)
+    assert run(tmp_path / "a" / "case.toml", tmp_path / "b") == 0
+    for name in ("case.toml", "history.csv", "fibres.csv"):
+        assert (tmp_path / "a" / name).read_bytes() == (
+            tmp_path / "b" / name
+        ).read_bytes()
+    text = (tmp_path / "a" / "case.toml").read_text()
+    assert "[tension]" not in text
+    assert tomllib.loads(text)["fabric"] == {
+        "file": "case_files/fabric.inp",
+        "thickness_mm": 0.2,
+        "units": "N mm",
+    }
+
+
+def test_the_written_case_has_every_default(tmp_path):
+    assert cli.main(["run", "strip", *QUICK, "--out", str(tmp_path / "out")]) == 0
+    text = (tmp_path / "out" / "case.toml").read_text()
+    assert tomllib.loads(text) == {
+        "scene": {"name": "strip", "rotate_deg": 0.0},
+        "mesh": {"source": "irregular", "size": [3, 4], "jitter": 0.3, "seed": 1},
+        "fabric": {},
+        "tension": {"law": "linear", "stiffness_N_per_mm": 1e4, "compression": "law"},
+        "shear": {"law": "linear", "stiffness_N_per_mm": 1.0},
+        "formulation": {"name": "macro", "cs_N_per_mm": 10.0},
+        "loads": {"force_N": {}},
+        "stepping": {
+            "steps": 3,
+            "most_unknowns": 50_000,
+            "strategy": ["mixed", "descent"],
+            "warn_only": ["work", "stabilisation", "deviation", "corners"],
+            "solver": "auto",
+        },
+        "output": {"pictures": False},
+    }
+    assert "# tolerance is not given" in text
+
+
+@pytest.mark.parametrize(
+    "scene", ["strip", "picture_frame", "trellis", "bias_extension", "specimen"]
+)
+def test_init_writes_the_defaults_of_a_scene(tmp_path, capsys, scene):
+    file = tmp_path / "new.toml"
+    assert cli.main(["init", str(file), "--scene", scene]) == 0
+    text = file.read_text()
+    assert max(map(len, text.splitlines())) <= 88
+    plain, said = case_from_tables({"scene": {"name": scene}}), case_from_file(file)
+    assert said.scene.name == scene
+    assert np.array_equal(said.scene.mesh.p, plain.scene.mesh.p)
+    assert said.fabric.families[0].tension == plain.fabric.families[0].tension
+    capsys.readouterr()
+    assert "exists" in refused(capsys, "init", str(file))
+    assert file.read_text() == text
+
+
+REGIONS = """
+[scene]
+name = "specimen"
+[mesh]
+source = "two.vtk"
+[tension]
+stiffness_N_per_mm = 1000
+[regions.patch]
+weft_deg = 100
+[regions.patch.shear]
+law = "sin2"
+stiffness_N_per_mm = 7
+[stepping]
+steps = 1
+[output]
+pictures = false
+"""
+
+
+def test_a_region_has_laws_and_fibres_of_its_own(tmp_path):
+    mesh = rectangle(50, 100, (4, 8), "aligned")
+    file = tmp_path / "regions.toml"
+    file.write_text(REGIONS)
+    named = mesh.with_subdomains({"patch": lambda x: x[1] > 60})
+    named.save(tmp_path / "two.vtk", encode_cell_data=True, encode_point_data=False)
+    case = case_from_file(file)
+    patch = case.scene.mesh.subdomains["patch"]
+    laws = [case.fabric.at(np.array([[i]])).shear_law for i in (patch[0], 0)]
+    gamma = np.array([[0.3]])
+    values = [float(law.value(gamma)[0, 0]) for law in (Sin2(7.0), Linear(0.5))]
+    assert [float(law.value(gamma)[0, 0]) for law in laws] == pytest.approx(values)
+    assert run(file, tmp_path / "a") == 0
+    assert run(tmp_path / "a" / "case.toml", tmp_path / "b") == 0
+    for name in ("case.toml", "history.csv"):
+        assert (tmp_path / "a" / name).read_bytes() == (
+            tmp_path / "b" / name
+        ).read_bytes()
+    assert "the fabric differs" in summary_of(tmp_path / "a")["exact_answer"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("steps = 2", "stepz = 2", "stepping has no key 'stepz'; the nearest is 'ste"),
+        ("[stepping]", "[steping]", "there is no table 'steping'; the nearest is 'st"),
+        ("steps = 2", "steps = 2.5", "stepping.steps must be int, got float"),
+        ("steps = 2", "steps = '2'", "stepping.steps must be int, got str"),
+        ("steps = 2", "steps = 0", "steps must be at least 1"),
+        ("steps = 2", "steps", "no TOML: "),
+        ("stiffness_N_per_mm", "stiffness", "the nearest is 'stiffness_N_per_mm'"),
+        ("stiffness_N_per_mm", "stiffness_kN_per_m", "nearest is 'stiffness_N_per_"),
+        ("height_mm = 110", "height_cm = 11", "the nearest is 'height_mm'"),
+        ("height_mm = 110", "height_mm = nan", "height must be a finite number"),
+        ("rotate_deg = 20", "rotate_deg = inf", "scene.rotate_deg: 'inf' is no finite"),
+        ("rotate_deg = 20", "bend_deg = 20", "scene has no key 'bend_deg'"),
+        ('"specimen"', '"speciment"', "scene.name is 'speciment': it must be one of"),
+        ("toe = 0.004\n", "", "tension.law crimp-toe needs tension.toe"),
+        ("toe = 0.004", "toe = -1", "toe must be a finite number > 0, got -1.0"),
+        ('"crimp-toe"', '"linear"', "tension.toe goes with tension.law crimp-"),
+        ('"crimp-toe"', '"crimp"', "tension.law: 'crimp' is none of linear, FIL"),
+        ("tables/shear", "shear", "there is no such file"),
+        (
+            '"odd"',
+            '"old"',
+            "'old', which is none of none, odd; the nearest is 'odd'",
+        ),
+        ('"one-point"', '"full"', "formulation.cs_N_per_mm goes with formulation.name"),
+        ("cs_N_per_mm = 2", "cs_N_per_mm = 'aut'", "'aut' is no number, nor auto"),
+        ('["free", 12]', '["fre", 12]', "'top=fre,12.0' is not like top=0,40"),
+        ('["free", 12]', "[12]", "scene.move_mm"),
+        ("top = ", "lid = ", "the mesh has no boundary 'lid'"),
+        ("right = [0.5, 0]", "right = [inf, 0]", "'right=inf,0.0' is not like top"),
+        ("size = [3, 7]", "source = 'x.msh'", "neither a file nor aligned"),
+        ("size = [3, 7]", "size = [3]", "mesh.size must be array of length 2, got 1"),
+        ("size = [3, 7]", "size = 1979-05-27", "mesh.size must be array, got date"),
+        ('solver = "superlu"', 'solver = "supreme"', "which is none of auto, cholmod"),
+        ("[loads.force_N]", "[loads]\nforce_N = 1\n[x]", "no table 'x'"),
+        ("[shear]", "[regions.patch]\n[shear]", "the mesh has no subdomain 'patch'"),
+        (
+            "[shear]",
+            "[regions.a]\n[fabric]\nfile = 'a.inp'\n[shear]",
+            "fabric.file is of the whole ply, but regions have their own",
+        ),
+        ("[shear]", "[fabric]\nunits = 'N m'\n[shear]", "units goes with fabric.file"),
+        (
+            "[shear]",
+            "[fabric]\nfile = 'a.inp'\n[shear]",
+            "tension.law is of a law, but",
+        ),
+        ("[mesh]", "[mesh]\ndirections = 'a.csv'", "a.csv"),
+        ("[shear]", "[regions.a.tensio]\n[shear]", "regions.a has no key 'tensio'"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_told_in_one_line_of_its_words(
+    tmp_path, capsys, old, new, message
+):
+    assert old in SPECIMEN
+    file = written(tmp_path, SPECIMEN.replace(old, new))
+    said = refused(capsys, "run", str(file), "--out", str(tmp_path / "out"))
+    assert message in said
+    assert "one.toml: " in said
+    assert "--" not in said
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"\xff", "no text in UTF-8"),
+        (b"x = " + b"[" * 100_000, "too deep"),
+        (b"#" * 1_000_001, "more than 1000000 bytes"),
+        (b"", "scene.name is missing: it must be one of strip"),
+        (b"scene = 3", "scene must be a table, not 3"),
+        (b"[scene]\nname = 'strip'\n[stepping]\nsteps = " + b"9" * 5000, "no TOML"),
+    ],
+)
+def test_a_file_that_is_no_case_is_refused(tmp_path, capsys, content, message):
+    file = tmp_path / "bad.TOML"
+    file.write_bytes(content)
+    assert message in refused(capsys, "run", str(file), "--out", str(tmp_path / "o"))
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path, capsys):
+    out = ("--out", str(tmp_path / "out"))
+    assert "no.toml" in refused(capsys, "run", str(tmp_path / "no.toml"), *out)
+    (tmp_path / "folder.toml").mkdir()
+    assert "folder.toml" in refused(capsys, "run", str(tmp_path / "folder.toml"), *out)
+    assert "must end with .toml" in refused(capsys, "init", str(tmp_path / "x.txt"))
+
+
+def test_a_case_of_the_user_is_not_replaced(tmp_path, capsys):
+    file = written(tmp_path).rename(tmp_path / "case.toml")
+    said = refused(capsys, "run", str(file), "--out", str(tmp_path))
+    assert "was not written by a run" in said
+    assert file.read_text() == SPECIMEN
+    assert run(file, tmp_path / "out") == 0
+    assert run(tmp_path / "out" / "case.toml", tmp_path / "out") == 0  # in its place
+
+
+def test_functions_are_refused(tmp_path):
+    tables = {"scene": {"name": "strip"}, "shear": {"law": lambda x: x}}
+    with pytest.raises(CaseFileError, match=r"shear\.law is a function, which a case"):
+        case_from_tables(tables)

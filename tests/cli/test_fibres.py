@@ -1,0 +1,147 @@
+"""Directions and fabrics of files on the command line, and the command `show`."""
+
+import json
+
+import numpy as np
+import pytest
+from command_line import refused
+
+from skfem_textile import Fabric, Sin2
+from skfem_textile.cli import main as cli
+from skfem_textile.fabric.directions import FibreDirections, directions_of
+from skfem_textile.io import read_directions, write_directions, write_fabric
+from skfem_textile.scenes import bias_extension
+
+PULL = bias_extension(size=(4, 8))
+EDGES = PULL.mesh.p[:, PULL.mesh.t[1]] - PULL.mesh.p[:, PULL.mesh.t[0]]
+ALONG_EDGES = FibreDirections(EDGES, np.stack([-EDGES[1], EDGES[0]]))
+OF_SCENE = directions_of(PULL.mesh, Fabric(warp=PULL.warp, weft=PULL.weft))
+
+
+def run(out, *words):
+    common = ("--steps", "2", "--no-render", "--out", str(out))
+    assert cli.main(["run", "bias_extension", *common, *map(str, words)]) == 0
+    return json.loads((out / "summary.json").read_text())
+
+
+@pytest.fixture
+def mesh(tmp_path):
+    """A mesh file with the directions of the scene."""
+    path = tmp_path / "ply.vtu"
+    write_directions(path, PULL.mesh, OF_SCENE)
+    return path
+
+
+def test_a_run_with_the_scenes_own_directions_and_laws_from_files_is_the_same(
+    tmp_path, mesh
+):
+    fabric = tmp_path / "fabric.json"
+    write_fabric(fabric, Fabric(1e5, Sin2(0.3)))
+    files = ("--mesh", mesh, "--directions", mesh, "--fabric", fabric)
+    found = run(tmp_path / "files", *files)
+    own = (
+        "--fibre-stiffness",
+        "1e5",
+        "--shear-law",
+        "sin2",
+        "--shear-stiffness",
+        "0.3",
+    )
+    plain = run(tmp_path / "plain", "--mesh", mesh, *own)
+    assert found["reaction_y"] == pytest.approx(plain["reaction_y"], rel=1e-9)
+    assert "load_over_exact" in plain
+    assert "load_over_exact" not in found
+    assert "fibre directions are those of" in found["exact_answer"]
+
+
+def test_directions_turn_with_the_problem(tmp_path, mesh):
+    files = ("--mesh", mesh, "--directions", mesh)
+    plain = run(tmp_path / "plain", *files)
+    turned = run(tmp_path / "turned", *files, "--rotate", "30")
+    assert turned["reaction_y"] == pytest.approx(plain["reaction_y"], rel=1e-6)
+    before, after = (
+        read_directions(tmp_path / f / "fibres.csv").angles_deg()[0]
+        for f in ("plain", "turned")
+    )
+    assert np.allclose(after, before + 30, atol=1e-4)
+
+
+def test_a_run_tells_what_a_deck_has_and_it_cannot_take_over(tmp_path, caplog):
+    deck = tmp_path / "cloth.inp"
+    write_fabric(deck, Fabric(1e5, 0.5), 0.3)
+    deck.write_text(deck.read_text().replace("*FABRIC", "*DENSITY\n1e-9,\n*FABRIC"))
+    run(tmp_path / "out", "--size", "3x6", "--fabric", deck, "--thickness", "0.3")
+    assert "not taken over: *DENSITY" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("--thickness", "0.3"), "--thickness goes with --fabric"),
+        (("--fabric", "none.json"), "none.json"),
+        (("--fabric", "cloth.json", "--fibre-stiffness", "1"), "--fibre-stiffness"),
+        (("--directions", "ply.vtu"), "32 directions for 18 elements"),
+        (("--directions", "cloth.json"), "are read from"),
+    ],
+)
+def test_options_that_contradict_a_file_are_refused_before_any_work(
+    tmp_path, mesh, capsys, monkeypatch, words, named
+):
+    monkeypatch.chdir(tmp_path)
+    write_fabric("cloth.json", Fabric())
+    line = ("run", "bias_extension", "--size", "3x6", "--out", "out", *words)
+    assert named in refused(capsys, *line)
+    assert not (tmp_path / "out").exists()
+
+
+def test_show_draws_the_mesh_and_writes_directions_that_come_back(
+    tmp_path, mesh, capsys, caplog
+):
+    pytest.importorskip("pyvista")
+    out = tmp_path / "out"
+    assert cli.main(["show", str(mesh), "--out", str(out)]) == 0
+    assert (out / "mesh_and_fibres.png").stat().st_size > 1000
+    for suffix in ("vtu", "csv", "inp"):
+        again = read_directions(out / f"directions.{suffix}")
+        assert np.allclose(again.warp, OF_SCENE.warp, atol=1e-12)
+    assert "32" in capsys.readouterr().out
+    assert "edge" not in caplog.text
+
+
+def test_show_warns_of_directions_that_follow_the_numbering_of_nodes(tmp_path, caplog):
+    path = tmp_path / "edges.inp"
+    write_directions(path, PULL.mesh, ALONG_EDGES)
+    line = ["show", str(path), "--no-render", "--out", str(tmp_path / "out")]
+    assert cli.main(line) == 0
+    assert "warp runs along edge 1 of 32 of 32 elements" in caplog.text
+
+
+def test_show_takes_angles_for_a_mesh_without_directions(tmp_path):
+    out = tmp_path / "out"
+    write_directions(tmp_path / "ply.inp", PULL.mesh, OF_SCENE)
+    line = ["show", str(tmp_path / "ply.inp"), "--warp", "30", "--weft", "120"]
+    assert cli.main([*line, "--no-render", "--out", str(out)]) == 0
+    warp, weft = read_directions(out / "directions.csv").angles_deg()
+    assert np.allclose([warp, weft], [[30] * 32, [120] * 32])
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("none.vtu",), "no such file"),
+        (("ply.vtu", "--warp", "0"), "go together"),
+        (("ply.vtu", "--warp", "0", "--weft", "180"), "parallel"),
+        (("ply.vtu", "--warp", "east", "--weft", "90"), "no finite number"),
+        (("ply.vtu", "--warp", "0", "--weft", "90", "--directions", "x"), "leave one"),
+        (("ply.vtu", "--directions", "other.csv"), "other.csv: 1 directions for 32"),
+    ],
+)
+def test_show_refuses_bad_input_in_one_line_and_writes_nothing(
+    tmp_path, mesh, capsys, monkeypatch, words, named
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "other.csv").write_text(
+        "element,warp_angle_deg,weft_angle_deg\n1,0,90\n"
+    )
+    assert named in refused(capsys, "show", *words, "--out", "out")
+    assert not (tmp_path / "out").exists()

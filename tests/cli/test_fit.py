@@ -1,0 +1,140 @@
+"""The command ``fit``: from curves of tests to a fabric that loads back."""
+
+import json
+
+import numpy as np
+import pytest
+from command_line import refused, run
+
+from skfem_textile import CrimpToe, Polynomial
+from skfem_textile.calibration import BiasExtension, PictureFrame
+from skfem_textile.cli import main as cli
+from skfem_textile.cli.fit.options import TESTS
+from skfem_textile.fabric.files.fabric_file import read_law
+from skfem_textile.io import read_fabric
+
+LAW = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
+SIZES = "--width", "100", "--height", "200"
+
+
+def table(path, header, *columns):
+    rows = zip(*columns, strict=True)
+    lines = [header, *(",".join(f"{x:.9g}" for x in row) for row in rows)]
+    path.write_text("\n".join(lines))
+    return str(path)
+
+
+def curves(folder, test, n=3, noise=0.02):
+    gamma = np.radians(np.linspace(1.0, 40.0, 40))
+    force = test.force(LAW, gamma)
+    for i in range(n):
+        own = noise * force.max() * np.random.default_rng(i).standard_normal(40)
+        header = "displacement (mm),force (N)"
+        yield table(folder / f"{i}.csv", header, test.displacement(gamma), force + own)
+
+
+def fit(*arguments):
+    return cli.main(["fit", *map(str, arguments)])
+
+
+@pytest.mark.parametrize(
+    ("kind", "test", "sizes"),
+    [
+        ("bias-extension", BiasExtension(100.0, 200.0), SIZES),
+        (
+            "picture-frame",
+            PictureFrame(200.0, 160.0),
+            ("--frame-side", 200, "--fabric-side", 160),
+        ),
+    ],
+)
+def test_a_fit_writes_a_law_that_a_run_takes(kind, test, sizes, tmp_path, capsys):
+    data, out = curves(tmp_path, test), tmp_path / "fit"
+    assert fit(kind, *data, *sizes, "--out", out, "--no-render") == 0
+    names = {file.name for file in out.iterdir()}
+    assert names == {"law.json", "fabric.json", "report.md", "summary.json"}
+    law = read_law(out / "law.json")
+    assert read_fabric(out / "fabric.json").fabric.shear_law == law
+    gamma = np.radians([10.0, 40.0])
+    np.testing.assert_allclose(law.value(gamma), LAW.value(gamma), rtol=0.1)
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["reports"]["Shear"]["largest_angle_deg"] == pytest.approx(40.0)
+    assert (out / "report.md").read_text() in capsys.readouterr().out
+    quick = "--size", "3x4", "--steps", "2", "--no-render", "--tension-law", "linear"
+    assert run(tmp_path, *quick, "--shear-law", str(out / "law.json")) == 0
+
+
+def test_a_fit_draws_its_curves(tmp_path):
+    pytest.importorskip("matplotlib")
+    data = curves(tmp_path, BiasExtension(100.0, 200.0))
+    assert fit("bias-extension", *data, *SIZES, "--out", tmp_path / "fit") == 0
+    assert (tmp_path / "fit" / "fit.png").stat().st_size > 10_000
+
+
+def test_tension_and_shear_come_together_in_one_fabric(tmp_path):
+    toe, e = CrimpToe(5e3, 0.004, 10.0), np.linspace(0.0, 0.02, 30)[1:]
+    force = 100 * toe.value(np.log1p(e)) / (1 + e)
+    header = "warp strain (-),warp force (N),weft strain (-),weft force (N)"
+    pull = table(tmp_path / "pull.csv", header, e, force, e, force)
+    data = curves(tmp_path, BiasExtension(100.0, 200.0))
+    one, two = tmp_path / "one", tmp_path / "two"
+    assert fit("bias-extension", *data, *SIZES, "--out", one, "--no-render") == 0
+    widths = "--warp-width", 100, "--weft-width", 100, "--fabric", one / "fabric.json"
+    assert fit("biaxial", pull, *widths, "--out", two, "--no-render") == 0
+    fabric = read_fabric(two / "fabric.json").fabric
+    assert fabric.shear_law == read_law(one / "law.json")
+    for family in fabric.families:
+        assert family.tension.stiffness == pytest.approx(5e3, rel=1e-3)
+    assert read_law(two / "warp_law.json") == fabric.families[0].tension
+
+
+def test_simulated_tests_are_fitted(tmp_path):
+    data = curves(tmp_path, BiasExtension(100.0, 200.0), noise=0.0)
+    how = "--simulate", 4, "--fibre-stiffness", 1e6, "--law", "sin2", "--no-render"
+    assert fit("bias-extension", *data, *SIZES, *how, "--out", tmp_path / "o") == 0
+    fabric = read_fabric(tmp_path / "o" / "fabric.json").fabric
+    assert fabric.families[0].tension.stiffness == 1e6
+    summary = json.loads((tmp_path / "o" / "summary.json").read_text())
+    assert summary["reports"]["Shear"]["compared_with"] == "simulations"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["missing.csv", *SIZES], "missing.csv"),
+        (["0.csv", "--width", "100"], "--height is missing"),
+        (["0.csv", "--width", "1", "2", "--height", "9"], "--width has 2 sizes for 1"),
+        (["0.csv", *SIZES, "--law", "spline"], "'spline' is none of polynomial"),
+        (["0.csv", *SIZES, "--bound", "c1=2,1"], "'c1=2,1' is not like c1=0,1"),
+        (["0.csv", *SIZES, "--unit", "force"], "'force' is not like force=kN"),
+        (["0.csv", *SIZES, "--unit", "time=s"], "--unit time: no column"),
+        (["0.csv", *SIZES, "--fabric", "0.csv"], "0.csv: fabrics are read from"),
+        (["0.csv", *SIZES, "--warp", "60"], "must be at least 346.41 mm high"),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(
+    arguments, said, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    list(curves(tmp_path, BiasExtension(100.0, 200.0), n=1))
+    assert said in refused(capsys, "fit", "bias-extension", *arguments, "--out", "o")
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_law_of_tension_is_no_law_of_shear(tmp_path, capsys):
+    (tmp_path / "law.json").write_text(
+        '{"kind": "CrimpToe", "stiffness": 1, "toe": 1, "initial_stiffness": 1}'
+    )
+    file = str(tmp_path / "law.json")
+    command = "run", "strip", "--out", str(tmp_path / "o"), "--shear-law", file
+    assert "CrimpToe is no law of shear" in refused(capsys, *command)
+
+
+def test_the_help_names_every_law():
+    from skfem_textile.calibration.biaxial import TENSION_LAWS
+    from skfem_textile.calibration.shear import SHEAR_LAWS
+
+    for test, (_, options) in TESTS.items():
+        (law,) = (option for option in options if option.name == "law")
+        for name in TENSION_LAWS if test == "biaxial" else SHEAR_LAWS:
+            assert name in law.help

@@ -1,0 +1,104 @@
+"""Yarns in a cell, as of OpenRadioss: least energy, derivatives, and limits."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from skfem_textile import Fabric, Tabulated
+from skfem_textile.fabric import CrimpedYarns, Softening, TangentShear
+from skfem_textile.fabric.law_check import check_laws
+
+YARNS = Softening(400.0, 200.0), Softening(300.0)
+TOUCHING = CrimpedYarns(YARNS, (0.05, 0.1), (0.1, 0.3))
+COUPLED = CrimpedYarns(YARNS, (0.05, 0.1), (0.1, 0.3), coupling=2.0)
+TABLE = Tabulated([-0.01, 0.0, 0.01, 0.1], [-1.0, 0.0, 1.0, 100.0], "linear")
+
+
+def energy(law, L, y):
+    """The energy of the docstring, written out for one state."""
+    total = 0.0
+    heights = []
+    for i in range(2):
+        rest = 1 + law.crimp[i]
+        H = np.sqrt(rest**2 - 1)
+        d = np.sqrt(L[i] ** 2 + (H + y[i]) ** 2) - rest
+        total += float(law.yarns[i].energy(np.array(d)))
+        e = y[i] / H
+        if law.coupling is None:
+            total += 0.5 * law.springs[i] * y[i] ** 2
+        else:
+            total += law.springs[i] * H * ((1 + e) * np.log(max(1 + e, 1e-9)) - e)
+        heights.append(H)
+    if law.coupling is not None:
+        total += 0.5 * law.coupling * sum(y) ** 2 / sum(heights)
+    return total
+
+
+@pytest.mark.parametrize("law", [TOUCHING, COUPLED], ids=["touching", "coupled"])
+def test_the_energy_is_the_least_that_a_search_finds(law):
+    apart = [{"type": "ineq", "fun": lambda y: y.sum()}] if law is TOUCHING else []
+    for strain in np.random.default_rng(3).uniform(-0.08, 0.12, (12, 2)):
+        L = np.exp(strain)
+        least = min(
+            minimize(
+                lambda y, L=L: energy(law, L, y),
+                start,
+                method="SLSQP",
+                constraints=apart,
+                options={"ftol": 1e-15, "maxiter": 500},
+            ).fun
+            for start in ([0.0, 0.0], [0.05, -0.05], [-0.05, 0.05])
+        )
+        assert law.energy(strain) == pytest.approx(least, rel=1e-7, abs=1e-9)
+
+
+@pytest.mark.parametrize("law", [TOUCHING, COUPLED], ids=["touching", "coupled"])
+def test_energy_tension_and_tangent_agree(law):
+    check_laws(Fabric(law, TangentShear(0.3, 2.0, 0.9)), (1, 1))
+    tangent = law.tangent(np.random.default_rng(1).uniform(-0.05, 0.1, (2, 40)))
+    assert np.allclose(tangent, tangent.swapaxes(0, 1), rtol=1e-9)
+
+
+def test_at_rest_there_is_no_tension_and_a_weft_that_is_held_pulls_the_warp_too():
+    assert np.abs(TOUCHING.value(np.zeros((2, 1)))).max() == 0
+    held, free = TOUCHING.value(np.array([[0.04, 0.04], [0.0, -0.04]]))[0]
+    assert held > 1.5 * free
+
+
+def test_a_long_pull_has_the_stiffness_of_straight_yarns():
+    law = CrimpedYarns((Softening(400.0), Softening(400.0)), 0.05, 0.1)
+    strain = np.log(np.array([[1.5], [1.0]]))
+    straight = 400.0 * (1.5 - 1.05) * 1.5  # T = L F, the yarn without crimp
+    assert law.value(strain)[0, 0] == pytest.approx(straight, rel=1e-2)
+
+
+def test_yarns_of_tables_are_found_at_all_strains():
+    law = CrimpedYarns((TABLE, TABLE), 0.02, 0.05)
+    strain = np.random.default_rng(2).uniform(-0.1, 0.1, (2, 200))
+    assert np.isfinite(law.value(strain)).all()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"crimp": 0.0}, "crimp"),
+        ({"springs": -1.0}, "springs"),
+        ({"yarns": (1.0, 2.0)}, "yarn"),
+        ({"coupling": np.nan}, "coupling"),
+    ],
+)
+def test_yarns_that_are_none_are_refused(wrong, named):
+    with pytest.raises(ValueError, match=named):
+        CrimpedYarns(**({"yarns": YARNS, "crimp": 0.1, "springs": 0.1} | wrong))
+
+
+def test_shear_past_the_locking_angle_is_continuous_and_has_its_own_slope():
+    law = TangentShear(0.5, 4.0, np.radians(40))
+    below, above = law.value(np.radians([40 - 1e-9, 40 + 1e-9]))
+    assert below == pytest.approx(0.5 * np.tan(np.radians(40)))
+    assert above == pytest.approx(below, abs=1e-8)
+    x = np.linspace(-1.4, 1.4, 57)
+    step = 1e-6
+    slope = (law.energy(x + step) - law.energy(x - step)) / (2 * step)
+    assert np.allclose(slope, law.value(x), rtol=1e-6, atol=1e-9)
+    assert not np.isfinite(law.energy(np.array([1.6]))).any()

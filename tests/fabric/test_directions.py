@@ -1,0 +1,113 @@
+"""Fibre directions: angles, reference curves, and those of the numbering of nodes."""
+
+import numpy as np
+import pytest
+from helpers import distorted
+from skfem import MeshQuad
+
+from skfem_textile import Fabric, Ply, split
+from skfem_textile.fabric.directions import (
+    AlongCurve,
+    FibreDirections,
+    directions_of,
+    directions_warning,
+)
+
+MESH = distorted(1, (6, 5), 0.25)
+EDGES = MESH.p[:, MESH.t[1]] - MESH.p[:, MESH.t[0]]
+ACROSS = np.stack([-EDGES[1], EDGES[0]])
+
+
+def test_angles_come_back_and_right_angles_are_exact():
+    angles = np.array([-179.0, -90.0, -33.3, 0.0, 45.0, 90.0, 180.0])
+    directions = FibreDirections.of_angles(angles, angles + 60)
+    assert np.allclose(directions.angles_deg()[0], angles, atol=1e-12)
+    assert directions.warp[:, [1, 3, 5, 6]].T.tolist() == [
+        *([0, -1], [1, 0], [0, 1], [-1, 0])
+    ]
+
+
+@pytest.mark.parametrize(
+    ("warp", "weft", "named"),
+    [
+        ([0.0], [0.0], "parallel"),
+        ([0.0], [np.inf], "finite"),
+        ([0.0, 1.0], [90.0], "2 directions of warp and 1 of weft"),
+        ([], [], "shape"),
+    ],
+)
+def test_directions_that_are_none_are_refused(warp, weft, named):
+    with pytest.raises(ValueError, match=named):
+        FibreDirections.of_angles(warp, weft)
+
+
+def test_a_function_gives_the_directions_of_each_users_element():
+    fabric = Fabric(warp=lambda x: np.stack([1 + 0 * x[0], x[0]]))
+    centres = MESH.p[:, MESH.t].mean(axis=1)
+    slope = np.tan(np.radians(directions_of(MESH, fabric).angles_deg()[0]))
+    assert np.allclose(slope, centres[0])
+    assert np.allclose(
+        directions_of(split(MESH), fabric).warp, directions_of(MESH, fabric).warp
+    )
+
+
+def test_directions_of_each_element_reach_a_ply():
+    directions = FibreDirections(EDGES, ACROSS)
+    ply = Ply(MESH, directions.on(Fabric(1e3, 0.5)))
+    again = directions_of(MESH, directions.on(Fabric(1e3, 0.5)))
+    assert np.allclose(again.warp[0] * EDGES[1] - again.warp[1] * EDGES[0], 0.0)
+    assert np.isfinite(ply.energy(ply.basis.zeros()))
+
+
+def test_along_a_fine_arc_the_fibres_run_along_the_circle():
+    angle = np.linspace(0.0, np.pi / 2, 400)
+    arc = 50 * np.stack([np.cos(angle), np.sin(angle)])
+    x = np.array([[40.0, 30.0, 20.0], [10.0, 30.0, 45.0]])
+    tangent = np.stack([-x[1], x[0]]) / np.hypot(*x)
+    assert np.abs(AlongCurve(arc)(x) - tangent).max() < 3e-3
+    turned = AlongCurve(arc, np.pi / 2)(x)
+    assert np.abs(turned + x / np.hypot(*x)).max() < 3e-3
+
+
+def test_past_the_ends_and_at_corners_the_nearest_tangent_counts():
+    curve = AlongCurve([[0.0, 10.0, 10.0], [0.0, 0.0, 10.0]])
+    x = np.array([[-5.0, 12.0, 15.0], [1.0, -2.0, 20.0]])
+    assert np.allclose(curve(x).T, [[1, 0], [0.5**0.5, 0.5**0.5], [0, 1]])
+    assert curve(x[:, :, None]).shape == (2, 3, 1)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [[[0.0], [0.0]], [[0, 0], [1, 1]], [[0, np.nan], [0, 1]], [[0, 1, 0], [0, 0, 0]]],
+)
+def test_a_curve_that_is_none_is_refused(points):
+    with pytest.raises(ValueError, match=r"reference curve|is not"):
+        AlongCurve(points)
+
+
+def test_directions_along_first_edges_are_told_and_those_of_a_field_are_not():
+    assert "edge 1 of 30 of 30" in directions_warning(
+        MESH, FibreDirections(EDGES, ACROSS)
+    )
+    constant = directions_of(MESH, Fabric(warp=(1, 1), weft=(-1, 1)))
+    assert directions_warning(MESH, constant) == ""
+
+
+def test_directions_of_the_numbering_are_told_however_nodes_are_numbered():
+    rng = np.random.default_rng(0)
+    turned = np.stack(
+        [np.roll(c, s) for c, s in zip(MESH.t.T, rng.integers(0, 4, 30), strict=True)],
+        axis=1,
+    )
+    mesh = MeshQuad(MESH.p, turned)
+    edges = mesh.p[:, mesh.t[2]] - mesh.p[:, mesh.t[1]]
+    skew = np.stack([edges[0] - edges[1], edges[0] + edges[1]])
+    assert "warp runs along edge 2" in directions_warning(
+        mesh, FibreDirections(edges, skew)
+    )
+    assert directions_warning(mesh, FibreDirections(EDGES, ACROSS)) == ""
+
+
+def test_fibres_along_the_edges_of_a_regular_mesh_are_meant():
+    mesh = MeshQuad().refined(3)
+    assert directions_warning(mesh, directions_of(mesh, Fabric())) == ""

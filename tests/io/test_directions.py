@@ -1,0 +1,219 @@
+"""Fibre directions in files: round trips, what Abaqus means, and what is refused."""
+
+import numpy as np
+import pytest
+from helpers import distorted
+from skfem import MeshTri
+
+from skfem_textile import Fabric, LoadStepper, MeshError, Ply
+from skfem_textile.fabric.directions import FibreDirections
+from skfem_textile.io import (
+    read_directions,
+    read_mesh,
+    write_directions,
+    write_draped,
+)
+from skfem_textile.scenes import bias_extension
+
+MESH = distorted(1, (4, 3))
+ANGLES = np.random.default_rng(1).uniform(-180, 180, 12)
+GIVEN = FibreDirections.of_angles(ANGLES, ANGLES + np.linspace(40, 140, 12))
+
+DECK = """*NODE
+1, 0., 0., 0.
+2, 10., 0., 0.
+3, 10., 10., 0.
+4, 0., 10., 0.
+5, 20., 0., 0.
+6, 20., 10., 0.
+*ELEMENT, TYPE=M3D4R, ELSET=PLY
+11, 1, 2, 3, 4
+7, 2, 5, 6, 3
+*ELSET, ELSET=LAST
+7,
+"""
+
+
+def unit(v):
+    return v / np.hypot(*v)
+
+
+def apart(one, other):
+    return max(
+        np.abs(unit(getattr(one, name)) - unit(getattr(other, name))).max()
+        for name in ("warp", "weft")
+    )
+
+
+def of_deck(tmp_path, text):
+    path = tmp_path / "deck.inp"
+    path.write_text(DECK + text)
+    return read_directions(path)
+
+
+@pytest.mark.parametrize(
+    "mesh", [MESH, MeshTri().refined(1)], ids=["quads", "triangles"]
+)
+def test_from_deck_to_vtu_to_csv_to_deck_nothing_is_lost(tmp_path, mesh):
+    n = mesh.nelements
+    given = FibreDirections(GIVEN.warp[:, :n], GIVEN.weft[:, :n])
+    found = given
+    for name in ("a.inp", "b.vtu", "c.csv", "d.inp"):
+        write_directions(tmp_path / name, mesh, found)
+        found = read_directions(tmp_path / name)
+        assert apart(given, found) < 1e-12
+        if name != "c.csv":
+            again = read_mesh(tmp_path / name)
+            assert np.array_equal(again.p, mesh.p)
+            assert np.array_equal(again.t, mesh.t)
+
+
+def test_a_vtu_keeps_every_bit(tmp_path):
+    write_directions(tmp_path / "a.vtu", MESH, GIVEN)
+    found = read_directions(tmp_path / "a.vtu")
+    assert np.array_equal(found.warp, GIVEN.warp)
+    assert np.array_equal(found.weft, GIVEN.weft)
+
+
+def test_angles_alone_in_cell_data_are_read(tmp_path):
+    write_directions(tmp_path / "a.vtu", MESH, GIVEN)
+    text = (tmp_path / "a.vtu").read_text()
+    text = text.replace('Name="warp_direction"', 'Name="other"')
+    (tmp_path / "b.vtu").write_text(text)
+    assert apart(read_directions(tmp_path / "b.vtu"), GIVEN) < 1e-12
+
+
+def test_the_first_axis_of_an_orientation_is_the_weft_and_the_second_the_warp(tmp_path):
+    found = of_deck(
+        tmp_path, "*ORIENTATION, NAME=A\n1., 1., 0., 0., 1., 0.\n3, 0.\n"
+    ).angles_deg()
+    assert np.allclose(found, [[135, 135], [45, 45]])
+
+
+@pytest.mark.parametrize(
+    ("points", "second", "warp", "weft"),
+    [
+        ("1, 0, 0, 0, 1, 0", "3, 30.", 120, 30),
+        ("1, 0, 0, 0, -1, 0", "3, 30.", -120, -30),  # the third axis points down
+        ("1, 0, 0, 0, 1, 0, 5, 0, 0", "3, 0.", 90, 180),  # the origin is past a
+        ("0, 0, 1, 1, 0, 0", "1, 0.", 90, 0),  # about the first axis, the normal
+        ("1, 0, 0, 0, 0, -1", "2, 0.", 0, 90),  # axes 3 and 1 lie in the plane
+    ],
+)
+def test_axes_follow_the_points_and_the_additional_rotation(
+    tmp_path, points, second, warp, weft
+):
+    found = of_deck(tmp_path, f"*ORIENTATION, NAME=A\n{points}\n{second}\n")
+    off = np.array(found.angles_deg()) - [[warp], [weft]]
+    assert np.abs((off + 180) % 360 - 180).max() < 1e-12
+
+
+def test_distributions_have_a_default_sets_and_elements(tmp_path):
+    text = """*DISTRIBUTION TABLE, NAME=T
+angle
+*DISTRIBUTION, NAME=D, LOCATION=ELEMENT, TABLE=T
+, 10.
+LAST, 20.
+*ORIENTATION, NAME=A
+1., 0., 0., 0., 1., 0.
+3, D
+"""
+    assert np.allclose(of_deck(tmp_path, text).angles_deg()[1], [10, 20])
+    text = text.replace("LAST, 20.", "11, 30.")
+    assert np.allclose(of_deck(tmp_path, text).angles_deg()[1], [30, 10])
+
+
+def test_each_section_has_its_own_orientation_and_yarns_need_not_be_square(tmp_path):
+    text = """*ELSET, ELSET=FIRST
+11,
+*ORIENTATION, NAME=A
+1., 0., 0., 0., 1., 0.
+3, 0.
+*ORIENTATION, NAME=B, LOCAL DIRECTIONS=2
+1., 0., 0., 0., 1., 0.
+3, 0.
+1., 1.
+0., 1.
+*MEMBRANE SECTION, ELSET=FIRST, MATERIAL=M, ORIENTATION=A
+1.,
+*SHELL SECTION, ELSET=last, MATERIAL=M, ORIENTATION=b
+1.,
+"""
+    assert np.allclose(of_deck(tmp_path, text).angles_deg(), [[90, 90], [0, 45]])
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("", "no \\*ORIENTATION"),
+        ("*ORIENTATION, NAME=A\n1,0,0,2,0,0\n3,0\n", "'A': .* lie on a line"),
+        ("*ORIENTATION, NAME=A\n1,0,0,0,1,0\n1,0\n", "direction 1 is not normal"),
+        ("*ORIENTATION, NAME=A\nD\n3,0\n", "no \\*DISTRIBUTION of the name 'D'"),
+        ("*ORIENTATION, NAME=A, SYSTEM=CYLINDRICAL\n1,0,0,0,1,0\n", "CYLINDRICAL"),
+        ("*ORIENTATION, NAME=A\n1,0,0,0,nan,0\n3,0\n", "not finite"),
+        (
+            "*ORIENTATION, NAME=A\n1,0,0,0,1,0\n3,0\n"
+            "*SHELL SECTION, ELSET=LAST, ORIENTATION=A\n1\n",
+            "element 11 is in no section",
+        ),
+        (
+            "*ORIENTATION, NAME=A\n1,0,0,0,1,0\n3,D\n*DISTRIBUTION TABLE, NAME=T\n"
+            "ANGLE\n*DISTRIBUTION, NAME=D, LOCATION=ELEMENT, TABLE=T\n11, 1.\n",
+            "no value for element 7",
+        ),
+    ],
+)
+def test_orientations_that_cannot_be_read_are_refused_in_one_line(
+    tmp_path, text, named
+):
+    with pytest.raises(MeshError, match=named) as refusal:
+        of_deck(tmp_path, text)
+    assert str(refusal.value).startswith(str(tmp_path / "deck.inp"))
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("", "first row"),
+        ("element,warp_angle_deg\n1,2\n", "first row"),
+        ("element,warp_angle_deg,weft_angle_deg\n", "no elements"),
+        ("element,warp_angle_deg,weft_angle_deg\n1,0\n", "row 2"),
+        ("element,warp_angle_deg,weft_angle_deg\n2,0,90\n", "from 1 on"),
+        ("element,warp_angle_deg,weft_angle_deg\n1,0,90\n1,0,90\n", "row 3: .* two"),
+        ("element,warp_angle_deg,weft_angle_deg\n1,0,nan\n", "finite"),
+    ],
+)
+def test_a_csv_that_cannot_be_read_is_refused_in_one_line(tmp_path, text, named):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(MeshError, match=named):
+        read_directions(tmp_path / "a.csv")
+
+
+def test_files_without_directions_are_refused(tmp_path):
+    for name, named in (("a.msh", "are read from"), ("none.vtu", "No such file")):
+        with pytest.raises(MeshError, match=named):
+            read_directions(tmp_path / name)
+    with pytest.raises(ValueError, match="12 directions for 2"):
+        write_directions(tmp_path / "a.vtu", MeshTri(), GIVEN)
+    with pytest.raises(ValueError, match="are written to"):
+        write_directions(tmp_path / "a.txt", MESH, GIVEN)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_draped_fibres_are_those_of_the_deformed_ply(tmp_path):
+    scene = bias_extension(size=(4, 8))
+    ply = Ply(scene.mesh, Fabric(1e5, 0.5, scene.warp, scene.weft))
+    result = LoadStepper(ply, scene.conditions, steps=2).run()
+    write_draped(result, tmp_path)
+    found = [read_directions(tmp_path / f"fibres.{s}") for s in ("vtu", "csv", "inp")]
+    assert apart(found[0], found[1]) < 1e-12
+    assert apart(found[0], found[2]) < 1e-12
+    warp, weft = found[0].angles_deg()
+    sheared = 90 - (weft - warp)
+    angle = ply.on_users_elements(np.degrees(ply.shear_angle(result.u)).mean(axis=1))
+    assert np.abs(sheared - angle).max() < 2.0  # means over parts, of two kinds
+    assert sheared.max() > 35
+    n = scene.mesh.nvertices
+    moved = scene.mesh.p + ply.nodal(result.u)[:, :n]
+    assert np.allclose(read_mesh(tmp_path / "fibres.inp").p, moved, atol=1e-12)

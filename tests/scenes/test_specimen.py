@@ -1,0 +1,77 @@
+"""The scene `specimen`: a ply of which the user says what is held and what moves."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import Condition, Fabric, LoadStepper, MeshError, Ply
+from skfem_textile.scenes import Case, bias_extension, specimen
+from skfem_textile.scenes.rectangle import rectangle
+
+
+def loaded(scene, steps=2):
+    fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
+    return Case(scene=scene, fabric=fabric, steps=steps, solver="superlu").run()
+
+
+def test_a_specimen_is_what_its_conditions_say():
+    mesh = rectangle(50, 100, (3, 6), "irregular")
+    moves = [("bottom", (0, 0)), ("top", ("free", 10.0)), ("left", ("free", "free"))]
+    found = loaded(specimen(mesh, moves=moves))
+    pull = Condition("top", 10.0, direction=(0, 1))
+    fibres = bias_extension().warp, bias_extension().weft
+    ply = Ply(mesh, Fabric(1e4, 0.5, *fibres))
+    conditions = {"bottom": Condition("bottom"), "top": pull}
+    expected = LoadStepper(ply, conditions, 2, solver="superlu").run()
+    assert found.u == pytest.approx(expected.u, abs=1e-9)
+
+
+def test_a_specimen_has_no_exact_answer():
+    scene = specimen(size=(2, 4))
+    summary = scene.summary(loaded(scene))
+    assert summary["exact_answer"] == "none: no specimen has one"
+    assert "displacement_error_rms" not in summary
+    turned = specimen(size=(2, 4)).rotated(0.3)
+    other = turned.summary(loaded(turned))
+    for name in ("reaction_x", "reaction_y", "energy"):
+        assert other[name] == pytest.approx(summary[name], rel=1e-6, abs=1e-4)
+
+
+def test_a_specimen_pulled_as_a_bias_extension_has_its_load():
+    theirs = bias_extension(size=(4, 8), shear_angle=np.radians(20))
+    end = theirs.displacement(np.array([[25.0], [100.0]]), 1.0)[1, 0]
+    moves = [("bottom", (0, 0)), ("top", (0, end))]
+    ours = specimen(size=(4, 8), moves=moves)
+    assert ours.mesh.p == pytest.approx(theirs.mesh.p)
+    # In one step: the displacements of the two go other ways to the same end.
+    loads = [scene.reaction(loaded(scene, 1).states[-1])[1] for scene in (ours, theirs)]
+    assert loads[0] == pytest.approx(loads[1], rel=1e-6)
+
+
+def test_the_driven_boundary_is_named_or_moves_furthest():
+    moves = [("left", (0, 0)), ("right", (3, "free")), ("top", (0, 2))]
+    assert specimen(moves=moves).driven == "right"
+    assert specimen(moves=moves, driven="top").driven == "top"
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"moves": []}, "nothing is held or moved"),
+        ({"moves": [("top", ("free", "free"))]}, "nothing is held or moved"),
+        ({"moves": [("lid", (0, 0))]}, "no boundary 'lid' .it has: "),
+        ({"moves": [("top", (0, 0)), ("top", (0, 1))]}, "'top' is moved twice"),
+        ({"moves": [("top", (0, np.inf))]}, "moves by inf, not finite"),
+        ({"moves": [("top", (0, "up"))]}, "'up', which is neither a number nor 'free'"),
+        ({"driven": "left"}, "'left' is not held or moved: name one of bottom, top"),
+        ({"width": 0.0}, "width must be a finite number > 0, got 0 mm"),
+        ({"height": np.nan}, "height must be a finite number > 0, got nan mm"),
+    ],
+)
+def test_what_makes_no_specimen_is_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        specimen(**given)
+
+
+def test_a_mesh_without_the_boundaries_is_refused():
+    with pytest.raises(MeshError, match="no boundary 'seam'"):
+        specimen(rectangle(50, 100, (2, 4), "aligned"), moves=[("seam", (0, 0))])
