@@ -48,7 +48,7 @@ class AdaptiveStepper:
 
     What counts as the error is the largest of one and a half times the estimate, of
     what the load changed since the mesh before, and of half of what counted there: an
-    estimate may be small by chance.  Where there is no estimate the tolerance is not met.
+    estimate may be small by chance.  Where there is none the tolerance is not met.
 
     Parameters
     ----------
