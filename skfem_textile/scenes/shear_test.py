@@ -6,6 +6,8 @@ from typing import Protocol
 import numpy as np
 from numpy import ndarray
 
+from .zones import free_length
+
 # Angle in radians up to which a ply is at rest: rounding.
 _ROUND_OFF = 1e-9
 
@@ -87,9 +89,7 @@ class BiasTest:
 
     @property
     def _free_length(self) -> float:
-        """L of the fibres that meet no clamp, in mm."""
-        theta = self.inclination
-        return (self.height / np.sin(theta) - self.width / np.cos(theta)) / 2
+        return free_length(self.width, self.height, self.inclination)
 
 
 @dataclass(frozen=True)
