@@ -10,7 +10,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent
-MODULES_THAT_DRAW = ("skfem_textile/plot/*.py", "studies/*/figure*.py")
+MODULES_THAT_DRAW = (
+    "skfem_textile/plot/*.py",
+    "skfem_textile/*/figure.py",
+    "studies/*/figure*.py",
+)
 MISSING = [
     name for name in ("pyvista", "matplotlib", "imageio") if find_spec(name) is None
 ]
