@@ -38,7 +38,7 @@ def test_no_two_cases_have_one_name_and_the_benchmark_needs_its_curves(tmp_path)
     assert len(set(names)) == len(names)
     assert sum(name.startswith("inverse") for name in names) == 10
     bands = [case for case in all_cases(None) if isinstance(case, Coverage)]
-    assert {case.seeds for case in bands if case.law != "tabulated"} == {1000}
+    assert {case.seeds for case in bands} == {1000}
     with pytest.raises(FileNotFoundError, match="glass_plain_115_230"):
         all_cases(tmp_path)
 
