@@ -1,11 +1,11 @@
 """Laws of a fabric from its tests: picture frame, bias extension and biaxial."""
 
+from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
 from .biaxial import BiaxialCurve, TensionFit, fit_tension, read_biaxial
 from .curves import read_curve
 from .inverse import Simulation, fit_by_simulation
 from .regression import Fit
 from .shear import ShearFit, Specimen, fit_shear, read_specimen
-from .shear_tests import BiasExtension, PictureFrame, ShearTest
 
 __all__ = [
     "BiasExtension",

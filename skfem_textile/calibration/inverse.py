@@ -19,10 +19,10 @@ from ..fabric import Fabric, Law, Tabulated
 from ..ply import Ply
 from ..scenes.bias_extension import bias_extension
 from ..scenes.rectangle import rectangle
+from ..scenes.shear_test import BiasExtension
 from ..solve.result import StepError
 from ..solve.stepper import LoadStepper
 from .shear import ShearFit, Specimen, fit_shear
-from .shear_tests import BiasExtension
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from ..fabric.files.fabric_file import law_to_json
 from .regression import CONFIDENCE, Fit
-from .shear_tests import APART
+from .shear import APART
 
 if TYPE_CHECKING:
     from .biaxial import TensionFit

@@ -10,11 +10,18 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import Law
+from ..scenes.shear_test import ShearTest
 from . import models
 from .curves import read_curve
 from .models import Model
 from .regression import Fit, Sample, fit
-from .shear_tests import APART, BELIEVED, ShearTest
+
+#: Shear angle up to which the theoretical one is believed, in radians.  Cao et al.
+#: (2008) find that it fails somewhere past 30 to 45 degrees.
+BELIEVED = float(np.radians(40.0))
+
+#: A measured angle that is further from the theoretical one shows slip, in radians.
+APART = float(np.radians(2.0))
 
 # A point at the end of the range is in it, whatever its rounding.
 _ROUNDING = 1e-9
@@ -100,11 +107,13 @@ class Specimen:
             return (self.angle >= 0) & (self.angle <= end)
 
     def pointwise(self, up_to: float | None) -> tuple[ndarray, ndarray]:
-        """Shear angles in rising order, and C by the reduction point by point."""
+        """Shear angles that rise, and C by the reduction point by point."""
         used = self.used(up_to) & (self.angle > 0)
         order = np.argsort(self.angle[used], kind="stable")
         gamma, force = self.angle[used][order], self.force[used][order]
-        return gamma, self.test.moment(gamma, force)
+        moment = self.test.moment(gamma, force)
+        known = np.isfinite(moment)
+        return gamma[known], moment[known]
 
 
 @dataclass(frozen=True, eq=False)

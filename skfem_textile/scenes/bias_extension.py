@@ -109,7 +109,7 @@ def bias_extension(
         load=lambda law, t: share * force(law, t * shear_angle, W, H, theta),
         load_lost=lambda f, t: lost_to_stretch(f, t * shear_angle, W, H, theta),
         misfit=misfit(mesh, _held(share)),
-        shear_test=BiasTest(theta, W, H, share),
+        shear_test=BiasTest(W, H, theta, share),
     )
 
 

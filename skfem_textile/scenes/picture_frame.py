@@ -44,7 +44,7 @@ def picture_frame(
     turns = (_straight, lambda s, t: np.full(s.shape, -t * shear_angle))
     scene = trellis(mesh, size, jitter, seed, turns=turns)
     side = float(np.ptp(scene.mesh.p[1]))
-    return replace(scene, name="picture_frame", shear_test=FrameTest(side))
+    return replace(scene, name="picture_frame", shear_test=FrameTest(side, side))
 
 
 def _straight(s: ndarray, t: float) -> ndarray:

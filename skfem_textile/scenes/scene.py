@@ -11,7 +11,7 @@ from ..fabric import Fabric, Law, is_zero
 from ..solve.conditions import Condition
 from ..solve.result import Result
 from ..solve.states import State
-from .shear_test import ShearTest
+from .shear_test import BiasTest, FrameTest
 
 ExactField = Callable[[ndarray, float], ndarray]
 
@@ -65,7 +65,7 @@ class Scene:
     load: Callable[[Law, float], float] | None = None
     load_lost: Callable[[Fabric, float], float] | None = None
     misfit: str = ""
-    shear_test: ShearTest | None = None
+    shear_test: BiasTest | FrameTest | None = None
 
     def rotated(self, angle: float) -> "Scene":
         """The same problem with mesh, fibres and conditions turned together.

@@ -1,22 +1,238 @@
-"""What machines of shear tests measure, and the shear force that it tells of."""
+"""Shear tests of fibres that do not stretch: what machines measure, and what it tells.
 
+Both tests give the force as a sum of shear moments C(γ) per area, each times a length.
+The picture frame is after Cao et al. (2008, Composites A 39:1037), F_n = F_s
+L_frame/L_fabric² and C = F_n cos γ; the bias extension after their Eq. 16, for any
+fibre angle.
+"""
+
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy import ndarray
 
-from .zones import free_length
+from ..fabric import Law
+from ..fabric.law_parameters import number
+from .zones import force_of_moments, free_length
 
 # Angle in radians up to which a ply is at rest: rounding.
-_ROUND_OFF = 1e-9
+_AT_REST = 1e-9
 
 
-class ShearTest(Protocol):
-    """A test that shears a fabric, in the terms of its machine."""
+class ShearTest(ABC):
+    """A test in which fibres that do not stretch are sheared.
+
+    Angles are in radians, lengths in mm, forces in N, moments in N·mm/mm².
+    """
+
+    @property
+    @abstractmethod
+    def largest_angle(self) -> float:
+        """The shear angle at which the motion ends."""
+
+    @abstractmethod
+    def shear_angle(self, displacement: ndarray) -> ndarray:
+        """The theoretical shear angle γ; nan where the motion has ended."""
+
+    @abstractmethod
+    def displacement(self, gamma: ndarray) -> ndarray:
+        """The displacement at the theoretical shear angle."""
+
+    @abstractmethod
+    def arms(self, gamma: ndarray) -> tuple[tuple[float, ndarray], ...]:
+        """Pairs of a share s and a length a: the force is Σ a C(s γ)."""
+
+    @abstractmethod
+    def moment(self, gamma: ndarray, force: ndarray) -> ndarray:
+        """C(γ), point by point, from forces at shear angles in rising order.
+
+        NaN where the force or the angle is, and where the angle does not rise.
+        """
+
+    def normalised(self, gamma: ndarray, force: ndarray) -> ndarray:
+        """Shear force per length in N/mm, C/cos γ; as `moment` for the rest."""
+        return self.moment(gamma, force) / np.cos(gamma)
+
+    def force(self, law: Law, gamma: ndarray) -> ndarray:
+        """The force of a shear law at shear angles, which is linear in the law."""
+        parts = (arm * law.value(share * gamma) for share, arm in self.arms(gamma))
+        return sum(parts, np.zeros(np.shape(gamma)))
+
+
+@dataclass(frozen=True)
+class PictureFrame(ShearTest):
+    """A square of fabric in a hinged frame whose corners are pulled apart.
+
+    Parameters
+    ----------
+    frame
+        L_frame, the side of the frame from hinge to hinge, in mm.
+    fabric
+        L_fabric, the side of the square that is sheared, in mm.
+
+    Raises
+    ------
+    ValueError
+        If a side is not a positive finite number, or the fabric's is the longer.
+
+    Examples
+    --------
+    >>> from skfem_textile import Linear
+    >>> test, gamma = PictureFrame(frame=200.0, fabric=150.0), np.radians([20.0, 40.0])
+    >>> forces = test.force(Linear(0.1), gamma)
+    >>> test.moment(gamma, forces) / gamma
+    array([0.1, 0.1])
+    """
+
+    frame: float
+    fabric: float
+
+    def __post_init__(self) -> None:
+        number("the side of the frame", self.frame, above=0)
+        number("the side of the fabric", self.fabric, above=0)
+        if self.fabric > self.frame:
+            raise ValueError(
+                f"the side of the fabric, {self.fabric:g} mm, is longer than that of "
+                f"the frame, {self.frame:g} mm"
+            )
+
+    @property
+    def largest_angle(self) -> float:
+        """A right angle: the frame is closed."""
+        return np.pi / 2
+
+    def shear_angle(self, displacement: ndarray) -> ndarray:
+        """γ = π/2 − 2 acos(1/√2 + δ/(2 L_frame))."""
+        with np.errstate(invalid="ignore"):
+            half = np.arccos(np.sqrt(0.5) + displacement / (2 * self.frame))
+        return np.pi / 2 - 2 * half
+
+    def displacement(self, gamma: ndarray) -> ndarray:
+        """δ = 2 L_frame (cos(π/4 − γ/2) − cos(π/4))."""
+        return 2 * self.frame * (np.cos(np.pi / 4 - gamma / 2) - np.sqrt(0.5))
+
+    def arms(self, gamma: ndarray) -> tuple[tuple[float, ndarray], ...]:
+        """L_fabric² over dδ/dγ = L_frame sin(π/4 − γ/2)."""
+        return ((1.0, self.fabric**2 / (self.frame * np.sin(np.pi / 4 - gamma / 2))),)
+
+    def moment(self, gamma: ndarray, force: ndarray) -> ndarray:
+        """C = F_n cos γ, F_n = F_s L_frame/L_fabric², F_s = F/(2 cos(π/4 − γ/2))."""
+        F_s = force / (2 * np.cos(np.pi / 4 - gamma / 2))
+        F_n = F_s * self.frame / self.fabric**2
+        return F_n * np.cos(gamma)
+
+
+@dataclass(frozen=True)
+class BiasExtension(ShearTest):
+    """A strip pulled along the bisector of its fibres, clamped at both ends.
+
+    Parameters
+    ----------
+    width, height
+        W and H in mm, H ≥ 2W tan θ between the clamps.
+    inclination
+        Angle θ between fibres and clamps in radians.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive and finite, θ is not below a right angle, or the
+        strip is too short.
+
+    Examples
+    --------
+    >>> from skfem_textile import Linear
+    >>> BiasExtension(50.0, 100.0).force(Linear(0.5), np.radians([40.0])).round(2)
+    array([43.8])
+    """
+
+    width: float
+    height: float
+    inclination: float = np.pi / 4
+
+    def __post_init__(self) -> None:
+        number("the width", self.width, above=0)
+        number("the height", self.height, above=0)
+        theta = self.inclination
+        if not 0 < theta < np.pi / 2:
+            raise ValueError(
+                "the angle between fibres and clamps must be between 0 and 90 degrees, "
+                f"got {np.degrees(theta):g}"
+            )
+        low = 2 * self.width * np.tan(theta)
+        if self.height < low * (1 - 1e-6):
+            raise ValueError(
+                f"a strip {self.width:g} mm wide with fibres at {np.degrees(theta):g} "
+                f"degrees must be at least {low:g} mm high, not {self.height:g} mm: no "
+                "zone between the clamps is in full shear"
+            )
+
+    @property
+    def largest_angle(self) -> float:
+        """π − 2θ: fibres lie along the pull."""
+        return np.pi - 2 * self.inclination
+
+    @property
+    def _length(self) -> float:
+        return free_length(self.width, self.height, self.inclination)
+
+    def shear_angle(self, displacement: ndarray) -> ndarray:
+        """γ = 2 (asin(sin θ + δ/(2L)) − θ)."""
+        theta = self.inclination
+        with np.errstate(invalid="ignore"):
+            turned = np.arcsin(np.sin(theta) + displacement / (2 * self._length))
+        return 2 * (turned - theta)
+
+    def displacement(self, gamma: ndarray) -> ndarray:
+        """δ = 2L (sin(θ + γ/2) − sin θ)."""
+        theta = self.inclination
+        return 2 * self._length * (np.sin(theta + gamma / 2) - np.sin(theta))
+
+    def arms(self, gamma: ndarray) -> tuple[tuple[float, ndarray], ...]:
+        """Those of the middle, and of the zones that shear by γ/2."""
+        sides = self.width, self.height, self.inclination
+        middle, between = force_of_moments(gamma, *sides)
+        return (1.0, middle), (0.5, between)
+
+    def moment(self, gamma: ndarray, force: ndarray) -> ndarray:
+        """C(γ) by the recursion in γ/2, which begins with C(0) = 0.
+
+        C(γ/2) lies on straight lines between the points, the new one included.
+        """
+        (_, middle), (_, between) = self.arms(gamma)
+        known, moments = [0.0], [0.0]
+        found = np.where(np.abs(gamma) <= _AT_REST, 0.0, np.nan)
+        for i, angle in enumerate(gamma):
+            last, half = known[-1], angle / 2
+            if not (angle > max(last, _AT_REST) and np.isfinite(force[i])):
+                continue
+            own, rest = middle[i], np.interp(half, known, moments)
+            if half > last:  # between the last point and the new one
+                new = (half - last) / (angle - last)
+                own, rest = own + between[i] * new, (1 - new) * moments[-1]
+            found[i] = (force[i] - between[i] * rest) / own
+            known.append(angle)
+            moments.append(found[i])
+        return found
+
+
+@dataclass(frozen=True)
+class BiasTest(BiasExtension):
+    """A bias extension that is simulated, as if the ply had no hole.
+
+    Parameters
+    ----------
+    width, height, inclination
+        As for `BiasExtension`.
+    share
+        Share of the ply that is computed.
+    """
+
+    share: float = 1.0
 
     def measured(self, moved: ndarray, force: ndarray) -> tuple[ndarray, ndarray]:
-        """Displacement and force of the machine in mm and N, each of shape (n,).
+        """Displacement and force of the machine in mm and N: the pull along y.
 
         Parameters
         ----------
@@ -24,130 +240,24 @@ class ShearTest(Protocol):
             Displacements of the driven edge in mm, and the forces on it in N, of each
             state from the undeformed one on, shape (n, 2).
         """
-        ...
+        return moved[:, 1], force[:, 1] / self.share
 
-    def angle(self, displacement: ndarray) -> ndarray:
-        """Shear angle in radians that a displacement means if no fibre stretches.
 
-        NaN beyond what such fibres reach.
-        """
-        ...
+@dataclass(frozen=True)
+class FrameTest(PictureFrame):
+    """A picture frame that is simulated, with fabric from hinge to hinge."""
 
-    def normalised(self, angle: ndarray, force: ndarray) -> ndarray:
-        """Shear force per length in N/mm: the shear moment per area over cos γ.
+    def measured(self, moved: ndarray, force: ndarray) -> tuple[ndarray, ndarray]:
+        """Displacement and force of the machine in mm and N: those of the diagonal.
+
+        The top bar has the force L C (cos γ, −sin γ), with the shear moment C per area;
+        the machine pulls by L C/sin(π/4 − γ/2).
 
         Parameters
         ----------
-        angle
-            Shear angles in radians, from zero on.
-        force
-            Forces of the machine in N.
+        moved, force
+            As for `BiasTest.measured`.
         """
-        ...
-
-
-@dataclass(frozen=True)
-class BiasTest:
-    """A rectangle pulled along the bisector of its fibres, as if it had no hole.
-
-    Parameters
-    ----------
-    inclination
-        Angle θ in radians between warp and clamps.
-    width, height
-        Sides W and H of the ply in mm, H ≥ 2W tan θ.
-    share
-        Share of the ply that is computed.
-    """
-
-    inclination: float
-    width: float
-    height: float
-    share: float = 1.0
-
-    def measured(self, moved: ndarray, force: ndarray) -> tuple[ndarray, ndarray]:
-        """The pull along y, of the whole ply."""
-        return moved[:, 1], force[:, 1] / self.share
-
-    def angle(self, displacement: ndarray) -> ndarray:
-        """γ = 2 (asin(sin θ + δ/(2L)) − θ)."""
-        theta = self.inclination
-        with np.errstate(invalid="ignore"):
-            turned = np.arcsin(np.sin(theta) + displacement / (2 * self._free_length))
-        return 2 * (turned - theta)
-
-    def normalised(self, angle: ndarray, force: ndarray) -> ndarray:
-        """From the force of `bias_extension.force`: γ/2 is looked up on the curve.
-
-        At θ = 45° that is Eq. 16 of Cao et al., Composites A 39 (2008) 1037–1053.
-        """
-        theta, W, H = self.inclination, self.width, self.height
-        work = force * self._free_length * np.cos(theta + angle / 2)
-        whole = W * (H - 1.5 * W * np.tan(theta))
-        half = 0.5 * W**2 * np.tan(theta)
-        return _with_half(angle, work, whole, half) / np.cos(angle)
-
-    @property
-    def _free_length(self) -> float:
-        return free_length(self.width, self.height, self.inclination)
-
-
-@dataclass(frozen=True)
-class FrameTest:
-    """A square in a hinged frame, two opposite corners of which are pulled apart.
-
-    Parameters
-    ----------
-    side
-        Length L of the frame in mm.
-    """
-
-    side: float
-
-    def measured(self, moved: ndarray, force: ndarray) -> tuple[ndarray, ndarray]:
-        """The pull along the diagonal.
-
-        The top bar has the force L C (cos γ, −sin γ), with the shear moment C per area;
-        the machine pulls by L C/sin(π/4 − γ/2), and the corners move apart by
-        2 L (cos(π/4 − γ/2) − cos(π/4)).
-        """
-        L = self.side
-        gamma = np.arctan2(moved[:, 0], L + moved[:, 1])
+        gamma = np.arctan2(moved[:, 0], self.frame + moved[:, 1])
         along = force[:, 0] * np.cos(gamma) - force[:, 1] * np.sin(gamma)
-        half = np.pi / 4 - gamma / 2
-        return 2 * L * (np.cos(half) - np.sqrt(0.5)), along / np.sin(half)
-
-    def angle(self, displacement: ndarray) -> ndarray:
-        """γ = π/2 − 2 acos(1/√2 + δ/(2L))."""
-        with np.errstate(invalid="ignore"):
-            half = np.arccos(np.sqrt(0.5) + displacement / (2 * self.side))
-        return np.pi / 2 - 2 * half
-
-    def normalised(self, angle: ndarray, force: ndarray) -> ndarray:
-        """F sin(π/4 − γ/2)/(L cos γ)."""
-        return force * np.sin(np.pi / 4 - angle / 2) / (self.side * np.cos(angle))
-
-
-def _with_half(gamma: ndarray, work: ndarray, whole: float, half: float) -> ndarray:
-    """The C of whole C(γ) + half C(γ/2) = work, straight between the states.
-
-    C is zero at rest.  NaN where an angle is not above all before.
-    """
-    known, moment = [0.0], [0.0]
-    found = np.full(gamma.shape, np.nan)
-    for i, (angle, W) in enumerate(zip(gamma, work, strict=True)):
-        if abs(angle) <= _ROUND_OFF:
-            found[i] = 0.0
-            continue
-        last = known[-1]
-        if not (angle > last and np.isfinite(W)):
-            continue
-        if angle / 2 <= last:
-            C = (W - half * np.interp(angle / 2, known, moment)) / whole
-        else:  # between the state before and this one
-            share = (angle / 2 - last) / (angle - last)
-            C = (W - half * (1 - share) * moment[-1]) / (whole + half * share)
-        known.append(angle)
-        moment.append(C)
-        found[i] = C
-    return found
+        return self.displacement(gamma), along / np.sin(np.pi / 4 - gamma / 2)

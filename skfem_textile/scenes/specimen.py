@@ -173,7 +173,7 @@ def _bias_test(
         return None
     high_enough = height >= 2 * width * np.tan(theta) * (1 - _OFF)
     whole = all(_spans(mesh, name, width) for name in moves)
-    return BiasTest(theta, width, height) if high_enough and whole else None
+    return BiasTest(width, height, theta) if high_enough and whole else None
 
 
 def _spans(mesh: Mesh, name: str, width: float) -> bool:

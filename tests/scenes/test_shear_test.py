@@ -25,12 +25,12 @@ def test_the_exact_pull_of_a_bias_test_gives_its_law_back(law, theta, height, sh
     pull = [share * force(law, g, width, height, theta) for g in gamma]
     L = (height / np.sin(theta) - width / np.cos(theta)) / 2
     pulled = 2 * L * (np.sin(theta + gamma / 2) - np.sin(theta))
-    test = BiasTest(theta, width, height, share)
+    test = BiasTest(width, height, theta, share)
     given = forces(0 * gamma, pulled), forces(0 * gamma, np.array(pull))
     displacement, F = test.measured(*given)
     assert displacement == pytest.approx(pulled)
     assert pytest.approx(np.array(pull) / share) == F
-    assert test.angle(displacement) == pytest.approx(gamma, abs=1e-12)
+    assert test.shear_angle(displacement) == pytest.approx(gamma, abs=1e-12)
     expected = law.value(gamma) / np.cos(gamma)
     found = test.normalised(gamma, F)
     assert found == pytest.approx(expected, abs=1e-4 * expected.max())
@@ -38,25 +38,25 @@ def test_the_exact_pull_of_a_bias_test_gives_its_law_back(law, theta, height, sh
 
 def test_a_pull_beyond_what_inextensible_fibres_reach_has_no_angle():
     """Nor has a row that lacks its force, or whose angle falls, a shear force."""
-    test, force = BiasTest(np.pi / 4, 50.0, 100.0), np.array([0.0, 1.0, np.nan, 3.0])
-    angle = test.angle(np.array([0.0, 5.0, 1e3, 1e4]))
+    test, force = BiasTest(50.0, 100.0), np.array([0.0, 1.0, np.nan, 3.0])
+    angle = test.shear_angle(np.array([0.0, 5.0, 1e3, 1e4]))
     assert np.isfinite(angle).tolist() == [True, True, False, False]
     rising = np.isfinite(test.normalised(np.array([0.0, 0.1, 0.2, 0.05]), force))
     assert rising.tolist() == [True, True, False, False]
-    assert np.isnan(FrameTest(100.0).angle(np.array([1e3]))).all()
+    assert np.isnan(FrameTest(100.0, 100.0).shear_angle(np.array([1e3]))).all()
 
 
 def test_a_picture_frame_gives_its_law_back():
     law = Sin2(0.5)
     scene = picture_frame(size=(4, 4), jitter=0.0)
-    assert scene.shear_test == FrameTest(100.0)
+    assert scene.shear_test == FrameTest(100.0, 100.0)
     fabric = Fabric(1e6, law, scene.warp, scene.weft)
     result = Case(scene=scene, fabric=fabric, steps=4).run()
     moved = np.array([scene.driven_displacement(s) for s in result.states])
     force = np.array([scene.reaction(s) for s in result.states])
     displacement, F = scene.shear_test.measured(moved, force)
     gamma = np.linspace(0, np.pi / 4, 5)
-    assert scene.shear_test.angle(displacement) == pytest.approx(gamma, abs=1e-12)
+    assert scene.shear_test.shear_angle(displacement) == pytest.approx(gamma, abs=1e-12)
     C = law.value(gamma)
     found = scene.shear_test.normalised(gamma, F)
     assert found == pytest.approx(C / np.cos(gamma), rel=1e-4, abs=1e-9)
@@ -68,10 +68,10 @@ def test_a_picture_frame_gives_its_law_back():
 
 def test_the_scenes_know_their_tests():
     whole, half = (bias_extension(part=part).shear_test for part in ("whole", "half"))
-    assert astuple(whole) == pytest.approx((np.pi / 4, 50.0, 100.0, 1.0))
-    assert astuple(half) == pytest.approx((np.pi / 4, 50.0, 100.0, 0.5))
+    assert astuple(whole) == pytest.approx((50.0, 100.0, np.pi / 4, 1.0))
+    assert astuple(half) == pytest.approx((50.0, 100.0, np.pi / 4, 0.5))
     pulled = specimen(moves=[("bottom", (0, 0)), ("top", (0, 5))])
-    assert pulled.shear_test == BiasTest(np.pi / 4, 50.0, 100.0)
+    assert pulled.shear_test == BiasTest(50.0, 100.0)
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ def completed(curve: Curve, test: ShearTest | None) -> dict[str, ndarray]:
     if test is None:
         return curve
     if ANGLE not in curve and DISPLACEMENT in curve:
-        curve[ANGLE] = np.degrees(test.angle(curve[DISPLACEMENT]))
+        curve[ANGLE] = np.degrees(test.shear_angle(curve[DISPLACEMENT]))
     if NORMALISED not in curve and FORCE in curve:
         angle = np.radians(curve[ANGLE])
         curve[NORMALISED] = test.normalised(angle, curve[FORCE])

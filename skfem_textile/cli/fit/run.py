@@ -13,10 +13,10 @@ from ...calibration import biaxial, report
 from ...calibration.curves import COLUMNS, column_named
 from ...calibration.inverse import Simulation, fit_by_simulation
 from ...calibration.shear import Specimen, fit_shear, read_specimen
-from ...calibration.shear_tests import BiasExtension, PictureFrame, ShearTest
 from ...fabric import Fabric
 from ...fabric.files.fabric_file import write_law
 from ...mesh.user_input import printable
+from ...scenes.shear_test import BiasExtension, PictureFrame, ShearTest
 from ..interruption import held
 from ..output import say
 from ..results.result_folder import ResultFolder

@@ -72,7 +72,12 @@ def test_specimens_that_cannot_be_are_refused():
         (lambda: PictureFrame(100.0, 120.0), "longer than that of the frame"),
         (lambda: PictureFrame(0.0, 1.0), "side of the frame must be"),
         (lambda: BiasExtension(50.0, 90.0), "must be at least 100 mm high"),
-        (lambda: BiasExtension(50.0, 900.0, np.pi / 2), "below 90 degrees"),
+        (
+            lambda: BiasExtension(50.0, 900.0, np.pi / 2),
+            "degrees, got 90",
+        ),
+        (lambda: BiasExtension(50.0, 900.0, np.radians(-45)), "degrees, got -45"),
+        (lambda: BiasExtension(50.0, 900.0, np.nan), "degrees, got nan"),
         (lambda: BiasExtension(np.nan, 90.0), "width must be"),
     ):
         with pytest.raises(ValueError, match=said):
