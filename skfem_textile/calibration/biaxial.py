@@ -159,7 +159,8 @@ def fit_tension(
     Raises
     ------
     ValueError
-        If the law is unknown, no fibre is stretched, or as from `regression.fit`.
+        If the law is unknown, no fibre is stretched or pulled, or as from
+        `regression.fit`.
     """
     if law not in TENSION_LAWS:
         raise ValueError(f"the law {law!r} is none of {', '.join(TENSION_LAWS)}")
@@ -195,4 +196,9 @@ def _model(
     largest = max(float(c.strain[i].max()) for c in curves for i in families)
     if not largest > 0:
         raise ValueError(f"no test stretches the {FAMILIES[families[0]]}")
+    for i in families:
+        if not sum(float(c.force[i].sum()) for c in curves) > 0:
+            raise ValueError(
+                f"no test pulls the {FAMILIES[i]}: forces must be positive"
+            )
     return TENSION_LAWS[law](largest, points).bounded(bounds or {})

@@ -41,9 +41,9 @@ def read_curve(
 ) -> dict[str, ndarray]:
     """The columns of a test, in mm, N, radians, N/mm, and strains as numbers.
 
-    The first row names the columns, with their units in brackets: ``displacement
-    (mm),force (N)``, in any order.  Names are those of `COLUMNS`; other columns are
-    passed over.
+    The first row names the columns, with their units in round or square brackets:
+    ``displacement (mm),force (N)``, in any order.  Names are those of `COLUMNS`; other
+    columns are passed over.
 
     Parameters
     ----------
@@ -78,8 +78,8 @@ def read_curve(
         found[name] = i, _factor(file, name, (units or {}).get(name, unit))
     if not found:
         raise ValueError(
-            f"{file}, row 1: no column is one of {', '.join(COLUMNS)}, got "
-            f"'{excerpt(','.join(header))}'"
+            f"{file}, row 1: the first row must name columns, and none is one of "
+            f"{', '.join(COLUMNS)}: got '{excerpt(','.join(header))}'"
         )
     if len(lines) < 2:
         raise ValueError(f"{file}: there are no points")

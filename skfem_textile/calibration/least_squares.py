@@ -48,22 +48,24 @@ def solve_nonlinear(
     weights: ndarray,
     start: ndarray | None,
 ) -> tuple[ndarray, ndarray]:
-    """Least squares from a start, or from the linear law that is nearest."""
+    """Least squares from a start, or from the linear law that is nearest.
+
+    The size of each parameter is that of this linear law: one at a bound tells none.
+    """
     from ..fabric import Linear
 
     assert model.start is not None
-    if start is None:
-        unit = predict(Linear(1.0))
-        if not np.any(unit):
-            raise ValueError(_not_told_apart(model))
-        start = model.start(max(float(unit @ measured / (unit @ unit)), 1e-12))
-    inside = np.clip(start, model.low, model.high)
+    unit = predict(Linear(1.0))
+    if not np.any(unit):
+        raise ValueError(_not_told_apart(model))
+    near_linear = model.start(max(float(unit @ measured / (unit @ unit)), 1e-12))
+    scale = np.maximum(np.abs(near_linear), 1e-12)
+    inside = np.clip(near_linear if start is None else start, model.low, model.high)
     root = np.sqrt(weights)
 
     def residual(values: ndarray) -> ndarray:
         return root * (predict(model.build(values)) - measured)
 
-    scale = np.maximum(np.abs(inside), 1e-12)
     try:
         values = _scipy.least_squares(
             residual, inside, bounds=(model.low, model.high), x_scale=scale

@@ -132,6 +132,8 @@ class Fit:
         """
         free = ~self.at_bound
         within, found = np.ix_(free, free), np.zeros((free.size, free.size))
+        if not free.any():
+            return found
         rho = np.where(self.systematic, self.correlations, 0.0)
         weights = _spread_out(self.samples, (1 - rho) / (1 + rho) / self.noise**2)
         known = _leverage(self.samples, self.jacobian[:, free], weights)

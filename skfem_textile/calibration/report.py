@@ -7,6 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric.files.fabric_file import law_to_json
+from .biaxial import FAMILIES
 from .regression import CONFIDENCE, Fit
 from .shear import APART
 
@@ -41,7 +42,15 @@ def tension_report(found: "TensionFit") -> dict[str, Any]:
     for family, one in found.fits.items():
         report = _law("tension", one)
         curves = [_curve(one, i) for i in range(len(one.samples))]
-        reports[family] = report | {"curves": curves, "notes": _notes(one)}
+        strains = [c.strain for c in found.curves]
+        if family != "both":
+            strains = [strain[FAMILIES.index(family)] for strain in strains]
+        largest = max(float(strain.max()) for strain in strains)
+        reports[family] = report | {
+            "largest_strain": largest,
+            "curves": curves,
+            "notes": _notes(one),
+        }
         if one.beyond_noise:
             reports[family]["notes"].append(
                 "tests at several ratios of the strains contradict a tension of one "
@@ -83,7 +92,7 @@ def _curve(fit: Fit, i: int) -> dict[str, Any]:
         "name": sample.name,
         "points": int(residual.size),
         "noise_N": float(fit.noise[i]),
-        "noise_over_largest": float(fit.noise[i]) / largest,
+        "noise_over_largest": float(fit.noise[i]) / largest if largest else np.nan,
         "residual_rms_N": float(np.sqrt(np.mean(residual**2))),
         "residual_largest_N": float(np.abs(residual).max()),
         "correlation_of_neighbours": float(fit.correlations[i]),
@@ -157,8 +166,13 @@ def _notes(fit: Fit) -> list[str]:
 
 
 def _range_notes(found: "ShearFit") -> list[str]:
-    notes: list[str] = []
     end = np.degrees(found.largest_angle)
+    notes = [
+        f"{specimen.name}: the test goes back and forth, and all of it is fitted as "
+        "one curve: keep the rows of one loading"
+        for specimen in found.specimens
+        if specimen.turns_back(found.up_to)
+    ]
     if found.simulated:
         return notes
     for specimen in found.specimens:
@@ -204,6 +218,9 @@ def _section(title: str, report: Mapping[str, Any]) -> str:
             f"{report['kinematics_hold_to_deg']:.1f} degrees.",
             "",
         ]
+    if "largest_strain" in report:
+        reach = report["largest_strain"]
+        lines += [f"Fitted up to a strain ln λ of {reach:.4g}.", ""]
     percent = f"{_PERCENT * report['confidence']:g} %"
     rows = [
         [p["name"], f"{p['value']:.5g}", _ends(p), p["unit"]]
@@ -214,8 +231,8 @@ def _section(title: str, report: Mapping[str, Any]) -> str:
     rows = [
         [
             c["name"],
-            c["points"],
-            f"{c['noise_N']:.4g} ({_PERCENT * c['noise_over_largest']:.1f} %)",
+            _points(c),
+            f"{c['noise_N']:.4g} ({_share(c['noise_over_largest'])})",
             f"{c['residual_rms_N']:.4g}",
             f"{c['correlation_of_neighbours']:+.2f}",
         ]
@@ -239,6 +256,17 @@ def _section(title: str, report: Mapping[str, Any]) -> str:
     for note in report["notes"]:
         lines += ["", f"Note: {note}."]
     return "\n".join(lines) + "\n"
+
+
+def _share(noise: float) -> str:
+    """Noise over the largest force; a curve without force has none."""
+    return f"{_PERCENT * noise:.1f} %" if np.isfinite(noise) else "no force"
+
+
+def _points(curve: Mapping[str, Any]) -> str:
+    """How many points are fitted, and of how many if some are left out."""
+    points, left_out = curve["points"], curve.get("left_out", 0)
+    return f"{points} of {points + left_out}" if left_out else f"{points}"
 
 
 def _ends(parameter: Mapping[str, Any]) -> str:

@@ -26,6 +26,10 @@ APART = float(np.radians(2.0))
 # A point at the end of the range is in it, whatever its rounding.
 _ROUNDING = 1e-9
 
+# Share of its range by which a displacement falls if the test turns back.  Chosen: far
+# more than the noise of a machine.
+_BACK = 0.1
+
 # Share of the largest angle of a test beyond which points tell nothing: forces of the
 # closed form have no bound there.
 _END = 0.999
@@ -87,7 +91,7 @@ class Specimen:
         one of the two.
         """
         if self.measured_angle is None or self.theoretical_angle is None:
-            return BELIEVED
+            return min(BELIEVED, self.test.largest_angle)
         order = np.argsort(self.measured_angle)
         measured = self.measured_angle[order]
         off = np.abs(measured - self.theoretical_angle[order])
@@ -95,16 +99,27 @@ class Specimen:
         last = apart[0] - 1 if apart.size else measured.size - 1
         return float(measured[last]) if last >= 0 else 0.0
 
-    def used(self, up_to: float | None) -> ndarray:
-        """Which points are fitted: from 0 up to an angle in radians, shape (n,).
+    def last_angle(self, up_to: float | None) -> float:
+        """Shear angle in radians up to which points are fitted.
 
-        Without one up to `BELIEVED`, or all where the angle is measured.
+        That asked for, or `BELIEVED`, or any where the angle is measured; and not where
+        the motion of the test ends.
         """
         if up_to is None:
             up_to = np.inf if self.measured_angle is not None else BELIEVED
-        end = min(up_to * (1 + _ROUNDING), _END * self.test.largest_angle)
+        return min(up_to * (1 + _ROUNDING), _END * self.test.largest_angle)
+
+    def used(self, up_to: float | None) -> ndarray:
+        """Which points are fitted: from 0 to `last_angle`, shape (n,)."""
         with np.errstate(invalid="ignore"):
-            return (self.angle >= 0) & (self.angle <= end)
+            return (self.angle >= 0) & (self.angle <= self.last_angle(up_to))
+
+    def turns_back(self, up_to: float | None) -> bool:
+        """Whether the test goes back and forth within the points that are fitted."""
+        driven = self.angle if self.displacement is None else self.displacement
+        way = driven[self.used(up_to)]
+        back = np.maximum.accumulate(way) - way
+        return bool(np.any(back > _BACK * np.ptp(way)))
 
     def pointwise(self, up_to: float | None) -> tuple[ndarray, ndarray]:
         """Shear angles that rise, and C by the reduction point by point."""
@@ -211,7 +226,8 @@ def fit_shear(
     Raises
     ------
     ValueError
-        If the law is unknown, a specimen has no points in the range, or as from
+        If the law is unknown; if a specimen has no points in the range, angles that its
+        test does not reach, or forces that push or do not change; or as from
         `regression.fit`.
 
     Examples
@@ -227,14 +243,16 @@ def fit_shear(
     if law not in SHEAR_LAWS:
         raise ValueError(f"the law {law!r} is none of {', '.join(SHEAR_LAWS)}")
     if up_to is not None and not up_to > 0:
-        raise ValueError(f"the largest shear angle must be > 0, got {up_to}")
+        raise ValueError(
+            f"the largest shear angle must be > 0, got {np.degrees(up_to):g} degrees"
+        )
     if points < 1:
         raise ValueError(f"a table needs at least one point beside 0, got {points}")
     samples, largest = [], 0.0
     for i, specimen in enumerate(specimens):
         used = specimen.used(up_to)
-        if not np.any(used & (specimen.angle > 0)):
-            raise ValueError(f"{specimen.name}: no point is in the range of the fit")
+        _refuse_angles(specimen, used, up_to)
+        _refuse_forces(specimen, used)
         gamma = specimen.angle[used]
         ratio = np.ones(gamma.size) if ratios is None else ratios[i](gamma)
         predict = partial(_force, test=specimen.test, gamma=gamma, ratio=ratio)
@@ -243,6 +261,41 @@ def fit_shear(
     model = SHEAR_LAWS[law](largest, degree, points).bounded(bounds or {})
     found = fit(model, samples)
     return ShearFit(found, tuple(specimens), up_to, ratios is not None)
+
+
+def _refuse_angles(specimen: Specimen, used: ndarray, up_to: float | None) -> None:
+    name, end = specimen.name, np.degrees(specimen.test.largest_angle)
+    angles = np.degrees(specimen.angle[np.isfinite(specimen.angle)])
+    if specimen.measured_angle is not None and np.any(angles > end * (1 + _ROUNDING)):
+        raise ValueError(
+            f"{name}: shear angles go up to {angles.max():.4g} degrees, but the test "
+            f"ends at {end:.4g}: look at their unit"
+        )
+    if np.any(used & (specimen.angle > 0)):
+        return
+    last = np.degrees(specimen.last_angle(up_to))
+    found = (
+        f"they go from {angles.min():.3g} to {angles.max():.3g}"
+        if angles.size
+        else "all displacements are beyond the end of the test: look at their unit"
+    )
+    raise ValueError(
+        f"{name}: no shear angle is between 0 and {last:.3g} degrees; {found}"
+    )
+
+
+def _refuse_forces(specimen: Specimen, used: ndarray) -> None:
+    force = specimen.force[used]
+    if force.size > 1 and np.ptp(force) == 0:
+        raise ValueError(
+            f"{specimen.name}: the force is {force[0]:g} N at every point: it must "
+            "change with the shear angle"
+        )
+    if not force.sum() > 0:
+        raise ValueError(
+            f"{specimen.name}: forces are negative: a pull is positive, so turn the "
+            "sign of the column"
+        )
 
 
 def _force(law: Law, test: ShearTest, gamma: ndarray, ratio: ndarray) -> ndarray:

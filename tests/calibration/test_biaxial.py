@@ -5,7 +5,7 @@ import pytest
 
 from skfem_textile import CrimpInterchange, CrimpToe
 from skfem_textile.calibration.biaxial import BiaxialCurve, fit_tension, read_biaxial
-from skfem_textile.calibration.report import tension_report
+from skfem_textile.calibration.report import tension_report, text
 from skfem_textile.fabric import TwoLaws
 
 RATIOS = (0.5, 1.0, 2.0)
@@ -75,3 +75,33 @@ def test_what_is_no_biaxial_test_is_refused(tmp_path):
     still = [BiaxialCurve("one", np.zeros((2, 9)), np.zeros((2, 9)), (1.0, 1.0))]
     with pytest.raises(ValueError, match="no test stretches the warp"):
         fit_tension(still)
+    pushed = [BiaxialCurve("one", c.strain, -c.force, c.widths) for c in curves]
+    with pytest.raises(ValueError, match="no test pulls the warp"):
+        fit_tension(pushed)
+
+
+def test_a_family_that_one_of_the_tests_leaves_alone_is_found_by_the_others():
+    law = CrimpToe(5e3, 0.004, 10.0)
+    pull = pulls(TwoLaws(law, law), noise=0.001)
+    alone = np.array([[1.0], [0.0]])
+    free = [
+        BiaxialCurve("free", c.strain * alone, c.force * alone, c.widths) for c in pull
+    ]
+    reports = tension_report(fit_tension([*pull[:1], *free[:1]]))
+    assert reports["weft"]["largest_strain"] == pytest.approx(0.01)
+    said = text(reports)
+    assert "(no force)" in said
+    assert "Fitted up to a strain ln λ of 0.02." in said
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_parameter_at_its_bound_is_told(seed):
+    """Noise that asks for a negative stiffness at rest."""
+    e, rng = np.linspace(0.0, 0.02, 41)[1:], np.random.default_rng(seed)
+    law = CrimpToe(5e3, 0.004, 0.0)
+    force = 100 * law.value(e) / np.exp(e)
+    force -= 20.0 * np.exp(-e / 0.003) + rng.standard_normal(40)
+    curve = BiaxialCurve("one", np.array([e, e]), np.array([force] * 2), (100.0, 100.0))
+    fit = fit_tension([curve]).fits["warp"]
+    assert fit.values[2] == 0.0
+    assert fit.at_bound.tolist() == [False, False, True]

@@ -13,7 +13,7 @@ def written(tmp_path, text):
 
 
 def test_columns_come_in_any_order_with_their_units(tmp_path):
-    header = "Load (kN),time (s), Angle (deg),extension (cm)\n"
+    header = "Load (kN),time (s), Angle [deg],extension [ cm ]\n"
     found = read_curve(written(tmp_path, f"{header}1,2,90,4\n"))
     assert set(found) == {"force", "shear angle", "displacement"}
     assert found["force"].tolist() == [1000.0]
@@ -34,8 +34,13 @@ def test_units_that_are_given_count_more_than_those_of_the_file(tmp_path):
         ("", "the file is empty"),
         ("displacement,force (N)\n1,2\n", "'displacement' has no unit"),
         ("force (pound)\n1\n", "has the unit 'pound', which is none of N"),
-        ("time (s)\n1\n", "row 1: no column is one of displacement"),
+        (
+            "time (s)\n1\n",
+            "row 1: the first row must name columns, and none is one of disp",
+        ),
         ("force (N),load (N)\n1,2\n", "two columns 'force'"),
+        ("force (N);extension (mm)\n1;2\n", "are separated by semicolons"),
+        ("force [N]\textension [mm]\n1\t2\n", "are separated by tabs"),
         ("force (N),displacement (mm)\n", "there are no points"),
         ("force (N),displacement (mm)\n1,2\n1\n", "row 3: '1' lacks a finite number"),
         ("force (N),displacement (mm)\nnan,2\n", "row 2: 'nan,2' lacks a finite"),

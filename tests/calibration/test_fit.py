@@ -150,8 +150,8 @@ def test_what_cannot_be_fitted_is_refused():
     for arguments, options, said in (
         (([data], "cubic"), {}, "'cubic' is none of polynomial"),
         (([data],), {"degree": 4}, "must be an odd number"),
-        (([data],), {"up_to": -1.0}, "largest shear angle must be > 0"),
-        (([data],), {"up_to": 1e-4}, "no point is in the range"),
+        (([data],), {"up_to": -1.0}, "must be > 0, got -57.2958 degrees"),
+        (([data],), {"up_to": 1e-4}, "no shear angle is between 0 and 0.00573 degrees"),
         (([data],), {"bounds": {"c2": (0, 1)}}, "no parameter 'c2'"),
         (
             ([data], "linear"),
@@ -169,11 +169,63 @@ def test_what_cannot_be_fitted_is_refused():
         Simulation(across=5)
 
 
+def one(force=lambda f: f, moved=lambda d: d, angle=None):
+    """A specimen some of whose columns are not as they should be."""
+    data = specimen(BIAS, QUINTIC)
+    forces = force(data.force)
+    return Specimen("one", BIAS, forces, moved(data.displacement), angle)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (one(force=lambda f: -f), "one: forces are negative"),
+        (one(force=lambda f: 0 * f + 3), "one: the force is 3 N at every point"),
+        (one(moved=lambda d: -d), "0 and 40 degrees; they go from -2[0-9.]* to -0.6"),
+        (one(moved=lambda d: 1000 * d), "all displacements are beyond the end"),
+        (
+            one(angle=np.arange(1.0, 61.0)),
+            "up to 3438 degrees, but the test ends at 90",
+        ),
+    ],
+)
+def test_columns_of_a_wrong_sign_or_unit_are_told(data, said):
+    with pytest.raises(ValueError, match=said):
+        fit_shear([data])
+
+
+def test_loading_and_unloading_in_one_curve_are_told():
+    data = specimen(BIAS, QUINTIC, 0.01)
+    there, back = data.displacement, data.displacement[::-1]
+    forces = np.concatenate([data.force, 0.7 * data.force[::-1]])
+    cycle = Specimen("cycle", BIAS, forces, np.concatenate([there, back]))
+    assert "cycle: the test goes back and forth" in notes(fit_shear([cycle]))
+    shaken = there + 0.01 * there[-1] * np.random.default_rng(1).standard_normal(60)
+    noisy = Specimen("one", BIAS, data.force, shaken)
+    assert "back and forth" not in notes(fit_shear([noisy]))
+
+
+def test_the_kinematics_hold_no_further_than_the_test_goes():
+    theta = np.radians(75.0)
+    strip = BiasExtension(100.0, 200 * np.tan(theta), theta)
+    data = specimen(strip, QUINTIC, end=20.0)
+    assert np.degrees(data.kinematics_hold_to) == pytest.approx(30.0)
+
+
+def test_bounds_that_leave_nothing_free_leave_no_band():
+    bounds = {"c1": (0.5, 1.0), "c3": (0.1, 1.0), "c5": (0.9, 1.0)}
+    fit = fit_shear([specimen(BIAS, QUINTIC)], bounds=bounds).fit
+    assert fit.at_bound.all()
+    assert fit.intervals.tolist() == [[0.5, 0.5], [0.1, 0.1], [0.9, 0.9]]
+
+
 def test_the_report_is_readable():
     three = [specimen(BIAS, QUINTIC, 0.02, i, name=f"no. {i}") for i in range(3)]
     said = text({"Shear": shear_report(fit_shear(three))})
     for part in ("Law: Polynomial", "| c1 | 0.", "| no. 2 | 60 |", "| 40 |", "N/mm"):
         assert part in said
+    beyond = text({"Shear": shear_report(fit_shear([specimen(BIAS, QUINTIC, end=80)]))})
+    assert "| one | 30 of 60 |" in beyond
 
 
 def test_simulated_fibres_that_stretch_are_seen_by_the_inverse_fit():

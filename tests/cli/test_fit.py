@@ -71,7 +71,7 @@ def test_a_fit_draws_its_curves(tmp_path):
     assert (tmp_path / "fit" / "fit.png").stat().st_size > 10_000
 
 
-def test_tension_and_shear_come_together_in_one_fabric(tmp_path):
+def test_tension_and_shear_come_together_in_one_fabric(tmp_path, capsys):
     toe, e = CrimpToe(5e3, 0.004, 10.0), np.linspace(0.0, 0.02, 30)[1:]
     force = 100 * toe.value(np.log1p(e)) / (1 + e)
     header = "warp strain (-),warp force (N),weft strain (-),weft force (N)"
@@ -80,12 +80,31 @@ def test_tension_and_shear_come_together_in_one_fabric(tmp_path):
     one, two = tmp_path / "one", tmp_path / "two"
     assert fit("bias-extension", *data, *SIZES, "--out", one, "--no-render") == 0
     widths = "--warp-width", 100, "--weft-width", 100, "--fabric", one / "fabric.json"
+    capsys.readouterr()
     assert fit("biaxial", pull, *widths, "--out", two, "--no-render") == 0
+    assert "Note: fabric.json" not in capsys.readouterr().out
     fabric = read_fabric(two / "fabric.json").fabric
     assert fabric.shear_law == read_law(one / "law.json")
     for family in fabric.families:
         assert family.tension.stiffness == pytest.approx(5e3, rel=1e-3)
     assert read_law(two / "warp_law.json") == fabric.families[0].tension
+
+
+def test_a_fabric_tells_what_no_test_told(tmp_path, capsys):
+    data = list(curves(tmp_path, BiasExtension(100.0, 200.0), n=1))
+    shear = "bias-extension", *data, *SIZES, "--no-render", "--out", tmp_path / "o"
+    assert fit(*shear) == 0
+    said = "fibres of fabric.json have 100000 N/mm, which no test told"
+    assert said in capsys.readouterr().out
+    assert fit(*shear, "--fibre-stiffness", 2e4) == 0
+    assert said not in capsys.readouterr().out
+    header = "warp strain (-),warp force (N),weft strain (-),weft force (N)"
+    e = np.linspace(0.001, 0.02, 20)
+    pull = table(tmp_path / "pull.csv", header, e, 4e4 * e, e, 4e4 * e)
+    widths = "--warp-width", 100, "--weft-width", 100, "--law", "linear"
+    out = "--out", tmp_path / "o", "--no-render"
+    assert fit("biaxial", pull, *widths, *out) == 0
+    assert "fabric.json has no shear stiffness" in capsys.readouterr().out
 
 
 def test_simulated_tests_are_fitted(tmp_path):

@@ -44,7 +44,7 @@ SHEAR = "shear angle (deg),moment (N mm/mm2)\n"
         ("shear angle,moment\n0,0\n1,1", "row 1: the header must be like"),
         ("shear angle (grad),moment (N/mm)\n0,0\n1,1", "row 1: the header must be"),
         ("shear angle (deg),tension (N/mm)\n0,0\n1,1", "row 1: the header must be"),
-        ("shear angle (deg);moment (N/mm)\n0;0\n1;1", "row 1: the header must be like"),
+        ("shear angle (deg);moment (N/mm)\n0;0\n1;1", "separated by semicolons"),
         (SHEAR, "law.csv, a table needs at least two points, got 0"),
         (SHEAR + "0,0\n", "a table needs at least two points, got 1"),
         (SHEAR + "0,0\n1;1\n", "row 3: '1;1' is not two numbers"),

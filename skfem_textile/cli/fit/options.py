@@ -81,6 +81,13 @@ _SHEAR = (
         "shear angle up to which points are taken; without it up to 40 where the angle "
         "is theoretical, and all where it is measured or the tests are simulated",
     ),
+    Option(
+        name="fibre-stiffness",
+        help="of fabric.json, and of simulated tests, in N/mm (default: 1e5, or that "
+        "of --fabric)",
+        read=float,
+        metavar="E",
+    ),
     *_COMMON,
 )
 
@@ -106,13 +113,6 @@ TESTS: dict[str, tuple[str, tuple[Option, ...]]] = {
                 help="fit simulated tests, with so many element edges across the width",
                 read=int,
                 metavar="N",
-            ),
-            Option(
-                name="fibre-stiffness",
-                help="of fabric.json, and of simulated tests, in N/mm (default: 1e5, "
-                "or that of --fabric)",
-                read=float,
-                metavar="E",
             ),
         ),
     ),

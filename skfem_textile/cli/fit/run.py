@@ -24,6 +24,16 @@ from ..results.result_folder import ResultFolder
 # Fibre stiffness in N/mm of a fabric of which only shear is known.
 _FIBRES = 1e5
 
+# What a fabric has that no test told.
+_NO_TENSION = (
+    f"fibres of fabric.json have {_FIBRES:g} N/mm, which no test told: give "
+    "--fibre-stiffness, or fit biaxial tests with --fabric and this file"
+)
+_NO_SHEAR = (
+    "fabric.json has no shear stiffness: fit a shear test, and this test with --fabric "
+    "and its fabric.json"
+)
+
 # Files that a fit may write; summary.json comes last.
 _FILES = (
     *("summary.json", "fabric.json", "report.md"),
@@ -85,7 +95,7 @@ def _frame(options: argparse.Namespace) -> _Found:
     sizes = _sizes(options, "frame_side", "fabric_side")
     tests = [PictureFrame(frame, fabric) for frame, fabric in sizes]
     specimens = _specimens(options, tests)
-    base = _base(options, None, Fabric(_FIBRES))
+    base = _base(options, Fabric(_FIBRES))
     return _shear(options, specimens, base)
 
 
@@ -95,9 +105,7 @@ def _bias(options: argparse.Namespace) -> _Found:
     tests = [BiasExtension(width, height, theta) for width, height in sizes]
     specimens = _specimens(options, tests)
     c, s = float(np.cos(theta)), float(np.sin(theta))
-    base = _base(
-        options, options.fibre_stiffness, Fabric(_FIBRES, 0.0, (c, s), (-c, s))
-    )
+    base = _base(options, Fabric(_FIBRES, 0.0, (c, s), (-c, s)))
     return _shear(options, specimens, base, options.simulate)
 
 
@@ -118,15 +126,16 @@ def _shear(
     else:
         simulation = Simulation(base.tension, across)
         found = fit_by_simulation(specimens, options.law, simulation, **how)
-    law = found.fit.law
+    law, shear = found.fit.law, report.shear_report(found)
+    if options.fabric is None and options.fibre_stiffness is None:
+        shear["notes"].append(_NO_TENSION)
 
     def draw(file: Path) -> None:
         from ...calibration.figure import draw_shear  # loads matplotlib
 
         draw_shear(found, file)
 
-    reports = {"Shear": report.shear_report(found)}
-    return _Found(reports, replace(base, shear=law), {"law.json": law}, draw)
+    return _Found({"Shear": shear}, replace(base, shear=law), {"law.json": law}, draw)
 
 
 def _tension(options: argparse.Namespace) -> _Found:
@@ -136,7 +145,7 @@ def _tension(options: argparse.Namespace) -> _Found:
     bounds = dict(options.bound)
     how: dict[str, Any] = {"points": options.points, "bounds": bounds}
     found = biaxial.fit_tension(curves, options.law, **how)
-    base, tension = _base(options, None, Fabric()), found.tension
+    base, tension = _kept(options, Fabric()), found.tension
     laws = (
         {"warp_law.json": tension[0], "weft_law.json": tension[1]}
         if isinstance(tension, tuple)
@@ -149,6 +158,9 @@ def _tension(options: argparse.Namespace) -> _Found:
         draw_tension(found, file)
 
     reports = {f"Tension, {k}": r for k, r in report.tension_report(found).items()}
+    if options.fabric is None:
+        for one in reports.values():
+            one["notes"].append(_NO_SHEAR)
     return _Found(reports, replace(base, tension=tension), laws, draw)
 
 
@@ -158,14 +170,17 @@ def _specimens(options: argparse.Namespace, tests: list[Any]) -> list[Specimen]:
     return [read_specimen(path, test, units) for path, test in pairs]
 
 
-def _base(
-    options: argparse.Namespace, stiffness: float | None, plain: Fabric
-) -> Fabric:
-    """The fabric of --fabric, or a plain one, with a fibre stiffness that is given."""
+def _base(options: argparse.Namespace, plain: Fabric) -> Fabric:
+    """The fabric that a shear law is put into, with the fibre stiffness if given."""
+    base, stiffness = _kept(options, plain), options.fibre_stiffness
+    return base if stiffness is None else replace(base, tension=stiffness)
+
+
+def _kept(options: argparse.Namespace, plain: Fabric) -> Fabric:
+    """The fabric of --fabric, or a plain one."""
     from ...io import read_fabric  # loads meshio
 
-    base = plain if options.fabric is None else read_fabric(options.fabric).fabric
-    return base if stiffness is None else replace(base, tension=stiffness)
+    return plain if options.fabric is None else read_fabric(options.fabric).fabric
 
 
 def _units(options: argparse.Namespace) -> dict[str, str]:

@@ -30,8 +30,11 @@ _LIKE: dict[Resistance, str] = {
     "tension": "fibre strain (-),tension (N/mm)",
 }
 
-#: The heading of a column: what it is, and its unit in brackets.
-HEADING = re.compile(r"\s*(.*?)\s*\(\s*(.*?)\s*\)\s*")
+#: The heading of a column: what it is, and its unit in round or square brackets.
+HEADING = re.compile(r"\s*(.*?)\s*[(\[]\s*(.*?)\s*[)\]]\s*")
+
+# What files of columns have that are no commas.
+_NO_COMMAS = {";": "semicolons", "\t": "tabs"}
 
 
 def refuse_bad_points(
@@ -121,7 +124,8 @@ def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[
     Raises
     ------
     ValueError
-        If it is no CSV file in UTF-8, or it is empty; one line names the file.
+        If it is no CSV file in UTF-8, it is empty, or its columns are not separated by
+        commas; one line names the file.
     OSError
         If it cannot be read.
     """
@@ -135,6 +139,13 @@ def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[
     lines = [(line, row) for line, row in rows if any(map(str.strip, row))]
     if not lines:
         raise ValueError(f"{file}: the file is empty")
+    (_, header), *_ = lines
+    for sign, name in _NO_COMMAS.items():
+        if len(header) == 1 and sign in header[0]:
+            raise ValueError(
+                f"{file}: columns are separated by {name}: separate them by commas, "
+                "and write numbers with decimal points"
+            )
     return file, lines
 
 
