@@ -99,6 +99,15 @@ class TensionFit:
         laws = (self.fits[name].law for name in FAMILIES)
         return np.array([curve.force_along(i, law) for i, law in enumerate(laws)])
 
+    def band(self, curve: BiaxialCurve) -> ndarray:
+        """Confidence band of these forces, its lower and upper end; shape (2, 2, n)."""
+        if "both" in self.fits:
+            both = self.fits["both"].band(partial(_both, curve))
+            return both.reshape(2, *curve.force.shape)
+        fits = (self.fits[name] for name in FAMILIES)
+        bands = [one.band(partial(curve.force_along, i)) for i, one in enumerate(fits)]
+        return np.stack(bands, axis=1)
+
 
 def read_biaxial(
     path: str | os.PathLike[str],

@@ -1,10 +1,8 @@
 """Figures of fits: the curves of the tests, and the law with its band."""
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -13,57 +11,21 @@ from numpy import ndarray
 
 from ..plot.curves import COLOURS, save
 from ..plot.picture_files import picture_path
-
-if TYPE_CHECKING:
-    from .biaxial import TensionFit
-    from .shear import ShearFit
+from .biaxial import FAMILIES, TensionFit
+from .shear import ShearFit
 
 # Points of a line.
 _N = 201
 
-
-def draw_shear(found: "ShearFit", filename: str | os.PathLike[str]) -> None:
-    """Draw forces and moments of the tests, and those of the law with its band.
-
-    Parameters
-    ----------
-    found
-        The fit.
-    filename
-        Where to write a PNG.
-    """
-    with _panels(filename) as (left, right):
-        colours = cycle(COLOURS[1:])
-        for i, specimen in enumerate(found.specimens):
-            colour, used = next(colours), specimen.used(found.up_to)
-            angle = np.degrees(specimen.angle)
-            order = np.argsort(angle[used])
-            predicted = found.fit.samples[i].predict(found.fit.law)
-            name = specimen.name
-            left.plot(angle[used], specimen.force[used], ".", color=colour, label=name)
-            left.plot(angle[~used], specimen.force[~used], "x", color=colour, ms=3)
-            left.plot(angle[used][order], predicted[order], color=colour)
-            gamma, C = specimen.pointwise(found.up_to)
-            right.plot(np.degrees(gamma), C, ".", color=colour, ms=3)
-        gamma = np.linspace(0.0, found.largest_angle, _N)
-
-        def value(law: Any) -> ndarray:
-            return law.value(gamma)
-
-        low, high = found.fit.band(value)
-        degrees = np.degrees(gamma)
-        right.fill_between(degrees, low, high, color=COLOURS[0], alpha=0.3, lw=0)
-        right.plot(degrees, value(found.fit.law), color=COLOURS[0], label="law, 95 %")
-        holds = min(np.degrees(s.kinematics_hold_to) for s in found.specimens)
-        right.axvline(holds, color="grey", ls=":", label="kinematics hold to here")
-        left.set(xlabel="shear angle (deg)", ylabel="force (N)")
-        right.set(xlabel="shear angle (deg)", ylabel="shear moment C (N mm/mm²)")
-        inside = value(found.fit.law)
-        right.set_ylim(min(0.0, 1.1 * float(low.min())), 1.3 * float(inside.max()))
+# Axes go up to at most so many times the largest force or angle that is fitted.
+_MOST = 1.6
 
 
-def draw_tension(found: "TensionFit", filename: str | os.PathLike[str]) -> None:
-    """Draw tensions of warp and weft over their strains, and those of the laws.
+def draw(found: ShearFit | TensionFit, filename: str | os.PathLike[str]) -> None:
+    """Draw the curves of the tests and the laws that were found from them.
+
+    Of a shear law forces on the left, and moments with the band of the law on the
+    right; of tension laws the tensions of warp and weft over their strains.
 
     Parameters
     ----------
@@ -72,27 +34,69 @@ def draw_tension(found: "TensionFit", filename: str | os.PathLike[str]) -> None:
     filename
         Where to write a PNG.
     """
-    with _panels(filename) as panels:
-        for i, (axes, family) in enumerate(zip(panels, ("warp", "weft"), strict=True)):
-            colours = cycle(COLOURS)
-            for curve in found.curves:
-                colour, strain = next(colours), curve.strain[i]
-                scale = np.exp(strain) / curve.widths[i]
-                axes.plot(strain, curve.tension[i], ".", color=colour, label=curve.name)
-                axes.plot(strain, found.forces(curve)[i] * scale, color=colour)
-            axes.set(xlabel=f"{family} strain ln λ (-)", ylabel="tension (N/mm)")
-
-
-@contextmanager
-def _panels(filename: str | os.PathLike[str]) -> Iterator[tuple[Any, Any]]:
-    """Two panels of a figure that is written when the block ends."""
     path = picture_path(filename)
     style = {"axes.spines.top": False, "axes.spines.right": False, "font.size": 10}
     with mpl.rc_context(style):
         figure = Figure(figsize=(9.6, 4.2), layout="constrained")
         panels = figure.subplots(1, 2)
-        yield tuple(panels)
+        if isinstance(found, ShearFit):
+            _draw_shear(found, *panels)
+        else:
+            _draw_tension(found, panels)
         for axes in panels:
             axes.grid(alpha=0.3)
             axes.legend(frameon=False)
         save(figure, path)
+
+
+def _draw_shear(found: ShearFit, left: Any, right: Any) -> None:
+    """Forces and moments of the tests, and those of the law with its band."""
+    colours, largest = cycle(COLOURS[1:]), 0.0
+    for i, specimen in enumerate(found.specimens):
+        colour, used = next(colours), specimen.used(found.up_to)
+        angle = np.degrees(specimen.angle)
+        order = np.argsort(angle[used])
+        predicted = found.fit.samples[i].predict(found.fit.law)
+        largest = max(largest, float(specimen.force[used].max()))
+        name = specimen.name
+        left.plot(angle[used], specimen.force[used], ".", color=colour, label=name)
+        left.plot(angle[~used], specimen.force[~used], "x", color=colour, ms=3)
+        left.plot(angle[used][order], predicted[order], color=colour)
+        gamma, C = specimen.pointwise(found.up_to)
+        right.plot(np.degrees(gamma), C, ".", color=colour, ms=3)
+    gamma = np.linspace(0.0, found.largest_angle, _N)
+
+    def value(law: Any) -> ndarray:
+        return law.value(gamma)
+
+    low, high = found.fit.band(value)
+    degrees = np.degrees(gamma)
+    right.fill_between(degrees, low, high, color=COLOURS[0], alpha=0.3, lw=0)
+    right.plot(degrees, value(found.fit.law), color=COLOURS[0], label="law, 95 %")
+    holds = min(np.degrees(s.kinematics_hold_to) for s in found.specimens)
+    right.axvline(holds, color="grey", ls=":", label="kinematics hold to here")
+    left.set(xlabel="shear angle (deg)", ylabel="force (N)")
+    if left.get_ylim()[1] > _MOST * largest:  # points that are left out hide the others
+        left.set_ylim(-0.05 * largest, _MOST * largest)
+        left.set_xlim(right=_MOST * float(degrees[-1]))
+    right.set(xlabel="shear angle (deg)", ylabel="shear moment C (N mm/mm²)")
+    inside = value(found.fit.law)
+    right.set_ylim(min(0.0, 1.1 * float(low.min())), 1.3 * float(inside.max()))
+
+
+def _draw_tension(found: TensionFit, panels: ndarray) -> None:
+    """Tensions of warp and weft over their strains, and the laws with their bands."""
+    for i, (axes, family) in enumerate(zip(panels, FAMILIES, strict=True)):
+        colours = cycle(COLOURS)
+        for curve in found.curves:
+            colour, order = next(colours), np.argsort(curve.strain[i])
+            strain = curve.strain[i][order]
+            scale = np.exp(strain) / curve.widths[i]
+            low, high = found.band(curve)[:, i, order] * scale
+            law = found.forces(curve)[i, order] * scale
+            measured = curve.tension[i][order]
+            axes.plot(strain, measured, ".", color=colour, label=curve.name)
+            axes.fill_between(strain, low, high, color=colour, alpha=0.15, lw=0)
+            axes.plot(strain, law, color=colour)
+        axes.locator_params(axis="x", nbins=5)
+        axes.set(xlabel=f"{family} strain ln λ (-)", ylabel="tension (N/mm)")

@@ -9,7 +9,7 @@ law that was found, until the loads no longer change.
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -19,7 +19,7 @@ from ..fabric import Fabric, Law, Tabulated
 from ..ply import Ply
 from ..scenes.bias_extension import bias_extension
 from ..scenes.rectangle import rectangle
-from ..scenes.shear_test import BiasExtension
+from ..scenes.shear_test import BiasExtension, ShearTest
 from ..solve.result import StepError
 from ..solve.stepper import LoadStepper
 from .shear import ShearFit, Specimen, fit_shear
@@ -32,6 +32,22 @@ _SETTLED = 1e-3
 
 # Simulations of each test at most; four are usual.
 _MOST_ROUNDS = 10
+
+
+class Simulated(NamedTuple):
+    """The curve of a simulated test.
+
+    Attributes
+    ----------
+    angles, forces
+        Theoretical shear angles in radians and forces in N, from 0 on, shape (n,).
+    stabilisation
+        Largest share of the stabilisation in the energy.
+    """
+
+    angles: ndarray
+    forces: ndarray
+    stabilisation: float
 
 
 @dataclass(frozen=True)
@@ -61,10 +77,8 @@ class Simulation:
                 f"the number of elements across must be even and >= 2: {self.across}"
             )
 
-    def curve(
-        self, law: Law, test: BiasExtension, largest: float
-    ) -> tuple[ndarray, ndarray]:
-        """Theoretical shear angles in radians and forces in N, from 0 up to an angle.
+    def curve(self, law: Law, test: BiasExtension, largest: float) -> Simulated:
+        """The curve of a shear law from 0 up to a theoretical shear angle in radians.
 
         Raises
         ------
@@ -85,7 +99,9 @@ class Simulation:
         except StepError as error:
             raise ValueError(f"a simulation of the test fails: {error}") from None
         angles = np.array([state.load_factor for state in states]) * largest
-        return angles, np.array([scene.reaction(state)[1] for state in states])
+        forces = np.array([scene.reaction(state)[1] for state in states])
+        shares = [state.shares["energy"]["stabilisation"] for state in states[1:]]
+        return Simulated(angles, forces, max(shares))
 
 
 def fit_by_simulation(
@@ -133,7 +149,9 @@ def fit_by_simulation(
     largest = [float(s.angle[s.used(end)].max()) for s in driven]
     before = [np.full(1, np.inf) for _ in driven]
     for n in range(_MOST_ROUNDS):
-        ratios = _ratios(simulation, found.fit.law, driven, largest)
+        law_now = found.fit.law
+        curves = _simulated(simulation, law_now, driven, largest)
+        ratios = [_ratio(s.test, law_now, curves[s.test]) for s in driven]
         found = fit_shear(driven, law, up_to=end, **how, ratios=ratios)
         loads = [sample.predict(found.fit.law) for sample in found.fit.samples]
         change = max(
@@ -142,7 +160,8 @@ def fit_by_simulation(
         )
         log.info("simulation %d: loads change by %.3g of the largest", n + 1, change)
         if change < _SETTLED:
-            return found
+            shares = (curve.stabilisation for curve in curves.values())
+            return replace(found, stabilisation=max(shares))
         before = loads
     raise ValueError(
         f"after {_MOST_ROUNDS} simulations the loads still change by {change:.2%}: "
@@ -150,23 +169,22 @@ def fit_by_simulation(
     )
 
 
-def _ratios(
+def _simulated(
     simulation: Simulation,
     law: Law,
     specimens: Sequence[Specimen],
     largest: Sequence[float],
-) -> list[Callable[[ndarray], ndarray]]:
-    """The simulated load over that of the closed form, for each specimen."""
+) -> dict[Any, Simulated]:
+    """The curve of each test; specimens of one size share a simulation."""
     if isinstance(law, Tabulated):  # some elements shear by more than the middle
         law = replace(law, extrapolation="linear")
     ends: dict[Any, float] = {}
     for specimen, end in zip(specimens, largest, strict=True):
         ends[specimen.test] = max(end, ends.get(specimen.test, 0.0))
-    found = {}
-    for test, end in ends.items():  # specimens of one size share a simulation
-        angles, forces = simulation.curve(law, test, end)
-        ratio = forces[1:] / test.force(law, angles[1:])
-        found[test] = PchipInterpolator(
-            np.concatenate([[0.0], angles[1:]]), np.concatenate([ratio[:1], ratio])
-        )
-    return [found[specimen.test] for specimen in specimens]
+    return {test: simulation.curve(law, test, end) for test, end in ends.items()}
+
+
+def _ratio(test: ShearTest, law: Law, curve: Simulated) -> Callable[[ndarray], ndarray]:
+    """The simulated load over that of the closed form."""
+    ratio = curve.forces[1:] / test.force(law, curve.angles[1:])
+    return PchipInterpolator(curve.angles, np.concatenate([ratio[:1], ratio]))

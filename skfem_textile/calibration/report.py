@@ -7,6 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric.files.fabric_file import law_to_json
+from ..solve.stepping.shares import excess
 from .biaxial import FAMILIES
 from .regression import CONFIDENCE, Fit
 from .shear import APART
@@ -173,8 +174,8 @@ def _range_notes(found: "ShearFit") -> list[str]:
         for specimen in found.specimens
         if specimen.turns_back(found.up_to)
     ]
-    if found.simulated:
-        return notes
+    if found.stabilisation is not None:
+        return [*notes, *_mesh_notes(found.stabilisation)]
     for specimen in found.specimens:
         holds = _holds(specimen)
         if specimen.measured_angle is None:
@@ -190,6 +191,17 @@ def _range_notes(found: "ShearFit") -> list[str]:
                 f"more than {np.degrees(APART):g} degrees past {holds:.1f} degrees"
             )
     return list(dict.fromkeys(notes))
+
+
+def _mesh_notes(stabilisation: float) -> list[str]:
+    """Whether the mesh of simulations is too coarse for the law."""
+    carried = excess({"energy": {"stabilisation": stabilisation}}, "stabilisation")
+    if not carried:
+        return []
+    return [
+        f"the stabilisation of the simulations carries up to {carried}: the law makes "
+        "up for the error of a coarse mesh: double --simulate until the law stays"
+    ]
 
 
 def _falling(found: "ShearFit") -> list[str]:

@@ -143,14 +143,20 @@ class ShearFit:
         The curves.
     up_to
         Shear angle in radians up to which points were asked for, if it was given.
-    simulated
-        Whether loads of simulations were compared, and not those of closed forms.
+    stabilisation
+        Largest share of the stabilisation in the energy of the simulations whose loads
+        were compared; None where those of closed forms were.
     """
 
     fit: Fit
     specimens: tuple[Specimen, ...]
     up_to: float | None
-    simulated: bool = False
+    stabilisation: float | None = None
+
+    @property
+    def simulated(self) -> bool:
+        """Whether loads of simulations were compared, and not those of closed forms."""
+        return self.stabilisation is not None
 
     @property
     def largest_angle(self) -> float:
@@ -260,7 +266,7 @@ def fit_shear(
         largest = max(largest, float(gamma.max()))
     model = SHEAR_LAWS[law](largest, degree, points).bounded(bounds or {})
     found = fit(model, samples)
-    return ShearFit(found, tuple(specimens), up_to, ratios is not None)
+    return ShearFit(found, tuple(specimens), up_to)
 
 
 def _refuse_angles(specimen: Specimen, used: ndarray, up_to: float | None) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skfem_textile import CrimpInterchange, CrimpToe
+from skfem_textile import CrimpInterchange, CrimpToe, Linear
 from skfem_textile.calibration.biaxial import BiaxialCurve, fit_tension, read_biaxial
 from skfem_textile.calibration.report import tension_report, text
 from skfem_textile.fabric import TwoLaws
@@ -40,6 +40,9 @@ def test_exchanged_crimp_contradicts_laws_of_one_strain_and_is_found():
     alone = tension_report(fit_tension(curves))
     assert "take crimp-interchange" in " ".join(alone["warp"]["notes"])
     both = fit_tension(curves, "crimp-interchange")
+    for curve in curves:
+        low, high = both.band(curve)
+        assert np.all((low <= both.forces(curve)) & (both.forces(curve) <= high))
     assert isinstance(both.tension, CrimpInterchange)
     for curve in curves:
         largest = 0.01 * curve.force.max()
@@ -78,6 +81,16 @@ def test_what_is_no_biaxial_test_is_refused(tmp_path):
     pushed = [BiaxialCurve("one", c.strain, -c.force, c.widths) for c in curves]
     with pytest.raises(ValueError, match="no test pulls the warp"):
         fit_tension(pushed)
+
+
+def test_the_band_of_a_linear_law_is_that_of_its_stiffness():
+    curves = pulls(TwoLaws(Linear(5e3), Linear(3e3)), noise=0.02)
+    found = fit_tension(curves, "linear")
+    for i, fit in enumerate(found.fits.values()):
+        strain = curves[1].strain[i]
+        forces = curves[1].widths[i] * strain / np.exp(strain)
+        expected = fit.intervals[0][:, None] * forces
+        np.testing.assert_allclose(found.band(curves[1])[:, i], expected, rtol=1e-9)
 
 
 def test_a_family_that_one_of_the_tests_leaves_alone_is_found_by_the_others():

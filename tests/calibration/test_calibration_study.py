@@ -36,7 +36,7 @@ def folder(tmp_path):
 def test_no_two_cases_have_one_name_and_the_benchmark_needs_its_curves(tmp_path):
     names = [STUDY.name(case) for case in all_cases(None)]
     assert len(set(names)) == len(names)
-    assert sum(name.startswith("inverse") for name in names) == 10
+    assert sum(name.startswith("inverse: 12 across") for name in names) == 10
     bands = [case for case in all_cases(None) if isinstance(case, Coverage)]
     assert {case.seeds for case in bands} == {1000}
     with pytest.raises(FileNotFoundError, match="glass_plain_115_230"):

@@ -232,7 +232,7 @@ def test_simulated_fibres_that_stretch_are_seen_by_the_inverse_fit():
     """Soft fibres cost load, which the closed form takes for a softer law."""
     soft = Simulation(tension=500.0, across=4, steps=4)
     strip = BiasExtension(50.0, 100.0)
-    angles, forces = soft.curve(Linear(0.5), strip, np.radians(48.0))
+    angles, forces, _ = soft.curve(Linear(0.5), strip, np.radians(48.0))
     lost = forces[1:] / strip.force(Linear(0.5), angles[1:])
     assert lost[-1] < 0.9
     moved = strip.displacement(angles[1:])
@@ -241,3 +241,16 @@ def test_simulated_fibres_that_stretch_are_seen_by_the_inverse_fit():
     assert found.simulated
     assert found.fit.law.stiffness == pytest.approx(0.5, rel=2e-3)
     assert fit_shear(data, "linear").fit.law.stiffness < 0.48
+
+
+def test_a_mesh_on_which_the_stabilisation_carries_much_is_told():
+    strip = BiasExtension(50.0, 100.0)
+    data = [specimen(strip, Linear(0.5), n=20, end=45.0)]
+    coarse, fine = (
+        fit_by_simulation(data, "linear", Simulation(1e5, across, steps=4))
+        for across in (4, 16)
+    )
+    assert fine.stabilisation < 0.1 < coarse.stabilisation
+    assert "double --simulate" in notes(coarse)
+    assert "double --simulate" not in notes(fine)
+    assert fit_shear(data, "linear").stabilisation is None

@@ -1,7 +1,6 @@
 """The command ``fit``: it reads, then computes, then writes."""
 
 import argparse
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,9 +9,10 @@ import numpy as np
 
 from ... import __version__
 from ...calibration import biaxial, report
+from ...calibration.biaxial import TensionFit
 from ...calibration.curves import COLUMNS, column_named
 from ...calibration.inverse import Simulation, fit_by_simulation
-from ...calibration.shear import Specimen, fit_shear, read_specimen
+from ...calibration.shear import ShearFit, Specimen, fit_shear, read_specimen
 from ...fabric import Fabric
 from ...fabric.files.fabric_file import write_law
 from ...mesh.user_input import printable
@@ -44,12 +44,12 @@ _PICTURE = "fit.png"
 
 @dataclass(frozen=True)
 class _Found:
-    """Reports by title, the fabric, laws by file name, and what draws the figure."""
+    """Reports by title, the fabric, laws by file name, and the fit."""
 
     reports: dict[str, dict[str, Any]]
     fabric: Fabric
     laws: dict[str, Any]
-    draw: Callable[[Path], None]
+    fit: ShearFit | TensionFit
 
 
 def run_fit(options: argparse.Namespace) -> int:
@@ -86,7 +86,9 @@ def run_fit(options: argparse.Namespace) -> int:
 def _draw(found: _Found, out: Path) -> None:
     try:
         with ResultFolder(out, (_PICTURE,)) as folder:
-            found.draw(folder / _PICTURE)
+            from ...calibration.figure import draw  # loads matplotlib
+
+            draw(found.fit, folder / _PICTURE)
     except ImportError as error:
         say(f"no picture: {printable(error)}; pip install 'skfem-textile[plot]'")
 
@@ -129,13 +131,7 @@ def _shear(
     law, shear = found.fit.law, report.shear_report(found)
     if options.fabric is None and options.fibre_stiffness is None:
         shear["notes"].append(_NO_TENSION)
-
-    def draw(file: Path) -> None:
-        from ...calibration.figure import draw_shear  # loads matplotlib
-
-        draw_shear(found, file)
-
-    return _Found({"Shear": shear}, replace(base, shear=law), {"law.json": law}, draw)
+    return _Found({"Shear": shear}, replace(base, shear=law), {"law.json": law}, found)
 
 
 def _tension(options: argparse.Namespace) -> _Found:
@@ -151,17 +147,11 @@ def _tension(options: argparse.Namespace) -> _Found:
         if isinstance(tension, tuple)
         else {"law.json": tension}
     )
-
-    def draw(file: Path) -> None:
-        from ...calibration.figure import draw_tension  # loads matplotlib
-
-        draw_tension(found, file)
-
     reports = {f"Tension, {k}": r for k, r in report.tension_report(found).items()}
     if options.fabric is None:
         for one in reports.values():
             one["notes"].append(_NO_SHEAR)
-    return _Found(reports, replace(base, tension=tension), laws, draw)
+    return _Found(reports, replace(base, tension=tension), laws, found)
 
 
 def _specimens(options: argparse.Namespace, tests: list[Any]) -> list[Specimen]:

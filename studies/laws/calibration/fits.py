@@ -32,11 +32,9 @@ from ...angles.cases import GRADING
 from ...common.log import errors_only
 from ...study import Row
 from .cases import (
-    ACROSS,
     ANGLES,
     BENCHMARK,
     BEYOND,
-    FINE,
     HOLD,
     NOISE,
     POINTS,
@@ -127,26 +125,26 @@ def _cramer_rao(case: Coverage, forces: list[ndarray]) -> ndarray:
 
 
 @cache
-def _fine_curve() -> tuple[BiasExtension, CubicSpline]:
-    """A simulated test beyond the kinematics, on a finer mesh than that of the fits."""
+def _fine_curve(across: int) -> tuple[BiasExtension, CubicSpline]:
+    """A simulated test beyond the kinematics, with element edges across."""
     test, (model, truth) = bias(45), known("polynomial")
-    fine = Simulation(SOFT, FINE, _FINE_STEPS, seed=100)
-    angles, forces = fine.curve(model.build(truth), test, np.radians(BEYOND))
+    fine = Simulation(SOFT, across, _FINE_STEPS, seed=100)
+    angles, forces, _ = fine.curve(model.build(truth), test, np.radians(BEYOND))
     return test, CubicSpline(angles, forces)
 
 
 def inverse(case: Inverse) -> list[Row]:
     """An inverse fit on a coarse mesh to data of a finer one."""
-    test, curve = _fine_curve()
+    test, curve = _fine_curve(2 * case.across)
     moved = steps(test, POINTS, BEYOND)
     gamma = test.shear_angle(moved)
     truth = curve(gamma)
     data = specimens((test,) * 3, (moved,) * 3, (truth,) * 3, case.seed, NOISE)
-    simulation = Simulation(SOFT, ACROSS, seed=case.seed)
+    simulation = Simulation(SOFT, case.across, seed=case.seed)
     found = fit_by_simulation(data, "polynomial", simulation)
     law = found.fit.law
-    coarse = Simulation(SOFT, ACROSS, _FINE_STEPS, seed=case.seed)
-    angles, forces = coarse.curve(law, test, np.radians(BEYOND))
+    coarse = Simulation(SOFT, case.across, _FINE_STEPS, seed=case.seed)
+    angles, forces, stabilisation = coarse.curve(law, test, np.radians(BEYOND))
     off = CubicSpline(angles, forces)(gamma) - truth
     late = gamma > np.radians(ANGLES[0])
     model, values = known("polynomial")
@@ -156,7 +154,9 @@ def inverse(case: Inverse) -> list[Row]:
     return [
         {
             "task": "inverse",
+            "across": case.across,
             "seed": case.seed,
+            "stabilisation": stabilisation,
             "off_over_largest": float(np.abs(off).max() / truth.max()),
             "off_past_10": float(np.abs(off[late] / truth[late]).max()),
             "inside": int(np.sum((low <= values) & (values <= high))),

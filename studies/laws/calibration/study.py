@@ -68,9 +68,9 @@ class Calibration(Study[Case]):
         return texts
 
     def draw(self, rows: list[Row], folder: Path) -> None:
-        from skfem_textile.calibration.figure import draw_shear
+        from skfem_textile.calibration.figure import draw
 
-        draw_shear(fits.example(), folder / "fit.png")
+        draw(fits.example(), folder / "fit.png")
 
     def complaint(self, rows: list[Row]) -> str:
         missed = tables.missed(rows)

@@ -42,15 +42,18 @@ def inverse(rows: Sequence[Row]) -> str:
     """Loads and moments of inverse fits, seed by seed."""
     lines = [
         [
+            row["across"],
             row["seed"],
+            f"{100 * row['stabilisation']:.0f} %",
             f"{100 * row['off_over_largest']:.2f} %",
             f"{100 * row['off_past_10']:.2f} %",
             *(_percent(row[f"moment_{angle}"]) for angle in ANGLES),
         ]
         for row in of(rows, "inverse")
     ]
-    head = ["seed", "load, of the largest", "load past 10°, of itself"]
-    return markdown_table([*head, *(f"C at {angle}°" for angle in ANGLES)], lines)
+    head = ["across", "seed", "stabilisation", "load, of the largest"]
+    head += ["load past 10°, of itself", *(f"C at {angle}°" for angle in ANGLES)]
+    return markdown_table(head, lines)
 
 
 def agreement(rows: Sequence[Row]) -> str:
