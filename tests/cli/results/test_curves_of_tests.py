@@ -38,7 +38,7 @@ def test_the_curve_of_a_run_is_such_a_curve(tmp_path):
     ("text", "message"),
     [
         ("", "the file is empty"),
-        ("time (s)\n1\n2\n", "row 1: no column is one of displacement"),
+        ("time (s)\n1\n2\n", "row 1: the first row must name columns"),
         ("force (N)\n1\n2\n", "row 1: the header must name"),
         (
             "displacement (mm),force (t)\n0,0\n1,1\n",

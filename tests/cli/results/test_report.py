@@ -142,7 +142,7 @@ def test_a_run_that_stopped_early_says_so(results, tmp_path):
         ("summary.json", None, "holds no results, no summary.json"),
         ("case.toml", "x", "case.toml is damaged: it is no case"),
         ("case.toml", NO_CURVE, "no.csv"),
-        ("curve.csv", "x", "curve.csv, row 1: no column is one of"),
+        ("curve.csv", "x", "curve.csv, row 1: the first row must name columns"),
     ],
 )
 def test_damaged_results_are_refused(results, tmp_path, capsys, name, content, message):
