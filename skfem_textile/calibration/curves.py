@@ -31,6 +31,9 @@ COLUMNS: dict[str, dict[str, float]] = {
 # Other names of the columns.
 _ALSO = {"angle": "shear angle", "extension": "displacement", "load": "force"}
 
+# Numbers beyond are none of a test, and smaller ones are zero: squares are taken.
+_LARGEST, _SMALLEST = 1e50, 1e-50
+
 _SPACES = re.compile(r"[\s_]+")
 
 
@@ -125,13 +128,14 @@ def _numbers(
         ]
     except (ValueError, IndexError):
         raise ValueError(
-            f"{file}, row {line}: '{excerpt(','.join(row))}' lacks a finite number"
+            f"{file}, row {line}: '{excerpt(','.join(row))}' lacks a finite number "
+            f"below {_LARGEST:g}"
         ) from None
     return numbers
 
 
 def _finite(cell: str) -> float:
     number = float(cell)
-    if not np.isfinite(number):
+    if not abs(number) < _LARGEST:
         raise ValueError
-    return number
+    return number if abs(number) > _SMALLEST else 0.0

@@ -56,9 +56,10 @@ def solve_nonlinear(
 
     assert model.start is not None
     unit = predict(Linear(1.0))
-    if not np.any(unit):
+    square = float(unit @ unit)
+    if not square > 0:
         raise ValueError(_not_told_apart(model))
-    near_linear = model.start(max(float(unit @ measured / (unit @ unit)), 1e-12))
+    near_linear = model.start(max(float(unit @ measured) / square, 1e-12))
     scale = np.maximum(np.abs(near_linear), 1e-12)
     inside = np.clip(near_linear if start is None else start, model.low, model.high)
     root = np.sqrt(weights)
@@ -102,11 +103,10 @@ def covariance_of(J: ndarray, weights: ndarray) -> ndarray:
     size = np.linalg.norm(root, axis=0)
     if not np.all(size > 0):
         raise ValueError("the data do not tell all parameters")
-    try:
-        inverse = linalg.inv(linalg.qr(root / size, mode="economic")[1])
-    except linalg.LinAlgError:
-        raise ValueError("the data do not tell the parameters apart") from None
-    inverse = inverse / size[:, None]
+    triangle = linalg.qr(root / size, mode="economic")[1]
+    if not np.all(np.abs(np.diag(triangle)) > _SINGULAR):
+        raise ValueError("the data do not tell the parameters apart")
+    inverse = np.linalg.inv(triangle) / size[:, None]
     return inverse @ inverse.T
 
 

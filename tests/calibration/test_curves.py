@@ -44,6 +44,7 @@ def test_units_that_are_given_count_more_than_those_of_the_file(tmp_path):
         ("force (N),displacement (mm)\n", "there are no points"),
         ("force (N),displacement (mm)\n1,2\n1\n", "row 3: '1' lacks a finite number"),
         ("force (N),displacement (mm)\nnan,2\n", "row 2: 'nan,2' lacks a finite"),
+        ("force (N),displacement (mm)\n1e200,2\n", "finite number below 1e"),
         ("displacement (mm)\n1\n", "no column 'force'"),
         ("force (N)\n1\n", "no column 'displacement' or 'shear angle'"),
     ],

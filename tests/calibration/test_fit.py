@@ -12,6 +12,7 @@ from skfem_textile.calibration import (
     fit_by_simulation,
     fit_shear,
 )
+from skfem_textile.calibration.least_squares import covariance_of
 from skfem_textile.calibration.report import shear_report, text
 
 QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
@@ -217,6 +218,12 @@ def test_bounds_that_leave_nothing_free_leave_no_band():
     fit = fit_shear([specimen(BIAS, QUINTIC)], bounds=bounds).fit
     assert fit.at_bound.all()
     assert fit.intervals.tolist() == [[0.5, 0.5], [0.1, 0.1], [0.9, 0.9]]
+
+
+def test_parameters_that_differ_by_rounding_alone_have_no_covariance():
+    x = np.linspace(0.0, 1.0, 50)
+    with pytest.raises(ValueError, match="do not tell the parameters apart"):
+        covariance_of(np.transpose([x, x * (1 + 1e-14 * x)]), np.ones(50))
 
 
 def test_the_report_is_readable():
