@@ -102,7 +102,11 @@ def tables_of(scene: SceneRegistration) -> tuple[Table, ...]:
         default = scene.defaults.get(option.name, option.default)
         return replace(option, default=default)
 
-    return tuple(replace(t, options=tuple(map(of_scene, t.options))) for t in tables)
+    def with_defaults(table: Table) -> Table:
+        options, parts = map(of_scene, table.options), map(with_defaults, table.parts)
+        return replace(table, options=tuple(options), parts=tuple(parts))
+
+    return tuple(map(with_defaults, tables))
 
 
 def options_of(scene: SceneRegistration) -> tuple[Option, ...]:

@@ -147,4 +147,4 @@ def _takes_long(file: Path) -> bool:
         return False  # no case: it is refused
 
 
-FAMILY = Family("case files", attempt, trials=500, short=25, seconds=_SECONDS)
+FAMILY = Family("case files", attempt, trials=2000, short=25, seconds=_SECONDS)
