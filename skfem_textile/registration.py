@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, Literal, TypeAlias, TypeVar
 
-#: Largest angle.  So far from zero it still has ten decimals; at 1e17 a turn by 45 is lost.
+#: Largest angle.  So far from zero it still has ten decimals; at 1e17 a turn by 45 is
+#: lost.
 MOST_DEGREES = 36_000.0
 
 

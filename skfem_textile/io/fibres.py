@@ -102,8 +102,8 @@ def _of_csv(content: bytes) -> FibreDirections:
     for i, row in lines[1:]:
         try:
             element, *both = (row[column] for column in columns)
-            warp, weft = map(number_of_text, both)
-            number = int(element) if number_of_text(element) else 0
+            _, warp, weft = map(number_of_text, (element, *both))
+            number = int(element)
         except (ValueError, IndexError):
             shown = excerpt(",".join(row))
             raise MeshError(
