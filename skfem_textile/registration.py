@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, Literal, TypeAlias, TypeVar
 
-# So far from zero an angle still has ten decimals; at 1e17 a turn by 45 is lost.
-_MOST_DEGREES = 36_000.0
+#: Largest angle.  So far from zero it still has ten decimals; at 1e17 a turn by 45 is
+#: lost.
+MOST_DEGREES = 36_000.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,6 +222,6 @@ def _degrees(word: str) -> float:
         number = math.nan
     if not math.isfinite(number):
         raise ValueError(f"{word!r} is no finite number")
-    if abs(number) > _MOST_DEGREES:
+    if abs(number) > MOST_DEGREES:
         raise ValueError(f"{word!r} is more than a hundred turns")
     return number

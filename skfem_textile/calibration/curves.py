@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric.files.table_file import ANGLE, HEADING, read_lines
-from ..mesh.user_input import excerpt
+from ..mesh.user_input import excerpt, number_of_text
 
 _LENGTH = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 _FORCE = {"N": 1.0, "kN": 1000.0, "cN": 0.01, "lbf": 4.4482216152605}
@@ -107,7 +107,11 @@ def _factor(file: str, name: str, unit: str) -> float:
     allowed = COLUMNS[name]
     if unit in allowed:
         return allowed[unit]
-    said = f"the unit {unit!r}, which is none" if unit else "no unit, which is one"
+    said = (
+        f"the unit '{excerpt(unit)}', which is none"
+        if unit
+        else "no unit, which is one"
+    )
     raise ValueError(
         f"{file}: the column {name!r} has {said} of {', '.join(allowed)}: name it in "
         f"the first row, like '{name} ({next(iter(allowed))})', or by an option"
@@ -123,7 +127,7 @@ def _numbers(
 ) -> list[float]:
     try:
         numbers = [
-            np.nan if gaps and not row[i].strip() else _finite(row[i]) * factor
+            np.nan if gaps and not row[i].strip() else _finite(row[i], factor)
             for i, factor in columns
         ]
     except (ValueError, IndexError):
@@ -134,8 +138,8 @@ def _numbers(
     return numbers
 
 
-def _finite(cell: str) -> float:
-    number = float(cell)
+def _finite(cell: str, factor: float) -> float:
+    number = number_of_text(cell) * factor
     if not abs(number) < _LARGEST:
         raise ValueError
     return number if abs(number) > _SMALLEST else 0.0

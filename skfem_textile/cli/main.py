@@ -13,6 +13,7 @@ from ..scenes import SCENES
 from ..scenes.shear_test import ShearTest
 from .case.build import case_of
 from .case.file import CaseFileError, in_file_words, read_case_file
+from .case.laws import IN_COMPRESSION, OF_WEFT
 from .case.options import options_of, tables_of
 from .case.text import case_text
 from .case.written import WrittenCase
@@ -82,7 +83,8 @@ def _run(arguments: Sequence[str]) -> int:
             return _run_file(Path(options.scene), options)
         given = {o.key: _given(o, options) for o in own[options.scene]}
         said = {"scene": options.scene, "regions": {}, "pictures": True}
-        return _run_case(given | said, options)
+        parts = dict.fromkeys((OF_WEFT, IN_COMPRESSION))
+        return _run_case(given | parts | said, options)
     finally:
         say("", end="")  # flushes what argparse printed
 
@@ -121,7 +123,7 @@ def _given(option: Option, options: argparse.Namespace) -> Any:
 def _init(scene: str, file: Path) -> int:
     """Write a case file of a scene, with all defaults and comments."""
     tables = tables_of(SCENES[scene])
-    values = {option.key: option.default for t in tables for option in t.options}
+    values = {key: value for t in tables for key, value in t.nothing.items()}
     _, values = case_of({**values, "scene": scene, "regions": {}})
     head = f"# A case: skfem-textile run {file.name} --out results"
     text = case_text(tables, values, head)

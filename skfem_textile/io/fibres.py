@@ -13,7 +13,7 @@ from skfem import Mesh
 from ..fabric.directions.per_element import FibreDirections
 from ..mesh.checks import MeshError
 from ..mesh.splitting import original_elements
-from ..mesh.user_input import excerpt, printable
+from ..mesh.user_input import excerpt, number_of_text, printable
 from ..solve.result import Result
 from . import vtu
 from .decks.orientations import read_directions as deck_directions
@@ -102,7 +102,8 @@ def _of_csv(content: bytes) -> FibreDirections:
     for i, row in lines[1:]:
         try:
             element, *both = (row[column] for column in columns)
-            number, (warp, weft) = int(element), map(float, both)
+            _, warp, weft = map(number_of_text, (element, *both))
+            number = int(element)
         except (ValueError, IndexError):
             shown = excerpt(",".join(row))
             raise MeshError(

@@ -42,6 +42,20 @@ def real_numbers(what: str, value: Any) -> ndarray:
     raise ValueError(f"{what} must be real numbers, got {_shortened(value)}")
 
 
+def number_of_text(text: str) -> float:
+    """The number that a cell of a table holds, in decimal digits.
+
+    Raises
+    ------
+    ValueError
+        If it holds none, or is written as only Python reads it: ``1_000``, or with the
+        digits of another script.
+    """
+    if "_" in text or not text.isascii():
+        raise ValueError(f"{excerpt(text)!r} is no number")
+    return float(text)
+
+
 def printable(text: object) -> str:
     """Foreign text in one line, with control characters as escape codes."""
     return "".join(

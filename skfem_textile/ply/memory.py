@@ -1,5 +1,7 @@
 """What stabilising terms remember of a state."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy import ndarray
 from skfem import CellBasis, asm
@@ -7,7 +9,7 @@ from skfem.assembly.form.form import FormExtraParams
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
-from ..fabric.law import mean_slope
+from ..fabric.law import Law, mean_slope
 from ..forms.form import directions, elements, fibre_tension
 from ..forms.held_stiffness import (
     deviation_stiffness,
@@ -107,6 +109,17 @@ class HeldStiffness:
         mean_strain = np.log(mean(w, np.array([kin.stretch(F, a) for a in A])))
         return E, fibre_tension(of_elements(self._fabric, elements(w)), mean_strain)
 
+    def _shear(
+        self,
+        stiffness: Callable[[Law, ndarray], ndarray],
+        w: FormExtraParams,
+        F: ndarray,
+        A: tuple[ndarray, ndarray],
+    ) -> ndarray:
+        """The mean of a stiffness of the shear law."""
+        law = self._fabric.at(elements(w)).shear_law
+        return mean(w, stiffness(law, kin.shear_angle(F, *A)))
+
 
 class HeldStabilisation(HeldStiffness):
     """C_s of `hourglass`: `stabilisation_stiffness` of warp and weft together.
@@ -128,8 +141,7 @@ class HeldStabilisation(HeldStiffness):
     def _of_state(
         self, w: FormExtraParams, F: ndarray, A: tuple[ndarray, ndarray]
     ) -> ndarray:
-        law = self._fabric.at(elements(w)).shear_law
-        G = mean(w, shear_stiffness(law, kin.shear_angle(F, *A)))
+        G = self._shear(shear_stiffness, w, F, A)
         E, T = self._fibres(w, F, A)
         C_s = stabilisation_stiffness(
             G,
@@ -162,8 +174,7 @@ class HeldDeviation(HeldStiffness):
     def _of_state(
         self, w: FormExtraParams, F: ndarray, A: tuple[ndarray, ndarray]
     ) -> ndarray:
-        law = self._fabric.at(elements(w)).shear_law
-        G = mean(w, further_shear_stiffness(law, kin.shear_angle(F, *A)))
+        G = self._shear(further_shear_stiffness, w, F, A)
         E, T = self._fibres(w, F, A)
         return deviation_stiffness(self._multiple, G, E, T)
 

@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 from command_line import MESH, QUICK, refused
 
-from skfem_textile import CrimpToe, Fabric, Force, Linear, Sin2, TensionOnly
+from skfem_textile import (
+    Asymmetric,
+    CrimpToe,
+    Fabric,
+    Force,
+    Linear,
+    Pretensioned,
+    Sin2,
+    Tabulated,
+    TensionOnly,
+)
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.case import CaseFileError, case_from_file, case_from_tables
 from skfem_textile.fabric.directions import FibreDirections, directions_of
@@ -184,7 +194,12 @@ def test_the_written_case_has_every_default(tmp_path):
         "scene": {"name": "strip", "rotate_deg": 0.0},
         "mesh": {"source": "irregular", "size": [3, 4], "jitter": 0.3, "seed": 1},
         "fabric": {},
-        "tension": {"law": "linear", "stiffness_N_per_mm": 1e4, "compression": "law"},
+        "tension": {
+            "law": "linear",
+            "stiffness_N_per_mm": 1e4,
+            "compression": "law",
+            "pretension_N_per_mm": 0.0,
+        },
         "shear": {"law": "linear", "stiffness_N_per_mm": 1.0},
         "formulation": {"name": "macro", "cs_N_per_mm": 10.0},
         "loads": {"force_N": {}},
@@ -273,6 +288,15 @@ def test_a_region_has_laws_and_fibres_of_its_own(tmp_path):
         ("rotate_deg = 20", "rotate_deg = inf", "scene.rotate_deg: 'inf' is no finite"),
         ("rotate_deg = 20", "bend_deg = 20", "scene has no key 'bend_deg'"),
         ('"specimen"', '"speciment"', "scene.name is 'speciment': it must be one of"),
+        ("[shear]", "[tension.weft]\ntoe = 1\n[shear]", "weft: tension.toe goes with"),
+        ("[shear]", "[tension.wefd]\n[shear]", "'wefd'; the nearest is 'weft'"),
+        ("[shear]", "[tension.in_compression]\n[shear]", "in_compression is a law: le"),
+        ("[shear]", "[tension.weft.weft]\n[shear]", "tension.weft has no key 'weft'"),
+        (
+            'compression = "none"',
+            "pretension_N_per_mm = -1",
+            "tension pretension must be a finite number >= 0",
+        ),
         ("toe = 0.004\n", "", "tension.law crimp-toe needs tension.toe"),
         ("toe = 0.004", "toe = -1", "toe must be a finite number > 0, got -1.0"),
         ('"crimp-toe"', '"linear"', "tension.toe goes with tension.law crimp-"),
@@ -360,3 +384,55 @@ def test_functions_are_refused(tmp_path):
     tables = {"scene": {"name": "strip"}, "shear": {"law": lambda x: x}}
     with pytest.raises(CaseFileError, match=r"shear\.law is a function, which a case"):
         case_from_tables(tables)
+
+
+FIBRES = """
+pretension_N_per_mm = 0.1
+[tension.in_compression]
+stiffness_N_per_mm = 3
+[tension.weft]
+law = "tables/tension.csv"
+extrapolation = "linear"
+compression = "none"
+pretension_N_per_mm = 0.2
+"""
+
+
+def test_warp_and_weft_have_laws_of_their_own_and_pretension(tmp_path):
+    """On triangles, rotated, and again from the case that the run leaves."""
+    text = SPECIMEN.replace('compression = "none"', FIBRES)
+    text = text.replace("size = [3, 7]", 'source = "delaunay"\nsize = [3, 7]')
+    file = written(tmp_path, text)
+    (tmp_path / "tables" / "tension.csv").write_text(
+        "fibre strain (-),tension (N/mm)\n0,0\n0.01,10\n0.05,100\n"
+    )
+    fabric = case_from_file(file).fabric
+    crimped = CrimpToe(1000, 0.004, 10)
+    assert fabric.families[0].tension == Pretensioned(
+        Asymmetric(crimped, Linear(3.0)), 0.1
+    )
+    table = Tabulated((0.0, 0.01, 0.05), (0.0, 10.0, 100.0), "linear")
+    assert fabric.families[1].tension == Pretensioned(TensionOnly(table), 0.2)
+    assert run(file, tmp_path / "a") == 0
+    shutil.rmtree(tmp_path / "tables")
+    assert run(tmp_path / "a" / "case.toml", tmp_path / "b") == 0
+    for name in ("case.toml", "history.csv", "curve.csv"):
+        assert (tmp_path / "a" / name).read_bytes() == (
+            tmp_path / "b" / name
+        ).read_bytes()
+
+
+def test_a_region_has_the_defaults_of_its_scene(tmp_path):
+    """A table of shear in a region, where the scene has a stiffness of its own."""
+    mesh = rectangle(50, 100, (4, 8), "aligned")
+    named = mesh.with_subdomains({"patch": lambda x: x[1] > 60})
+    named.save(tmp_path / "two.vtk", encode_cell_data=True, encode_point_data=False)
+    (tmp_path / "shear.csv").write_text(SHEAR)
+    file = tmp_path / "regions.toml"
+    old = 'law = "sin2"\nstiffness_N_per_mm = 7\n'
+    assert old in REGIONS
+    file.write_text(REGIONS.replace(old, 'law = "shear.csv"\ncontinuation = "odd"\n'))
+    case = case_from_file(file)
+    patch = case.scene.mesh.subdomains["patch"]
+    law = case.fabric.at(np.array([[patch[0]]])).shear_law
+    assert law.value(np.radians([[30.0]])) == pytest.approx(0.1)

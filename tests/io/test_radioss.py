@@ -68,7 +68,9 @@ def test_law158_couples_logarithmic_springs(tmp_path):
         card(c0_2=0.0),
         *(card(c0_1=3), card(c0_1=3, c2_2=2.0), card(c0_1=4)),
     ]
-    law = read_fabric(rad(tmp_path, *lines, *FUNCTION, *TURN), 0.5).fabric.tensions
+    found = read_fabric(rad(tmp_path, *lines, *FUNCTION, *TURN), 0.5)
+    assert any("Fscale" in sentence for sentence in found.not_taken)
+    law = found.fabric.tensions
     assert (law.coupling, law.springs, law.crimp) == (1.5, (2.0, 0.5), (0.05, 0.04))
     assert np.isfinite(law.value(np.array([[0.02], [0.01]]))).all()
 

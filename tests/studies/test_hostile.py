@@ -70,7 +70,7 @@ def started(*words, **options):
     "families",
     [
         ("--family", "conditions", "case files"),
-        ("--family", "deck inp", "deck rad"),
+        ("--family", "deck inp", "deck rad", "tables"),
         pytest.param((), id="all", marks=pytest.mark.long),
     ],
 )

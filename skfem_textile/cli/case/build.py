@@ -1,6 +1,6 @@
 """The case that values describe."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...fabric import Fabric, Law
-from ...fabric.laws.one_sided import with_compression
+from ...fabric.laws.one_sided import Asymmetric, with_compression
+from ...fabric.laws.pretensioned import with_pretension
 from ...fabric.regions import fabric_of_regions
 from ...mesh.user_input import printable
 from ...ply.formulations import FORMULATIONS
@@ -17,7 +18,15 @@ from ...registration import Registration, Resistance
 from ...scenes import SCENES, Scene
 from ...scenes.case import Case
 from ..fibres.from_files import from_files
-from .laws import PREFIXES, law_name, law_table, laws_of, own_options
+from .laws import (
+    IN_COMPRESSION,
+    OF_WEFT,
+    PREFIXES,
+    law_name,
+    law_table,
+    laws_of,
+    own_options,
+)
 from .mesh import scene_of
 
 # Name of the subdomain of elements that are in no region.
@@ -48,6 +57,8 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
     scene, values = scene_of(values)
     chosen = _chosen("formulation", values["formulation"], FORMULATIONS, values)
     fabric = _fabric(scene, values, (scene.warp, scene.weft))
+    if values["fabric"] is not None:
+        _refuse_parts(values)
     laws = [option for of in PREFIXES for option in law_table(of).options]
     scene, fabric = from_files(values, scene, fabric, laws)
     if values["regions"]:
@@ -67,7 +78,56 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
 
 
 def _fabric(scene: Scene, values: Mapping[str, Any], fibres: Any) -> Fabric:
-    return Fabric(_law("tension", values), _law("shear", values), *fibres)
+    return Fabric(_tension(values), _law("shear", values), *fibres)
+
+
+def _refuse_parts(values: Mapping[str, Any]) -> None:
+    for part in law_table("tension").parts:
+        if values[part.entry] is not None:
+            raise ValueError(
+                f"tension.{part.name} is a law, but --fabric names a file that has "
+                "all: leave one of them out"
+            )
+
+
+def _tension(values: Mapping[str, Any]) -> Any:
+    """The law of the fibres, or one of the warp and one of the weft."""
+    law = _of_fibres(values)
+    if values[OF_WEFT] is None:
+        return law
+    return law, _of_part("weft", OF_WEFT, _of_fibres, values)
+
+
+def _of_fibres(values: Mapping[str, Any]) -> Law:
+    """The law of fibres, with what they do in compression and their pretension."""
+    law, word = _law("tension", values), values["fibre_compression"]
+    other = None
+    if values[IN_COMPRESSION] is not None:
+        if word != "law":
+            raise ValueError(
+                f"--fibre-compression is {word}, but in_compression is a law: leave "
+                "one of them out"
+            )
+        plain = partial(_law, "tension")
+        other = _of_part("in_compression", IN_COMPRESSION, plain, values)
+    try:
+        both = with_compression(law, word) if other is None else Asymmetric(law, other)
+        return with_pretension(both, values["fibre_pretension"])
+    except ValueError as error:
+        raise ValueError(f"tension {error}") from None
+
+
+def _of_part(
+    part: str,
+    entry: str,
+    make: Callable[[Mapping[str, Any]], Law],
+    values: Mapping[str, Any],
+) -> Law:
+    """The law that a table within that of the tension says."""
+    try:
+        return make({**values, **values[entry]})
+    except ValueError as error:
+        raise ValueError(f"{part}: {error}") from None
 
 
 def _with_regions(scene: Scene, fabric: Fabric, values: Mapping[str, Any]) -> Fabric:
@@ -109,19 +169,13 @@ def _law(of: Resistance, values: Mapping[str, Any]) -> Law:
             raise ValueError(f"--{of}-law {name} needs --{prefix}{option.name}")
     if not laws[name].suffix:
         try:
-            return _in_compression(of, build(), values)
+            return build()
         except ValueError as error:
             raise ValueError(f"{of} {error}") from None
     try:
-        return _in_compression(of, build(path=word, of=of), values)
+        return build(path=word, of=of)
     except (ValueError, OSError) as error:
         raise ValueError(f"--{of}-law {printable(error)}") from None
-
-
-def _in_compression(of: Resistance, law: Law, values: Mapping[str, Any]) -> Law:
-    return (
-        with_compression(law, values["fibre_compression"]) if of == "tension" else law
-    )
 
 
 def _chosen(

@@ -10,7 +10,7 @@ from typing import Any
 
 from ...mesh.user_input import excerpt, printable
 from ...registration import Option
-from .laws import FIBRES, PREFIXES, law_table
+from .laws import FIBRES, PREFIXES
 from .table import Table, Tables
 
 # Tables beside those of options.
@@ -86,9 +86,10 @@ def values_of(
         given = _table(table.name, content.get(table.name, {}))
         also = ["name"] if table.name == _SCENE else []
         values |= _of_table(table, table.name, given, folder, also)
+    laws = [table for table in tables if table.name in PREFIXES]
     regions = _table(_REGIONS, content.get(_REGIONS, {}))
     values[_REGIONS] = {
-        name: _region(f"{_REGIONS}.{printable(name)}", given, values, folder)
+        name: _region(f"{_REGIONS}.{printable(name)}", given, values, folder, laws)
         for name, given in regions.items()
     }
     return values
@@ -141,19 +142,22 @@ def _scene(content: Mapping[str, Any], scenes: Iterable[str]) -> str:
 
 
 def _region(
-    where: str, given: Any, values: dict[str, Any], folder: Path
+    where: str,
+    given: Any,
+    values: dict[str, Any],
+    folder: Path,
+    laws: Sequence[Table],
 ) -> dict[str, Any]:
     """What is other in a region: laws that are not given are those of the ply."""
     given = _table(where, given)
     fibres = Table(where, FIBRES)
-    laws = [law_table(of) for of in PREFIXES]
     found = _of_table(fibres, where, given, folder, [law.name for law in laws])
     for law in laws:
         if law.name in given:
             own = _table(f"{where}.{law.name}", given[law.name])
             found |= _of_table(law, f"{where}.{law.name}", own, folder)
         else:
-            found |= {option.key: values[option.key] for option in law.options}
+            found |= {key: values[key] for key in law.nothing}
     return found
 
 
@@ -168,7 +172,8 @@ def _of_table(
     import msgspec  # not needed without a case file
 
     keys = {table.key(option): option for option in table.options}
-    _refuse_unknown(where, given, [*keys, *also])
+    parts = {part.name: part for part in table.parts}
+    _refuse_unknown(where, given, [*keys, *parts, *also])
     own = {key: value for key, value in given.items() if key in keys}
     fields = [(key, _type(o) | None, None) for key, o in keys.items()]
     shape = msgspec.defstruct("Table", fields, kw_only=True)
@@ -176,12 +181,16 @@ def _of_table(
         read = msgspec.convert(own, shape)
     except (msgspec.ValidationError, OverflowError) as error:
         raise ValueError(_worded(where, str(error))) from None
-    return {
-        option.key: _value(f"{where}.{key}", option, getattr(read, key), folder)
-        if key in own
-        else option.default
-        for key, option in keys.items()
-    }
+    values = table.nothing
+    for key in own:
+        option = keys[key]
+        found = _value(f"{where}.{key}", option, getattr(read, key), folder)
+        values[option.key] = found
+    for name in parts.keys() & given.keys():
+        part, inner = parts[name], f"{where}.{name}"
+        own = _table(inner, given[name])
+        values[part.entry] = _of_table(part, inner, own, folder)
+    return values
 
 
 def _type(option: Option) -> Any:

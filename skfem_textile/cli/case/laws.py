@@ -8,11 +8,15 @@ from pathlib import Path
 from ...fabric.laws import LAWS
 from ...fabric.laws.linear import STIFFNESS
 from ...fabric.laws.one_sided import COMPRESSION
+from ...fabric.laws.pretensioned import PRETENSION
 from ...registration import LawRegistration, Option, Registration, Resistance, angle
 from .table import Table
 
 # What the names of the options of tension and shear laws begin with.
 PREFIXES: dict[Resistance, str] = {"tension": "fibre-", "shear": "shear-"}
+
+#: Entries of laws within the table of the tension.
+OF_WEFT, IN_COMPRESSION = "weft_tension", "tension_in_compression"
 
 # Parameters whose default is another for tension.
 _OF_FIBRES = {STIFFNESS: replace(STIFFNESS, default=1e4, metavar="E")}
@@ -44,6 +48,20 @@ def law_name(of: Resistance, word: str) -> str | None:
 
 def law_table(of: Resistance) -> Table:
     """The table of the law of tension or of shear."""
+    if of == "shear":
+        return _law_table(of, of)
+    compressed = replace(
+        _law_table(of, "in_compression"),
+        entry=IN_COMPRESSION,
+        about="the law of the fibres for negative strain",
+    )
+    beside = COMPRESSION, PRETENSION
+    fibres = replace(_law_table(of, of, beside), parts=(compressed,))
+    weft = replace(fibres, name="weft", entry=OF_WEFT, about="the law of the weft")
+    return replace(fibres, parts=(compressed, weft))
+
+
+def _law_table(of: Resistance, name: str, beside: tuple[Option, ...] = ()) -> Table:
     laws, prefix = laws_of(of), PREFIXES[of]
     word = Option(
         name=f"{of}-law",
@@ -53,7 +71,6 @@ def law_table(of: Resistance) -> Table:
         metavar="LAW",
         names_file=lambda word: _is_law_file(of, word),
     )
-    beside: tuple[Option, ...] = (COMPRESSION,) if of == "tension" else ()
     every = (*own_options(laws), *beside)
 
     def applies(chosen: str, option: Option) -> bool:
@@ -62,7 +79,7 @@ def law_table(of: Resistance) -> Table:
         return option.name in {prefix + one.name for one in own}
 
     named = (replace(option, name=prefix + option.name) for option in every)
-    return Table(of, (word, *named), "law", prefix, applies)
+    return Table(name, (word, *named), "law", prefix, applies)
 
 
 def own_options(among: Mapping[str, Registration]) -> tuple[Option, ...]:

@@ -4,6 +4,7 @@ A case is described by *values*: a mapping with a value for each option, by its 
 The options stand in tables, which are the tables of a case file.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +26,16 @@ _IN_FILE: dict[str, dict[str, Any]] = {
     "cs": {"unit": "N_per_mm", "in_file": float | str},
 }
 
+
+def _names(
+    name: str, what: str, among: Iterable[str], metavar: str, words: str
+) -> Option:
+    """An option that takes some names."""
+    names = tuple(among)
+    said = f"{what}, of {', '.join(names)}"
+    return Option(name=name, help=said, choices=names, metavar=metavar, words=words)
+
+
 _STEPPING = (
     Option(name="steps", help="load steps", default=20, read=int),
     Option(
@@ -41,21 +52,13 @@ _STEPPING = (
         read=int,
         metavar="N",
     ),
-    Option(
-        name="strategy",
-        help=f"what a step tries, in this order, of {', '.join(STRATEGIES)}",
+    replace(
+        _names("strategy", "what a step tries, in this order", STRATEGIES, "NAME", "+"),
         default=list(DEFAULT_STRATEGIES),
-        choices=tuple(STRATEGIES),
-        metavar="NAME",
-        words="+",
     ),
-    Option(
-        name="warn-only",
-        help=f"checks that do not refuse a state, of {', '.join(CHECKS)}",
+    replace(
+        _names("warn-only", "checks that do not refuse a state", CHECKS, "CHECK", "*"),
         default=list(DEFAULT_WARN_ONLY),
-        choices=tuple(CHECKS),
-        metavar="CHECK",
-        words="*",
     ),
     Option(
         name="solver",
@@ -102,7 +105,11 @@ def tables_of(scene: SceneRegistration) -> tuple[Table, ...]:
         default = scene.defaults.get(option.name, option.default)
         return replace(option, default=default)
 
-    return tuple(replace(t, options=tuple(map(of_scene, t.options))) for t in tables)
+    def with_defaults(table: Table) -> Table:
+        options, parts = map(of_scene, table.options), map(with_defaults, table.parts)
+        return replace(table, options=tuple(options), parts=tuple(parts))
+
+    return tuple(map(with_defaults, tables))
 
 
 def options_of(scene: SceneRegistration) -> tuple[Option, ...]:

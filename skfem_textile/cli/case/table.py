@@ -23,6 +23,11 @@ class Table:
         What the names of the others begin with, which is left out in the file.
     applies
         Whether an option says anything beside what is chosen: ``(word, option)``.
+    parts
+        Tables within it, each of which may be left out.
+    entry, about
+        Of a table within another, its key among the values, where it is a mapping or
+        None, and what it is, for a comment.
     """
 
     name: str
@@ -30,6 +35,9 @@ class Table:
     chooser: str = ""
     prefix: str = ""
     applies: Callable[[str, Option], bool] = lambda word, option: True
+    parts: tuple["Table", ...] = ()
+    entry: str = ""
+    about: str = ""
 
     def key(self, option: Option) -> str:
         """What an option is called in the file, with its unit."""
@@ -37,6 +45,12 @@ class Table:
             return self.chooser
         name = option.name.removeprefix(self.prefix).replace("-", "_")
         return f"{name}_{option.unit}" if option.unit else name
+
+    @property
+    def nothing(self) -> dict[str, Any]:
+        """Values of a table of which nothing is said."""
+        parts = dict.fromkeys(part.entry for part in self.parts)
+        return {option.key: option.default for option in self.options} | parts
 
     def given(self, values: Mapping[str, Any]) -> tuple[Option, ...]:
         """The options that say anything beside the values of a case."""

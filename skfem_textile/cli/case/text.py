@@ -47,12 +47,12 @@ def case_text(
             lines = [_comment(described(SCENES)), _line("name", values["scene"])]
         parts.append(_block(table.name, table, values, place, lines))
     for number, (name, region) in enumerate(values["regions"].items(), 1):
-        parts += _region(name, region, _of_region(place, number))
+        parts += _region(name, region, _of_part(place, f"region_{number}"))
     return "\n".join(parts)
 
 
-def _of_region(place: Place, number: int) -> Place:
-    return lambda key, name: place(f"region_{number}_{key}", name)
+def _of_part(place: Place, part: str) -> Place:
+    return lambda key, name: place(f"{part}_{key}", name)
 
 
 def _region(name: str, values: Mapping[str, Any], place: Place) -> list[str]:
@@ -83,6 +83,15 @@ def _block(
             lines += [comment, f"# {key} is not given"]
         else:
             lines += [comment, _line(key, value)]
+    for part in table.parts:
+        inner = f"{where}.{part.name}"
+        if values[part.entry] is None:
+            said = f"[{inner}] is not given: {part.about}"
+            tables += ["", _comment(said)]
+            continue
+        own, about = _of_part(place, part.name), [_comment(part.about)]
+        block = _block(inner, part, values[part.entry], own, about)
+        tables += ["", block.rstrip()]
     return "\n".join([*lines, *tables, ""])
 
 

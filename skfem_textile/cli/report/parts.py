@@ -97,7 +97,7 @@ def table(values: Any) -> str:
     """Names and values of a mapping."""
     if not isinstance(values, Mapping) or not values:
         return paragraph("The results do not tell.")
-    return _rows([(_text(name), _figure(value)) for name, value in values.items()])
+    return _rows([(_name(name), _figure(value)) for name, value in values.items()])
 
 
 def case(text: str | None) -> str:
@@ -150,6 +150,11 @@ def _figure(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     return _text("" if value is None else value)
+
+
+def _name(name: str) -> str:
+    """A name that a narrow screen breaks after an underscore."""
+    return _text(name).replace("_", "_<wbr>")
 
 
 def _text(value: Any) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from ...registration import MOST_DEGREES
 from ..fabric import Fabric
 
 
@@ -74,6 +75,8 @@ def _at_angles(degrees: ArrayLike) -> ndarray:
     given = np.asarray(degrees, dtype=float)
     if given.ndim != 1 or not np.isfinite(given).all():
         raise ValueError("angles must be finite numbers, one for each element")
+    if np.abs(given).max(initial=0.0) > MOST_DEGREES:
+        raise ValueError(f"angles must be at most {MOST_DEGREES:g}°, a hundred turns")
     turns = np.rint(given / 90.0)
     rest = np.radians(given - 90.0 * turns)
     c, s = np.cos(rest), np.sin(rest)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy import ndarray
 
-from ...mesh.user_input import excerpt, printable
+from ...mesh.user_input import excerpt, number_of_text, printable
 from ...registration import Resistance
 
 # What each column is called, and its units: how much a unit is in radians, strain, or
@@ -170,7 +170,7 @@ def _units(file: str, header: list[str], of: Resistance | None) -> tuple[float, 
 
 def _numbers(file: str, line: int, row: list[str]) -> tuple[float, float]:
     try:
-        x, y = map(float, row)
+        x, y = map(number_of_text, row)
     except ValueError:
         raise ValueError(
             f"{file}, row {line}: '{excerpt(','.join(row))}' is not two numbers"

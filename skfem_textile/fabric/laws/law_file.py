@@ -20,7 +20,7 @@ def _from_file(path: str, of: Resistance) -> Any:
 
 REGISTRATION = LawRegistration(
     name="FILE.json",
-    description="a law as `fit` writes it",
+    description="a law as `fit` or write_law writes it",
     build=_from_file,
     suffix=".json",
     rank=2,

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy import ndarray
 
-from ...registration import Resistance
+from ...registration import Option, Resistance
 from ..law import Law, domain_of
 from ..law_parameters import inner_law, number
 from ..law_plot import Drawn
@@ -109,3 +109,19 @@ class Pretensioned(Drawn):
 
     def _at(self, strain: float) -> float:
         return float(self.law.value(np.array([strain]))[0])
+
+
+#: The tension of fibres at rest.
+PRETENSION = Option(
+    name="pretension",
+    help="tension of the fibres at rest, by a stretch before",
+    default=0.0,
+    read=float,
+    metavar="T",
+    unit="N_per_mm",
+)
+
+
+def with_pretension(law: Law, tension: float) -> Law:
+    """The law as it is, or of fibres in tension at rest."""
+    return Pretensioned(law, tension) if tension else law

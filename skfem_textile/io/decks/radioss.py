@@ -2,8 +2,9 @@
 
 Fields and defaults are those of ``hm_read_mat58.F`` and ``hm_read_mat158.F``, formulas
 those of ``sigeps58c.F`` and ``sigeps158c.F``.  The force F(d) of a yarn there is per
-thickness; times the thickness it is that of `CrimpedYarns`.  The shear stress is taken
-in the axes that turn with both families, which makes the moment t τ(Γ).
+thickness; times the thickness it is that of `CrimpedYarns`.  The shear stress τ(Γ) is
+that in the orthogonal axes midway between the families (``mulawc.F90``).  Its power per
+reference area is t τ λ₁ λ₂ dΓ/dt, so that the moment is t τ where no fibre stretches.
 """
 
 import re
@@ -267,6 +268,11 @@ def _law158(
             not_taken.append(
                 f"fct_ID{i}: the crimp's spring of the {name} stays logarithmic"
             )
+    if any(f[f"Fscale{i}"] not in (0, 1) for i in (1, 2, 3)):
+        not_taken.append(
+            "Fscale: functions are scaled here as the format says; sigeps158c.F leaves "
+            "out the scales of forces and shear stress"
+        )
     yarns = [tables.yarn(f[f"fct_ID{i}"], f[f"Fscale{i}"])[0] for i in (1, 2)]
     _line_note(not_taken)
     springs = (scale * (f["Flex1"] or 1.0), scale * (f["Flex2"] or 1.0))

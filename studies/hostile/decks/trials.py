@@ -23,7 +23,7 @@ from ..trial import (
     is_clear,
     refused,
 )
-from . import plain_reader, sound_decks
+from . import plain_reader, sound_decks, tables
 
 # Thickness that is told, in mm.
 _THICKNESS = 0.25
@@ -182,6 +182,7 @@ def _shown(path: Path, damage: str, folder: Path) -> Finding:
 
 
 FAMILIES = (
-    Family("deck inp", _attempt_abaqus, 2500, 30),
-    Family("deck rad", _attempt_radioss, 1500, 30),
+    Family("deck inp", _attempt_abaqus, 3000, 30),
+    Family("deck rad", _attempt_radioss, 2000, 30),
+    tables.FAMILY,
 )

@@ -155,6 +155,7 @@ _LOADED = {
     "tension-law": Option(one_of("linear"), "linear"),
     **OF_OTHER_LAWS,
     "fibre-compression": Option(one_of("law", "none"), "law"),
+    "fibre-pretension": Option(float, 0.0),
     "force": Option(_force, [], "", "all"),
     "rotate": Option(_degrees, 0.0),
     "test-curve": Option(str, None),

@@ -26,6 +26,7 @@ def refuse_contradictions(line: RunLine) -> None:
         raise UnreadableError("there is a folder in the place of a file")
     _refuse_mesh(line)
     _refuse_numbers(values)
+    _refuse_stiffness(values["fibre-pretension"])
     if any(values[name] != one.default for name, one in OF_OTHER_LAWS.items()):
         raise UnreadableError("a parameter of another law")
     _refuse_formulation(values)
@@ -40,6 +41,8 @@ def may_be_refused(line: RunLine) -> bool:
     """Whether a run may be refused or not, because its numbers are extreme."""
     v = line.values
     names = "fibre-stiffness", "shear-stiffness", "cs", "deviation"
+    if v["fibre-pretension"]:  # which the law may not reach
+        return True
     numbers = [v[name] for name in names if v[name] not in (None, "auto", 0)]
     odd = any(not _SMALL < number < _LARGE for number in numbers)
     theta = v["warp"] if line.scene == "bias_extension" else 45.0

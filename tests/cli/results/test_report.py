@@ -11,7 +11,7 @@ from command_line import refused
 import skfem_textile
 from skfem_textile.cli import main as cli
 
-VOID = {"meta", "link", "img", "br"}
+VOID = {"meta", "link", "img", "br", "wbr"}
 RUN = ("--size", "2x4", "--steps", "2", "--no-render", "--shear-law", "sin2")
 NO_CURVE = "[scene]\nname = 'strip'\n[output]\ntest_curve = 'no.csv'"
 CURVE = "displacement (mm),force (N)\n0,0\n4,1\n8,3\n"

@@ -12,10 +12,18 @@ _LAW = {"law", "stiffness_N_per_mm"}
 _LAWS = {
     "tension": _LAW
     | {"toe", "initial_stiffness_N_per_mm", "bending_N_per_mm", "compression"}
-    | {"warp_crimp", "weft_crimp", "extrapolation", "continuation"},
+    | {"warp_crimp", "weft_crimp", "extrapolation", "continuation"}
+    | {"pretension_N_per_mm", "in_compression", "weft"},
     "shear": _LAW
     | {"locking_angle_deg", "coefficients_N_per_mm", "variable"}
     | {"extrapolation", "continuation"},
+}
+_PARTS = {
+    "tension": {
+        "in_compression": _LAWS["tension"]
+        - {"compression", "pretension_N_per_mm", "in_compression", "weft"},
+        "weft": _LAWS["tension"] - {"weft"},
+    }
 }
 _FIBRES = {"warp_deg", "weft_deg"}
 _SCENES = {
@@ -49,6 +57,10 @@ def unknown_keys(content: Mapping[str, Any]) -> list[str]:
             found.append(table)
         elif isinstance(values, dict):
             found += [f"{table}.{key}" for key in values if key not in known[table]]
+            for part, keys in _PARTS.get(table, {}).items():
+                own = values.get(part)
+                if isinstance(own, dict):
+                    found += [f"{table}.{part}.{k}" for k in own if k not in keys]
     return found
 
 
@@ -71,6 +83,12 @@ def sound_case(random: Random) -> str:
     toe = ['law = "crimp-toe"', "toe = 0.004", "initial_stiffness_N_per_mm = 10"]
     lines += ["[tension]", "stiffness_N_per_mm = 1000.0"]
     lines += random.choice(([], [*toe, 'compression = "none"']))
+    lines += random.choice(([], ["pretension_N_per_mm = 0.1"]))
+    weft = ["[tension.weft]", "stiffness_N_per_mm = 500.0"]
+    compressed = ["[tension.in_compression]", "stiffness_N_per_mm = 20.0"]
+    lines += random.choice(
+        ([], weft, weft if 'compression = "none"' in lines else compressed)
+    )
     lines += random.choice(
         (
             ["[shear]", 'law = "shear.csv"', 'continuation = "odd"'],

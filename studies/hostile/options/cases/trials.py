@@ -115,6 +115,11 @@ def _differences(where: str, given: Any, written: Any) -> Iterator[str]:
                 yield from _differences(f"{where}.{key}", value, written[key])
             elif value != {}:
                 yield f"{where}.{key} is not written"
+    elif isinstance(given, list) and isinstance(written, list):
+        if len(given) != len(written):
+            yield f"{where} is {written!r}, not {given!r}"
+        for one, other in zip(given, written, strict=False):
+            yield from _differences(where, one, other)
     elif isinstance(written, str) and written.startswith("case_files/"):
         return
     elif isinstance(given, int) and isinstance(written, float):
@@ -147,4 +152,4 @@ def _takes_long(file: Path) -> bool:
         return False  # no case: it is refused
 
 
-FAMILY = Family("case files", attempt, trials=500, short=25, seconds=_SECONDS)
+FAMILY = Family("case files", attempt, trials=2000, short=25, seconds=_SECONDS)
