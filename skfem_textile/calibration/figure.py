@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy import ndarray
 
-from ..plot.curves import COLOURS, save
-from ..plot.picture_files import picture_path
+from ..plot.curves import COLOURS
+from ..plot.picture_files import picture_path, save
 
 if TYPE_CHECKING:
     from .biaxial import TensionFit
