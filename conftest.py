@@ -12,12 +12,11 @@ import pytest
 ROOT = Path(__file__).parent
 MODULES_THAT_DRAW = (
     "skfem_textile/plot/*.py",
+    "skfem_textile/plot/renderers/*.py",
     "skfem_textile/*/figure.py",
     "studies/*/figure*.py",
 )
-MISSING = [
-    name for name in ("pyvista", "matplotlib", "imageio") if find_spec(name) is None
-]
+MISSING = [name for name in ("pyvista", "matplotlib") if find_spec(name) is None]
 
 
 class Undrawable(pytest.File):

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy import ndarray
 
-from ..plot.curves import COLOURS, save
-from ..plot.picture_files import picture_path
+from ..plot.curves import COLOURS
+from ..plot.picture_files import picture_path, save
 from .biaxial import FAMILIES, TensionFit
 from .shear import ShearFit
 

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 STOPPED_EARLY = 1
 
 
-def load(stepper: "Stepper", resume: bool, verbose: int) -> tuple[int, str]:
+def load(
+    stepper: "Stepper", resume: bool, verbose: int
+) -> tuple[int, str, StepError | None]:
     """Run with a progress bar on a terminal.
 
     Parameters
@@ -32,7 +34,7 @@ def load(stepper: "Stepper", resume: bool, verbose: int) -> tuple[int, str]:
     Returns
     -------
     tuple
-        Exit code, and a message for the end.
+        Exit code, a message for the end, and the error that stopped the run.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
@@ -59,12 +61,12 @@ def load(stepper: "Stepper", resume: bool, verbose: int) -> tuple[int, str]:
         try:
             stepper.run(resume=resume)
         except StepError as error:
-            return STOPPED_EARLY, str(error)
+            return STOPPED_EARLY, str(error), error
         except KeyboardInterrupt:
             if not stepper.states:
                 raise
-            return INTERRUPTED, _interrupted(stepper)
-    return 0, ""
+            return INTERRUPTED, _interrupted(stepper), None
+    return 0, "", None
 
 
 def _interrupted(stepper: "Stepper") -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from .. import __version__
 from ..mesh.user_input import printable
 from ..scenes.case import Case
-from ..solve.result import Result
+from ..solve.result import Result, StepError
 from ..solve.states import ErrorEstimate
 from ..solve.stepper import LoadStepper
 from ..solve.stepping.adaptive.rounds import MOST_UNKNOWNS
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from .progress import Stepper
 
 # Every picture that a run may draw.
-_PICTURES = (*pictures.PICTURES, *pictures.OF_SHEAR_TESTS)
+_PICTURES = (*pictures.PICTURES, *pictures.OF_SHEAR_TESTS, pictures.REFUSED)
 
 
 def run(
@@ -70,7 +70,7 @@ def run(
     tables = ("summary.json", "history.csv", CURVE)
     files = (*tables, *WRITTEN_FILES, *io.DRAPED, *fields, *_PICTURES)
     results = ResultFolder(options.out, files)
-    code, said = load(stepper, options.resume is not None, options.verbose)
+    code, said, refusal = load(stepper, options.resume is not None, options.verbose)
     result = stepper.result
     said_before = {
         "inputs": {"version": __version__, **values},
@@ -100,7 +100,7 @@ def run(
     if (
         case.pictures
         and code != INTERRUPTED
-        and not _draw(case, result, test, options.out)
+        and not _draw(case, refusal or result, test, options.out)
     ):
         code = INTERRUPTED
     del summary["inputs"], summary["versions"]
@@ -174,16 +174,14 @@ def _say(key: str, value: Any) -> None:
         say(f"{key:34}{shown}")
 
 
-def _draw(case: Case, result: Result, test: "Curve | None", out: Path) -> bool:
+def _draw(case: Case, run: Result | StepError, test: "Curve | None", out: Path) -> bool:
     """Draw pictures, or print in one line why not; False after an interruption.
 
     The numbers are already written.
     """
     try:
         with ResultFolder(out, _PICTURES) as folder:
-            pictures.draw(case.scene, result, test, folder)
-    except ImportError as error:
-        say(f"no pictures: {printable(error)}; pip install 'skfem-textile[plot]'")
+            pictures.draw(case.scene, run, test, folder)
     except Exception as error:
         say(f"no pictures: {printable(error)}")
     except KeyboardInterrupt:

@@ -1,19 +1,31 @@
-"""Pictures of meshes and results, drawn off screen."""
+"""Pictures of meshes and results: pixels by pyvista, vectors by matplotlib."""
 
-from .before import mesh_and_fibres
-from .pictures import (
-    animation,
-    contact_sheet,
-    fibre_directions,
-    fibre_strain,
-    shear_angle,
-)
+try:
+    from .animation import animation
+    from .before import mesh_and_fibres
+    from .fields import FIELDS, Field
+    from .pictures import (
+        contact_sheet,
+        fibre_directions,
+        fibre_strain,
+        field,
+        shear_angle,
+        verdict,
+    )
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        f"{error}: pip install 'skfem-textile[plot]'", name=error.name
+    ) from None
 
 __all__ = [
+    "FIELDS",
+    "Field",
     "animation",
     "contact_sheet",
     "fibre_directions",
     "fibre_strain",
+    "field",
     "mesh_and_fibres",
     "shear_angle",
+    "verdict",
 ]

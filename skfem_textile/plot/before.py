@@ -1,28 +1,34 @@
 """The picture of a mesh and its fibres before a run."""
 
 import os
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pyvista as pv
 from numpy import ndarray
 from skfem import Mesh
 
 from ..fabric.directions.per_element import FibreDirections
 from ..mesh.splitting import original_elements
-from .drawing import View, decorate, empty_panels, write_png
-from .fibres import add_fibres, add_legend
-from .offscreen import require_offscreen
-from .picture_files import picture_path
+from .drawing import draw
+from .lines import WARP, WEFT
+from .sheet import Fibres, Legend, Panel, Shape, Sheet, extent
 
-_CELLS = {3: pv.CellType.TRIANGLE, 4: pv.CellType.QUAD}
+if TYPE_CHECKING:
+    import pyvista as pv
+    from matplotlib.figure import Figure
 
 
 def mesh_and_fibres(
     mesh: Mesh,
     directions: FibreDirections,
     filename: str | os.PathLike[str] | None = None,
-) -> pv.Plotter:
+    plotter: "pv.Plotter | None" = None,
+    show_edges: bool | None = None,
+    size: float | tuple[float, float] | None = None,
+) -> "pv.Plotter | Figure":
     """A mesh with warp (blue) and weft (red) in each element, before any run.
+
+    Of elements that are closer than 2.5 mm on the picture some have lines.
 
     Parameters
     ----------
@@ -30,48 +36,34 @@ def mesh_and_fibres(
         The mesh; of a split or cut mesh the user's elements are drawn.
     directions
         Directions in these elements.
-    filename
-        Where to write a PNG.
+    filename, plotter, show_edges, size
+        As for `skfem_textile.plot.field`.
 
     Returns
     -------
-    pyvista.Plotter
-        The plotter, off screen, for further drawing.
+    pyvista.Plotter or matplotlib.figure.Figure
+        As `skfem_textile.plot.field`.
 
     Raises
     ------
-    RuntimeError
-        If nothing can be drawn off screen here; the message says what to install.
+    ImportError, RuntimeError, FileNotFoundError
+        As `skfem_textile.plot.field`.
     ValueError
-        If there is not one direction for each element, or the name has another suffix
-        than .png.
-    FileNotFoundError
-        If the folder of the file does not exist.
+        As `skfem_textile.plot.field`, or if there is not one direction for each
+        element.
     """
-    path = None if filename is None else picture_path(filename)
     cells, _ = original_elements(mesh)
     n_elements, n = sum(cell.shape[1] for cell in cells), directions.warp.shape[1]
     if n != n_elements:
         raise ValueError(f"{n} directions for {n_elements} elements")
-    require_offscreen()
-    ply = _grid(cells, mesh.p)
-    view = View.of([ply])
-    plotter = empty_panels(view, 1, 1, slice(None))
-    plotter.subplot(0, 0)
-    unit = [v / np.hypot(*v) for v in (directions.warp, directions.weft)]
-    warp, weft = (np.pad(v, ((0, 1), (0, 0))).T for v in unit)
-    add_fibres(plotter, ply, warp, weft, view)
-    decorate(plotter, f"Mesh and fibres, {n} elements", view)
-    add_legend(plotter)
-    if path is not None:
-        write_png(plotter, path)
-    return plotter
+    shape = Shape(np.pad(mesh.p, ((0, 1), (0, 0))).T, cells)
+    fibres = Fibres(_unit(directions.warp), _unit(directions.weft))
+    panel = Panel(f"Mesh and fibres, {n} elements", shape, fibres=fibres)
+    keys = [("Warp", WARP), ("Weft", WEFT)]
+    sheet = Sheet([[panel]], [Legend(0, 1, keys=keys)], extent([shape]), show_edges)
+    return draw(sheet, filename, plotter, size)
 
 
-def _grid(cells: tuple[ndarray, ...], p: ndarray) -> pv.UnstructuredGrid:
-    """Elements in their order."""
-    rows = [np.pad(cell, ((1, 0), (0, 0)), constant_values=len(cell)) for cell in cells]
-    kinds = [np.full(cell.shape[1], _CELLS[len(cell)]) for cell in cells]
-    listed = np.concatenate([row.T.ravel() for row in rows])
-    points = np.pad(p, ((0, 1), (0, 0))).T
-    return pv.UnstructuredGrid(listed, np.concatenate(kinds), points)
+def _unit(vectors: ndarray) -> ndarray:
+    """Columns of plane vectors as rows of unit vectors in space."""
+    return np.pad(vectors / np.hypot(*vectors), ((0, 1), (0, 0))).T

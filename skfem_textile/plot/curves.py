@@ -3,17 +3,20 @@
 import os
 from collections.abc import Mapping
 from itertools import cycle
-from pathlib import Path
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
-from .picture_files import picture_path
+from .layout import TITLE, default_width
+from .picture_files import picture_path, save
 
 # Okabe and Ito's colours, told apart with any kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+
+# Least height of a figure in inches.  Chosen by eye: room for the legend.
+_LEAST_HEIGHT = 2.5
 
 
 def curves(
@@ -31,7 +34,7 @@ def curves(
     xlabel, ylabel
         What is on the axes, with units.
     filename
-        Where to write a PNG.
+        Where to write a PNG, or vectors: .svg, .pdf or .eps.
 
     Raises
     ------
@@ -50,19 +53,25 @@ def curves(
     style = {
         "axes.spines.top": False,
         "axes.spines.right": False,
-        "font.size": 11,
+        "font.size": TITLE,
+        "axes.titlesize": TITLE,
+        "axes.linewidth": 0.6,
+        "lines.linewidth": 1.0,
     }
+    width = default_width(len(panels)) / 25.4
+    height = max(_LEAST_HEIGHT, 0.8 * width / len(panels))
     with mpl.rc_context(style):
-        figure = Figure(figsize=(4.8 * len(panels), 4.2), layout="constrained")
+        figure = Figure(figsize=(width, height), layout="constrained")
         for i, (title, lines) in enumerate(panels.items(), start=1):
             axes = figure.add_subplot(1, len(panels), i)
             for label, (x, y) in lines.items():
-                axes.plot(x, y, "o-", label=label, color=colour[label], markersize=3)
+                axes.plot(x, y, "o-", label=label, color=colour[label], markersize=2)
             axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
             axes.grid(alpha=0.3)
         figure.legend(
             handles=[
-                Line2D([], [], marker="o", color=c, label=k) for k, c in colour.items()
+                Line2D([], [], marker="o", markersize=4, color=c, label=k)
+                for k, c in colour.items()
             ],
             loc="outside lower center",
             ncols=3,
@@ -70,11 +79,3 @@ def curves(
         )
         save(figure, path)
     return figure
-
-
-def save(figure: Figure, path: Path | None) -> None:
-    """Write a figure as PNG, beside its place first; do nothing without a path."""
-    if path is not None:
-        unfinished = path.with_name(f".unfinished-{path.stem}.png")
-        figure.savefig(unfinished, dpi=150)
-        unfinished.replace(path)

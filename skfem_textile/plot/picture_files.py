@@ -1,18 +1,39 @@
-"""Paths of pictures, checked before drawing."""
+"""Paths of pictures, checked before drawing, and how they are written."""
 
 import os
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Suffixes of files that hold vectors.
+VECTORS = (".svg", ".pdf", ".eps")
+
+#: Suffixes of pictures; a name without a suffix is a PNG.
+SUFFIXES = (".png", *VECTORS)
+
+# Dots per inch of a PNG, as journals ask for.
+_DOTS = 300
+
+# Fonts of a PDF and EPS are embedded as TrueType, as journals ask for; an SVG is the
+# same whenever it is written.
+_STYLE = {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.hashsalt": "skfem_textile"}
+_NO_DATE = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 
-def picture_path(filename: str | os.PathLike[str], suffix: str = ".png") -> Path:
+def picture_path(
+    filename: str | os.PathLike[str], suffixes: Sequence[str] = SUFFIXES
+) -> Path:
     """The path of a picture's file.
 
     Parameters
     ----------
     filename
         Where to write the picture.
-    suffix
-        Suffix of the format; a name without a suffix is accepted too.
+    suffixes
+        Suffixes of formats; a name without a suffix is accepted too, as the first.
 
     Raises
     ------
@@ -22,11 +43,48 @@ def picture_path(filename: str | os.PathLike[str], suffix: str = ".png") -> Path
         If the folder of the file does not exist.
     """
     path = Path(filename)
-    if path.suffix.lower() not in ("", suffix):
+    if path.suffix.lower() not in ("", *suffixes):
         raise ValueError(
-            f"{path}: cannot write {path.suffix} files, only {suffix}: name it "
-            f"{path.stem}{suffix}"
+            f"{path}: cannot write {path.suffix} files, only {', '.join(suffixes)}: "
+            f"name it {path.stem}{suffixes[0]}"
         )
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}")
     return path
+
+
+def is_vector(path: Path | None) -> bool:
+    """Whether the name of a file asks for vectors."""
+    return path is not None and path.suffix.lower() in VECTORS
+
+
+def write(path: Path, suffix: str, written: Callable[[Path], Any]) -> None:
+    """Write a file under a temporary name, then rename it."""
+    unfinished = path.with_name(f".unfinished-{path.stem}{suffix}")
+    written(unfinished)
+    unfinished.replace(path)
+
+
+def save(figure: "Figure", path: Path | None) -> None:
+    """Write a figure in the format of the name; do nothing without a path."""
+    import matplotlib as mpl
+
+    if path is None:
+        return
+    suffix = path.suffix.lower() or SUFFIXES[0]
+    metadata = _NO_DATE.get(suffix)
+    with mpl.rc_context(_STYLE):
+        write(
+            path,
+            suffix,
+            lambda file: figure.savefig(file, dpi=_DOTS, metadata=metadata),
+        )
+
+
+def save_pixels(pixels: Any, path: Path) -> None:
+    """Write pixels as a PNG that is printed with 300 dots per inch."""
+    from PIL import Image
+
+    write(
+        path, ".png", lambda file: Image.fromarray(pixels).save(file, dpi=(_DOTS,) * 2)
+    )

@@ -1,208 +1,327 @@
-"""Pictures of the deformed ply: strain, shear angle, fibres and an animation."""
+"""Pictures of plies: fields in colours, fibres, and what was found of states."""
 
 import os
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
-import pyvista as pv
 from numpy import ndarray
 
 from ..io.fields import cell_fields
-from ..solve.result import Result
+from ..solve.result import Result, StepError
 from ..solve.states import State
-from .drawing import (
-    Picture,
-    View,
-    check_arguments,
-    decorate,
-    deformed,
-    draw,
-    empty_panels,
-    panel,
-    scale_bar,
-    write_png,
-)
-from .fibres import add_fibres, add_legend
-from .offscreen import require_offscreen
+from .drawing import draw
+from .fields import FIELDS, Field, field_of, reach, values_of
+from .lines import REFUSED, WARP, WEFT
 from .picture_files import picture_path
+from .sheet import Fibres, Legend, Panel, Scale, Shape, Sheet, extent
 
-# Least limit of a scale, in per cent or degrees.  Chosen: above the rounding of zero.
-_LEAST_LIMIT = 1e-8
+if TYPE_CHECKING:
+    import pyvista as pv
+    from matplotlib.figure import Figure
 
-# Chosen by eye, as all sizes and colours below.
-_FRAMES_PER_SECOND = 8
+# Names of families, and of the fields of their strains.
+_STRAINS = {"Warp": "warp_strain", "Weft": "weft_strain"}
 
-# Height of a panel of a contact sheet, in pixels.
-_SHEET_PANEL_HEIGHT = 300
+
+class Options(TypedDict, total=False):
+    """What all pictures take; `field` says what each is."""
+
+    titles: Sequence[str]
+    filename: str | os.PathLike[str] | None
+    plotter: "pv.Plotter | None"
+    state: int
+    cmap: Any
+    clim: Sequence[float] | None
+    show_edges: bool | None
+    size: float | tuple[float, float] | None
+
+
+def field(
+    *results: Result,
+    field: str | Field = "shear_angle",
+    titles: Sequence[str] = (),
+    filename: str | os.PathLike[str] | None = None,
+    plotter: "pv.Plotter | None" = None,
+    state: int = -1,
+    cmap: Any = None,
+    clim: Sequence[float] | None = None,
+    show_edges: bool | None = None,
+    size: float | tuple[float, float] | None = None,
+) -> "pv.Plotter | Figure":
+    """A field on the deformed plies, one panel per result, all on one scale.
+
+    Parameters
+    ----------
+    *results
+        Results of runs.
+    field
+        Name in `FIELDS`, or a `Field` of one's own.
+    titles
+        One short title per result; their formulations if not given.
+    filename
+        Where to write a PNG with 300 dots per inch, or vectors: .svg, .pdf or .eps.
+    plotter
+        Draw into the subplots of this plotter, from the active one on, a panel into
+        each, and not into a new plotter.  Pictures in several subplots share a scale
+        if they have the same ``clim``.
+    state
+        Number of the state in ``result.states``; -1 is the last.
+    cmap
+        Colours, as matplotlib knows them; those of the field if not given.
+    clim
+        Least and largest value on the scale; if not given, round numbers that hold
+        every value and zero.  Arrows at the scale tell of values beyond.
+    show_edges
+        Whether the edges of elements are drawn; if not given, where the mean element
+        has a side of 1.3 mm on the picture.  The outline of a ply is always drawn.
+    size
+        Width in mm, or width and height.  If not given, 85 mm, a column of a journal;
+        174 mm, a page, from three panels side by side on; and as high as needed.
+
+    Returns
+    -------
+    pyvista.Plotter or matplotlib.figure.Figure
+        The plotter, off screen, for further drawing; of vectors the figure.
+
+    Raises
+    ------
+    ImportError
+        If pyvista or matplotlib is not installed; the message says how to.
+    RuntimeError
+        If nothing can be drawn off screen here; the message says what to install.
+    ValueError
+        If there is no result, not one title per result, no such state, field or colour
+        map; if limits do not rise, the size leaves no room, or the plotter has too few
+        subplots; if the name of the file has another suffix, or asks for vectors of a
+        plotter.
+    FileNotFoundError
+        If the folder of the file does not exist.
+
+    Examples
+    --------
+    >>> from skfem_textile import Fabric, LoadStepper, Ply, plot
+    >>> from skfem_textile.scenes import strip
+    >>> scene = strip(size=(3, 4))
+    >>> ply = Ply(scene.mesh, Fabric(1e4))
+    >>> result = LoadStepper(ply, scene.conditions, steps=4).run()
+    >>> figure = plot.field(result, field="displacement", filename="moved.pdf")
+    ... # doctest: +SKIP
+    """
+    titles, shapes, states = _chosen(results, titles, state, filename)
+    shown, scale = _on_one_scale(results, states, field_of(field), cmap, clim)
+    row = [
+        Panel(title, shape, values, scale)
+        for title, shape, values in zip(titles, shapes, shown, strict=True)
+    ]
+    legend = Legend(0, len(row), scale)
+    sheet = Sheet([row], [legend], extent(shapes), show_edges)
+    return draw(sheet, filename, plotter, size)
+
+
+def shear_angle(*results: Result, **options: Unpack[Options]) -> "pv.Plotter | Figure":
+    """Shear angle in degrees, one panel per result, all on one scale.
+
+    Parameters, returned value and errors as for `field`.
+    """
+    return field(*results, field="shear_angle", **options)
 
 
 def fibre_strain(
     *results: Result,
     titles: Sequence[str] = (),
     filename: str | os.PathLike[str] | None = None,
-) -> pv.Plotter:
+    plotter: "pv.Plotter | None" = None,
+    state: int = -1,
+    cmap: Any = None,
+    clim: Sequence[float] | None = None,
+    show_edges: bool | None = None,
+    size: float | tuple[float, float] | None = None,
+) -> "pv.Plotter | Figure":
     """Fibre strain of warp (above) and weft (below), one column per result.
 
     The strain is that which the law of tension sees.  All panels share one diverging
-    scale, symmetric about zero.
+    scale, symmetric about zero.  Of one result that is taller than wide warp and weft
+    are side by side.
 
-    Parameters
-    ----------
-    *results
-        Results whose last state is drawn.
-    titles
-        One short title per result; their formulations if not given.
-    filename
-        Where to write a PNG.
-
-    Returns
-    -------
-    pyvista.Plotter
-        The plotter, off screen, for further drawing.
-
-    Raises
-    ------
-    RuntimeError
-        If nothing can be drawn off screen here; the message says what to install.
-    ValueError
-        If there is no result, not one title per result, or the name has another suffix
-        than .png.
-    FileNotFoundError
-        If the folder of the file does not exist.
+    Parameters, returned value and errors as for `field`.
     """
-    return draw(results, titles, filename, _strain_picture(results))
-
-
-def shear_angle(
-    *results: Result,
-    titles: Sequence[str] = (),
-    filename: str | os.PathLike[str] | None = None,
-) -> pv.Plotter:
-    """Shear angle in degrees, one panel per result, on a shared scale.
-
-    Parameters, returned value and errors as for `fibre_strain`.
-    """
-    return draw(results, titles, filename, _shear_picture(results))
+    titles, shapes, states = _chosen(results, titles, state, filename)
+    rows, scale = _strain_rows(results, titles, shapes, states, cmap, clim)
+    low, high = extent(shapes)
+    if len(results) == 1 and high[1] - low[1] > high[0] - low[0]:
+        rows = [[panel for row in rows for panel in row]]
+    legend = Legend(0, len(rows[0]), scale)
+    sheet = Sheet(rows, [legend], (low, high), show_edges)
+    return draw(sheet, filename, plotter, size)
 
 
 def contact_sheet(
     *results: Result,
     titles: Sequence[str] = (),
     filename: str | os.PathLike[str] | None = None,
-) -> pv.Plotter:
+    plotter: "pv.Plotter | None" = None,
+    state: int = -1,
+    show_edges: bool | None = None,
+    size: float | tuple[float, float] | None = None,
+) -> "pv.Plotter | Figure":
     """Warp strain, weft strain and shear angle in columns, one row per result.
 
-    Parameters, returned value and errors as for `fibre_strain`.
+    Parameters, returned value and errors as for `field`.
     """
-    path, titles = check_arguments(results, titles, filename)
-    strain, shear = _strain_picture(results), _shear_picture(results)
-    columns = [(strain, *row) for row in strain.rows.items()]
-    columns += [(shear, *row) for row in shear.rows.items()]
-    plies = [deformed(result, result.states[-1]) for result in results]
-    view = View.of(plies, height=_SHEET_PANEL_HEIGHT)
-    plotter = empty_panels(view, len(results), len(columns), slice(0, 2))
-    for column, (picture, name, fields) in enumerate(columns):
-        for row, values in enumerate(fields):
-            plotter.subplot(row, column)
-            title = f"{name}, {titles[row]}"
-            actor = panel(plotter, plies[row], values, picture, title, view)
-        if column != 1:  # the scale of the strains spans two columns
-            plotter.subplot(len(results), column)
-            scale_bar(plotter, picture, actor)
-    if path is not None:
-        write_png(plotter, path)
-    return plotter
+    titles, shapes, states = _chosen(results, titles, state, filename)
+    strains, strain = _strain_rows(results, titles, shapes, states)
+    angles, shear = _on_one_scale(results, states, FIELDS["shear_angle"])
+    rows = [
+        [warp, weft, Panel(f"Shear angle, {title}", warp.shape, values, shear)]
+        for warp, weft, title, values in zip(*strains, titles, angles, strict=True)
+    ]
+    legends = [Legend(0, 2, strain), Legend(2, 3, shear)]
+    return draw(
+        Sheet(rows, legends, extent(shapes), show_edges), filename, plotter, size
+    )
 
 
 def fibre_directions(
     *results: Result,
     titles: Sequence[str] = (),
     filename: str | os.PathLike[str] | None = None,
-) -> pv.Plotter:
+    plotter: "pv.Plotter | None" = None,
+    state: int = -1,
+    show_edges: bool | None = None,
+    size: float | tuple[float, float] | None = None,
+) -> "pv.Plotter | Figure":
     """Directions of warp (blue) and weft (red): a line per element and family.
 
-    Where elements are too small for that, some of them have lines.
+    Of elements that are closer than 2.5 mm on the picture some have lines.
 
-    Parameters, returned value and errors as for `fibre_strain`.
+    Parameters, returned value and errors as for `field`.
     """
-    path, titles = check_arguments(results, titles, filename)
-    plies = [deformed(result, result.states[-1]) for result in results]
-    view = View.of(plies)
-    plotter = empty_panels(view, 1, len(results), slice(None))
-    for column, (result, ply) in enumerate(zip(results, plies, strict=True)):
-        plotter.subplot(0, column)
-        fields = cell_fields(result.ply, result.u)
-        warp, weft = (fields[f"{family}_direction"] for family in ("warp", "weft"))
-        add_fibres(plotter, ply, warp, weft, view)
-        decorate(plotter, f"Fibre directions, {titles[column]}", view)
-    add_legend(plotter)
-    if path is not None:
-        write_png(plotter, path)
-    return plotter
+    titles, shapes, states = _chosen(results, titles, state, filename)
+    row = []
+    for result, title, shape, at in zip(results, titles, shapes, states, strict=True):
+        fields = cell_fields(result.ply, at.u)
+        fibres = Fibres(fields["warp_direction"], fields["weft_direction"])
+        row.append(Panel(title, shape, fibres=fibres))
+    legend = Legend(0, len(row), keys=[("Warp", WARP), ("Weft", WEFT)])
+    sheet = Sheet([row], [legend], extent(shapes), show_edges)
+    return draw(sheet, filename, plotter, size)
 
 
-def animation(result: Result, filename: str | os.PathLike[str]) -> None:
-    """Write the shear angle on the moving ply as a GIF, one frame per state.
+def verdict(
+    *runs: Result | StepError,
+    field: str | Field = "area_ratio",
+    filename: str | os.PathLike[str] | None = None,
+    plotter: "pv.Plotter | None" = None,
+    state: int = -1,
+    cmap: Any = None,
+    clim: Sequence[float] | None = None,
+    show_edges: bool | None = None,
+    size: float | tuple[float, float] | None = None,
+) -> "pv.Plotter | Figure":
+    """What was found of states, in words above a field; where steps were refused.
 
     Parameters
     ----------
-    result
-        The result whose states are drawn.
-    filename
-        Where to write the GIF.
+    *runs
+        Results, and errors of runs that stopped.  Of an error the message is the title,
+        the last good state is drawn, and the elements to blame are marked.
+    field
+        Name in `FIELDS`, or a `Field` of one's own; by default the smallest area over
+        the initial area in each element, which is zero where an element folds.
 
-    Raises
-    ------
-    RuntimeError
-        If nothing can be drawn off screen here; the message says what to install.
-    ValueError
-        If the name has another suffix than .gif.
-    FileNotFoundError
-        If the folder of the file does not exist.
+    Other parameters, returned value and errors as for `field`.
     """
-    path = picture_path(filename, ".gif")
-    require_offscreen()
-    plies = [deformed(result, state) for state in result.states]
-    fields = [_degrees(result, state) for state in result.states]
-    picture = _shear_picture([result], result.states)
-    view = View.of(plies)
-    plotter = empty_panels(view, 1, 1)
-    unfinished = path.with_name(f".unfinished-{path.stem}.gif")
-    plotter.open_gif(str(unfinished), fps=_FRAMES_PER_SECOND)
-    for state, ply, values in zip(result.states, plies, fields, strict=True):
-        plotter.subplot(0, 0)
-        title = f"Shear angle at load factor {state.load_factor:.2f}"
-        actor = panel(plotter, ply, values, picture, title, view)
-        if state is result.states[0]:
-            plotter.subplot(1, 0)
-            scale_bar(plotter, picture, actor)
-        plotter.write_frame()
-    for _ in range(_FRAMES_PER_SECOND):  # show the last state for one more second
-        plotter.write_frame()
-    plotter.close()
-    unfinished.replace(path)
+    results = [run.result if isinstance(run, StepError) else run for run in runs]
+    _, shapes, states = _chosen(results, (), state, filename)
+    shown, scale = _on_one_scale(results, states, field_of(field), cmap, clim)
+    row = []
+    for run, shape, at, values in zip(runs, shapes, states, shown, strict=True):
+        refused = isinstance(run, StepError)
+        marked = run.elements if isinstance(run, StepError) else np.empty(0, dtype=int)
+        title = str(run) if refused else _words(at)
+        row.append(Panel(title, shape, values, scale, marked=marked))
+    some = any(panel.marked.size for panel in row)
+    keys = [("Elements where the step was refused", REFUSED)] if some else []
+    legend = Legend(0, len(row), scale, keys)
+    sheet = Sheet([row], [legend], extent(shapes), show_edges)
+    return draw(sheet, filename, plotter, size)
 
 
-def _strain_picture(results: Sequence[Result]) -> Picture:
-    fields = [cell_fields(r.ply, r.u) for r in results]
-    rows = {
-        f"{family} strain": [100 * f[f"{family.lower()}_strain"] for f in fields]
-        for family in ("Warp", "Weft")
-    }
-    largest = max((np.abs(x).max() for row in rows.values() for x in row), default=0.0)
-    scale = max(largest, _LEAST_LIMIT)
-    return Picture(rows, "Fibre strain (%)", (-scale, scale), "RdBu_r")
+def _words(state: State) -> str:
+    """The verdict on a state, as a title."""
+    found = state.verdict
+    n = found.negative_pivots
+    stability = "stable" if found.stable else "not stable"
+    if n:
+        stability += f", {n} negative pivot{'s' if n > 1 else ''}"
+    return (
+        f"Load factor {state.load_factor:.4g}: {stability}, smallest area ratio "
+        f"{found.min_det_F:.3g}, largest fibre strain "
+        f"{100 * found.max_fibre_strain:.2g} %"
+    )
 
 
-def _shear_picture(results: Sequence[Result], states: Sequence[State] = ()) -> Picture:
-    """Shear angle of the last states, on a scale that covers ``states`` too."""
-    row = [_degrees(result, result.states[-1]) for result in results]
-    angles = row + [_degrees(results[0], state) for state in states]
-    low = min((x.min() for x in angles), default=0.0)
-    high = max((x.max() for x in angles), default=0.0)
-    limits = min(low, 0.0), max(high, _LEAST_LIMIT)
-    return Picture({"Shear angle": row}, "Shear angle (degrees)", limits, "viridis")
+def _chosen(
+    results: Sequence[Result],
+    titles: Sequence[str],
+    state: int,
+    filename: str | os.PathLike[str] | None,
+) -> tuple[Sequence[str], list[Shape], list[State]]:
+    """Titles, shapes and states of results; they and the file's name are checked."""
+    if filename is not None:
+        picture_path(filename)
+    if not results:
+        raise ValueError("nothing to draw: give at least one result")
+    titles = titles or [result.ply.formulation.title for result in results]
+    if len(titles) != len(results):
+        raise ValueError(f"{len(results)} results need as many titles: {len(titles)}")
+    fewest = min(len(result.states) for result in results)
+    if not -fewest <= state < fewest:
+        raise ValueError(f"there is no state {state}: a result has {fewest} states")
+    states = [result.states[state] for result in results]
+    pairs = zip(results, states, strict=True)
+    return titles, [shape_of(result, at) for result, at in pairs], states
 
 
-def _degrees(result: Result, state: State) -> ndarray:
-    return cell_fields(result.ply, state.u)["shear_angle"]
+def shape_of(result: Result, state: State) -> Shape:
+    """The ply of a result in a state, with straight edges between the vertices."""
+    return Shape.of(result.ply.mesh, result.ply.nodal(state.u))
+
+
+def _on_one_scale(
+    results: Sequence[Result],
+    states: Sequence[State],
+    field: Field,
+    cmap: Any = None,
+    clim: Sequence[float] | None = None,
+) -> tuple[list[ndarray], Scale]:
+    """The values of a field of each result, and the scale of them all."""
+    pairs = zip(results, states, strict=True)
+    shown = [values_of(field, result.ply, at.u) for result, at in pairs]
+    found = reach(shown, field.symmetric)
+    return shown, Scale.of(field.label, found, cmap or field.cmap, clim)
+
+
+def _strain_rows(
+    results: Sequence[Result],
+    titles: Sequence[str],
+    shapes: Sequence[Shape],
+    states: Sequence[State],
+    cmap: Any = None,
+    clim: Sequence[float] | None = None,
+) -> tuple[list[list[Panel]], Scale]:
+    """Panels of warp and of weft, on one scale."""
+    both = [FIELDS[name] for name in _STRAINS.values()]
+    pairs = list(zip(results, states, strict=True))
+    shown = [[values_of(f, r.ply, at.u) for r, at in pairs] for f in both]
+    found = reach([values for row in shown for values in row], symmetric=True)
+    scale = Scale.of("Fibre strain (%)", found, cmap or both[0].cmap, clim)
+    rows = [
+        [
+            Panel(f"{family}, {title}", shape, values, scale)
+            for title, shape, values in zip(titles, shapes, row, strict=True)
+        ]
+        for family, row in zip(_STRAINS, shown, strict=True)
+    ]
+    return rows, scale

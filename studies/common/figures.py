@@ -8,8 +8,8 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from skfem_textile.plot.curves import COLOURS, save
-from skfem_textile.plot.picture_files import picture_path
+from skfem_textile.plot.curves import COLOURS
+from skfem_textile.plot.picture_files import picture_path, save
 
 _MARKERS = "osD^vP*Xdh"
 

@@ -11,7 +11,7 @@ from skfem_textile.cli.case import case_from_file
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 CASES = sorted((ROOT / "examples").rglob("*.toml"))
-OPTIONAL = ("pyvista", "matplotlib", "imageio", "pypardiso", "cvxopt", "dask")
+OPTIONAL = ("pyvista", "matplotlib", "pypardiso", "cvxopt", "dask")
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
 CODE = "".join(
     file.read_text()

@@ -8,7 +8,7 @@ HEAVY = (
     "matplotlib",
     "meshio",
     "rich",
-    "imageio",
+    "PIL",
     "dask",
     "threadpoolctl",
     "msgspec",

@@ -69,8 +69,6 @@ def _draw(mesh: Any, directions: FibreDirections, out: Path) -> None:
             from ...plot import mesh_and_fibres
 
             mesh_and_fibres(mesh, directions, filename=folder / _PICTURE)
-    except ImportError as error:
-        complain(f"no picture: {printable(error)}; pip install 'skfem-textile[plot]'")
     except Exception as error:
         complain(f"no picture: {printable(error)}")
 

@@ -38,6 +38,7 @@ REPORT = "report.html"
 
 # Pictures of the last state, and what each shows.
 _PICTURES = {
+    "refused.png": "The last good state, and where the next step was refused",
     "shear_angle.png": "Shear angle at the last load factor",
     "fibre_strain.png": "Fibre strain at the last load factor",
     "fibre_directions.png": "Fibre directions at the last load factor",

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ...scenes import Scene
-from ...solve.result import Result
+from ...solve.result import Result, StepError
 from ..case.curve import Curve, completed, curve_of
 from ..interruption import held
 from .curves_of_tests import ANGLE, DISPLACEMENT, FORCE, NORMALISED
@@ -20,6 +20,9 @@ PICTURES = (
 #: Files of the further pictures of a shear test.
 OF_SHEAR_TESTS = ("load_by_angle.png", "normalised_load.png")
 
+#: File of the picture of a run that stopped early.
+REFUSED = "refused.png"
+
 #: Pictures of a curve: their titles, and what is drawn over what.
 CURVES = {
     "load.png": ("Force against displacement", DISPLACEMENT, FORCE),
@@ -28,8 +31,15 @@ CURVES = {
 }
 
 
-def draw(scene: Scene, result: Result, test: Curve | None, folder: Path) -> None:
-    """Draw all pictures into a folder; a signal waits until the current one is done."""
+def draw(
+    scene: Scene, run: Result | StepError, test: Curve | None, folder: Path
+) -> None:
+    """Draw all pictures into a folder; a signal waits until the current one is done.
+
+    Of a run that stopped early they are those of its result, and where it stopped.
+    """
+    stopped = isinstance(run, StepError)
+    result = run.result if isinstance(run, StepError) else run
     with held():  # VTK may crash if it is interrupted
         from ... import plot
     for name, picture in (
@@ -39,6 +49,9 @@ def draw(scene: Scene, result: Result, test: Curve | None, folder: Path) -> None
     ):
         with held():
             picture(result, filename=folder / name)
+    if stopped:
+        with held():
+            plot.verdict(run, filename=folder / REFUSED)
     with held():
         plot.animation(result, folder / "animation.gif")
     measured = completed(test, scene.shear_test) if test else None

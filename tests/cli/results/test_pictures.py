@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from command_line import DRAWN, run
 
+from skfem_textile import Ply
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.results import pictures
 from skfem_textile.scenes.bias_extension import WIDTH
@@ -102,3 +103,14 @@ def test_pictures_are_written_and_nothing_is_said_on_stderr(tmp_path):
     assert child.stderr == ""
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert set(pictures.PICTURES) <= names
+
+
+def test_a_run_that_stops_early_shows_where(tmp_path, monkeypatch):
+    pytest.importorskip("pyvista")
+
+    def area_ratio(ply, u):
+        return 10 - abs(u).max() * np.ones(ply.mesh.nelements)
+
+    monkeypatch.setattr(Ply, "least_area_ratio", area_ratio)
+    assert run(tmp_path, *DRAWN) == 1
+    assert (tmp_path / "out" / pictures.REFUSED).stat().st_size > 1000

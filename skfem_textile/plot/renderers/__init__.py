@@ -1,0 +1,1 @@
+"""What draws a sheet: pyvista as pixels, or matplotlib as vectors."""

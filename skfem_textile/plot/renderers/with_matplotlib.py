@@ -1,0 +1,94 @@
+"""Pictures of plies in the plane as vectors, drawn by matplotlib."""
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon, Rectangle
+from numpy import ndarray
+
+from ..layout import KEY, POINT, Bar, Layout, Place, Writing, font_file
+from ..lines import PLY, lines_of
+from ..sheet import Sheet
+
+# Width in points of the edge that closes the gaps that viewers leave between polygons.
+_SEAM = 0.4
+
+# Colours of a scale.
+_COLOURS = 256
+
+
+def figure_of(sheet: Sheet, layout: Layout) -> Figure:
+    """The panels, scales and keys of a sheet as a figure, all of it vectors."""
+    inch = 25.4
+    figure = Figure(figsize=(layout.width / inch, layout.height / inch))
+    page = figure.add_axes((0, 0, 1, 1))
+    page.set(xlim=(0, layout.width), ylim=(0, layout.height))
+    page.set_axis_off()
+    for place in (place for row in layout.places for place in row):
+        _draw_panel(page, place, sheet)
+        for line in place.title:
+            _write(page, line)
+    for below in layout.below:
+        for bar in below.bars:
+            _draw_bar(page, bar)
+        for colour, x, y in below.strokes:
+            page.add_line(Line2D([x, x + KEY], [y, y], color=colour, lw=1.5))
+        for writing in below.writings:
+            _write(page, writing)
+    return figure
+
+
+def _draw_panel(page: mpl.axes.Axes, place: Place, sheet: Sheet) -> None:
+    panel, shape = place.panel, place.panel.shape
+    scale = place.scale_of(sheet.extent)
+    middle = 0.5 * (sheet.extent[0] + sheet.extent[1])
+
+    def on_page(points: ndarray) -> ndarray:
+        return place.middle + scale * (points - middle)[..., :2]
+
+    first = 0
+    for cell in shape.cells:
+        faces = PolyCollection(list(on_page(shape.points[cell.T])), linewidths=_SEAM)
+        if panel.scale is None or panel.values is None:
+            faces.set(facecolors=PLY, edgecolors=PLY)
+        else:
+            faces.set(array=panel.values[first : first + cell.shape[1]])
+            faces.set(cmap=panel.scale.colours, edgecolors="face")
+            faces.set_clim(panel.scale.low, panel.scale.high)
+        first += cell.shape[1]
+        page.add_collection(faces, autolim=False)
+    for ends, colour, width in lines_of(panel, scale, sheet.show_edges):
+        lines = LineCollection(
+            list(on_page(ends)),
+            colors=colour,
+            linewidths=width / POINT,
+            capstyle="round",
+        )
+        page.add_collection(lines, autolim=False)
+
+
+def _draw_bar(page: mpl.axes.Axes, bar: Bar) -> None:
+    """Draw a rectangle for each colour; it reaches below the next one: no gaps."""
+    (x, y, width, height), scale = bar.box, bar.scale
+    colours = scale.colours(np.linspace(0, 1, _COLOURS))
+    ends = x + width * np.arange(_COLOURS + 1) / _COLOURS
+    for left, right, colour in zip(ends, [*ends[2:], ends[-1]], colours, strict=False):
+        page.add_patch(Rectangle((left, y), right - left, height, fc=colour, ec="none"))
+    for tip, colour in zip(bar.tips, (colours[0], colours[-1]), strict=True):
+        if len(tip):
+            page.add_patch(Polygon(tip, facecolor=colour, edgecolor="none"))
+
+
+def _write(page: mpl.axes.Axes, writing: Writing) -> None:
+    page.text(
+        writing.x,
+        writing.y,
+        writing.text,
+        font=FontProperties(fname=font_file(), size=writing.size),
+        ha=writing.align,
+        va="center_baseline",
+        parse_math=False,
+    )

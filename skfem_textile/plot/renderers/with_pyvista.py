@@ -1,0 +1,236 @@
+"""Pictures drawn by pyvista: off screen, or into a plotter that is given."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyvista as pv
+from numpy import ndarray
+from vtkmodules.vtkRenderingCore import vtkActor2D, vtkCoordinate, vtkPolyDataMapper2D
+
+from ..layout import (
+    KEY,
+    POINT,
+    Bar,
+    Below,
+    Box,
+    Layout,
+    Place,
+    Writing,
+    font_file,
+    lay_out,
+)
+from ..lines import PLY, lines_of
+from ..sheet import Legend, Panel, Sheet
+
+_CELLS = {3: pv.CellType.TRIANGLE, 4: pv.CellType.QUAD}
+
+# Colours of a scale.
+_COLOURS = 256
+
+# Width in mm of the line of a key.
+_STROKE = 0.5
+
+# Distance in mm of lines from what they are drawn in front of.
+_LIFT = 0.1
+
+
+class Frame(NamedTuple):
+    """What a renderer shows of the picture, in mm, and its dots per mm."""
+
+    box: Box
+    dots: float
+
+    def on(self, x: float, y: float) -> tuple[float, float]:
+        """A place as shares of width and height of the renderer."""
+        box = self.box
+        return (x - box.x) / box.width, (y - box.y) / box.height
+
+
+def new_plotter(layout: Layout, dots_per_inch: float) -> pv.Plotter:
+    """An empty plotter off screen with a renderer for each panel and each legend."""
+    dots = dots_per_inch / 25.4
+    heights = [row[0].box.height for row in layout.places]
+    left = layout.height - sum(heights)
+    columns, rows = len(layout.places[0]), len(heights)
+    cell = layout.width / columns
+    spans = [
+        slice(round(b.box.x / cell), round((b.box.x + b.box.width) / cell))
+        for b in layout.below
+    ]
+    plotter = pv.Plotter(
+        off_screen=True,
+        shape=(rows + 1, columns),
+        row_weights=[*heights, left],
+        groups=[(rows, span) for span in spans if span.stop - span.start > 1],
+        border=False,
+        window_size=[round(layout.width * dots), round(layout.height * dots)],
+    )
+    plotter.set_background("white")
+    return plotter
+
+
+def draw_new(plotter: pv.Plotter, sheet: Sheet, layout: Layout) -> None:
+    """Draw a sheet into a plotter that was made for its layout."""
+    dots = plotter.window_size[0] / layout.width
+    for i, row in enumerate(layout.places):
+        for j, place in enumerate(row):
+            plotter.subplot(i, j)
+            _draw_place(plotter, place, sheet, Frame(place.box, dots))
+    cell = layout.width / len(layout.places[0])
+    for below in layout.below:
+        plotter.subplot(len(layout.places), round(below.box.x / cell))
+        _draw_below(plotter, below, Frame(below.box, dots))
+
+
+def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
+    """Draw the panels of a sheet into subplots of a plotter, from the active one on.
+
+    Each has its scale and keys.  The window of the plotter counts as ``width`` mm.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer subplots, or one is too small.
+    """
+    panels, renderers = sheet.panels, plotter.renderers
+    first = renderers.active_index
+    if first + len(panels) > len(renderers):
+        raise ValueError(
+            f"{len(panels)} panels need as many subplots of the plotter, from the "
+            f"active one on: {len(renderers) - first}"
+        )
+    dots = plotter.window_size[0] / width
+    keys = [key for legend in sheet.legends for key in legend.keys]
+    for i, panel in enumerate(panels, start=first):
+        x, y, right, top = renderers[i].GetViewport()
+        size = np.multiply(plotter.window_size, (right - x, top - y)) / dots
+        one = Sheet(
+            [[panel]],
+            [Legend(0, 1, panel.scale, keys)],
+            sheet.extent,
+            sheet.show_edges,
+        )
+        layout = lay_out(one, tuple(size))
+        frame = Frame(Box(0.0, 0.0, layout.width, layout.height), dots)
+        plotter.subplot(*np.atleast_1d(renderers.index_to_loc(i)).tolist())
+        ((place,),), (below,) = layout.places, layout.below
+        _draw_place(plotter, place, one, frame)
+        _draw_below(plotter, below, frame)
+
+
+def _draw_place(plotter: pv.Plotter, place: Place, sheet: Sheet, frame: Frame) -> None:
+    """Draw a panel into the active renderer and point its camera."""
+    panel, scale = place.panel, place.scale_of(sheet.extent)
+    grid = _grid(panel)
+    look = {"color": PLY} if panel.scale is None else _in_colours(panel)
+    plotter.add_mesh(
+        grid, lighting=False, show_scalar_bar=False, reset_camera=False, **look
+    )
+    for i, lines in enumerate(lines_of(panel, scale, sheet.show_edges), start=1):
+        ends, colour, width = lines
+        in_front = ends.reshape(-1, 3) + np.array([0.0, 0.0, i * _LIFT / scale])
+        plotter.add_mesh(
+            pv.line_segments_from_points(in_front),
+            color=colour,
+            line_width=max(1.0, width * frame.dots),
+            lighting=False,
+            reset_camera=False,
+        )
+    for writing in place.title:
+        _write(plotter, writing, frame)
+    _point_camera(plotter, place, sheet, frame)
+
+
+def _point_camera(
+    plotter: pv.Plotter, place: Place, sheet: Sheet, frame: Frame
+) -> None:
+    """Look from above, so that the middle of the extent is that of the ply's box."""
+    scale, (low, high) = place.scale_of(sheet.extent), sheet.extent
+    seen = np.array([frame.box.x, frame.box.y]) + 0.5 * np.array(frame.box[2:])
+    centre = 0.5 * (low + high)
+    centre[:2] -= (place.middle - seen) / scale
+    reach = 0.5 * frame.box.height / scale
+    eye = centre + np.array([0.0, 0.0, reach])
+    plotter.camera_position = [eye, centre, (0.0, 1.0, 0.0)]
+    plotter.enable_parallel_projection()
+    plotter.camera.parallel_scale = reach
+    plotter.renderer.reset_camera_clipping_range()
+
+
+def _grid(panel: Panel) -> pv.UnstructuredGrid:
+    cells = panel.shape.cells
+    rows = [np.pad(cell, ((1, 0), (0, 0)), constant_values=len(cell)) for cell in cells]
+    kinds = [np.full(cell.shape[1], _CELLS[len(cell)]) for cell in cells]
+    listed = np.concatenate([row.T.ravel() for row in rows])
+    return pv.UnstructuredGrid(listed, np.concatenate(kinds), panel.shape.points)
+
+
+def _in_colours(panel: Panel) -> dict[str, Any]:
+    scale = panel.scale
+    assert scale is not None
+    return {
+        "scalars": panel.values,
+        "clim": (scale.low, scale.high),
+        "cmap": scale.colours,
+    }
+
+
+def _draw_below(plotter: pv.Plotter, below: Below, frame: Frame) -> None:
+    """Draw a legend into the active renderer."""
+    for bar in below.bars:
+        _draw_bar(plotter, bar, frame)
+    for colour, x, y in below.strokes:
+        corners = _corners(Box(x, y - _STROKE / 2, KEY, _STROKE))
+        _draw_flat(plotter, corners[None], [pv.Color(colour).float_rgb], frame)
+    for writing in below.writings:
+        _write(plotter, writing, frame)
+
+
+def _draw_bar(plotter: pv.Plotter, bar: Bar, frame: Frame) -> None:
+    (x, y, _, height), step = bar.box, bar.box.width / _COLOURS
+    boxes = [Box(x + i * step, y, step, height) for i in range(_COLOURS)]
+    colours = bar.scale.colours(np.linspace(0, 1, _COLOURS))[:, :3]
+    _draw_flat(plotter, np.array([_corners(box) for box in boxes]), colours, frame)
+    for tip, colour in zip(bar.tips, (colours[0], colours[-1]), strict=True):
+        if len(tip):
+            _draw_flat(plotter, np.array([tip]), [colour], frame)
+
+
+def _corners(box: Box) -> ndarray:
+    x, y, width, height = box
+    return np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (width, height) + (x, y)
+
+
+def _draw_flat(
+    plotter: pv.Plotter, polygons: ndarray, colours: Any, frame: Frame
+) -> None:
+    """Draw polygons in front of everything, shape (n, n_corners, 2), in mm."""
+    n, k, _ = polygons.shape
+    x, y = frame.on(*polygons.reshape(-1, 2).T)
+    faces = np.column_stack([np.full(n, k), np.arange(n * k).reshape(n, k)])
+    flat = pv.PolyData(np.column_stack([x, y, 0 * x]), faces.ravel())
+    flat.cell_data["colours"] = np.round(255 * np.asarray(colours)).astype(np.uint8)
+    flat.set_active_scalars("colours", preference="cell")
+    place = vtkCoordinate()
+    place.SetCoordinateSystemToNormalizedViewport()
+    mapper = vtkPolyDataMapper2D()
+    mapper.SetInputData(flat)
+    mapper.SetTransformCoordinate(place)
+    actor = vtkActor2D()
+    actor.SetMapper(mapper)
+    plotter.renderer.AddViewProp(actor)
+
+
+def _write(plotter: pv.Plotter, writing: Writing, frame: Frame) -> None:
+    actor = plotter.add_text(
+        writing.text,
+        position=frame.on(writing.x, writing.y),
+        viewport=True,
+        color="black",
+        font_file=font_file(),
+        name=f"{writing.text} {writing.x:g} {writing.y:g}",
+        render=False,
+    )
+    actor.prop.font_size = round(writing.size * POINT * frame.dots)
+    actor.prop.justification_horizontal = writing.align
+    actor.prop.justification_vertical = "center"

@@ -1,0 +1,196 @@
+"""What a picture consists of, whatever draws it: panels, scales and keys."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+from numpy import ndarray
+from skfem import Mesh
+
+# Least extent of a scale, in its unit.  Chosen: above the rounding of zero.
+_LEAST_EXTENT = 1e-8
+
+# Most intervals between the numbers on a scale, and those to which its ends are
+# rounded; their sizes, times powers of ten.
+_MOST_INTERVALS, _FINE_INTERVALS, _ROUND = 6, 20, [1, 2, 2.5, 4, 5, 10]
+
+
+class Shape(NamedTuple):
+    """Elements with straight edges.
+
+    Attributes
+    ----------
+    points
+        Their corners in mm, shape (n, 3).
+    cells
+        Corners of the elements, for each number k of corners an array (k, n_k).
+    """
+
+    points: ndarray
+    cells: tuple[ndarray, ...]
+
+    @classmethod
+    def of(cls, mesh: Mesh, u: ndarray) -> "Shape":
+        """A mesh whose vertices are displaced by ``u``, shape (2 or 3, n_vertices)."""
+        points = np.zeros((mesh.nvertices, 3))
+        points[:, : len(mesh.p)] = mesh.p[:, : mesh.nvertices].T
+        points[:, : len(u)] += u[:, : mesh.nvertices].T
+        return cls(points, (mesh.t,))
+
+    @property
+    def centres(self) -> ndarray:
+        """The mean of the corners of each element, shape (n_elements, 3)."""
+        return np.vstack([self.points[cell].mean(axis=0) for cell in self.cells])
+
+    @property
+    def sides(self) -> ndarray:
+        """Side in mm of a square as large as each element, shape (n_elements,)."""
+        areas = []
+        for cell in self.cells:
+            x, y, _ = self.points[cell].transpose(2, 0, 1)
+            areas.append(0.5 * (x * np.roll(y, -1, 0) - y * np.roll(x, -1, 0)).sum(0))
+        return np.sqrt(np.abs(np.concatenate(areas)))
+
+    def edges(self, outer: bool) -> ndarray:
+        """Ends of the edges, or of the outer ones alone, shape (n_edges, 2, 3)."""
+        pairs = [np.stack([cell, np.roll(cell, -1, axis=0)]) for cell in self.cells]
+        both = np.hstack([pair.reshape(2, -1) for pair in pairs])
+        edges, count = np.unique(np.sort(both, axis=0), axis=1, return_counts=True)
+        return self.points[edges[:, count == 1] if outer else edges].swapaxes(0, 1)
+
+    def edges_of(self, elements: ndarray) -> ndarray:
+        """Ends of the edges of some elements, shape (n_edges, 2, 3)."""
+        chosen, first = [], 0
+        for cell in self.cells:
+            inside = (elements >= first) & (elements < first + cell.shape[1])
+            chosen.append(cell[:, elements[inside] - first])
+            first += cell.shape[1]
+        return Shape(self.points, tuple(chosen)).edges(outer=False)
+
+
+class Scale(NamedTuple):
+    """A scale of colours.
+
+    ``below`` and ``above`` tell whether values lie beyond its ends.
+    """
+
+    label: str
+    low: float
+    high: float
+    colours: Any
+    below: bool = False
+    above: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        label: str,
+        reach: tuple[float, float],
+        cmap: Any,
+        clim: Sequence[float] | None,
+    ) -> "Scale":
+        """A scale to round numbers that hold ``reach``, or from one limit to the other.
+
+        Raises
+        ------
+        ValueError
+            If there is no such colour map, or the limits are not two that rise.
+        """
+        try:
+            colours = mpl.colormaps.get_cmap(cmap)
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"matplotlib has no colour map {cmap!r}: see matplotlib.colormaps"
+            ) from None
+        if clim is None:
+            low, high = reach[0], max(reach[1], reach[0] + _LEAST_EXTENT)
+            ticks = MaxNLocator(_FINE_INTERVALS, steps=_ROUND).tick_values(low, high)
+            return cls(label, float(ticks[0]), float(ticks[-1]), colours)
+        limits = np.asarray(clim, dtype=float)
+        if limits.shape != (2,) or not limits[0] < limits[1] < np.inf > -limits[0]:
+            raise ValueError(f"clim {clim!r}: give two finite limits that rise")
+        low, high = limits.tolist()
+        return cls(label, low, high, colours, reach[0] < low, reach[1] > high)
+
+    def ticks(self, intervals: int = _MOST_INTERVALS) -> ndarray:
+        """Round numbers on the scale with at most so many intervals between them."""
+        locator = MaxNLocator(intervals, steps=_ROUND)
+        ticks = np.asarray(locator.tick_values(self.low, self.high))
+        slack = 1e-9 * (self.high - self.low)
+        return ticks[(ticks >= self.low - slack) & (ticks <= self.high + slack)]
+
+
+class Lines(NamedTuple):
+    """Straight lines of one colour: their ends (n, 2, 3), and their width in mm."""
+
+    ends: ndarray
+    colour: str
+    width: float
+
+
+class Fibres(NamedTuple):
+    """Unit vectors along warp and weft of each element, shape (n_elements, 3)."""
+
+    warp: ndarray
+    weft: ndarray
+
+
+class Panel(NamedTuple):
+    """One shape with its title, in the colours of a scale or in grey.
+
+    Attributes
+    ----------
+    title
+        Its title.
+    shape
+        The elements.
+    values, scale
+        A value for each element, and their scale; None for grey.
+    fibres
+        Directions of fibres to draw as lines.
+    marked
+        Numbers of the elements to mark.
+    """
+
+    title: str
+    shape: Shape
+    values: ndarray | None = None
+    scale: Scale | None = None
+    fibres: Fibres | None = None
+    marked: ndarray = np.empty(0, dtype=int)
+
+
+class Legend(NamedTuple):
+    """A scale, and names of colours, below the panels of some columns."""
+
+    first: int
+    last: int
+    scale: Scale | None = None
+    keys: Sequence[tuple[str, str]] = ()
+
+
+class Sheet(NamedTuple):
+    """Rows of panels and, below them, their legends.
+
+    ``extent`` are the least and largest coordinates that all panels show, in mm.
+    ``show_edges`` says whether the edges of elements are drawn; None: where there is
+    room for them.
+    """
+
+    rows: Sequence[Sequence[Panel]]
+    legends: Sequence[Legend]
+    extent: tuple[ndarray, ndarray]
+    show_edges: bool | None = None
+
+    @property
+    def panels(self) -> list[Panel]:
+        """All panels, row by row."""
+        return [panel for row in self.rows for panel in row]
+
+
+def extent(shapes: Sequence[Shape]) -> tuple[ndarray, ndarray]:
+    """The least and the largest coordinates of shapes, each of shape (3,)."""
+    points = np.vstack([shape.points for shape in shapes])
+    return points.min(axis=0), points.max(axis=0)

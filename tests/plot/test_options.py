@@ -1,0 +1,340 @@
+"""What pictures take: plotters, colours, limits, edges, states, sizes and formats."""
+
+import re
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, Full, LoadStepper, Ply, StepError, split
+from skfem_textile.scenes import bias_extension, strip
+
+pv = pytest.importorskip("pyvista")
+matplotlib = pytest.importorskip("matplotlib")
+Image = pytest.importorskip("PIL.Image")
+plot = pytest.importorskip("skfem_textile.plot")
+layout = pytest.importorskip("skfem_textile.plot.layout")
+lines = pytest.importorskip("skfem_textile.plot.lines")
+sheet = pytest.importorskip("skfem_textile.plot.sheet")
+drawing = pytest.importorskip("skfem_textile.plot.drawing")
+
+
+@pytest.fixture(scope="module")
+def result():
+    scene = strip(size=(3, 4))
+    return LoadStepper(Ply(scene.mesh, Fabric(1e4), Full()), scene.conditions, 4).run()
+
+
+@pytest.fixture(scope="module")
+def fine():
+    """40×80 quadrilaterals, each split in four, 80 mm high on the picture."""
+    mesh = split(bias_extension(size=(40, 80), mesh="irregular").mesh)
+    shape = at_rest(mesh)
+    return mesh, shape, 80 / np.ptp(shape.points[:, 1])
+
+
+def at_rest(mesh):
+    return sheet.Shape.of(mesh, np.zeros((2, mesh.nvertices)))
+
+
+@pytest.fixture
+def sheets(monkeypatch):
+    """Every sheet that is drawn, by pyvista or matplotlib, with its layout."""
+    seen, lay_out = [], drawing.lay_out
+
+    def watched(drawn, size):
+        seen.append((drawn, lay_out(drawn, size)))
+        return seen[-1][1]
+
+    monkeypatch.setattr(drawing, "lay_out", watched)
+    return seen
+
+
+def coloured(plotter):
+    """Ranges and colours of the panels that are coloured."""
+    return [
+        (tuple(actor.mapper.scalar_range), actor.mapper.lookup_table.cmap.name)
+        for renderer in plotter.renderers
+        for actor in renderer.actors.values()
+        if isinstance(actor, pv.Actor) and actor.mapper.scalar_visibility
+    ]
+
+
+def test_subplots_of_a_plotter_share_a_scale_that_is_given(result):
+    plotter = pv.Plotter(off_screen=True, shape=(1, 3), window_size=(900, 400))
+    for i, state in enumerate((1, 2, -1)):
+        plotter.subplot(0, i)
+        given = {"clim": (0, 40), "cmap": "magma", "plotter": plotter}
+        assert plot.shear_angle(result, state=state, **given) is plotter
+    assert coloured(plotter) == [((0.0, 40.0), "magma")] * 3
+    assert [len(r.actors) > 5 for r in plotter.renderers] == [True] * 3
+
+
+def test_panels_go_to_the_subplots_from_the_active_one_on(result, tmp_path):
+    plotter = pv.Plotter(off_screen=True, shape=(2, 2), window_size=(600, 600))
+    plotter.subplot(0, 1)
+    plot.fibre_strain(result, plotter=plotter, filename=tmp_path / "x.png")
+    assert [bool(r.actors) for r in plotter.renderers] == [False, True, True, False]
+    plotter.subplot(1, 1)
+    with pytest.raises(ValueError, match=r"2 panels need as many subplots .*: 1$"):
+        plot.fibre_strain(result, plotter=plotter)
+    with pytest.raises(ValueError, match="a plotter draws pixels"):
+        plot.fibre_strain(result, plotter=plotter, filename=tmp_path / "x.svg")
+
+
+def test_several_results_share_one_scale_that_holds_all_values(result):
+    scene = strip(size=(3, 4))
+    ply = Ply(scene.mesh, Fabric(1e4), Full())
+    less = LoadStepper(ply, scene.conditions, 4).run()
+    less.states[:] = less.states[:3]
+    both = coloured(plot.shear_angle(less, result))
+    assert both[0] == both[1] == coloured(plot.shear_angle(result))[0]
+    assert coloured(plot.shear_angle(less)) != both[:1]
+
+
+def test_a_state_is_drawn_as_it_is(result, sheets):
+    plot.field(result, field="displacement", state=1)
+    ((drawn, _),) = sheets
+    u = result.ply.nodal(result.states[1].u)
+    np.testing.assert_allclose(
+        drawn.panels[0].shape.points[:, :2], (result.ply.mesh.p + u).T, atol=1e-12
+    )
+    mean = u[:, result.ply.mesh.t].mean(axis=1)
+    np.testing.assert_allclose(drawn.panels[0].values, np.hypot(*mean), atol=1e-12)
+    with pytest.raises(ValueError, match="there is no state 5: a result has 5 states"):
+        plot.shear_angle(result, state=5)
+
+
+def test_a_field_of_ones_own_is_drawn_with_its_unit(result, sheets, tmp_path):
+    numbers = plot.Field("Number (-)", lambda ply, u: np.arange(ply.mesh.nelements))
+    plot.field(result, field=numbers, filename=tmp_path / "x.svg")
+    assert sheets[0][0].legends[0].scale.label == "Number (-)"
+    assert sheets[0][0].panels[0].values.tolist() == list(range(12))
+    wrong = plot.Field("Ones", lambda ply, u: np.ones(3))
+    with pytest.raises(ValueError, match=r"Ones: values of shape \(3,\) for 12"):
+        plot.field(result, field=wrong)
+    endless = plot.Field("Gap", lambda ply, u: np.r_[np.zeros(5), np.nan, np.zeros(6)])
+    with pytest.raises(ValueError, match="Gap: not finite in element 5"):
+        plot.field(result, field=endless)
+    with pytest.raises(ValueError, match="no field 'shear': take shear_angle, "):
+        plot.field(result, field="shear")
+
+
+def test_every_named_field_has_a_unit_and_can_be_drawn(result, sheets, tmp_path):
+    for name, field in plot.FIELDS.items():
+        plot.field(result, field=name, filename=tmp_path / "x.svg")
+        unitless = field.label == "Area over initial area"
+        assert unitless or re.search(r"\((°|%|N/mm|mm)\)$", field.label)
+    drawn = {sheet.legends[0].scale.label for sheet, _ in sheets}
+    assert drawn == {field.label for field in plot.FIELDS.values()}
+
+
+@pytest.mark.parametrize("clim", [(1, 0), (0, 0), (0, np.inf), (np.nan, 1), (1, 2, 3)])
+def test_limits_that_do_not_rise_are_refused(result, clim):
+    with pytest.raises(ValueError, match="give two finite limits that rise"):
+        plot.shear_angle(result, clim=clim)
+
+
+def test_a_colour_map_that_is_none_is_refused(result):
+    with pytest.raises(ValueError, match="matplotlib has no colour map 'no'"):
+        plot.shear_angle(result, cmap="no")
+
+
+def test_values_beyond_the_limits_have_arrows(result, sheets):
+    for clim, ends in (((5, 30), (3, 3)), ((0, 30), (0, 3)), ((-1, 90), (0, 0))):
+        plot.shear_angle(result, clim=clim)
+        (bar,) = sheets[-1][1].below[0].bars
+        assert tuple(map(len, bar.tips)) == ends
+
+
+def test_edges_are_drawn_where_there_is_room(result, fine):
+    """And in any case the outline."""
+    coarse = sheet.Panel("", at_rest(result.ply.mesh))
+    split_mesh, shape, fine_scale = fine
+    small = sheet.Panel("", shape)
+
+    def drawn(panel, scale, show_edges):
+        return [len(x.ends) for x in lines.lines_of(panel, scale, show_edges)]
+
+    for panel, scale, mesh in (
+        (coarse, 0.5, result.ply.mesh),
+        (small, fine_scale, split_mesh),
+    ):
+        every, outer = mesh.facets.shape[1], len(mesh.boundary_facets())
+        by_itself = [every, outer] if panel is coarse else [outer]
+        assert drawn(panel, scale, None) == by_itself
+        assert drawn(panel, scale, True) == [every, outer]
+        assert drawn(panel, scale, False) == [outer]
+
+
+def test_fibres_of_small_elements_are_thinned_to_a_spacing(fine):
+    _, shape, scale = fine
+    points, elements, _ = lines.places_of_fibres(shape, scale)
+    apart = np.linalg.norm(points[:, None] - points[None], axis=-1) * scale
+    nearest = np.sort(apart, axis=1)[:, 1]
+    np.testing.assert_allclose(nearest, 2.4, rtol=1e-9)
+    area = np.prod(np.ptp(shape.points[:, :2], axis=0)) * scale**2
+    assert len(points) == pytest.approx(area / 2.4**2, rel=0.05)
+    away = np.linalg.norm(points - shape.centres[elements], axis=1)
+    assert (away <= shape.sides[elements]).all()
+
+
+def test_a_point_is_in_the_element_that_holds_it(result):
+    u = result.ply.nodal(result.u)
+    shape = sheet.Shape.of(result.ply.mesh, u)
+    assert lines.holding(shape, shape.centres).tolist() == list(range(12))
+    assert lines.holding(shape, shape.points.max(axis=0)[None] + 1.0).tolist() == [-1]
+
+
+@pytest.mark.parametrize("suffix", ["svg", "pdf", "eps"])
+def test_vectors_are_vectors(result, tmp_path, suffix):
+    file = tmp_path / f"x.{suffix}"
+    figure = plot.shear_angle(result, filename=file)
+    assert isinstance(figure, matplotlib.figure.Figure)
+    begins = {"svg": b"<?xml", "pdf": b"%PDF", "eps": b"%!PS-Adobe-3.0 EPSF"}
+    written = file.read_bytes()
+    assert written.startswith(begins[suffix])
+    assert b"<image" not in written
+    assert b"/Subtype /Image" not in written
+    assert [p.name for p in tmp_path.iterdir()] == [file.name]
+
+
+def test_vectors_need_neither_pyvista_nor_a_screen(result, tmp_path, monkeypatch):
+    def missing(*_):
+        raise ModuleNotFoundError("No module named 'pyvista'", name="pyvista")
+
+    monkeypatch.setattr(drawing, "import_module", missing)
+    plot.fibre_directions(result, filename=tmp_path / "x.pdf")
+    said = r"^No module named 'pyvista': pip install 'skfem-textile\[plot\]'$"
+    with pytest.raises(ImportError, match=said):
+        plot.fibre_directions(result, filename=tmp_path / "x.png")
+    assert [p.name for p in tmp_path.iterdir()] == ["x.pdf"]
+
+
+def test_colours_of_vectors_are_those_of_pixels(result, tmp_path):
+    plot.shear_angle(result, filename=tmp_path / "pixels.png", show_edges=False)
+    figure = plot.shear_angle(result, filename=tmp_path / "x.svg", show_edges=False)
+    figure.savefig(tmp_path / "vectors.png", dpi=300)
+    pixels, vectors = (
+        np.asarray(Image.open(tmp_path / name).convert("RGB").resize((100, 90)), int)
+        for name in ("pixels.png", "vectors.png")
+    )
+    assert np.abs(pixels - vectors).mean() < 4
+    assert (np.abs(pixels - vectors).max(axis=-1) > 60).mean() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("n", "size", "pixels"),
+    [
+        (1, None, 85 / 25.4 * 300),
+        (2, None, 85 / 25.4 * 300),
+        (3, None, 174 / 25.4 * 300),
+        (1, 60, 60 / 25.4 * 300),
+        (1, (60, 50), 60 / 25.4 * 300),
+    ],
+)
+def test_pictures_fit_a_journal_at_300_dots_per_inch(result, tmp_path, n, size, pixels):
+    plot.shear_angle(*[result] * n, filename=tmp_path / "x.png", size=size)
+    with Image.open(tmp_path / "x.png") as image:
+        assert image.info["dpi"] == pytest.approx((300, 300), abs=0.01)
+        assert image.size[0] == pytest.approx(pixels, abs=1)
+        if isinstance(size, tuple):
+            assert image.size[1] == pytest.approx(50 / 25.4 * 300, abs=1)
+
+
+@pytest.mark.parametrize("size", [0, -5, np.nan, (80, 0), (1, 2, 3), (80, 15), 5])
+def test_sizes_without_room_are_refused(result, size):
+    with pytest.raises(ValueError, match=r"size"):
+        plot.shear_angle(result, size=size)
+
+
+TITLES = ["short", "a title of many words that has to go onto several lines of text"]
+LABELS = {"Shear angle (°)": (0, 60), "A longer label (N mm/mm²)": (-1.2e-3, 1.3e5)}
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+@pytest.mark.parametrize("title", [*TITLES, "donaudampfschifffahrt" * 5])
+@pytest.mark.parametrize(("label", "reach"), LABELS.items())
+def test_nothing_on_a_picture_is_on_something_else(
+    result, sheets, n, title, label, reach
+):
+    """Boxes of titles, plies, scales, numbers, labels and keys, all within the page."""
+    shape = at_rest(result.ply.mesh)
+    scale = sheet.Scale.of(label, reach, "viridis", None)
+    panels = [sheet.Panel(title, shape, np.zeros(12), scale)] * n
+    keys = [("Warp", "k"), ("A key with a name that is rather long", "k")]
+    legend = sheet.Legend(0, n, scale, keys)
+    drawn = sheet.Sheet([panels] * 2, [legend], sheet.extent([shape]))
+    page = layout.lay_out(drawn)
+    boxes = list(boxes_of(page))
+    for i, (x, y, right, top) in enumerate(boxes):
+        assert -0.01 <= x < right <= page.width + 0.01
+        assert -0.01 <= y < top <= page.height + 0.01
+        for a, b, c, d in boxes[:i]:
+            assert min(right, c) <= max(x, a) or min(top, d) <= max(y, b)
+
+
+def boxes_of(page):
+    """Left, low, right and top of everything on a page."""
+    places = [place for row in page.places for place in row]
+    writings = [line for place in places for line in place.title]
+    for box in [place.ply for place in places] + [
+        bar.box for below in page.below for bar in below.bars
+    ]:
+        yield box.x, box.y, box.x + box.width, box.y + box.height
+    for below in page.below:
+        writings += below.writings
+        for stroke in below.strokes:
+            yield stroke.x, stroke.y - 0.2, stroke.x + layout.KEY, stroke.y + 0.2
+    for text, x, y, size, align in writings:
+        width = layout.text_width(text, size)
+        left = x if align == "left" else x - width / 2
+        half = 0.6 * size * layout.POINT
+        yield left, y - half, left + width, y + half
+
+
+def test_a_refusal_shows_why_and_where(result, sheets):
+    error = StepError("stopped at load factor 0.5: folded", result, np.array([3, 7]))
+    plotter = plot.verdict(error)
+    ((drawn, _),) = sheets
+    (panel,) = drawn.panels
+    assert panel.title == str(error)
+    assert panel.marked.tolist() == [3, 7]
+    assert drawn.legends[0].keys == [("Elements where the step was refused", "#E6007E")]
+    least = result.ply.least_area_ratio(result.u)
+    np.testing.assert_allclose(panel.values, least)
+    pixels = plotter.screenshot(return_img=True).astype(int)
+    magenta = np.abs(pixels - [0xE6, 0x00, 0x7E]).max(axis=-1) < 3
+    assert magenta.sum() > 1000
+
+
+def test_small_refused_elements_have_rings(fine):
+    _, shape, scale = fine
+    panel = sheet.Panel("", shape, marked=np.array([100]))
+    _, marks = lines.lines_of(panel, scale, None)
+    reach = np.ptp(marks.ends.reshape(-1, 3), axis=0)[:2] * scale
+    assert (reach > 3).all()
+
+
+def test_a_verdict_is_told_in_words(result, sheets):
+    plot.verdict(result)
+    found = result.states[-1].verdict
+    title = sheets[0][0].panels[0].title
+    assert title.startswith("Load factor 1: stable, smallest area ratio ")
+    assert f"{found.min_det_F:.3g}" in title
+    assert sheets[0][0].legends[0].keys == []
+
+
+def test_any_field_is_animated_on_one_scale(result, tmp_path):
+    number = plot.Field("State (-)", lambda ply, u: np.full(12, np.abs(u).max()))
+    file = tmp_path / "x.gif"
+    plot.animation(result, file, field=number, cmap="gray", clim=(0, 100), size=40)
+    with Image.open(file) as moving:
+        assert moving.n_frames == 5
+        assert moving.size[0] == round(40 / 25.4 * 150)
+        for i, state in enumerate(result.states):
+            moving.seek(i)
+            grey = np.asarray(moving.convert("L"), float)
+            expected = 255 * np.abs(state.u).max() / 100
+            assert (np.abs(grey - expected) < 3).sum() > 0.1 * grey.size
+    with pytest.raises(ValueError, match="there is no field"):
+        plot.animation(result, file, field="nothing")

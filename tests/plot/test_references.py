@@ -1,0 +1,105 @@
+"""Pictures beside stored ones, in a measure that a wrong scale of colours fails.
+
+As a script it draws the stored ones anew.
+"""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, StepError
+from skfem_textile.scenes import strip
+
+pv = pytest.importorskip("pyvista")
+Image = pytest.importorskip("PIL.Image")
+plot = pytest.importorskip("skfem_textile.plot")
+lines = pytest.importorskip("skfem_textile.plot.lines")
+
+FOLDER = Path(__file__).parent / "references"
+
+#: Width in pixels to which pictures are reduced, so that hinting of letters and
+#: smoothing of edges, which differ between machines, hardly count.
+WIDTH = 160
+
+#: Largest mean difference, of 255, of the colours of two pictures that are the same.
+#: Without the smoothing of edges the pictures differ by up to 0.9.  A scale that is
+#: longer by a fifth, or other colours, differs by at least 2.1.
+SAME = 1.2
+
+
+@cache
+def results():
+    scene = strip(size=(3, 4))
+    return [
+        LoadStepper(Ply(scene.mesh, Fabric(1e4), f), scene.conditions, steps=4).run()
+        for f in (Full(), OnePoint(10.0))
+    ]
+
+
+def refusal():
+    return StepError("stopped at load factor 1: folded", results()[0], np.array([3, 7]))
+
+
+DRAWN = {
+    "fibre_strain": lambda **how: plot.fibre_strain(results()[0], **how),
+    "shear_angle": lambda **how: plot.shear_angle(*results(), **how),
+    "verdict": lambda **how: plot.verdict(refusal(), results()[1], **how),
+    "contact_sheet": lambda **how: plot.contact_sheet(*results(), **how),
+    "fibre_directions": lambda **how: plot.fibre_directions(*results(), **how),
+}
+
+
+def reduced(pixels):
+    """A picture of the width `WIDTH`, each pixel the mean of what it covers."""
+    image = Image.fromarray(pixels)
+    height = round(image.height * WIDTH / image.width)
+    return image.resize((WIDTH, height), Image.Resampling.BOX)
+
+
+def difference(plotter, name):
+    """The mean difference of the colours from those of the stored picture."""
+    found = reduced(plotter.screenshot(return_img=True))
+    with Image.open(FOLDER / f"{name}.png") as stored:
+        assert found.size == stored.size
+        both = [np.asarray(x.convert("RGB"), dtype=float) for x in (found, stored)]
+    return np.abs(both[0] - both[1]).mean()
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_a_picture_is_as_it_was(name):
+    assert difference(DRAWN[name](), name) < SAME
+
+
+def test_edges_that_are_not_smoothed_are_no_difference(monkeypatch):
+    """As on a machine that cannot smooth them."""
+    monkeypatch.setattr("pyvista.global_theme.multi_samples", 1)
+    found = {name: difference(draw(), name) for name, draw in DRAWN.items()}
+    assert max(found.values()) < SAME, found
+
+
+@pytest.mark.parametrize("name", ["fibre_strain", "shear_angle", "verdict"])
+@pytest.mark.parametrize("wrong", ["longer", "colours"])
+def test_a_wrong_scale_is_a_difference(name, wrong):
+    ((low, high),) = {
+        tuple(actor.mapper.scalar_range)
+        for renderer in DRAWN[name]().renderers
+        for actor in renderer.actors.values()
+        if isinstance(actor, pv.Actor) and actor.mapper.scalar_visibility
+    }
+    how = {"colours": {"cmap": "plasma"}, "longer": {"clim": (1.2 * low, 1.2 * high)}}
+    assert difference(DRAWN[name](**how[wrong]), name) > SAME
+
+
+def test_swapped_fibres_are_a_difference(monkeypatch):
+    """Warp in the colour of the weft."""
+    monkeypatch.setattr(lines, "WARP", lines.WEFT)
+    name = "fibre_directions"
+    assert difference(DRAWN[name](), name) > SAME
+
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    for name, draw in DRAWN.items():
+        reduced(draw().screenshot(return_img=True)).save(FOLDER / f"{name}.png")
