@@ -11,15 +11,11 @@ from numpy import ndarray
 
 from ..fabric.law import Law
 
-# C_s over shear stiffness and over tension, and the power of the grip, in triangles
-# that were split and in other elements; of E_d, what tension adds over what shear
-# stiffness adds, of its square in split triangles, and the tension over shear stiffness
-# beyond which the square becomes linear; how fast tension loses weight where fibres are
-# soft: `python -m studies angles --part choosing`.
-_C_S_OF_SHEAR, _C_S_OF_TENSION = 4.0, 3.2
-_POWER_IN_TRIANGLES, _POWER_OF_GRIP = 1.0, 1.5
-_TENSION_OVER_SHEAR, _SQUARE_OVER_SHEAR, _LARGE_TENSION = 0.7, 0.5, 16.0
-_SOFTNESS = 80.0
+# C_s over shear stiffness and over tension, and the power of the grip; of E_d, what
+# tension adds over what shear stiffness adds; how fast tension loses weight where
+# fibres are soft: `python -m studies angles --part choosing`.
+_C_S_OF_SHEAR, _C_S_OF_TENSION, _POWER_OF_GRIP = 4.0, 3.2, 1.5
+_TENSION_OVER_SHEAR, _SOFTNESS = 0.7, 80.0
 
 # C_s and E_d over the fibre stiffness where there is no shear stiffness: strip and
 # trellis, `python -m studies formulations`.
@@ -40,11 +36,7 @@ _SMALL_ANGLE = 1e-6
 
 
 def stabilisation_stiffness(
-    G: ndarray,
-    E: ndarray,
-    T: ndarray,
-    cos_angle: ndarray,
-    triangles: bool | ndarray = False,
+    G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray
 ) -> ndarray:
     """C_s in N/mm: grows with G and tension, and where fibres close up.
 
@@ -60,11 +52,8 @@ def stabilisation_stiffness(
         is.
     cos_angle
         ``|cos ω|``.
-    triangles
-        Where elements are triangles that were split: there the power is 1.
     """
-    power = np.where(triangles, _POWER_IN_TRIANGLES, _POWER_OF_GRIP)
-    grip = np.maximum(1.0 - cos_angle, _LEAST_GRIP) ** power
+    grip = np.maximum(1.0 - cos_angle, _LEAST_GRIP) ** _POWER_OF_GRIP
     without_shear = _without_shear(G, E)
     resistance = _C_S_OF_SHEAR * G + _C_S_OF_TENSION * effective_tension(G, E, T)
     of_fibres = _C_S_OF_FIBRES * E
@@ -72,19 +61,14 @@ def stabilisation_stiffness(
 
 
 def deviation_stiffness(
-    multiple: float | ndarray,
-    G: ndarray,
-    E: ndarray,
-    T: ndarray,
-    triangles: bool | ndarray = False,
+    multiple: float | ndarray, G: ndarray, E: ndarray, T: ndarray
 ) -> ndarray:
     """E_d in N/mm: a multiple of G + 0.7 τ, in series with E.
 
-    In triangles that were split it is G + ½ τ²/(G + τ/16), and everywhere ½ E without
-    shear stiffness.  A jump of the shear angle lies along fibres that carry a force of
-    their own.  The smaller the elements, the larger is its tension T in them, and the
-    more of the force would be lost to stretches that deviate.  Where there is no such
-    fibre, E_d is of the order of G and elements do not lock.
+    It is ½ E without shear stiffness.  A jump of the shear angle lies along fibres that
+    carry a force of their own.  The smaller the elements, the larger is its tension T
+    in them, and the more of the force would be lost to stretches that deviate.  Where
+    there is no such fibre, E_d is of the order of G and elements do not lock.
 
     Parameters
     ----------
@@ -93,15 +77,9 @@ def deviation_stiffness(
     G, E, T
         As for `stabilisation_stiffness`; of G what resists further shear,
         `further_shear_stiffness`.
-    triangles
-        Where elements are triangles that were split.
     """
     without_shear = _without_shear(G, E)
-    tau = effective_tension(G, E, T)
-    large = G + tau / _LARGE_TENSION
-    square = _SQUARE_OVER_SHEAR * tau**2 / np.where(large > 0, large, 1.0)
-    of_tension = np.where(triangles, square, _TENSION_OVER_SHEAR * tau)
-    resistance = multiple * (G + of_tension)
+    resistance = multiple * (G + _TENSION_OVER_SHEAR * effective_tension(G, E, T))
     both = resistance + E
     in_series = resistance / np.where(both > 0, both, 1.0) * E
     return (1.0 - without_shear) * in_series + without_shear * _E_D_OF_FIBRES * E

@@ -166,13 +166,6 @@ class MeanBasis(CellBasis):
 
     parts: ndarray | None = None
 
-    @property
-    def split_triangles(self) -> ndarray:
-        """Which elements are triangles that were split, shape (n_elements, 1)."""
-        if self.parts is None:
-            return np.zeros((self.nelems, 1), dtype=bool)
-        return (self.parts >= 0).sum(axis=1, keepdims=True) == 3
-
     def default_parameters(self) -> dict[str, Any]:
         """Position and share."""
         share = self.dx / self.dx.sum(axis=1, keepdims=True)

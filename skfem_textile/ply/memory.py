@@ -148,7 +148,6 @@ class HeldStabilisation(HeldStiffness):
             E.mean(axis=0),
             self._by_tension * np.abs(T).mean(axis=0),
             mean(w, np.abs(kin.cos_angle(F, *A))),
-            self._basis.split_triangles,
         )
         return self._basis.to_ply_points(np.broadcast_to(C_s, self._basis.dx.shape))
 
@@ -177,8 +176,7 @@ class HeldDeviation(HeldStiffness):
     ) -> ndarray:
         G = self._shear(further_shear_stiffness, w, F, A)
         E, T = self._fibres(w, F, A)
-        triangles = self._basis.split_triangles
-        return deviation_stiffness(self._multiple, G, E, T, triangles)
+        return deviation_stiffness(self._multiple, G, E, T)
 
 
 class AccumulatedMoment:

@@ -326,20 +326,15 @@ def effective_tension(G, E, T):
 def deviation_stiffnesses(cloth, x, groups, multiples):
     """E_d of both families of each group of points at a converged state.
 
-    c (G + 0.7 τ) in series with E, ½ E without shear stiffness; of the three parts of a
-    triangle c (G + ½ τ²/(G + τ/16)).  ``multiples`` has the c of each group.
+    c (G + 0.7 τ) in series with E, ½ E without shear stiffness.  ``multiples`` has the
+    c of each group.
     """
     stiffnesses = []
     for group, c in zip(groups, multiples, strict=True):
         state, pair = state_of_group(cloth, x, group), []
-        split_triangle = len(group) == 3 and len(group[0].nodes) == 4
         for E, T in zip(state.E, state.T, strict=True):
             tau = effective_tension(state.further, E, T)
-            if split_triangle and tau > 0:
-                of_tension = 0.5 * tau**2 / (state.further + tau / 16)
-            else:
-                of_tension = 0.7 * tau
-            resistance = c * (state.further + of_tension)
+            resistance = c * (state.further + 0.7 * tau)
             series = resistance * E / (resistance + E) if resistance + E > 0 else 0.0
             chi = share_without_shear(state.further, E)
             pair.append((1 - chi) * series + chi * E / 2)
@@ -411,8 +406,7 @@ def automatic_stiffness(cloth, x, macros):
 
     (4 G + 3.2 τ)/(1 − |cos ω|)^1.5, and without shear stiffness 10⁻⁴ E; G, E and τ are
     means of both families, at the centre of an element or over those of the parts of a
-    macro-element.  τ is none of single elements.  The power is 1 in the three parts
-    of a triangle.
+    macro-element.  τ is none of single elements.
     """
     C_s = np.zeros(len(cloth.elements))
     for parts in macros or [[e] for e in range(len(cloth.elements))]:
@@ -421,8 +415,7 @@ def automatic_stiffness(cloth, x, macros):
         G, E = state.secant, state.E.mean()
         tau = effective_tension(G, E, abs(state.T).mean()) if macros else 0.0
         chi = share_without_shear(G, E)
-        power = 1.0 if len(parts) == 3 else 1.5
-        resistance = (4 * G + 3.2 * tau) / max(1 - state.cosine, 0.01) ** power
+        resistance = (4 * G + 3.2 * tau) / max(1 - state.cosine, 0.01) ** 1.5
         C_s[parts] = (1 - chi) * resistance + chi * 1e-4 * E
     return C_s
 

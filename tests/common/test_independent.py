@@ -99,7 +99,7 @@ def one_point(formulation, stabilisation=None, **others):
 
 
 def macro(mesh, **others):
-    return Case(Macro(), mesh, "centre", of_macros(400, 700), automatic, **others)
+    return Case(Macro(), mesh, "centre", of_macros(370, 700), automatic, **others)
 
 
 def macro_of(C_s, c):

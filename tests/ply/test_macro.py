@@ -76,7 +76,7 @@ def test_the_energy_is_that_of_mean_and_deviation(mesh):
             parts = mesh.parent == parent
             mean = np.average(stretch[parts], weights=area[parts])
             off = area[parts] @ (stretch[parts] - mean) ** 2
-            resistance = {3: 400.0, 4: 700.0}[parts.sum()] * 0.1
+            resistance = {3: 370.0, 4: 700.0}[parts.sum()] * 0.1
             E_d = E * resistance / (E + resistance)
             of_mean = 0.5 * E * np.log(mean) ** 2 * area[parts].sum()
             expected += of_mean + 0.5 * E_d * off
@@ -150,17 +150,6 @@ def test_deviations_meet_shear_stiffness_and_tension_in_series_with_fibres(
     assert 1 / E_d == pytest.approx(1 / (1000 * resistance) + 1 / E, rel=1e-12)
 
 
-def test_deviations_in_split_triangles_meet_the_square_of_the_tension():
-    """It is linear where it is large, and no jump is where it is none."""
-    G, E = np.array(0.5), np.array(1e9)
-    T = np.array([0.0, 1e-3, 3.0, 1e6])
-    tau = T / (1 + 80 * np.sqrt(G / E))
-    expected = 0.5 + np.append(0.0, 0.5 * tau[1:] ** 2 / (0.5 + tau[1:] / 16))
-    E_d = deviation_stiffness(1.0, G, E, T, np.array(True))
-    np.testing.assert_allclose(1 / E_d, 1 / expected + 1 / E, rtol=1e-12)
-    assert expected[3] == pytest.approx(8 * tau[3], rel=1e-4)
-
-
 def test_deviations_meet_half_the_fibres_without_shear_stiffness():
     G, T = np.array(0.0), np.array(3.0)
     assert deviation_stiffness(1000.0, G, np.array(1e4), T) == 5e3
@@ -172,7 +161,6 @@ def test_deviations_meet_half_the_fibres_without_shear_stiffness():
     [
         lambda G, E: stabilisation_stiffness(G, E, 0.0 * G, 0.0 * G),
         lambda G, E: deviation_stiffness(1000.0, G, E, 0.0 * G),
-        lambda G, E: deviation_stiffness(1000.0, G, E, 0.0 * G + 1.0, np.array(True)),
     ],
 )
 def test_stiffnesses_go_over_into_those_without_shear_stiffness(rule):

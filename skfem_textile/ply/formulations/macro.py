@@ -49,7 +49,7 @@ class Macro(Quadrilaterals):
     """
 
     stabilisation: float | Literal["auto"] = "auto"
-    deviation: tuple[float, float] = (400.0, 700.0)
+    deviation: tuple[float, float] = (370.0, 700.0)
 
     name: ClassVar[str] = "macro"
     rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
@@ -91,8 +91,9 @@ class Macro(Quadrilaterals):
         mesh: Any = basis.mesh
         macro = MacroBasis(mesh, mapping=basis.mapping, dofs=basis.dofs)
         of_triangles, of_quadrilaterals = self.deviation
-        deviation = np.where(macro.split_triangles, of_triangles, of_quadrilaterals)
-        return mean_tension_term(fabric, deviation, macro)
+        four = (macro.parts >= 0).sum(axis=1) == 4
+        deviation = np.where(four, of_quadrilaterals, of_triangles)
+        return mean_tension_term(fabric, deviation[:, None], macro)
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """The hourglass term, unless C_s is zero."""
