@@ -260,13 +260,13 @@ def test_the_pattern_keeps_entries_that_happen_to_be_zero():
 
 def test_strains_are_found_once_for_forces_and_tangent_of_a_state(monkeypatch):
     ply, seen = Ply(distorted(1), Fabric(1e4, 0.5), OnePoint(1.0)), []
-    deformation = QuadPoints.deformation
+    fibres = QuadPoints.fibres
 
     def counted(points, u, block):
         seen.append(len(points.dx))
-        return deformation(points, u, block)
+        return fibres(points, u, block)
 
-    monkeypatch.setattr(QuadPoints, "deformation", counted)
+    monkeypatch.setattr(QuadPoints, "fibres", counted)
     u = wobble(ply, 9)
     ply.residual(u), ply.tangent(u), ply.energy(u)
     assert sorted(seen) == [1, 4]  # the centre once for three terms, and the corners

@@ -12,7 +12,14 @@ from ... import forms
 from ...fabric import Fabric
 from ...forms.form import fibre_tension
 from ...forms.mean_tension import mean_fibre_tension, mean_strain
-from ...mesh.bases import CENTRE, GAUSS, HourglassBasis, MeanBasis, quad_basis
+from ...mesh.bases import (
+    CENTRE,
+    GAUSS,
+    HourglassBasis,
+    MeanBasis,
+    components,
+    quad_basis,
+)
 from ...mesh.checks import check_mesh
 from ...mesh.interior_edges import JumpBasis
 from ...mesh.splitting import split
@@ -56,10 +63,10 @@ class Quadrilaterals(Pointwise):
         check_mesh(mesh)
         return split(mesh)
 
-    def basis(self, mesh: Mesh) -> CellBasis:
+    def basis(self, mesh: Mesh, dimension: int = 2) -> CellBasis:
         """Basis of the displacement."""
         check_mesh(mesh)
-        return quad_basis(mesh, self.rule)
+        return quad_basis(mesh, self.rule, dimension)
 
 
 def mean_tension_term(
@@ -100,10 +107,16 @@ def hourglass_terms(
     if stabilisation == 0:
         return []
     C_s = None if stabilisation == "auto" else float(stabilisation)
-    corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
+    corners = hourglass_basis(basis)
     held = _automatic(basis, fabric) if C_s is None else None
     kernel = HourglassKernel(fabric, C_s)
     return [stabilising_term(forms.hourglass(fabric, C_s), corners, kernel, held)]
+
+
+def hourglass_basis(basis: CellBasis) -> HourglassBasis:
+    """The `HourglassBasis` of the same displacement."""
+    d = components(basis)
+    return HourglassBasis(basis.mesh, d, mapping=basis.mapping, dofs=basis.dofs)
 
 
 def _automatic(basis: CellBasis, fabric: Fabric) -> HeldStabilisation:
