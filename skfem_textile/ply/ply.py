@@ -304,6 +304,7 @@ class Ply(Measures):
         t: float = 1.0,
         tension: ndarray | None = None,
         corners: bool = True,
+        convex: bool = False,
     ) -> ndarray:
         """Blocks of the tangent in the order of ``pattern``, shape (n_blocks, d, d).
 
@@ -316,6 +317,9 @@ class Ply(Measures):
             gives them.
         corners
             Whether corners resist.
+        convex
+            Whether what resists shear and stabilises is made positive semi-definite, at
+            each point or in each element, as a last resort of an iteration.
         """
         terms = self._acting(corners)
         parameters = _kernel_parameters(terms, t)
@@ -323,8 +327,9 @@ class Ply(Measures):
             parameters[self._tension]["tension"] = tension
         others = [term for term in terms if not _is_fused(term)]
         plain = [term for term in others if isinstance(term, FormTerm)]
-        matrices = (term.matrices(u, t) for term in plain)
-        blocks = self.pattern.sum(chain(self._fused.matrices(u, parameters), matrices))
+        fused = self._fused.matrices(u, parameters, convex)
+        matrices = (term.matrices(u, t, convex) for term in plain)
+        blocks = self.pattern.sum(chain(fused, matrices))
         for term in others:
             if term not in plain and (K := term.tangent(u, t)) is not None:
                 refuse_unsymmetric(term.name, K - K.T, K)

@@ -103,8 +103,11 @@ class FormTerm(Term):
         d = components(self.basis)
         return self.basis.element_dofs[::d] // d
 
-    def matrices(self, u: ndarray, t: float) -> ndarray:
-        """Blocks of the tangents of the elements, as `Pattern.sum` takes them."""
+    def matrices(self, u: ndarray, t: float, convex: bool = False) -> ndarray:
+        """Blocks of the tangents of the elements, as `Pattern.sum` takes them.
+
+        Where ``convex``, a term that can leaves out what is not.
+        """
         basis: Any = self.basis
         form, size = self.forms.tangent, basis.Nbfun
         K = form.elemental(basis, u=u, **self.parameters(t)).data

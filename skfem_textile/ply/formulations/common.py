@@ -28,6 +28,7 @@ from ..kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
 from ..memory import HeldDeviation, HeldStabilisation
 from ..term import Memory, Term
 from ..terms import FormTerm, TensionTerm
+from .out_of_plane import OutOfPlane
 
 
 class Pointwise:
@@ -103,14 +104,22 @@ def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:
 def hourglass_terms(
     stabilisation: float | str, basis: CellBasis, fabric: Fabric
 ) -> list[Term]:
-    """The hourglass term of a number C_s or ``auto``, unless it is zero."""
+    """The terms of a number C_s or ``auto``, none if it is zero.
+
+    The hourglass term, and in space `OutOfPlane`.
+    """
     if stabilisation == 0:
         return []
     C_s = None if stabilisation == "auto" else float(stabilisation)
     corners = hourglass_basis(basis)
     held = _automatic(basis, fabric) if C_s is None else None
-    kernel = HourglassKernel(fabric, C_s)
-    return [stabilising_term(forms.hourglass(fabric, C_s), corners, kernel, held)]
+    definition, kernel = forms.hourglass(fabric, C_s), HourglassKernel(fabric, C_s)
+    terms: list[Term] = [stabilising_term(definition, corners, kernel, held)]
+    if components(basis) == 3:
+        given = "out_of_plane", forms.out_of_plane(), corners
+        of_both = float(stabilisation) if held is None else held
+        terms.append(OutOfPlane(*given, C_s=of_both, role="stabilisation"))
+    return terms
 
 
 def hourglass_basis(basis: CellBasis) -> HourglassBasis:

@@ -246,18 +246,8 @@ def _of_nodes(
 def _of_quadrilaterals(
     basis: Any, A: ndarray, dN: ndarray, centre: ndarray | None
 ) -> tuple[ndarray, list[IntegrationPoints]]:
-    """Modes of bilinear quadrilaterals, (3, 4, n), and points, after the centre.
-
-    The gradients at a point differ from those at the centre by γ_a ∇h, where γ is the
-    hourglass vector (Flanagan & Belytschko 1981).
-    """
-    scalar, mapping, tind = ElementQuad1(), basis.mapping, basis.tind
-    fields = (scalar.gbasis(mapping, CENTRE[0], a, tind)[0] for a in range(4))
-    at_centre = np.array([field.grad for field in fields])
-    h = np.array([1.0, -1.0, 1.0, -1.0])
-    corners = basis.mesh.p[:, basis.mesh.t[:, _ALL if tind is None else tind]]
-    gamma = h[:, None] - np.einsum("b,jbn,ajn->an", h, corners, at_centre[..., 0])
-    slope = np.einsum("an,ajnq->jnq", gamma / (gamma**2).sum(axis=0), dN - at_centre)
+    """Modes of bilinear quadrilaterals, (3, 4, n), and points, after the centre."""
+    at_centre, gamma, slope = hourglass_mode(basis, dN)
     modes = np.concatenate([_products(A[..., :1], at_centre)[:, 0], gamma[None]])
 
     constant = _directions(A[..., :1], components(basis))
@@ -266,6 +256,33 @@ def _of_quadrilaterals(
     if centre is not None:
         points.insert(0, QuadPoints(constant, 0 * dx[:1], 0 * eta[:, :1]))
     return modes, points
+
+
+def hourglass_mode(basis: Any, dN: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """How gradients vary in bilinear quadrilaterals: ∇N_a(ξ) = ∇N_a(0) + γ_a ∇h(ξ).
+
+    γ is the hourglass vector (Flanagan & Belytschko 1981).
+
+    Parameters
+    ----------
+    basis
+        Of bilinear quadrilaterals.
+    dN
+        ∇N_a at its points, shape (4, 2, n, P).
+
+    Returns
+    -------
+    tuple
+        ∇N_a(0), shape (4, 2, n, 1); γ, shape (4, n); ∇h, shape (2, n, P).
+    """
+    scalar, mapping, tind = ElementQuad1(), basis.mapping, basis.tind
+    fields = (scalar.gbasis(mapping, CENTRE[0], a, tind)[0] for a in range(4))
+    at_centre = np.array([field.grad for field in fields])
+    h = np.array([1.0, -1.0, 1.0, -1.0])
+    corners = basis.mesh.p[:, basis.mesh.t[:, _ALL if tind is None else tind]]
+    gamma = h[:, None] - np.einsum("b,jbn,ajn->an", h, corners, at_centre[..., 0])
+    slope = np.einsum("an,ajnq->jnq", gamma / (gamma**2).sum(axis=0), dN - at_centre)
+    return at_centre, gamma, slope
 
 
 def _macro(
