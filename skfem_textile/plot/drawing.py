@@ -132,8 +132,19 @@ def empty_panels(view: View, n_rows: int, n_columns: int, *scales: slice) -> pv.
 
 
 def deformed(result: Result, state: State) -> pv.UnstructuredGrid:
-    """The ply in its current shape, with straight edges between the vertices."""
+    """The ply in its current shape, with straight edges between the vertices.
+
+    Raises
+    ------
+    ValueError
+        If it is a ply in space.
+    """
     mesh, u = result.ply.mesh, result.ply.nodal(state.u)
+    if len(u) == 3:
+        raise ValueError(
+            "pictures show plies in their plane: write the fields of a ply in space "
+            "with write_fields, and look at them in a viewer"
+        )
     points = np.pad(mesh.p + u[:, : mesh.nvertices], ((0, 1), (0, 0))).T
     cell = {3: pv.CellType.TRIANGLE, 4: pv.CellType.QUAD}[len(mesh.t)]
     return pv.UnstructuredGrid({cell: mesh.t.T}, points)
