@@ -221,20 +221,20 @@ def definite(problem: Problem, u: ndarray, tension: ndarray) -> Tangent:
     nothing suffices it is returned as it is with all of that.
     """
     shares = _COMPRESSION_SHARES if tension.min() < 0 else _COMPRESSION_SHARES[:1]
-    attempts = [(share, False) for share in shares]
+    attempts = [(np.where(tension > 0, tension, x * tension), False) for x in shares]
     if problem.in_space:
-        attempts.append((shares[-1], True))
-    for share, convex in attempts:
+        least = 0.0, _FIRST_TENSION
+        attempts += [(np.maximum(tension, x), True) for x in least]
+    for number, attempt in enumerate(attempts, start=1):
         try:
-            kept = np.where(tension > 0, tension, share * tension)
-            tangent = Tangent(problem, u, kept, convex)
+            tangent = Tangent(problem, u, *attempt)
         except NoEquilibriumError:
-            if (share, convex) == attempts[-1]:
+            if number == len(attempts):
                 raise
         else:
             if tangent.definite:
                 break
-    tangent.altered = share < 1 or convex or not tangent.definite
+    tangent.altered = number > 1 or not tangent.definite
     return tangent
 
 
