@@ -16,9 +16,9 @@ from .form import Forms, once
 
 
 def out_of_plane() -> Forms:
-    """Stabilisation with the energy ½ C_s Σ_k A/4 ‖c·(∇u(ξ_k) − ∇u(0))‖².
+    """Stabilisation with the energy ½ C_s Σ_k A/4 ‖N·(∇u(ξ_k) − ∇u(0))‖².
 
-    c is the area vector of the deformation at the centre, normal to the element and as
+    N is the area vector of the deformation at the centre, normal to the element and as
     long as its area ratio.  The energy does not change with rotations in space, and it
     vanishes for all motions in a plane.  The forms go with `HourglassBasis` and take
     the parameter ``C_s`` in N/mm, a number or an array of shape (n_elements, 1), as
@@ -64,5 +64,5 @@ def out_of_plane() -> Forms:
 
 
 def _across(c: ndarray, gradient: ndarray) -> ndarray:
-    """c·∇u, shape (2, ...)."""
+    """N·∇u, shape (2, ...)."""
     return np.einsum("i...,iJ...->J...", c, gradient)
