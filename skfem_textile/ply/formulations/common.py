@@ -1,6 +1,7 @@
 """What formulations share."""
 
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from numbers import Real
 from typing import ClassVar
 
@@ -24,11 +25,12 @@ from ...mesh.checks import check_mesh
 from ...mesh.interior_edges import JumpBasis
 from ...mesh.splitting import split
 from ...registration import Option
+from ..kernels.element_groups import Parameters
 from ..kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
+from ..kernels.out_of_plane import OutOfPlaneKernel
 from ..memory import HeldDeviation, HeldStabilisation
 from ..term import Memory, Term
 from ..terms import FormTerm, TensionTerm
-from .out_of_plane import OutOfPlane
 
 
 class Pointwise:
@@ -99,6 +101,45 @@ def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:
         return
     if not isinstance(value, Real) or not (np.isfinite(value) and value >= 0):
         raise ValueError(f"{name} must be a finite number >= 0{also}, got {value}")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OutOfPlane(FormTerm):
+    """The term of `out_of_plane`, with the numbers of its kernel.
+
+    Parameters
+    ----------
+    C_s
+        A number in N/mm, or what the term of `hourglass` holds: both have one
+        stiffness.
+    """
+
+    C_s: float | HeldStabilisation
+
+    def parameters(self, t: float) -> Parameters:
+        """What the forms are given beside the displacement."""
+        return {**super().parameters(t), "C_s": self._stiffness}
+
+    def energy(self, u: ndarray, t: float) -> float:
+        """See `OutOfPlaneKernel`."""
+        return self._numbers.energy(u, self._stiffness)
+
+    def residual(self, u: ndarray, t: float) -> ndarray:
+        """See `OutOfPlaneKernel`."""
+        return self._numbers.forces(u, self._stiffness)
+
+    def matrices(self, u: ndarray, t: float, convex: bool = False) -> ndarray:
+        """See `OutOfPlaneKernel`."""
+        return self._numbers.matrices(u, self._stiffness, convex)
+
+    @property
+    def _stiffness(self) -> float | ndarray:
+        given = self.C_s
+        return given if isinstance(given, float) else given.parameters["C_s"]
+
+    @cached_property
+    def _numbers(self) -> OutOfPlaneKernel:
+        return OutOfPlaneKernel(self.basis)
 
 
 def hourglass_terms(
