@@ -231,8 +231,8 @@ def element_matrices(kernels: Sequence[KernelOnGroup], convex: bool = False) -> 
     for block in group.blocks():
         k = np.zeros((_n_pairs(group.n_modes), d, d, block.stop - block.start))
         for points, (fibres, stress) in stresses.items():
-            stiffness = fibres.stiffness(stress.of(block), block, convex)
-            points.add_stiffness(k, *stiffness, block)
+            of_block = stress.of(block), block, convex
+            points.add_stiffness(k, *fibres.stiffness(*of_block), block)
         for strain in rank_one:
             s = strain.stiffness[:, block]
             s = np.maximum(s, 0.0) if convex and strain.of_shear else s
