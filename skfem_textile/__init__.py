@@ -20,7 +20,7 @@ from .fabric import (
     mesh_along_fibres,
 )
 from .fabric.files.fabric_file import read_law, write_law
-from .forms import Forms, hourglass_rate, shear_continuity
+from .forms import Forms, hourglass_rate, out_of_plane, shear_continuity
 from .mesh.bases import (
     CENTRE,
     GAUSS,
@@ -113,6 +113,7 @@ __all__ = [
     "marked",
     "mean_tension",
     "mesh_along_fibres",
+    "out_of_plane",
     "quad_basis",
     "read_law",
     "refine",

@@ -213,9 +213,13 @@ def _law(name: str, law: Stiffness) -> Law:
 
 
 def unit_vectors(
-    name: str, direction: Direction, x: ndarray, element: ndarray | None = None
+    name: str,
+    direction: Direction,
+    x: ndarray,
+    element: ndarray | None = None,
+    d: int = 2,
 ) -> ndarray:
-    """Unit vectors of a direction field at the points ``x`` of some elements.
+    """Unit vectors of d components of a direction field at points ``x`` of elements.
 
     Raises
     ------
@@ -231,13 +235,14 @@ def unit_vectors(
         a = a[:, element]
     a = a.reshape(a.shape + (1,) * (x.ndim - a.ndim))
     try:
-        fits = len(a) == 2 and np.broadcast_shapes(a.shape, x.shape) == x.shape
+        shape = d, *x.shape[1:]
+        fits = len(a) == d and np.broadcast_shapes(a.shape, shape) == shape
     except (TypeError, ValueError):
         fits = False
     if not fits:
         raise ValueError(
             f"{name} must be a vector, a function of position or one vector per "
-            f"element, shape (2, n_elements); {a.shape} does not fit points {x.shape}"
+            f"element, shape ({d}, n_elements); {a.shape} does not fit points {x.shape}"
         )
     largest = np.abs(a).max(axis=0)
     if not np.all(np.isfinite(largest) & (largest > 0)):

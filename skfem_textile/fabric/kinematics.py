@@ -6,12 +6,13 @@ points last, as in scikit-fem: a deformation gradient
 ``(2, ...)``; first derivatives with respect to ``F`` have shape ``(d, 2, ...)``
 and second derivatives ``(d, 2, d, 2, ...)``.  The points may broadcast.
 
-Here d = 2: the ply stays in its plane.
+A ply in its plane has d = 2, a ply in space d = 3.  What depends on ``F`` alone is read
+from its shape.
 """
 
 import numpy as np
 from numpy import ndarray
-from skfem.helpers import cross, det, dot, mul
+from skfem.helpers import cross, ddot, det, dot, mul
 
 
 def deformation_gradient(grad_u: ndarray) -> ndarray:
@@ -20,23 +21,53 @@ def deformation_gradient(grad_u: ndarray) -> ndarray:
     Parameters
     ----------
     grad_u
-        Displacement gradient, shape (2, 2, ...).
+        Displacement gradient, shape (d, 2, ...).
     """
     identity = np.eye(*grad_u.shape[:2])
     return identity.reshape(identity.shape + (1,) * (grad_u.ndim - 2)) + grad_u
 
 
 def area_ratio(F: ndarray) -> ndarray:
-    """Current area per reference area, det F; zero or negative where the ply folds."""
-    return det(F)
+    """Current area per reference area.
 
-
-def cofactor(F: ndarray) -> ndarray:
-    """Derivative of the area ratio, ∂ det F/∂F = cof F, shape (2, 2, ...).
-
-    It is linear in F: the second derivative along H and H′ is cof H : H′.
+    In the plane it is det F, zero or negative where the ply folds.  In space it is the
+    length of `area_vector` and has no sign.
     """
-    return np.array([[F[1, 1], -F[1, 0]], [-F[0, 1], F[0, 0]]])
+    if len(F) == 2:
+        return det(F)
+    c = area_vector(F)
+    return np.sqrt(dot(c, c))
+
+
+def area_ratio_d(F: ndarray, H: ndarray) -> ndarray:
+    """Derivative of the area ratio along H, a change of F."""
+    if len(F) == 2:
+        return ddot(_cofactor(F), H)
+    return dot(_unit(area_vector(F)), area_vector_d(F, H))
+
+
+def area_ratio_dd(F: ndarray, H: ndarray, K: ndarray) -> ndarray:
+    """Second derivative of the area ratio along H and K; in the plane F is not in it.
+
+    In space, with n = c/J and J = |c| of `area_vector`:
+    n·d²c + (dc·d′c − (n·dc)(n·d′c))/J.
+    """
+    if len(F) == 2:
+        return ddot(_cofactor(H), K)
+    c, dc, other = area_vector(F), area_vector_d(F, H), area_vector_d(F, K)
+    n, J = _unit(c), np.sqrt(dot(c, c))
+    across = dot(dc, other) - dot(n, dc) * dot(n, other)
+    return dot(n, area_vector_d(H, K)) + across / J
+
+
+def area_vector(F: ndarray) -> ndarray:
+    """Cross product of the columns of F, shape (3, ...): normal to a ply in space."""
+    return cross(F[:, 0], F[:, 1])
+
+
+def area_vector_d(F: ndarray, H: ndarray) -> ndarray:
+    """Derivative of the area vector along H, linear in F and H and symmetric."""
+    return cross(F[:, 0], H[:, 1]) + cross(H[:, 0], F[:, 1])
 
 
 def fibre(F: ndarray, A: ndarray) -> ndarray:
@@ -100,6 +131,9 @@ def shear_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     if the weft lies anticlockwise of the warp.  It is smooth until they coincide.  Its
     rate is Γ̇ = f²·L·f₁ + f¹·L·f₂ (Hamila & Boisse 2013, §3.2).
 
+    An angle in space has no sign; it gets that of ∠(A₁, A₂), so that a flat ply has the
+    shear angle that it has in its plane.
+
     Parameters
     ----------
     F
@@ -107,7 +141,11 @@ def shear_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
     A1, A2
         Unit reference directions of warp and weft, shape (2, ...).
     """
-    return _angle(A1, A2) - _angle(fibre(F, A1), fibre(F, A2))
+    a1, a2 = fibre(F, A1), fibre(F, A2)
+    if len(F) == 2:
+        return _angle(A1, A2) - _angle(a1, a2)
+    n = cross(a1, a2)
+    return _angle(A1, A2) - _side(A1, A2) * np.arctan2(np.sqrt(dot(n, n)), dot(a1, a2))
 
 
 def cos_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
@@ -117,21 +155,85 @@ def cos_angle(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
 
 
 def shear_angle_d(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
-    """First derivative ∂Γ/∂F = ∂θ₁/∂F − ∂θ₂/∂F, shape (d, 2, ...).
+    """First derivative ∂Γ/∂F, shape (d, 2, ...).
 
-    θ_α is the inclination of a_α: ∂θ/∂F = p ⊗ A / λ² with p = a rotated by 90°.
+    In the plane ∂θ₁/∂F − ∂θ₂/∂F, where θ_α is the inclination of a_α: ∂θ/∂F = p ⊗ A /
+    λ² with p = a rotated by 90°.  In space Σ g_α ⊗ A_α with the g_α of `crossing`.
     """
-    return _inclination_d(F, A1) - _inclination_d(F, A2)
+    if len(F) == 2:
+        return _inclination_d(F, A1) - _inclination_d(F, A2)
+    g1, g2, _, _ = crossing(fibre(F, A1), fibre(F, A2))
+    d = [np.einsum("i...,J...->iJ...", g, A) for g, A in ((g1, A1), (g2, A2))]
+    return _side(A1, A2) * (d[0] + d[1])
 
 
 def shear_angle_dd(F: ndarray, A1: ndarray, A2: ndarray) -> ndarray:
-    """Second derivative ∂²Γ/∂F² = ∂²θ₁/∂F² − ∂²θ₂/∂F², shape (d, 2, d, 2, ...)."""
-    return _inclination_dd(F, A1) - _inclination_dd(F, A2)
+    """Second derivative ∂²Γ/∂F², shape (d, 2, d, 2, ...).
+
+    In the plane ∂²θ₁/∂F² − ∂²θ₂/∂F².  In space, with v = a/λ² and `crossing`,
+    ∂²Γ/∂a_α² = −(g ⊗ v + v ⊗ g + (c/s) n ⊗ n/λ²) and ∂²Γ/∂a₁∂a₂ = n ⊗ n/(s λ₁λ₂).
+    """
+    if len(F) == 2:
+        return _inclination_dd(F, A1) - _inclination_dd(F, A2)
+    a, A = (fibre(F, A1), fibre(F, A2)), (A1, A2)
+    *g, n, (c, s) = crossing(*a)
+    squared = [dot(x, x) for x in a]
+    second = np.zeros(1)
+    for i in range(2):
+        half = np.einsum("i...,k...->ik...", g[i], a[i] / squared[i])
+        normal = c / s / squared[i] * np.einsum("i...,k...->ik...", n, n)
+        own = half + half.swapaxes(0, 1) + normal
+        second = second - np.einsum("ik...,J...,L...->iJkL...", own, A[i], A[i])
+    root = s * np.sqrt(squared[0] * squared[1])
+    across = np.einsum("i...,k...->ik...", n, n) / root
+    mixed = np.einsum("ik...,J...,L...->iJkL...", across, A1, A2)
+    mixed = mixed + np.einsum("ik...,J...,L...->iJkL...", across, A2, A1)
+    return _side(A1, A2) * (second + mixed)
+
+
+def crossing(
+    a1: ndarray, a2: ndarray
+) -> tuple[ndarray, ndarray, ndarray, tuple[ndarray, ndarray]]:
+    """How fibres cross in space: derivatives of the angle between them, and normal.
+
+    With e_α = a_α/λ_α: c = e₁·e₂, s = |e₁×e₂|, n = e₁×e₂/s, and
+    g₁ = (e₂ − c e₁)/(s λ₁), g₂ = (e₁ − c e₂)/(s λ₂), which are −∂∠(a₁, a₂)/∂a_α.
+
+    Parameters
+    ----------
+    a1, a2
+        Fibre vectors, shape (3, ...).
+
+    Returns
+    -------
+    tuple
+        g₁, g₂ and n, shape (3, ...); the pair (c, s), shape (...).
+    """
+    length1, length2 = np.sqrt(dot(a1, a1)), np.sqrt(dot(a2, a2))
+    e1, e2 = a1 / length1, a2 / length2
+    normal, c = cross(e1, e2), dot(e1, e2)
+    s = np.sqrt(dot(normal, normal))
+    g1, g2 = (e2 - c * e1) / (s * length1), (e1 - c * e2) / (s * length2)
+    return g1, g2, normal / s, (c, s)
 
 
 def _angle(b: ndarray, c: ndarray) -> ndarray:
-    """Angle from b to c in (−π, π]."""
+    """Angle from b to c in (−π, π], both in the plane."""
     return np.arctan2(cross(b, c), dot(b, c))
+
+
+def _side(A1: ndarray, A2: ndarray) -> ndarray:
+    """1 where the weft lies anticlockwise of the warp at rest, −1 where clockwise."""
+    return np.sign(cross(A1, A2))
+
+
+def _unit(c: ndarray) -> ndarray:
+    return c / np.sqrt(dot(c, c))
+
+
+def _cofactor(F: ndarray) -> ndarray:
+    """Derivative of det F in the plane, linear in F."""
+    return np.array([[F[1, 1], -F[1, 0]], [-F[0, 1], F[0, 0]]])
 
 
 def _rotated(a: ndarray) -> ndarray:

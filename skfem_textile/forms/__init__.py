@@ -6,6 +6,7 @@ from .form import Forms
 from .hourglass import hourglass, hourglass_rate
 from .isotropic import isotropic_hourglass
 from .mean_tension import mean_tension
+from .out_of_plane import out_of_plane
 from .shear import shear
 from .tension import tension
 
@@ -16,6 +17,7 @@ __all__ = [
     "hourglass_rate",
     "isotropic_hourglass",
     "mean_tension",
+    "out_of_plane",
     "shear",
     "shear_continuity",
     "tension",

@@ -7,13 +7,13 @@ Fibres and stabilisation are evaluated elsewhere, so that corners get a resistan
 
 an energy that is C², and exactly zero while every corner is open.  Below J₁ = J₀/4 it
 is the osculating parabola, so that an iteration may pass through folded states; the
-verdict refuses these.
+verdict refuses these.  In space det F stands for the area ratio, which has no sign.
 """
 
 import numpy as np
 from numpy import ndarray
 from skfem import BilinearForm, Functional, LinearForm
-from skfem.helpers import ddot, grad
+from skfem.helpers import grad
 
 from ..fabric import kinematics as kin
 from .form import Forms, deformation, once
@@ -58,13 +58,13 @@ def corner_resistance(stiffness: float) -> Forms:
     @LinearForm
     def residual(v, w):
         _, d, _ = once(w, derivatives)
-        return stiffness * d * ddot(kin.cofactor(deformation(w)), grad(v))
+        return stiffness * d * kin.area_ratio_d(deformation(w), grad(v))
 
     @BilinearForm
     def tangent(u, v, w):
         _, d, dd = once(w, derivatives)
-        C = kin.cofactor(deformation(w))
-        square = ddot(C, grad(u)) * ddot(C, grad(v))
-        return stiffness * (dd * square + d * ddot(kin.cofactor(grad(u)), grad(v)))
+        F = deformation(w)
+        square = kin.area_ratio_d(F, grad(u)) * kin.area_ratio_d(F, grad(v))
+        return stiffness * (dd * square + d * kin.area_ratio_dd(F, grad(u), grad(v)))
 
     return Forms(energy, residual, tangent)

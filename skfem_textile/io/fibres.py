@@ -218,8 +218,15 @@ def write_draped(result: Result, folder: str | os.PathLike[str]) -> None:
     ------
     OSError
         If a file cannot be written.
+    ValueError
+        If it is a ply in space.
     """
     ply = result.ply
+    if len(ply.nodal(result.u)) == 3:
+        raise ValueError(
+            "directions are written of plies in their plane; those of a ply in space "
+            "are among the fields of write_fields"
+        )
     fields = on_users_elements(ply, cell_fields(ply, result.u))
     directions = FibreDirections(*(fields[name][:, :2].T for name in _VECTORS))
     points = ply.mesh.p + ply.nodal(result.u)[:, : ply.mesh.nvertices]

@@ -55,5 +55,5 @@ def _extreme(x: ndarray) -> ndarray:
 
 
 def _in_space(x: ndarray) -> ndarray:
-    """Columns of plane vectors as rows of vectors in space."""
-    return np.pad(x, ((0, 1), (0, 0))).T
+    """Columns of vectors, in the plane or in space, as rows of vectors in space."""
+    return np.pad(x, ((0, 3 - len(x)), (0, 0))).T

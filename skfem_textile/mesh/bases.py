@@ -18,6 +18,7 @@ from skfem import (
     ElementVector,
     Mesh,
 )
+from skfem.assembly.basis import AbstractBasis
 from skfem.quadrature import get_quadrature
 
 #: One point at the centre, carrying the exact area of a bilinear quadrilateral.
@@ -68,7 +69,9 @@ def centre_grad(u: DiscreteField) -> ndarray:
     return np.asarray(u.grad3)
 
 
-def quad_basis(mesh: Mesh, rule: tuple[ndarray, ndarray]) -> CellBasis:
+def quad_basis(
+    mesh: Mesh, rule: tuple[ndarray, ndarray], dimension: int = 2
+) -> CellBasis:
     """Basis of the displacement on ``mesh`` with the points and weights of ``rule``.
 
     Parameters
@@ -77,13 +80,20 @@ def quad_basis(mesh: Mesh, rule: tuple[ndarray, ndarray]) -> CellBasis:
         A `skfem.MeshQuad`.
     rule
         `CENTRE` for one point, `GAUSS` for 2×2.
+    dimension
+        Components of the displacement: 2 in the plane, 3 in space.
     """
-    return CellBasis(mesh, ElementVector(ElementQuad1()), quadrature=rule)
+    return CellBasis(mesh, ElementVector(ElementQuad1(), dimension), quadrature=rule)
 
 
-def triangle_basis(mesh: Mesh) -> CellBasis:
+def triangle_basis(mesh: Mesh, dimension: int = 2) -> CellBasis:
     """Basis of a quadratic displacement on a `skfem.MeshTri`, with `THREE` points."""
-    return CellBasis(mesh, ElementVector(ElementTriP2()), quadrature=THREE)
+    return CellBasis(mesh, ElementVector(ElementTriP2(), dimension), quadrature=THREE)
+
+
+def components(basis: AbstractBasis) -> int:
+    """Number of components of the displacement, d."""
+    return len(basis.nodal_dofs)
 
 
 def element_numbers(basis: Any) -> ndarray:
@@ -105,8 +115,8 @@ def node_positions(basis: CellBasis) -> ndarray:
 
 
 def node_dofs(basis: CellBasis) -> ndarray:
-    """Unknowns of each of the nodes of `node_positions`, shape (2, n_nodes)."""
-    return np.arange(basis.N).reshape(-1, 2).T
+    """Unknowns of each of the nodes of `node_positions`, shape (d, n_nodes)."""
+    return np.arange(basis.N).reshape(-1, components(basis)).T
 
 
 class HourglassBasis(CellBasis):
@@ -118,12 +128,14 @@ class HourglassBasis(CellBasis):
     ----------
     mesh
         A `skfem.MeshQuad`.
+    dimension
+        Components of the displacement.
     **kwargs
         Passed to `skfem.CellBasis`: ``mapping``, ``dofs``, ``elements``.
     """
 
-    def __init__(self, mesh: Mesh, **kwargs: Any) -> None:
-        element = ElementVector(ElementQuad1Fluctuation())
+    def __init__(self, mesh: Mesh, dimension: int = 2, **kwargs: Any) -> None:
+        element = ElementVector(ElementQuad1Fluctuation(), dimension)
         super().__init__(mesh, element, quadrature=GAUSS, **kwargs)
         centre, _ = CENTRE
         self.dx = np.abs(self.mapping.detDF(centre, self.tind)) * self.W
@@ -142,11 +154,11 @@ def displacement_gradient(basis: CellBasis, u: ndarray) -> ndarray:
     Returns
     -------
     ndarray
-        Shape (2, 2, n_elements, n_points).
+        Shape (d, 2, n_elements, n_points).
     """
-    gradient = 0.0
-    nodal = u[basis.element_dofs].reshape(-1, 2, 1, basis.nelems, 1)
-    for of_node, (function, *_) in zip(nodal, basis.basis[::2], strict=True):
+    gradient, d = 0.0, components(basis)
+    nodal = u[basis.element_dofs].reshape(-1, d, 1, basis.nelems, 1)
+    for of_node, (function, *_) in zip(nodal, basis.basis[::d], strict=True):
         gradient = gradient + of_node * np.asarray(function.grad)[0]
     return np.asarray(gradient)
 

@@ -21,6 +21,8 @@ class MacroBasis(MeanBasis):
     ----------
     mesh
         A mesh that was split (`SplitMesh`).
+    dimension
+        Components of the displacement.
     **kwargs
         Passed to `skfem.CellBasis`: ``mapping``, ``dofs``.
 
@@ -36,8 +38,8 @@ class MacroBasis(MeanBasis):
 
     parts: ndarray
 
-    def __init__(self, mesh: Any, **kwargs: Any) -> None:
-        element = ElementVector(ElementQuad1())
+    def __init__(self, mesh: Any, dimension: int = 2, **kwargs: Any) -> None:
+        element = ElementVector(ElementQuad1(), dimension)
         super().__init__(mesh, element, quadrature=CENTRE, **kwargs)
         bilinear: Any = self.basis
         x = np.asarray(self.global_coordinates())
@@ -61,11 +63,13 @@ class MacroBasis(MeanBasis):
             elements = np.flatnonzero(exists[:, j])
             a, part = corners[i, j, elements], self.parts[elements, j]
             values[a, elements, j] = 0.25  # at the centre of a bilinear quadrilateral
-            gradients[a, :, elements, j] = bilinear[2 * i][0].grad[0, :, part, 0]
+            gradients[a, :, elements, j] = bilinear[dimension * i][0].grad[
+                0, :, part, 0
+            ]
         self.basis = [
-            (_along(axis, N, dN),)
+            (_along(axis, dimension, N, dN),)
             for N, dN in zip(values, gradients, strict=True)
-            for axis in range(2)
+            for axis in range(dimension)
         ]
 
     def default_parameters(self) -> dict[str, Any]:
@@ -84,9 +88,10 @@ class MacroBasis(MeanBasis):
         return values
 
 
-def _along(axis: int, N: ndarray, dN: ndarray) -> DiscreteField:
+def _along(axis: int, dimension: int, N: ndarray, dN: ndarray) -> DiscreteField:
     """A basis function that displaces along one axis."""
-    value, gradient = np.zeros((2, *N.shape)), np.zeros((2, *dN.shape))
+    value = np.zeros((dimension, *N.shape))
+    gradient = np.zeros((dimension, *dN.shape))
     value[axis], gradient[axis] = N, dN
     return DiscreteField(value, gradient)
 

@@ -286,7 +286,13 @@ def _chosen(
 
 def shape_of(result: Result, state: State) -> Shape:
     """The ply of a result in a state, with straight edges between the vertices."""
-    return Shape.of(result.ply.mesh, result.ply.nodal(state.u))
+    u = result.ply.nodal(state.u)
+    if len(u) == 3:
+        raise ValueError(
+            "pictures show plies in their plane: write the fields of a ply in space "
+            "with write_fields, and look at them in a viewer"
+        )
+    return Shape.of(result.ply.mesh, u)
 
 
 def _on_one_scale(

@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike
 from skfem import CellBasis, FacetBasis, LinearForm, asm
 from skfem.helpers import dot
 
-from ..mesh.bases import node_dofs
+from ..mesh.bases import components, node_dofs
 from ..mesh.selection import Where, selected_nodes
 from ..mesh.user_input import call_user_function, real_numbers
-from .term import dimension
 from .terms import Factor, VectorTerm, proportional
 
 #: A vector, or a function of reference position (2, ...) -> (d, ...).
@@ -97,7 +96,7 @@ class Force:
         """
         place = self.where if isinstance(self.where, str) else ""
         name = self.name or (f"force on {place}" if place else "force")
-        total = _finite(f"load {name!r}", self.total, (dimension(basis),))
+        total = _finite(f"load {name!r}", self.total, (components(basis),))
         if place in (basis.mesh.boundaries or {}):
             edges = _boundary(f"load {name!r}", place, basis)
             traction = total / edges.dx.sum()
@@ -152,7 +151,7 @@ def _boundary(what: str, name: str, basis: CellBasis) -> FacetBasis:
 def _spread(name: str, value: Vector, basis: Any) -> ndarray:
     """Nodal forces of a force per length or area, given at the points of a basis."""
     x = np.asarray(basis.global_coordinates())
-    shape = (dimension(basis), *x.shape[1:])
+    shape = (components(basis), *x.shape[1:])
     subject = f"load {name!r}"
     if callable(value):
         force = _finite(subject, call_user_function(subject, value, x), shape)

@@ -11,8 +11,8 @@ from skfem.helpers import ddot
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
-from ..mesh.bases import node_dofs
-from ..mesh.corners import Corners
+from ..mesh.bases import components, node_dofs
+from ..mesh.corners import Corners, sided
 
 
 class Measures:
@@ -27,6 +27,8 @@ class Measures:
     mesh, parent
         The mesh that is computed on, and for each of its elements the user's element
         that it is part of, shape (n_elements,).
+    centre
+        Reference coordinates of the centre of an element, shape (2, 1).
     fine_points
         Reference coordinates at which strain and folding are judged, (2, n_points).
     corners
@@ -39,6 +41,7 @@ class Measures:
     fabric: Fabric
     mesh: Mesh
     parent: ndarray
+    centre: ndarray
     fine_points: ndarray
     corners: Corners
     gradient: Callable[..., ndarray]
@@ -47,12 +50,20 @@ class Measures:
     def deformation_gradient(
         self, u: ndarray, points: ndarray | None = None
     ) -> ndarray:
-        """Deformation gradient F, shape (2, 2, n_elements, n_points)."""
+        """Deformation gradient F, shape (d, 2, n_elements, n_points)."""
         return kin.deformation_gradient(self.gradient(u, points))
 
     def area_ratio(self, u: ndarray, points: ndarray | None = None) -> ndarray:
-        """Current area per reference area, det F, shape (n_elements, n_points)."""
-        return kin.area_ratio(self.deformation_gradient(u, points))
+        """Current area per reference area, shape (n_elements, n_points).
+
+        In the plane it is det F.  In space it is negative where a point faces the other
+        way than the centre of its element.
+        """
+        F = self.deformation_gradient(u, points)
+        if len(F) == 2:
+            return kin.area_ratio(F)
+        at_centre = self.deformation_gradient(u, self.centre)
+        return sided(kin.area_vector(F), kin.area_vector(at_centre))
 
     def fibre_strain(self, u: ndarray, points: ndarray | None = None) -> ndarray:
         """Fibre strain of warp and weft, shape (2, n_elements, n_points)."""
@@ -92,7 +103,7 @@ class Measures:
         return self._tension.law(strain, change)
 
     def fibre_direction(self, u: ndarray, points: ndarray | None = None) -> ndarray:
-        """Current unit direction of warp and weft, (2, 2, n_elements, n_points).
+        """Current unit direction of warp and weft, (2, d, n_elements, n_points).
 
         The first axis is the family, the second the component.
         """
@@ -151,13 +162,26 @@ class Measures:
         return (mean @ values.reshape(-1, n).T).T.reshape(*values.shape[:-1], -1)
 
     def nodal(self, u: ndarray) -> ndarray:
-        """A DOF vector as one column per node of ``nodes``, shape (2, n_nodes)."""
+        """A DOF vector as one column per node of ``nodes``, shape (d, n_nodes)."""
         return u[node_dofs(self.basis)]
 
     def least_area_ratio(self, u: ndarray) -> ndarray:
         """Smallest det F of each element at its nodes and the ply's fine points."""
         fine = self.area_ratio(u, self.fine_points).min(axis=1)
         return np.minimum(fine, self.corners.area_ratio(u).min(axis=0))
+
+    def creased(self, u: ndarray) -> ndarray:
+        """Elements that turn by more than a right angle against a neighbour.
+
+        Numbers of elements; there are none in the plane.  So sharp a crease is one of
+        the mesh: another mesh puts it elsewhere.
+        """
+        if components(self.basis) == 2:
+            return np.empty(0, dtype=int)
+        one, other = self.mesh.f2t[:, self.mesh.f2t[1] >= 0]
+        n = self.corners.normals(u)
+        sharp = ~((n[:, one] * n[:, other]).sum(axis=0) > 0)
+        return np.unique([one[sharp], other[sharp]])
 
     def past_peak(self, u: ndarray) -> ndarray:
         """Elements where T/λ falls with λ, as ∂T/∂ε is below T, or ε is not finite.

@@ -18,7 +18,7 @@ from ..fabric.law_check import check_laws
 from ..fabric.regions import fabric_of_regions, fabric_on
 from ..forms.corners import RESISTING
 from ..forms.form import directions
-from ..mesh.bases import node_positions
+from ..mesh.bases import components, node_positions
 from ..mesh.corners import Corners
 from ..mesh.pattern import Pattern
 from ..mesh.splitting import original_elements
@@ -30,7 +30,7 @@ from .kernels.element_groups import Parameters
 from .kernels.kernel import ShearKernel
 from .measures import Measures
 from .memory import HeldStiffness
-from .term import Contribution, Load, Memory, Role, Term, dimension, refuse_unsymmetric
+from .term import Contribution, Load, Memory, Role, Term, refuse_unsymmetric
 from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
 from .terms import FormTerm, Formulation
 
@@ -58,6 +58,9 @@ class Ply(Measures):
     terms
         Further terms and loads, their names all different.  Terms whose bases are built
         from ``ply.mesh`` are added by `with_terms`.
+    dimension
+        Components d of the displacement: 2 for a ply in its plane, 3 for one in space,
+        whose mesh and fibre directions lie in the plane z = 0 at rest.
 
     Attributes
     ----------
@@ -94,8 +97,8 @@ class Ply(Measures):
         formulation is `Quadratic`.
     ValueError
         If the fabric has no stiffness at all, a fibre direction is not valid somewhere
-        on the mesh, the parts of a law contradict each other (`check_laws`), or a term
-        is not valid.
+        on the mesh, the parts of a law contradict each other (`check_laws`), a term
+        is not valid, or the dimension is not 2 or 3.
 
     Examples
     --------
@@ -113,7 +116,14 @@ class Ply(Measures):
         fabric: Fabric | Mapping[str, Fabric],
         formulation: Formulation = DEFAULT,
         terms: Iterable[Term | Load] = (),
+        *,
+        dimension: int = 2,
     ) -> None:
+        if dimension not in (2, 3):
+            raise ValueError(
+                "dimension must be 2, for a ply in its plane, or 3, for one in space; "
+                f"got {dimension!r}"
+            )
         if isinstance(formulation, type) or not hasattr(formulation, "tension_term"):
             raise ValueError(
                 f"formulation must be like Macro() or OnePoint(), not {formulation!r}"
@@ -124,7 +134,7 @@ class Ply(Measures):
             )
         self.users_mesh, self.users_fabric = mesh, fabric
         self.mesh = mesh = formulation.working_mesh(mesh)
-        self.basis = formulation.basis(mesh)
+        self.basis = formulation.basis(mesh, dimension)
         self.cells, self.parent = original_elements(mesh)
         if isinstance(fabric, Mapping):
             fabric = fabric_of_regions(mesh, fabric)
@@ -171,7 +181,8 @@ class Ply(Measures):
             If a term is not valid, or its name is that of another.
         """
         further = (*self._further, *terms)
-        ply = Ply(self.mesh, self.fabric, self.formulation, further)
+        arguments = self.mesh, self.fabric, self.formulation, further
+        ply = Ply(*arguments, dimension=components(self.basis))
         ply.users_mesh, ply.users_fabric = self.users_mesh, self.users_fabric
         return ply
 
@@ -197,7 +208,7 @@ class Ply(Measures):
         others = [term for term in self.terms if not _is_fused(term)]
         plain = [term.nodes for term in others if isinstance(term, FormTerm)]
         couples = [nodes for x in others for nodes in coupled_nodes(x, self.basis)]
-        d, n_nodes = dimension(self.basis), self.nodes.shape[1]
+        d, n_nodes = components(self.basis), self.nodes.shape[1]
         return Pattern(d, n_nodes, [*self._fused.elements, *plain], couples)
 
     @property
@@ -293,6 +304,7 @@ class Ply(Measures):
         t: float = 1.0,
         tension: ndarray | None = None,
         corners: bool = True,
+        convex: bool = False,
     ) -> ndarray:
         """Blocks of the tangent in the order of ``pattern``, shape (n_blocks, d, d).
 
@@ -305,6 +317,9 @@ class Ply(Measures):
             gives them.
         corners
             Whether corners resist.
+        convex
+            Whether what resists shear and stabilises is made positive semi-definite, at
+            each point or in each element, as a last resort of an iteration.
         """
         terms = self._acting(corners)
         parameters = _kernel_parameters(terms, t)
@@ -312,8 +327,9 @@ class Ply(Measures):
             parameters[self._tension]["tension"] = tension
         others = [term for term in terms if not _is_fused(term)]
         plain = [term for term in others if isinstance(term, FormTerm)]
-        matrices = (term.matrices(u, t) for term in plain)
-        blocks = self.pattern.sum(chain(self._fused.matrices(u, parameters), matrices))
+        fused = self._fused.matrices(u, parameters, convex)
+        matrices = (term.matrices(u, t, convex) for term in plain)
+        blocks = self.pattern.sum(chain(fused, matrices))
         for term in others:
             if term not in plain and (K := term.tangent(u, t)) is not None:
                 refuse_unsymmetric(term.name, K - K.T, K)
@@ -370,7 +386,7 @@ class Ply(Measures):
         return {term.name: term.memory for term in self.terms if term.memory}
 
     def gradient(self, u: ndarray, points: ndarray | None = None) -> ndarray:
-        """Displacement gradient ∇u, shape (2, 2, n_elements, n_points).
+        """Displacement gradient ∇u, shape (d, 2, n_elements, n_points).
 
         Parameters
         ----------

@@ -6,7 +6,6 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 from skfem import CellBasis
-from skfem.assembly.basis import AbstractBasis
 
 #: What a term stands for: ``internal`` forces and ``stabilisation`` make the internal
 #: energy, and a ``load`` works on the ply.
@@ -132,8 +131,3 @@ def refuse_unsymmetric(name: str, difference: Any, matrix: Any) -> None:
             f"term {name!r}: its tangent is not symmetric, so it is not the second "
             "derivative of an energy; mend its forms, or leave out what has no energy"
         )
-
-
-def dimension(basis: AbstractBasis) -> int:
-    """Number of components of the displacement, d."""
-    return len(basis.nodal_dofs)

@@ -14,7 +14,8 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix, issparse
 from skfem import CellBasis
 
-from .term import DependsOn, Load, Role, Term, dimension, refuse_unsymmetric
+from ..mesh.bases import components
+from .term import DependsOn, Load, Role, Term, refuse_unsymmetric
 
 # What a memory, and a term, must have.
 _MEMORY_MEMBERS = (
@@ -104,7 +105,7 @@ def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
     if (named := term.couples()) is not None:
         return named
     K = term.tangent(basis.zeros(), 1.0)
-    return () if K is None else (np.array(K.nonzero()) // dimension(basis),)
+    return () if K is None else (np.array(K.nonzero()) // components(basis),)
 
 
 def check_term(term: Term, basis: CellBasis, size: float) -> None:

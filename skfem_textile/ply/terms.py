@@ -13,12 +13,12 @@ from skfem.assembly.basis import AbstractBasis
 
 from ..fabric import Fabric
 from ..forms import Forms
-from ..mesh.bases import element_numbers
+from ..mesh.bases import components, element_numbers
 from ..mesh.user_input import call_user_function, real_numbers
 from .kernels.assembly import node_pair_blocks
 from .kernels.element_groups import Kernel, Parameters
 from .kernels.kernel_forms import can_compute, with_kernel
-from .term import Memory, Role, Term, dimension, refuse_unsymmetric
+from .term import Memory, Role, Term, refuse_unsymmetric
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,17 +100,20 @@ class FormTerm(Term):
     @property
     def nodes(self) -> ndarray:
         """Nodes of the elements of the basis, shape (n_nodes, n_elements)."""
-        d = dimension(self.basis)
+        d = components(self.basis)
         return self.basis.element_dofs[::d] // d
 
-    def matrices(self, u: ndarray, t: float) -> ndarray:
-        """Blocks of the tangents of the elements, as `Pattern.sum` takes them."""
+    def matrices(self, u: ndarray, t: float, convex: bool = False) -> ndarray:
+        """Blocks of the tangents of the elements, as `Pattern.sum` takes them.
+
+        Where ``convex``, a term that can leaves out what is not.
+        """
         basis: Any = self.basis
         form, size = self.forms.tangent, basis.Nbfun
         K = form.elemental(basis, u=u, **self.parameters(t)).data
         K = K.reshape(size, size, -1)
         refuse_unsymmetric(self.name, K - K.swapaxes(0, 1), K)
-        return node_pair_blocks(K, self.nodes, dimension(basis))
+        return node_pair_blocks(K, self.nodes, components(basis))
 
     @cached_property
     def fused(self) -> bool:
@@ -266,10 +269,10 @@ class Formulation(Protocol):
         """
         ...
 
-    def basis(self, mesh: Mesh) -> CellBasis:
+    def basis(self, mesh: Mesh, dimension: int = 2) -> CellBasis:
         """Basis of the displacement, with the points of tension and shear.
 
-        ``mesh`` is a `working_mesh`.
+        ``mesh`` is a `working_mesh`, ``dimension`` the number of components.
 
         Raises
         ------
@@ -302,7 +305,7 @@ def _same_unknowns(other: Any, basis: CellBasis) -> bool:
     """Whether a basis has the unknowns of that of the displacement, node by node."""
     if not isinstance(other, AbstractBasis):
         return False
-    if (other.N, dimension(other)) != (basis.N, dimension(basis)):
+    if (other.N, components(other)) != (basis.N, components(basis)):
         return False
     mesh, ply_mesh = other.mesh, basis.mesh
     return mesh is ply_mesh or (

@@ -114,14 +114,8 @@ def _condition(
     for component in components:
         if component != FREE and not np.isfinite(_number(name, component)):
             raise ValueError(f"specimen: {name!r} moves by {component}, not finite")
-    axes = [axis for axis in range(2) if components[axis] != FREE]
-    if len(axes) == 2:
-        x, y = (_number(name, component) for component in components)
-        return Condition(name, (x, y))
-    if not axes:
-        return None
-    direction = (1.0, 0.0) if axes == [0] else (0.0, 1.0)
-    return Condition(name, _number(name, components[axes[0]]), direction)
+    given = tuple(None if c == FREE else _number(name, c) for c in components)
+    return None if given == (None, None) else Condition(name, given)
 
 
 def _number(name: str, component: Component) -> float:

@@ -87,7 +87,12 @@ class Body(Protocol):
         ...
 
     def stiffness(
-        self, u: ndarray, t: float, tension: ndarray | None, corners: bool
+        self,
+        u: ndarray,
+        t: float,
+        tension: ndarray | None,
+        corners: bool,
+        convex: bool,
     ) -> ndarray:
         """Blocks of the tangent in the order of ``pattern``."""
         ...
@@ -150,6 +155,10 @@ class Body(Protocol):
 
     def least_area_ratio(self, u: ndarray) -> ndarray:
         """Smallest area ratio of each element."""
+        ...
+
+    def creased(self, u: ndarray) -> ndarray:
+        """Elements that turn sharply against a neighbour."""
         ...
 
     def corners_open(self, u: ndarray) -> bool:

@@ -1,8 +1,8 @@
 """Displacement conditions along any direction, and what they leave free."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -12,11 +12,13 @@ from scipy.sparse.linalg import splu
 from skfem import CellBasis
 
 from ..fabric import Direction, unit_vectors
-from ..mesh.bases import node_dofs, node_positions
+from ..mesh.bases import components, node_dofs, node_positions
 from ..mesh.selection import Where, selected_nodes
 from ..mesh.user_input import call_user_function, real_numbers
 
-Value: TypeAlias = ArrayLike | Callable[[ndarray, float], ndarray]
+Value: TypeAlias = (
+    ArrayLike | Sequence[ArrayLike | None] | Callable[[ndarray, float], ndarray]
+)
 
 # Two directions at a node closer than this (radians) are one.  A larger angle takes
 # directions that differ on purpose for one.  A smaller one takes round-off of normals
@@ -42,21 +44,25 @@ class Condition:
         there.
     value
         Displacement in mm: with a direction, a scalar per node; without, a vector
-        per node, shape (2, n).  Either a function ``value(X, t)`` of reference
+        per node, shape (d, n), with d = 2 components in the plane and 3 in space.
+        Either a function ``value(X, t)`` of reference
         position and load factor, or a constant that is reached in proportion to
         the load factor.  Values per node are in the order in which the node numbers
-        are given, and of ascending numbers where none are.
+        are given, and of ascending numbers where none are.  Of constant components
+        those that are None stay free.
     direction
-        The direction in which the displacement is fixed: a vector or a function
-        of position.  Without it the whole displacement is fixed.
+        The direction in which the displacement is fixed: a vector of d components or a
+        function of position.  Without it the whole displacement is fixed.
 
     Examples
     --------
-    A clamp, an edge pulled by 5 mm, and a roller on a slope of 30°:
+    A clamp, an edge pulled by 5 mm, a roller on a slope of 30°, and in space an edge
+    that is pulled along y, does not move along x and is free along z:
 
     >>> clamp = Condition("bottom")
     >>> pulled = Condition("top", 5.0, direction=(0, 1))
     >>> roller = Condition(lambda x: x[0] > 99.9, direction=(-0.5, 3**0.5 / 2))
+    >>> in_space = Condition("top", (0.0, 5.0, None))
     """
 
     where: Where
@@ -73,37 +79,60 @@ class Condition:
         """
         return selected_nodes(f"condition {name!r}", self.where, basis)
 
-    def directions(self, name: str, X: ndarray) -> ndarray:
-        """Fixed directions at the nodes, shape (k, 2, n), with k = 1 or 2."""
+    def directions(self, name: str, X: ndarray, d: int = 2) -> ndarray:
+        """Fixed directions at nodes, shape (k, d, n), with k from 1 to d."""
+        shape = d, X.shape[1]
         if self.direction is None:
-            return np.broadcast_to(np.eye(2)[:, :, None], (2, *X.shape))
-        n = unit_vectors(f"condition {name!r}: direction", self.direction, X)
-        return np.broadcast_to(n, X.shape)[None]
+            axes = np.eye(d)[self._axes(name, d)]
+            return np.broadcast_to(axes[:, :, None], (len(axes), *shape))
+        what = f"condition {name!r}: direction"
+        n = unit_vectors(what, self.direction, X, d=d)
+        return np.broadcast_to(n, shape)[None]
 
-    def values(self, name: str, X: ndarray, t: float) -> ndarray:
+    def values(self, name: str, X: ndarray, t: float, d: int = 2) -> ndarray:
         """Displacements along the fixed directions, shape (k, n)."""
         what, function = f"condition {name!r}: the value", self.value
-        given = (
-            call_user_function(what, function, X, t) if callable(function) else function
-        )
+        axes, n_nodes = self._axes(name, d), X.shape[1]
+        given: Any = function
+        if callable(function):
+            given = call_user_function(what, function, X, t)
+        elif len(axes) < d:
+            given = [x for x in given if x is not None]
         value = real_numbers(what, given)
         if not np.all(np.isfinite(value)):
             raise ValueError(f"{what} is not finite at load factor {t:g}")
         if not callable(function):
             value = t * value
-            if value.shape == (2,) and self.direction is None:
-                value = np.broadcast_to(value[:, None], X.shape)
-        shape = X.shape if self.direction is None else X.shape[1:]
+            if value.shape == (len(axes),) and self.direction is None:
+                value = np.broadcast_to(value[:, None], (len(axes), n_nodes))
+        shape = (len(axes), n_nodes) if self.direction is None else (n_nodes,)
         one_for_all = value.ndim == 0 and (self.direction is not None or value == 0)
         if value.shape != shape and not one_for_all:
             raise ValueError(
                 f"condition {name!r}: the value must have shape {shape}, "
                 f"not {value.shape}"
             )
-        return np.broadcast_to(value, shape).reshape(-1, X.shape[1])
+        return np.broadcast_to(value, shape).reshape(-1, n_nodes)
+
+    def _axes(self, name: str, d: int) -> list[int]:
+        """Numbers of the components that are fixed where there is no direction."""
+        value = self.value
+        if not isinstance(value, list | tuple) or all(x is not None for x in value):
+            return list(range(d))
+        axes = [i for i, x in enumerate(value) if x is not None]
+        if self.direction is not None or len(value) != d or not axes:
+            raise ValueError(
+                f"condition {name!r}: the value {value} must have {d} components, some "
+                "of them numbers and None where it is free, and no direction beside it"
+            )
+        return axes
 
     def turned(self, Q: ndarray) -> "Condition":
-        """The same condition in a problem turned by the rotation Q."""
+        """The same condition in a problem turned in its plane by the rotation Q."""
+        if self.direction is None and len(axes := self._axes("turned", 2)) < 2:
+            (axis,), value = axes, self.value
+            along: Any = np.eye(2)[axis]
+            return Condition(self.where, value[axis], along).turned(Q)  # type: ignore[index, arg-type]
         where, direction = self.where, self.direction
 
         def turned_value(X: ndarray, t: float) -> ndarray:
@@ -127,9 +156,9 @@ class Condition:
 class Constraints:
     """The conditions of a ply, resolved into fixed unknowns.
 
-    Where one inclined direction is fixed at a node, the two unknowns of that node
-    are turned so that the first lies along it: u = turn @ q.  Conditions that
-    repeat one another are merged.
+    Where inclined directions are fixed at a node and others are free, the unknowns of
+    that node are turned so that the first lie along them: u = turn @ q.  Conditions
+    that repeat one another are merged.
 
     Parameters
     ----------
@@ -169,7 +198,7 @@ class Constraints:
         if not conditions:
             raise ValueError("no conditions: a ply must be held somewhere")
         self._conditions = dict(conditions)
-        self._X = node_positions(basis)
+        self._X, self._d = node_positions(basis), components(basis)
         self._acting = {
             name: condition.nodes(name, basis)
             for name, condition in self._conditions.items()
@@ -178,9 +207,9 @@ class Constraints:
 
         node, direction = [], []
         for name, condition in self._conditions.items():
-            n = condition.directions(name, self._X[:, self._acting[name]])
+            n = condition.directions(name, self._X[:, self._acting[name]], self._d)
             node.append(np.tile(self._acting[name], len(n)))
-            direction.append(n.transpose(1, 0, 2).reshape(2, -1))
+            direction.append(n.transpose(1, 0, 2).reshape(self._d, -1))
         self._node = np.concatenate(node)
         self._direction = np.concatenate(direction, axis=1)
         self._resolve(basis)
@@ -190,40 +219,49 @@ class Constraints:
 
         A row fixes one direction at one node; ``_rows @ q[fixed] = values``.
         """
-        dofs, n = node_dofs(basis)[:, self._node], self._direction
-        first = self._first_rows()
-        along = np.abs(n[0] * n[1, first] - n[1] * n[0, first]) < _PARALLEL_ANGLE
-        whole = np.zeros(self._X.shape[1], dtype=bool)
-        whole[self._node[~along]] = True
+        d, dofs = self._d, node_dofs(basis)
+        held, count = self._held_directions()
+        projector = np.einsum("jin,jkn->ikn", held, held)
+        crossed = projector * (1 - np.eye(d))[:, :, None]
+        along_axes = (crossed == 0).all(axis=(0, 1))
+        along_axes |= count == d
+        inclined = np.flatnonzero(~along_axes)
+        self.turn = _turns(basis.N, dofs[:, inclined], held[..., inclined])
 
-        axis = np.abs(n[:, first]).argmax(axis=0)
-        on_axis = np.abs(n[:, first]).min(axis=0) == 0
-        inclined = ~whole[self._node] & ~on_axis
-        self.turn = _turns(basis.N, dofs[:, inclined], n[:, first][:, inclined])
-
-        one = ~whole[self._node]
-        kept = np.where(on_axis, axis, 0)[one]
-        self.fixed = np.unique(
-            np.concatenate([dofs[:, ~one].ravel(), dofs[kept, np.flatnonzero(one)]])
-        )
+        axes = np.einsum("iin->in", projector) > 0.5
+        first = np.arange(d)[:, None] < count
+        fixed = np.where(count == d, True, np.where(along_axes, axes, first))
+        self.fixed = np.sort(dofs[fixed])
         self.free = np.setdiff1d(np.arange(basis.N), self.fixed)
-        rows = np.tile(np.arange(len(self._node)), 2)
-        N = csr_matrix(
-            (n.ravel(), (rows, dofs.ravel())), shape=(len(self._node), basis.N)
-        )
+        rows = np.tile(np.arange(len(self._node)), d)
+        entries = self._direction.ravel(), (rows, dofs[:, self._node].ravel())
+        N = csr_matrix(entries, shape=(len(self._node), basis.N))
         if self.turn is not None:
             N = N @ self.turn
         self._rows = N[:, self.fixed]
-        # The rows of a node couple at most two unknowns, of full rank by choice: least
+        # The rows of a node couple its unknowns alone, of full rank by choice: least
         # squares, which leave a remainder where conditions disagree.
         self._normal = splu((self._rows.T @ self._rows).tocsc())
 
-    def _first_rows(self) -> ndarray:
-        """For each row, the first row at the same node."""
-        _, first, inverse = np.unique(
-            self._node, return_index=True, return_inverse=True
-        )
-        return first[inverse]
+    def _held_directions(self) -> tuple[ndarray, ndarray]:
+        """Orthonormal directions held at each node, and how many there are.
+
+        Shapes (d, d, n_nodes), zero where there are fewer, and (n_nodes,).
+        """
+        d, n_nodes = self._d, self._X.shape[1]
+        held, count = np.zeros((d, d, n_nodes)), np.zeros(n_nodes, dtype=int)
+        for rows in _one_at_each_node(self._node):
+            node, n = self._node[rows], self._direction[:, rows]
+            known = held[..., node]
+            share = np.einsum("jin,in->jn", known, n)
+            rest = n - np.einsum("jin,jn->in", known, share)
+            length = np.linalg.norm(rest, axis=0)
+            new = length >= _PARALLEL_ANGLE
+            unit = np.where(count[node] > 0, rest / np.where(new, length, 1.0), n)
+            place = count[node[new]], slice(None), node[new]
+            held[place] = unit[:, new].T
+            count[node[new]] += 1
+        return held, count
 
     def fixed_values(self, t: float) -> ndarray:
         """Values of the fixed unknowns at the load factor ``t``.
@@ -235,8 +273,10 @@ class Constraints:
         """
         g = np.concatenate(
             [
-                condition.values(name, self._X[:, self._acting[name]], t).ravel()
-                for name, condition in self._conditions.items()
+                condition.values(name, self._X[:, nodes], t, self._d).ravel()
+                for (name, condition), nodes in zip(
+                    self._conditions.items(), self._acting.values(), strict=True
+                )
             ]
         )
         q = self._normal.solve(self._rows.T @ g)
@@ -252,11 +292,32 @@ class Constraints:
         return q
 
 
-def _turns(n_dofs: int, dofs: ndarray, n: ndarray) -> csr_matrix | None:
-    """Identity, but for the nodes whose first unknown is to lie along ``n``."""
+def _one_at_each_node(node: ndarray) -> Iterator[ndarray]:
+    """Rows of which no two are at the same node, those that come first at first."""
+    order = np.argsort(node, kind="stable")
+    _, start, counts = np.unique(node[order], return_index=True, return_counts=True)
+    number = np.empty(len(node), dtype=int)
+    number[order] = np.arange(len(node)) - np.repeat(start, counts)
+    return (np.flatnonzero(number == i) for i in range(counts.max()))
+
+
+def _turns(n_dofs: int, dofs: ndarray, held: ndarray) -> csr_matrix | None:
+    """Identity, but for nodes whose first unknowns are to lie along what is held."""
     if dofs.size == 0:
         return None
     turn = identity(n_dofs, format="lil")
-    for (i, j), (c, s) in zip(dofs.T, n.T, strict=True):
-        turn[i, i], turn[i, j], turn[j, i], turn[j, j] = c, -s, s, c
+    for own, directions in zip(dofs.T, held.transpose(2, 0, 1), strict=True):
+        turn[np.ix_(own, own)] = _frame(directions)
     return turn.tocsr()
+
+
+def _frame(held: ndarray) -> ndarray:
+    """Orthonormal columns that begin with the held directions, rows that are not 0."""
+    if len(held) == 2:
+        c, s = held[0]
+        return np.array([[c, -s], [s, c]])
+    first, second, _ = held
+    if not second.any():
+        second = np.cross(first, np.eye(3)[np.abs(first).argmin()])
+        second = second / np.linalg.norm(second)
+    return np.transpose([first, second, np.cross(first, second)])

@@ -184,6 +184,11 @@ class Problem:
         other.corners_resist = False
         return other
 
+    @property
+    def in_space(self) -> bool:
+        """Whether the ply may leave its plane."""
+        return self.system.dimension == 3
+
     def free(self, f: ndarray) -> ndarray:
         """Components of a DOF vector along the free unknowns."""
         return self.turned(f)[self.constraints.free]
@@ -217,17 +222,17 @@ class Problem:
         return float(np.abs(self.free(f)).max(initial=0.0))
 
     def reactions(self, f: ndarray) -> dict[str, ndarray]:
-        """Sum of the nodal forces over the nodes of each condition, shape (2,)."""
+        """Sum of the nodal forces over the nodes of each condition, shape (d,)."""
         forces, nodes = self.ply.nodal(f), self.constraints.nodes
         return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
 
     def held_forces(self, f: ndarray) -> dict[str, ndarray]:
-        """Nodal forces along the fixed unknowns at each condition, shape (2, n)."""
+        """Nodal forces along the fixed unknowns at each condition, shape (d, n)."""
         held, nodes = self.ply.nodal(f - self.unfixed(f)), self.constraints.nodes
         return {name: held[:, n] for name, n in nodes.items()}
 
     def displacements(self, u: ndarray) -> dict[str, ndarray]:
-        """Mean displacement of the nodes of each condition, shape (2,)."""
+        """Mean displacement of the nodes of each condition, shape (d,)."""
         moved, nodes = self.ply.nodal(u), self.constraints.nodes
         return {name: moved[:, n].mean(axis=1) for name, n in nodes.items()}
 
@@ -263,6 +268,8 @@ class Tangent:
         Displacement.
     tension
         Fibre tensions for the geometric stiffness in place of those of ``u``.
+    convex
+        Whether what resists shear is made positive semi-definite.
 
     Raises
     ------
@@ -271,11 +278,15 @@ class Tangent:
     """
 
     def __init__(
-        self, problem: Problem, u: ndarray, tension: ndarray | None = None
+        self,
+        problem: Problem,
+        u: ndarray,
+        tension: ndarray | None = None,
+        convex: bool = False,
     ) -> None:
         self._problem, clock, system = problem, problem.clock, problem.system
         self.altered = False
-        arguments = u, problem.load_factor, tension, problem.corners_resist
+        arguments = u, problem.load_factor, tension, problem.corners_resist, convex
         blocks = clock.time("assembly", problem.ply.stiffness, *arguments)
         if not np.isfinite(blocks.sum()):
             raise NoEquilibriumError("the tangent is not finite", advice=_NOT_FINITE)

@@ -82,9 +82,10 @@ class Result:
         Columns: load_factor, linear_solves, residual (N), tolerance (N),
         negative_pivots, min_det_F, max_fibre_strain, mesh_fibre_strain; of each
         condition displacement_x and displacement_y, the mean over its nodes (mm), and
-        reaction_x and reaction_y (N); energy of the state in all and by term,
-        potentials of the loads, and work of reactions and loads on the way (N·mm);
-        shares of stabilisation and deviations in energy, work and reactions.
+        reaction_x and reaction_y (N), in space with a z each; energy of the state in
+        all and by term, potentials of the loads, and work of reactions and loads on the
+        way (N·mm); shares of stabilisation and deviations in energy, work and
+        reactions.
         """
         rows, work = [], 0.0
         for state in self.states:
@@ -246,8 +247,8 @@ def _columns(shares: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
 
 
 def _components(name: str, vector: ndarray) -> dict[str, float]:
-    x, y = vector.tolist()
-    return {f"{name}_x": x, f"{name}_y": y}
+    axes = "xyz"[: len(vector)]
+    return {f"{name}_{axis}": x for axis, x in zip(axes, vector.tolist(), strict=True)}
 
 
 def _largest(x: ndarray) -> float:

@@ -47,7 +47,8 @@ class Verdict:
         Negative eigenvalues of the consistent tangent; None where it is singular.
     min_det_F
         Smallest det F of the elements, at their nodes and at the ply's fine points: of
-        quadrilaterals the 2×2 points, of quadratic triangles six points.
+        quadrilaterals the 2×2 points, of quadratic triangles six points.  In space the
+        area ratio, negative where a point faces the other way than its element.
     max_fibre_strain
         Largest magnitude of the fibre strain that the law of tension sees.
     mesh_fibre_strain
@@ -102,10 +103,10 @@ class State:
     u
         Displacement, DOF vector of the ply's basis.
     reactions
-        Force of the support on the ply in N, shape (2,), by condition: the sum
+        Force of the support on the ply in N, shape (d,), by condition: the sum
         over its nodes of the internal forces less the loads.
     displacements
-        Mean displacement of the nodes of the condition in mm, shape (2,), by condition.
+        Mean displacement of the nodes of the condition in mm, shape (d,), by condition.
     energies
         Energy in N·mm by term, those of loads aside.
     linear_solves

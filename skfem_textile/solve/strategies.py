@@ -70,6 +70,8 @@ class Mixed:
     become once what they are there.  Where the tangent is indefinite, compression is
     halved or dropped in it, so that the increments do not run to saddle points, and no
     increment but the first changes the displacement gradient by more than ``longest``.
+    In space shear moments alone make the tangent indefinite across the ply: as a last
+    resort what resists shear is made positive semi-definite.
     """
 
     most: int = 30
@@ -215,21 +217,24 @@ def _first_tangent(problem: Problem, start: Start) -> Tangent:
 def definite(problem: Problem, u: ndarray, tension: ndarray) -> Tangent:
     """The tangent, with as little compression left out as makes it positive definite.
 
-    Where that does not suffice it is returned as it is without any.
+    Where that does not suffice, what resists shear is made convex in space.  Where
+    nothing suffices it is returned as it is with all of that.
     """
     shares = _COMPRESSION_SHARES if tension.min() < 0 else _COMPRESSION_SHARES[:1]
-    for share in shares:
+    attempts = [(np.where(tension > 0, tension, x * tension), False) for x in shares]
+    if problem.in_space:
+        least = 0.0, _FIRST_TENSION
+        attempts += [(np.maximum(tension, x), True) for x in least]
+    for number, attempt in enumerate(attempts, start=1):
         try:
-            tangent = Tangent(
-                problem, u, np.where(tension > 0, tension, share * tension)
-            )
+            tangent = Tangent(problem, u, *attempt)
         except NoEquilibriumError:
-            if share == shares[-1]:
+            if number == len(attempts):
                 raise
         else:
             if tangent.definite:
                 break
-    tangent.altered = share < 1 or not tangent.definite
+    tangent.altered = number > 1 or not tangent.definite
     return tangent
 
 

@@ -63,7 +63,7 @@ class Trial:
 
     @cached_property
     def area_ratio(self) -> ndarray:
-        """Smallest det F of each element at its nodes and the ply's fine points."""
+        """Smallest area ratio of each element at its nodes and the fine points."""
         return self.problem.ply.least_area_ratio(self.equilibrium.u)
 
     @cached_property
@@ -204,6 +204,17 @@ def _folding(trial: Trial) -> None:
         )
 
 
+def _crease(trial: Trial) -> None:
+    creased = trial.problem.ply.creased(trial.equilibrium.u)
+    if creased.size:
+        raise NoEquilibriumError(
+            f"{creased.size} element(s) turn by more than a right angle against a "
+            "neighbour, a crease that no mesh resolves",
+            creased,
+            advice="a finer mesh, or a smaller load",
+        )
+
+
 def _strain(trial: Trial) -> None:
     torn = np.flatnonzero(trial.problem.ply.past_peak(trial.equilibrium.u))
     if torn.size:
@@ -279,6 +290,7 @@ def _corners(trial: Trial) -> None:
 #: Checks of a state by name, the cheap ones first.
 CHECKS: dict[str, Callable[[Trial], None]] = {
     "folding": _folding,
+    "crease": _crease,
     "strain": _strain,
     "stability": _stability,
     "work": _work,

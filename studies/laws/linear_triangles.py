@@ -21,7 +21,9 @@ class LinearTriangles(Pointwise):
         """The mesh as it is."""
         return mesh
 
-    def basis(self, mesh: Mesh) -> CellBasis:
+    def basis(self, mesh: Mesh, dimension: int = 2) -> CellBasis:
         """Basis of the displacement."""
         rule = self.centre, np.array([0.5])
-        return CellBasis(mesh, ElementVector(ElementTriP1()), quadrature=rule)
+        return CellBasis(
+            mesh, ElementVector(ElementTriP1(), dimension), quadrature=rule
+        )

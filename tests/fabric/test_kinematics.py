@@ -20,6 +20,24 @@ def rotation(angle):
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
+def some_F_in_space(seed):
+    """A plane state of the ply, turned at random and moved out of its plane."""
+    rng = np.random.default_rng(seed)
+    return random_turn(rng)[:, :2] @ some_F(seed) + 0.1 * rng.standard_normal((3, 2))
+
+
+def random_turn(rng):
+    Q, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    return Q * np.sign(np.linalg.det(Q))
+
+
+def in_space(F):
+    return np.vstack([F, np.zeros((1, 2))])
+
+
+STATES = {"plane": some_F, "space": some_F_in_space}
+
+
 MEASURES = [
     (
         lambda F: kin.fibre_strain(F, WEFT),
@@ -31,16 +49,24 @@ MEASURES = [
         lambda F: kin.shear_angle_d(F, WARP, WEFT),
         lambda F: kin.shear_angle_dd(F, WARP, WEFT),
     ),
+    (
+        lambda F: kin.shear_angle(F, WEFT, WARP),
+        lambda F: kin.shear_angle_d(F, WEFT, WARP),
+        lambda F: kin.shear_angle_dd(F, WEFT, WARP),
+    ),
 ]
 
 
-@pytest.mark.parametrize("measure", MEASURES, ids=["fibre strain", "shear angle"])
+@pytest.mark.parametrize("state", STATES.values(), ids=STATES)
+@pytest.mark.parametrize(
+    "measure", MEASURES, ids=["fibre strain", "shear angle", "shear angle, clockwise"]
+)
 @given(seed=seeds)
-def test_derivatives_are_exact(measure, seed):
+def test_derivatives_are_exact(measure, state, seed):
     value, first, second = measure
-    F = some_F(seed)
-    assume(np.linalg.det(F) > 0.1)
-    dF = np.random.default_rng(seed + 1).standard_normal((2, 2))
+    F = state(seed)
+    assume(kin.area_ratio(F) > 0.1)
+    dF = np.random.default_rng(seed + 1).standard_normal(F.shape)
     along = np.sum(first(F) * dF)
     np.testing.assert_allclose(derivative(value, F, dF, 1e-6), along, atol=1e-6)
     twice = np.einsum("iJkL,kL->iJ", second(F), dF)
@@ -58,6 +84,39 @@ def test_a_rotation_changes_neither_strain_nor_shear(seed, angle):
     assert kin.shear_angle(QF, WARP, WEFT) == pytest.approx(
         kin.shear_angle(F, WARP, WEFT)
     )
+
+
+@pytest.mark.parametrize("state", STATES.values(), ids=STATES)
+@given(seed=seeds)
+def test_derivatives_of_the_area_ratio_are_exact(state, seed):
+    F = state(seed)
+    assume(kin.area_ratio(F) > 0.1)
+    H, K = np.random.default_rng(seed + 1).standard_normal((2, *F.shape))
+    first, second = kin.area_ratio_d(F, H), kin.area_ratio_dd(F, H, K)
+    assert derivative(kin.area_ratio, F, H, 1e-6) == pytest.approx(first, abs=1e-5)
+    numerical = derivative(lambda x: kin.area_ratio_d(x, H), F, K, 1e-6)
+    assert numerical == pytest.approx(second, rel=1e-5, abs=1e-4)
+
+
+@given(seed=seeds)
+def test_a_rotation_in_space_changes_nothing(seed):
+    F, Q = some_F_in_space(seed), random_turn(np.random.default_rng(seed + 1))
+    assume(kin.area_ratio(F) > 0.1)
+    for measure in (kin.area_ratio, *(value for value, _, _ in MEASURES)):
+        assert measure(Q @ F) == pytest.approx(measure(F), rel=1e-12, abs=1e-12)
+
+
+@given(seed=seeds)
+def test_a_flat_ply_in_space_has_the_numbers_of_the_plane(seed):
+    F = some_F(seed)
+    assume(np.linalg.det(F) > 0.1)
+    assert kin.area_ratio(in_space(F)) == pytest.approx(kin.area_ratio(F))
+    for value, first, second in MEASURES:
+        assert value(in_space(F)) == pytest.approx(value(F), abs=1e-12)
+        plane, space = first(F), first(in_space(F))
+        np.testing.assert_allclose(space[:2], plane, atol=1e-11 * np.abs(plane).max())
+        plane, space = second(F), second(in_space(F))[:2, :, :2]
+        np.testing.assert_allclose(space, plane, atol=1e-11 * np.abs(plane).max())
 
 
 def test_strain_is_logarithmic():

@@ -8,6 +8,7 @@ from helpers import distorted, wobble
 from skfem import MeshTri
 
 from skfem_textile import (
+    Condition,
     Fabric,
     Full,
     LoadStepper,
@@ -23,6 +24,7 @@ from skfem_textile.io import (
     write_history,
     write_summary,
 )
+from skfem_textile.io.fibres import write_draped
 from skfem_textile.io.fields import cell_fields
 from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import strip
@@ -278,6 +280,25 @@ def test_a_series_of_steps_is_warped_once(tmp_path, series):
     np.testing.assert_array_equal(fields.points[:, :2], ply.nodes.T[:n])
     current = (ply.nodes + ply.nodal(result.u)).T[:n]
     np.testing.assert_allclose(fields.warp_by_vector().points[:, :2], current)
+
+
+def test_a_ply_in_space_is_written_in_space_and_not_drawn(tmp_path):
+    mesh = rectangle(2, 2, (2, 2), "irregular", 0.0, 1)
+    ply = Ply(mesh, Fabric(100.0, 1.0), Macro(), dimension=3)
+    lift = Condition("right", (0.0, 0.0, 0.5))
+    result = LoadStepper(ply, {"left": Condition("left"), "right": lift}, 2).run()
+    write_fields(result, tmp_path)
+    last = meshio.read(tmp_path / "own_step_0002.vtu")
+    moved = last.point_data["displacement"]
+    np.testing.assert_allclose(moved, ply.nodal(result.u)[:, : len(moved)].T)
+    assert moved[:, 2].max() == pytest.approx(0.5)
+    assert (last.cell_data["warp_direction"][0][:, 2] > 0.2).all()
+    write_history(result, tmp_path / "history.csv")
+    head = (tmp_path / "history.csv").read_text().splitlines()[0]
+    assert "right_reaction_z" in head
+    assert "right_displacement_z" in head
+    with pytest.raises(ValueError, match="of plies in their plane"):
+        write_draped(result, tmp_path)
 
 
 def test_of_several_points_the_extreme_is_shown():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
+from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.fabric.directions import FibreDirections
 from skfem_textile.mesh.splitting import split_cells
 from skfem_textile.scenes import strip
@@ -86,6 +86,15 @@ def test_shear_angle_is_drawn_in_degrees(results):
     largest = max(a.max() for a in angles)
     assert largest <= high < 1.5 * largest
     assert low <= 0
+
+
+def test_a_ply_in_space_is_not_drawn_as_a_flat_one():
+    scene = strip("aligned", size=(2, 3))
+    ply = Ply(scene.mesh, Fabric(1e4, 1.0), Full(), dimension=3)
+    clamp = {"all": Condition(lambda X: X[1] > -1)}
+    result = LoadStepper(ply, clamp, 1).run()
+    with pytest.raises(ValueError, match="pictures show plies in their plane"):
+        plot.shear_angle(result)
 
 
 def test_round_off_is_not_drawn_as_strain():

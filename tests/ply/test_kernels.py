@@ -75,9 +75,12 @@ def assert_same(fast, slow):
 
 
 def plies(fabric):
-    for formulation in FORMULATIONS:
-        yield Ply(distorted_for(formulation, 1), fabric, formulation)
-    yield Ply(split_cells(*TRIANGLE_AND_QUAD), fabric, Macro())
+    for dimension in (2, 3):
+        for formulation in FORMULATIONS:
+            mesh = distorted_for(formulation, 1)
+            yield Ply(mesh, fabric, formulation, dimension=dimension)
+        both = split_cells(*TRIANGLE_AND_QUAD)
+        yield Ply(both, fabric, Macro(), dimension=dimension)
 
 
 def form_terms(ply):
@@ -91,6 +94,8 @@ def test_assembling_a_form_by_its_kernel_or_by_itself_is_the_same(fabric):
     for ply in plies(fabric):
         u = wobble(ply, 3)
         for term in form_terms(ply):
+            if term.kernel is None:
+                continue
             fast = with_kernel(term.forms, term.kernel)
             w = term.parameters(1.0)
             for form, slow in zip(fast, term.forms, strict=True):
@@ -114,6 +119,20 @@ def test_a_ply_is_the_sum_of_its_forms(fabric):
         assert ply.energy(u) == pytest.approx(energy, rel=1e-12)
         assert_same(ply.residual(u), f)
         assert_same(ply.tangent(u, tension=tensions), K)
+
+
+@every_fabric
+def test_the_kernel_out_of_plane_gives_the_numbers_of_its_forms(fabric):
+    for formulation in (OnePoint(2.0), OnePoint(), Macro()):
+        ply = Ply(distorted(1), fabric, formulation, dimension=3)
+        u, term = wobble(ply, 3), ply.terms[-1]
+        w = term.parameters(1.0)
+        energy, f, K = (asm(form, term.basis, u=u, **w) for form in term.forms)
+        assert energy > 0
+        assert term.energy(u, 1.0) == pytest.approx(energy, rel=1e-12)
+        assert_same(term.residual(u, 1.0), f)
+        pattern = Pattern(3, ply.nodes.shape[1], [term.nodes])
+        assert_same(pattern.matrix(pattern.sum([term.matrices(u, 1.0)])), K)
 
 
 @pytest.mark.parametrize("C_s", [3.0, None])
@@ -260,13 +279,13 @@ def test_the_pattern_keeps_entries_that_happen_to_be_zero():
 
 def test_strains_are_found_once_for_forces_and_tangent_of_a_state(monkeypatch):
     ply, seen = Ply(distorted(1), Fabric(1e4, 0.5), OnePoint(1.0)), []
-    deformation = QuadPoints.deformation
+    fibres = QuadPoints.fibres
 
     def counted(points, u, block):
         seen.append(len(points.dx))
-        return deformation(points, u, block)
+        return fibres(points, u, block)
 
-    monkeypatch.setattr(QuadPoints, "deformation", counted)
+    monkeypatch.setattr(QuadPoints, "fibres", counted)
     u = wobble(ply, 9)
     ply.residual(u), ply.tangent(u), ply.energy(u)
     assert sorted(seen) == [1, 4]  # the centre once for three terms, and the corners

@@ -1,6 +1,7 @@
 """What formulations share."""
 
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from numbers import Real
 from typing import ClassVar
 
@@ -12,12 +13,21 @@ from ... import forms
 from ...fabric import Fabric
 from ...forms.form import fibre_tension
 from ...forms.mean_tension import mean_fibre_tension, mean_strain
-from ...mesh.bases import CENTRE, GAUSS, HourglassBasis, MeanBasis, quad_basis
+from ...mesh.bases import (
+    CENTRE,
+    GAUSS,
+    HourglassBasis,
+    MeanBasis,
+    components,
+    quad_basis,
+)
 from ...mesh.checks import check_mesh
 from ...mesh.interior_edges import JumpBasis
 from ...mesh.splitting import split
 from ...registration import Option
+from ..kernels.element_groups import Parameters
 from ..kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
+from ..kernels.out_of_plane import OutOfPlaneKernel
 from ..memory import HeldDeviation, HeldStabilisation
 from ..term import Memory, Term
 from ..terms import FormTerm, TensionTerm
@@ -56,10 +66,10 @@ class Quadrilaterals(Pointwise):
         check_mesh(mesh)
         return split(mesh)
 
-    def basis(self, mesh: Mesh) -> CellBasis:
+    def basis(self, mesh: Mesh, dimension: int = 2) -> CellBasis:
         """Basis of the displacement."""
         check_mesh(mesh)
-        return quad_basis(mesh, self.rule)
+        return quad_basis(mesh, self.rule, dimension)
 
 
 def mean_tension_term(
@@ -93,17 +103,70 @@ def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:
         raise ValueError(f"{name} must be a finite number >= 0{also}, got {value}")
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OutOfPlane(FormTerm):
+    """The term of `out_of_plane`, with the numbers of its kernel.
+
+    Parameters
+    ----------
+    C_s
+        A number in N/mm, or what the term of `hourglass` holds: both have one
+        stiffness.
+    """
+
+    C_s: float | HeldStabilisation
+
+    def parameters(self, t: float) -> Parameters:
+        """What the forms are given beside the displacement."""
+        return {**super().parameters(t), "C_s": self._stiffness}
+
+    def energy(self, u: ndarray, t: float) -> float:
+        """See `OutOfPlaneKernel`."""
+        return self._numbers.energy(u, self._stiffness)
+
+    def residual(self, u: ndarray, t: float) -> ndarray:
+        """See `OutOfPlaneKernel`."""
+        return self._numbers.forces(u, self._stiffness)
+
+    def matrices(self, u: ndarray, t: float, convex: bool = False) -> ndarray:
+        """See `OutOfPlaneKernel`."""
+        return self._numbers.matrices(u, self._stiffness, convex)
+
+    @property
+    def _stiffness(self) -> float | ndarray:
+        given = self.C_s
+        return given if isinstance(given, float) else given.parameters["C_s"]
+
+    @cached_property
+    def _numbers(self) -> OutOfPlaneKernel:
+        return OutOfPlaneKernel(self.basis)
+
+
 def hourglass_terms(
     stabilisation: float | str, basis: CellBasis, fabric: Fabric
 ) -> list[Term]:
-    """The hourglass term of a number C_s or ``auto``, unless it is zero."""
+    """The terms of a number C_s or ``auto``, none if it is zero.
+
+    The hourglass term, and in space `OutOfPlane`.
+    """
     if stabilisation == 0:
         return []
     C_s = None if stabilisation == "auto" else float(stabilisation)
-    corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
+    corners = hourglass_basis(basis)
     held = _automatic(basis, fabric) if C_s is None else None
-    kernel = HourglassKernel(fabric, C_s)
-    return [stabilising_term(forms.hourglass(fabric, C_s), corners, kernel, held)]
+    definition, kernel = forms.hourglass(fabric, C_s), HourglassKernel(fabric, C_s)
+    terms: list[Term] = [stabilising_term(definition, corners, kernel, held)]
+    if components(basis) == 3:
+        given = "out_of_plane", forms.out_of_plane(), corners
+        of_both = float(stabilisation) if held is None else held
+        terms.append(OutOfPlane(*given, C_s=of_both, role="stabilisation"))
+    return terms
+
+
+def hourglass_basis(basis: CellBasis) -> HourglassBasis:
+    """The `HourglassBasis` of the same displacement."""
+    d = components(basis)
+    return HourglassBasis(basis.mesh, d, mapping=basis.mapping, dofs=basis.dofs)
 
 
 def _automatic(basis: CellBasis, fabric: Fabric) -> HeldStabilisation:

@@ -8,7 +8,7 @@ from numpy import ndarray
 from skfem import CellBasis, Mesh
 
 from ...fabric import Fabric
-from ...mesh.bases import CENTRE
+from ...mesh.bases import CENTRE, components
 from ...mesh.checks import MeshError, check_mesh
 from ...mesh.macro import MacroBasis
 from ...mesh.splitting import SplitMesh, split, was_split
@@ -89,7 +89,8 @@ class Macro(Quadrilaterals):
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
         """The tension of the mean stretch of each macro-element."""
         mesh: Any = basis.mesh
-        macro = MacroBasis(mesh, mapping=basis.mapping, dofs=basis.dofs)
+        d = components(basis)
+        macro = MacroBasis(mesh, d, mapping=basis.mapping, dofs=basis.dofs)
         of_triangles, of_quadrilaterals = self.deviation
         four = (macro.parts >= 0).sum(axis=1) == 4
         deviation = np.where(four, of_quadrilaterals, of_triangles)

@@ -8,7 +8,7 @@ from skfem import CellBasis
 
 from ... import forms
 from ...fabric import Fabric
-from ...mesh.bases import CENTRE, HourglassBasis
+from ...mesh.bases import CENTRE, components
 from ...mesh.interior_edges import JumpBasis
 from ...registration import FormulationRegistration, Option
 from ..memory import AccumulatedMoment
@@ -16,6 +16,7 @@ from ..term import Term
 from .common import (
     STABILISATION,
     Quadrilaterals,
+    hourglass_basis,
     hourglass_terms,
     refuse_stiffness,
     stabilising_term,
@@ -76,6 +77,11 @@ class OnePoint(Quadrilaterals):
         """The hourglass term, unless C_s is zero, or jumps are of no edge."""
         if self.kind == "energy":
             return hourglass_terms(self.stabilisation, basis, fabric)
+        if components(basis) == 3 and self.kind != "isotropic":
+            raise ValueError(
+                f"stabilisation of kind {self.kind} is of a ply in the plane: take "
+                "energy or isotropic in space"
+            )
         if (C_s := float(self.stabilisation)) == 0:
             return []
         if self.kind == "continuity":
@@ -83,7 +89,7 @@ class OnePoint(Quadrilaterals):
                 return []
             edges = JumpBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
             return [stabilising_term(forms.shear_continuity(fabric, C_s), edges)]
-        corners = HourglassBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
+        corners = hourglass_basis(basis)
         if self.kind == "isotropic":
             return [stabilising_term(forms.isotropic_hourglass(C_s), corners)]
         moment = AccumulatedMoment(fabric, C_s, corners)

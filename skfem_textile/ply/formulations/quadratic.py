@@ -70,10 +70,10 @@ class Quadratic(Pointwise):
         quads: Any = mesh
         return cut(quads)
 
-    def basis(self, mesh: Mesh) -> CellBasis:
+    def basis(self, mesh: Mesh, dimension: int = 2) -> CellBasis:
         """Basis of the displacement."""
         check_mesh(mesh)
-        return triangle_basis(mesh)
+        return triangle_basis(mesh, dimension)
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
         """The tension at each of the points, or of their mean stretch."""

@@ -3,8 +3,8 @@
 Terms of a ply share work: fibres that deform equally are computed once a displacement,
 and the modes of an element are transformed to its nodes once for all terms.
 
-Element matrices are symmetric and hold the 2×2 blocks of the pairs of nodes (a, c) with
-a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2, n_elements).
+Element matrices are symmetric and hold the d×d blocks of the pairs of nodes (a, c) with
+a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -137,14 +137,20 @@ class KernelSum:
         for shared in self._groups:
             if kernels := self._kernels(shared, u, given):
                 local, nodes = element_forces(kernels), shared.group.nodes.ravel()
-                for i in range(2):
-                    f[i::2] += np.bincount(nodes, local[:, i].ravel(), len(f) // 2)
+                d = shared.group.dimension
+                for i in range(d):
+                    f[i::d] += np.bincount(nodes, local[:, i].ravel(), len(f) // d)
         return f
 
-    def matrices(self, u: ndarray, given: TermParameters) -> Iterator[ndarray]:
-        """Blocks of the elements of each group, sums over terms, for `Pattern.sum`."""
+    def matrices(
+        self, u: ndarray, given: TermParameters, convex: bool = False
+    ) -> Iterator[ndarray]:
+        """Blocks of the elements of each group, sums over terms, for `Pattern.sum`.
+
+        ``convex`` as of `element_matrices`.
+        """
         for shared in self._groups:
-            yield element_matrices(self._kernels(shared, u, given))
+            yield element_matrices(self._kernels(shared, u, given), convex)
 
     def predicted_tension(
         self, u: ndarray, du: ndarray, term: KernelTerm, w: Parameters
@@ -192,32 +198,45 @@ class KernelSum:
 
 
 def element_forces(kernels: Sequence[KernelOnGroup]) -> ndarray:
-    """Sum of the nodal forces of kernels on a group, shape (n_nodes, 2, n)."""
+    """Sum of the nodal forces of kernels on a group, shape (n_nodes, d, n)."""
     group = kernels[0].group
-    f = np.zeros((group.n_modes, 2, group.nodes.shape[1]))
+    f = np.zeros((group.n_modes, group.dimension, group.nodes.shape[1]))
     for points, (fibres, stress) in _stresses(kernels).items():
         for block in group.blocks():
             T, M, _ = stress.of(block)
-            f[..., block] += points.forces(fibres.v[..., block], T, M, block)
+            f[..., block] += points.forces(fibres.forces(T, M, block), block)
     return f if group.modes is None else transformed(group, "ran,rin->ain", f)
 
 
-def element_matrices(kernels: Sequence[KernelOnGroup]) -> ndarray:
+def element_matrices(kernels: Sequence[KernelOnGroup], convex: bool = False) -> ndarray:
     """Sum of the element matrices of kernels on a group.
 
-    Blocks of the pairs of nodes, shape (n_pairs, 2, 2, n).
+    Parameters
+    ----------
+    kernels
+        The kernels.
+    convex
+        Whether what resists shear is made positive semi-definite at each point.
+
+    Returns
+    -------
+    ndarray
+        Blocks of the pairs of nodes, shape (n_pairs, d, d, n).
     """
-    group = kernels[0].group
+    group, d = kernels[0].group, kernels[0].group.dimension
     stresses = _stresses(kernels)
     rank_one = [s for kernel in kernels for s in kernel.rank_one_stiffnesses()]
     n_nodes, n = group.nodes.shape
-    K = np.empty((_n_pairs(n_nodes), 2, 2, n))
+    K = np.empty((_n_pairs(n_nodes), d, d, n))
     for block in group.blocks():
-        k = np.zeros((_n_pairs(group.n_modes), 2, 2, block.stop - block.start))
+        k = np.zeros((_n_pairs(group.n_modes), d, d, block.stop - block.start))
         for points, (fibres, stress) in stresses.items():
-            points.add_stiffness(k, fibres.v[..., block], stress.of(block), block)
+            of_block = stress.of(block), block, convex
+            points.add_stiffness(k, *fibres.stiffness(*of_block), block)
         for strain in rank_one:
-            add_rank_one(k, strain.gradients(block), strain.stiffness[:, block])
+            s = strain.stiffness[:, block]
+            s = np.maximum(s, 0.0) if convex and strain.of_shear else s
+            add_rank_one(k, strain.gradients(block), s)
         K[..., block] = (
             k if group.modes is None else nodal_blocks(k, group.modes[..., block])
         )
@@ -250,8 +269,8 @@ def add_rank_one(K: ndarray, g: ndarray, s: ndarray) -> None:
 
 def nodal_blocks(K: ndarray, modes: ndarray) -> ndarray:
     """Blocks of the pairs of nodes from those of the pairs of modes: Rᵀ K R."""
-    n_modes, _, n = modes.shape
-    k = full_matrices(K).reshape(n_modes, 2, n_modes, 2, n)
+    (n_modes, _, n), d = modes.shape, K.shape[1]
+    k = full_matrices(K).reshape(n_modes, d, n_modes, d, n)
     half = np.einsum("ran,risjn->asijn", modes, k)
     rows = [
         np.einsum("sijn,scn->cijn", row, modes[:, a:]) for a, row in enumerate(half)
@@ -260,13 +279,13 @@ def nodal_blocks(K: ndarray, modes: ndarray) -> ndarray:
 
 
 def full_matrices(K: ndarray) -> ndarray:
-    """Matrices over the unknowns of an element, shape (2 n_nodes, 2 n_nodes, n)."""
-    n_nodes = int(np.sqrt(2 * len(K)))  # of n (n + 1) / 2 pairs
-    full = np.empty((n_nodes, 2, n_nodes, 2, K.shape[-1]))
+    """Matrices over the unknowns of an element, shape (d n_nodes, d n_nodes, n)."""
+    n_nodes, d = int(np.sqrt(2 * len(K))), K.shape[1]  # of n (n + 1) / 2 pairs
+    full = np.empty((n_nodes, d, n_nodes, d, K.shape[-1]))
     pairs = combinations_with_replacement(range(n_nodes), 2)
     for (a, c), block in zip(pairs, K, strict=True):
         full[a, :, c], full[c, :, a] = block, block.transpose(1, 0, 2)
-    return full.reshape(2 * n_nodes, 2 * n_nodes, -1)
+    return full.reshape(d * n_nodes, d * n_nodes, -1)
 
 
 def node_pair_blocks(K: ndarray, nodes: ndarray, d: int) -> ndarray:

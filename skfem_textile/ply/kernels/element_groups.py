@@ -15,8 +15,10 @@ from ...mesh.bases import (
     HourglassBasis,
     MeanBasis,
     centre_grad,
+    components,
     element_numbers,
 )
+from .in_space import InSpace, angle_in_space
 from .integration_points import (
     FibreDeformation,
     GeneralPoints,
@@ -41,6 +43,13 @@ _ALL = slice(None)
 _GROUPS: WeakKeyDictionary[Any, WeakKeyDictionary] = WeakKeyDictionary()
 
 
+@dataclass(frozen=True, eq=False)
+class DeformationInSpace(InSpace, FibreDeformation):
+    """Deformation of the fibres at P points of n elements, in space."""
+
+    side: ndarray
+
+
 #: Deformations at the points of a group, set by set.
 Deformations: TypeAlias = list[FibreDeformation]
 
@@ -54,6 +63,8 @@ class ElementGroup:
 
     Attributes
     ----------
+    dimension
+        Components d of the displacement.
     nodes
         Node numbers, shape (n_nodes, n).
     modes
@@ -68,6 +79,7 @@ class ElementGroup:
         Numbers of the elements and of the points of each set in the basis.
     """
 
+    dimension: int
     nodes: ndarray
     modes: ndarray | None
     points: Sequence[IntegrationPoints]
@@ -109,8 +121,8 @@ class ElementGroup:
     ) -> Deformations:
         """Deformations under a DOF vector ``u`` at all or some of the points."""
         points = self.points if points is None else points
-        x, y = u.reshape(-1, 2).T.copy()
-        local = np.stack([x[self.nodes], y[self.nodes]], axis=1)
+        columns = u.reshape(-1, self.dimension).T.copy()
+        local = np.stack([x[self.nodes] for x in columns], axis=1)
         if self.modes is not None:
             local = transformed(self, "ran,ain->rin", local)
         return [_deformation(self, p, local) for p in points]
@@ -166,7 +178,7 @@ def element_groups(basis: Any, fabric: "Fabric") -> list[ElementGroup]:
 
 
 def transformed(group: ElementGroup, rule: str, x: ndarray) -> ndarray:
-    """`numpy.einsum` of the modes and values at nodes or modes, (k, 2, n)."""
+    """`numpy.einsum` of the modes and values at nodes or modes, (k, d, n)."""
     modes: Any = group.modes
     parts = [np.einsum(rule, modes[..., s], x[..., s]) for s in group.blocks()]
     return np.concatenate(parts, axis=-1)
@@ -175,17 +187,26 @@ def transformed(group: ElementGroup, rule: str, x: ndarray) -> ndarray:
 def _deformation(
     group: ElementGroup, points: IntegrationPoints, u: ndarray
 ) -> FibreDeformation:
-    P, n = points.dx.shape[0], u.shape[-1]
-    squared, angle, v = (np.empty((*k, n)) for k in ((2, P), (P,), (2, P, 2)))
+    P, (_, d, n) = points.dx.shape[0], u.shape
+    squared, angle, v = (np.empty((*k, n)) for k in ((2, P), (P,), (2, P, d)))
     for block in group.blocks():
-        in_block = points.deformation(u[..., block], block)
-        v[..., block], squared[..., block], angle[..., block] = in_block
-    return FibreDeformation(v, squared, angle_between(points.A) - angle)
+        a = points.fibres(u[..., block], block)
+        square = a[:, :, 0] ** 2 + a[:, :, 1] ** 2
+        if d == 3:
+            square += a[:, :, 2] ** 2
+        v[..., block], squared[..., block] = a / square[:, :, None], square
+        angle[..., block] = angle_between(a) if d == 2 else angle_in_space(a)
+    at_rest = angle_between(points.A[:, :, :2])
+    if d == 2:
+        return FibreDeformation(v, squared, at_rest - angle)
+    side = np.sign(at_rest)
+    return DeformationInSpace(v, squared, at_rest - side * angle, side)
 
 
 def _new_groups(basis: Any, fabric: "Fabric") -> Iterator[ElementGroup]:
-    dN = np.array([field.grad[0] for (field,) in basis.basis[::2]])
-    w, nodes = basis.default_parameters(), basis.element_dofs[::2] // 2
+    d = components(basis)
+    dN = np.array([field.grad[0] for (field,) in basis.basis[::d]])
+    w, nodes = basis.default_parameters(), basis.element_dofs[::d] // d
     x = np.asarray(w["x"])
     numbers = np.asarray(w["element"]) if "element" in w else element_numbers(basis)
     pair = fabric.directions(x, numbers)
@@ -195,7 +216,7 @@ def _new_groups(basis: Any, fabric: "Fabric") -> Iterator[ElementGroup]:
         return
     centre = None
     if isinstance(basis, HourglassBasis):
-        centre = np.array([centre_grad(field)[0] for (field,) in basis.basis[::2]])
+        centre = np.array([centre_grad(field)[0] for (field,) in basis.basis[::d]])
         dN = dN + centre
     bilinear = (
         isinstance(basis.elem.elem, ElementQuad1)
@@ -207,17 +228,17 @@ def _new_groups(basis: Any, fabric: "Fabric") -> Iterator[ElementGroup]:
     n = len(points)
     at_points, of_elements = fabric.at(numbers), fabric.at(numbers[:, :1])
     fabrics, every = n * [at_points], n * [_ALL]
-    yield ElementGroup(nodes, modes, points, fabrics, of_elements, _ALL, every)
+    yield ElementGroup(d, nodes, modes, points, fabrics, of_elements, _ALL, every)
 
 
 def _of_nodes(
     basis: Any, A: ndarray, dN: ndarray, centre: ndarray | None
 ) -> tuple[None, list[IntegrationPoints]]:
     """Integration points of any element, after its centre if that is given."""
-    nodes, dx = np.arange(len(dN)), basis.dx.T
+    nodes, dx, d = np.arange(len(dN)), basis.dx.T, components(basis)
     sets = [(dN, dx)] if centre is None else [(centre, 0 * dx), (dN, dx)]
     return None, [
-        GeneralPoints(_directions(A), area, _products(A, gradients), nodes, len(dN))
+        GeneralPoints(_directions(A, d), area, _products(A, gradients), nodes, len(dN))
         for gradients, area in sets
     ]
 
@@ -225,10 +246,34 @@ def _of_nodes(
 def _of_quadrilaterals(
     basis: Any, A: ndarray, dN: ndarray, centre: ndarray | None
 ) -> tuple[ndarray, list[IntegrationPoints]]:
-    """Modes of bilinear quadrilaterals, (3, 4, n), and points, after the centre.
+    """Modes of bilinear quadrilaterals, (3, 4, n), and points, after the centre."""
+    at_centre, gamma, slope = hourglass_mode(basis, dN)
+    modes = np.concatenate([_products(A[..., :1], at_centre)[:, 0], gamma[None]])
 
-    The gradients at a point differ from those at the centre by γ_a ∇h, where γ is the
-    hourglass vector (Flanagan & Belytschko 1981).
+    constant = _directions(A[..., :1], components(basis))
+    eta, dx = (A * slope).sum(axis=1).swapaxes(1, 2), basis.dx.T
+    points: list[IntegrationPoints] = [QuadPoints(constant, dx, eta)]
+    if centre is not None:
+        points.insert(0, QuadPoints(constant, 0 * dx[:1], 0 * eta[:, :1]))
+    return modes, points
+
+
+def hourglass_mode(basis: Any, dN: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """How gradients vary in bilinear quadrilaterals: ∇N_a(ξ) = ∇N_a(0) + γ_a ∇h(ξ).
+
+    γ is the hourglass vector (Flanagan & Belytschko 1981).
+
+    Parameters
+    ----------
+    basis
+        Of bilinear quadrilaterals.
+    dN
+        ∇N_a at its points, shape (4, 2, n, P).
+
+    Returns
+    -------
+    tuple
+        ∇N_a(0), shape (4, 2, n, 1); γ, shape (4, n); ∇h, shape (2, n, P).
     """
     scalar, mapping, tind = ElementQuad1(), basis.mapping, basis.tind
     fields = (scalar.gbasis(mapping, CENTRE[0], a, tind)[0] for a in range(4))
@@ -237,20 +282,14 @@ def _of_quadrilaterals(
     corners = basis.mesh.p[:, basis.mesh.t[:, _ALL if tind is None else tind]]
     gamma = h[:, None] - np.einsum("b,jbn,ajn->an", h, corners, at_centre[..., 0])
     slope = np.einsum("an,ajnq->jnq", gamma / (gamma**2).sum(axis=0), dN - at_centre)
-    modes = np.concatenate([_products(A[..., :1], at_centre)[:, 0], gamma[None]])
-
-    constant = _directions(A[..., :1])
-    eta, dx = (A * slope).sum(axis=1).swapaxes(1, 2), basis.dx.T
-    points: list[IntegrationPoints] = [QuadPoints(constant, dx, eta)]
-    if centre is not None:
-        points.insert(0, QuadPoints(constant, 0 * dx[:1], 0 * eta[:, :1]))
-    return modes, points
+    return at_centre, gamma, slope
 
 
 def _macro(
     basis: Any, fabric: "Fabric", nodes: ndarray, dN: ndarray, A: ndarray
 ) -> Iterator[ElementGroup]:
     """Macro-elements, grouped by which of their nodes their quadrilaterals have."""
+    d = components(basis)
     flat = basis.corners.reshape(-1, basis.nelems)
     patterns, pattern_of = np.unique(flat, axis=1, return_inverse=True)
     for i, pattern in enumerate(patterns.T):
@@ -260,7 +299,7 @@ def _macro(
         numbers = [slice(j, j + 1) for j in range(len(corners))]
         points: list[IntegrationPoints] = [
             GeneralPoints(
-                _directions(A[..., elements, j]),
+                _directions(A[..., elements, j], d),
                 basis.dx[elements, j].T,
                 _products(A[..., elements, j], dN[four][..., elements, j]),
                 four,
@@ -270,7 +309,8 @@ def _macro(
         ]
         fabrics = [fabric.at(basis.parts[elements, j]) for j in numbers]
         laws = fabrics[0]
-        yield ElementGroup(group_nodes, None, points, fabrics, laws, elements, numbers)
+        places = elements, numbers
+        yield ElementGroup(d, group_nodes, None, points, fabrics, laws, *places)
 
 
 def _products(A: ndarray, dN: ndarray) -> ndarray:
@@ -279,6 +319,7 @@ def _products(A: ndarray, dN: ndarray) -> ndarray:
     return np.ascontiguousarray(b.transpose(0, 3, 1, 2))
 
 
-def _directions(A: ndarray) -> ndarray:
-    """Directions (2, 2, n, P) in the order of `IntegrationPoints`."""
-    return A.transpose(0, 3, 1, 2)
+def _directions(A: ndarray, d: int) -> ndarray:
+    """Directions (2, 2, n, P) in the order of `IntegrationPoints`, z = 0 in space."""
+    in_order = A.transpose(0, 3, 1, 2)
+    return in_order if d == 2 else np.pad(in_order, ((0, 0), (0, 0), (0, 1), (0, 0)))

@@ -1,19 +1,23 @@
-"""Integration points of elements, and the fibres there in the reference configuration.
+"""Integration points of elements, and the fibres there.
 
-A fibre a = F·A written as a complex number z = a_x + i a_y has the logarithm ε + iθ,
-its strain and its inclination.  It is linear in the modes u_a of an element,
+A fibre a = F·A is linear in the modes u_a of an element,
 
-    z = A + Σ_a b_a u_a,
+    a = A + Σ_a b_a u_a,
 
 so that one number per mode, fibre and point is all that a kernel needs of a mesh.
 The modes are displacements of nodes, with b_a = A·∇N_a, or combinations of these.
-Element matrices are symmetric and hold the 2×2 blocks of the pairs of modes (a, c)
-with a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, 2, 2, n).
+Element matrices are symmetric and hold the d×d blocks of the pairs of modes (a, c)
+with a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n).
+
+In the plane a fibre written as a complex number z = a_x + i a_y has the logarithm
+ε + iθ, its strain and its inclination.  `in_space` has what takes the place of that.
+Symmetric d×d matrices are given by their entries at and above the diagonal.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations_with_replacement
 from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
@@ -22,18 +26,16 @@ from numpy import ndarray
 #: Values at points; None for zero.
 Values: TypeAlias = ndarray | None
 
-#: Tensions T, shear moments M and slopes E of the tensions.
-PointStresses: TypeAlias = tuple[Values, Values, Values]
-
 
 @dataclass(frozen=True, eq=False)
 class FibreDeformation:
-    """Deformation of the fibres at P points of n elements.
+    """Deformation of the fibres at P points of n elements, in the plane.
 
     Attributes
     ----------
     v
-        z/λ² of warp and weft, shape (2, P, 2, n): ∂ε/∂u_a = b_a v, ∂θ/∂u_a = b_a Jv.
+        a/λ² of warp and weft, shape (2, P, d, n): ∂ε/∂u_a = b_a v, and in the plane
+        ∂θ/∂u_a = b_a Jv.
     squared_stretch
         Squared stretch λ² of both, shape (2, P, n).
     shear_angle
@@ -55,6 +57,37 @@ class FibreDeformation:
         ∂ε·Δz = v·Δz, and v·z = 1.
         """
         return (self.v * after.v).sum(axis=2) * after.squared_stretch - 1.0
+
+    def forces(self, T: Values, M: Values, block: slice) -> ndarray:
+        """T v + M ∂Γ of warp and weft, T and M those of a block, shape (2, P, d, n)."""
+        return fibre_forces(self.v[..., block], T, M)
+
+    def stiffness(
+        self, stress: "Stress", block: slice, convex: bool
+    ) -> tuple[ndarray, ndarray | None]:
+        """E v vᵀ + T ∂²ε + M ∂²Γ with the stress of a block.
+
+        Parameters
+        ----------
+        stress
+            That of the block.
+        block
+            Elements.
+        convex
+            Whether M ∂²Γ is made positive semi-definite.
+
+        Returns
+        -------
+        tuple
+            Of each fibre with itself, per b_a b_c, shape (2, P, d (d + 1)/2, n); and of
+            warp with weft, (P, d (d + 1)/2, n), None where they do not couple.
+        """
+        return fibre_stiffness(self.v[..., block], *stress, convex), None
+
+    def angle_derivatives(self, block: slice) -> tuple[ndarray, ndarray]:
+        """∂Γ by warp and weft, shape (P, d, n) each."""
+        warp, weft = self.v[..., block]
+        return rotated(warp), -rotated(weft)
 
 
 class Stress(NamedTuple):
@@ -82,20 +115,21 @@ class Stress(NamedTuple):
 class RankOneStiffness(NamedTuple):
     """Stiffness s of P strains of each element, shape (P, n), and their gradients g.
 
-    ``gradients`` takes a block of elements and returns shape (P, n_modes, 2, n_block).
+    ``gradients`` takes a block of elements and returns shape (P, n_modes, d, n_block).
+    ``of_shear`` tells whether it is the slope of a shear law.
     """
 
     stiffness: ndarray
     gradients: Callable[[slice], ndarray]
+    of_shear: bool = False
 
 
 class IntegrationPoints(Protocol):
     """P integration points in each of n elements, and sums over them.
 
-    ``A`` are the directions of warp and weft, shape (2, P, 2, n), ``dx`` the areas of
+    ``A`` are the directions of warp and weft, shape (2, P, d, n), ``dx`` the areas of
     the points, shape (P, n).  ``block`` selects elements.  Arguments and results
-    have values for these only: v, tensions T and their slopes E of warp and weft, and
-    shear moments M; None stands for zero.
+    have values for these only.
     """
 
     @property
@@ -104,28 +138,31 @@ class IntegrationPoints(Protocol):
     @property
     def dx(self) -> ndarray: ...  # noqa: D102
 
-    def deformation(self, u: ndarray, block: slice) -> tuple[ndarray, ndarray, ndarray]:
-        """z/λ² and λ² of the fibres, and the angle between them, for modes u."""
+    def fibres(self, u: ndarray, block: slice) -> ndarray:
+        """Fibre vectors a of warp and weft, shape (2, P, d, n), for modes u."""
         ...
 
-    def forces(self, v: ndarray, T: Values, M: Values, block: slice) -> ndarray:
-        """Σ b_a (T v ± M Jv) over fibres and points, shape (n_modes, 2, n)."""
+    def forces(self, forces: ndarray, block: slice) -> ndarray:
+        """Σ b_a f over fibres and points, shape (n_modes, d, n)."""
         ...
 
     def add_stiffness(
-        self, K: ndarray, v: ndarray, stress: PointStresses, block: slice
+        self, K: ndarray, own: ndarray, across: ndarray | None, block: slice
     ) -> None:
-        """Add Σ b_a b_c (E v vᵀ + T ∂²ε ± M ∂²θ) over fibres and points."""
+        """Add Σ b_a b_c k over fibres and points, as of `FibreDeformation.stiffness`.
+
+        The coupling of warp and weft goes with b¹_a b²_c + b²_a b¹_c.
+        """
         ...
 
     def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
-        """Σ b_a v over points for warp and weft, shape (2, n_modes, 2, n)."""
+        """Σ b_a v over points for warp and weft, shape (2, n_modes, d, n)."""
         ...
 
     def gradients(self, warp: ndarray, weft: ndarray, block: slice) -> ndarray:
-        """Σ b_a x over the fibres of each point, shape (P, n_modes, 2, n).
+        """Σ b_a x over the fibres of each point, shape (P, n_modes, d, n).
 
-        x of warp and weft has the shape (P, 2, n): v for ε₁ + ε₂, Jv and −Jv for Γ.
+        x of warp and weft has the shape (P, d, n): v for ε₁ + ε₂, ∂Γ for Γ.
         """
         ...
 
@@ -152,29 +189,29 @@ class GeneralPoints:
     nodes: ndarray
     n_nodes: int
 
-    def deformation(self, u: ndarray, block: slice) -> tuple[ndarray, ndarray, ndarray]:
+    def fibres(self, u: ndarray, block: slice) -> ndarray:
         """See `IntegrationPoints`."""
         A = np.broadcast_to(self.A, (*self.A.shape[:3], self.b.shape[-1]))[..., block]
-        z = A + np.einsum("fpan,ain->fpin", self.b[..., block], u[self.nodes])
-        squared = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
-        return z / squared[:, :, None], squared, angle_between(z)
+        return A + np.einsum("fpan,ain->fpin", self.b[..., block], u[self.nodes])
 
-    def forces(self, v: ndarray, T: Values, M: Values, block: slice) -> ndarray:
+    def forces(self, forces: ndarray, block: slice) -> ndarray:
         """See `IntegrationPoints`."""
-        forces = fibre_forces(v, T, M)
         f = np.zeros((self.n_nodes, *forces.shape[2:]))
         f[self.nodes] = np.einsum("fpan,fpin->ain", self.b[..., block], forces)
         return f
 
     def add_stiffness(
-        self, K: ndarray, v: ndarray, stress: PointStresses, block: slice
+        self, K: ndarray, own: ndarray, across: ndarray | None, block: slice
     ) -> None:
         """See `IntegrationPoints`."""
-        b, stiffness = self.b[..., block], fibre_stiffness(v, *stress)
+        b = self.b[..., block]
         for pair, a, c in self._pairs:
             add_symmetric(
-                K[pair], np.einsum("fpn,fpcn->cn", b[:, :, a] * b[:, :, c], stiffness)
+                K[pair], np.einsum("fpn,fpcn->cn", b[:, :, a] * b[:, :, c], own)
             )
+            if across is not None:
+                both = b[0, :, a] * b[1, :, c] + b[1, :, a] * b[0, :, c]
+                add_symmetric(K[pair], np.einsum("pn,pcn->cn", both, across))
 
     def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
         """See `IntegrationPoints`."""
@@ -218,32 +255,35 @@ class QuadPoints:
     dx: ndarray
     eta: ndarray
 
-    def deformation(self, u: ndarray, block: slice) -> tuple[ndarray, ndarray, ndarray]:
+    def fibres(self, u: ndarray, block: slice) -> ndarray:
         """See `IntegrationPoints`."""
-        A = np.broadcast_to(self.A, (2, 1, 2, self.eta.shape[-1]))
-        z = A[..., block] + u[:2, None] + self.eta[..., block][:, :, None] * u[2]
-        squared = z[:, :, 0] ** 2 + z[:, :, 1] ** 2
-        return z / squared[:, :, None], squared, angle_between(z)
+        A = np.broadcast_to(self.A, (*self.A.shape[:3], self.eta.shape[-1]))
+        return A[..., block] + u[:2, None] + self.eta[..., block][:, :, None] * u[2]
 
-    def forces(self, v: ndarray, T: Values, M: Values, block: slice) -> ndarray:
+    def forces(self, forces: ndarray, block: slice) -> ndarray:
         """See `IntegrationPoints`."""
-        forces = fibre_forces(v, T, M)
         hourglass = np.einsum("fpn,fpin->in", self.eta[..., block], forces)
         return np.concatenate([forces.sum(axis=1), hourglass[None]])
 
     def add_stiffness(
-        self, K: ndarray, v: ndarray, stress: PointStresses, block: slice
+        self, K: ndarray, own: ndarray, across: ndarray | None, block: slice
     ) -> None:
         """See `IntegrationPoints`."""
-        eta, stiffness = self.eta[..., block], fibre_stiffness(v, *stress)
-        mixed = eta[:, :, None] * stiffness
+        eta = self.eta[..., block]
+        mixed = eta[:, :, None] * own
         # pairs of modes: 0, 3, 5 of one with itself, 2, 4 with the hourglass mode
         for diagonal, coupled, fibre, product in zip(
-            (0, 3), (2, 4), stiffness, mixed, strict=True
+            (0, 3), (2, 4), own, mixed, strict=True
         ):
             add_symmetric(K[diagonal], fibre.sum(axis=0))
             add_symmetric(K[coupled], product.sum(axis=0))
         add_symmetric(K[5], np.einsum("fpn,fpcn->cn", eta, mixed))
+        if across is not None:  # pair 1 is that of warp and weft
+            by_warp, by_weft = eta[:, :, None] * across
+            add_symmetric(K[1], across.sum(axis=0))
+            add_symmetric(K[2], by_weft.sum(axis=0))
+            add_symmetric(K[4], by_warp.sum(axis=0))
+            add_symmetric(K[5], 2 * np.einsum("pn,pcn->cn", eta[0], by_weft))
 
     def strain_gradients(self, v: ndarray, block: slice) -> ndarray:
         """See `IntegrationPoints`."""
@@ -281,15 +321,21 @@ def fibre_forces(v: ndarray, T: Values, M: Values) -> ndarray:
     return forces
 
 
-def fibre_stiffness(v: ndarray, T: Values, M: Values, E: Values) -> ndarray:
-    """E v vᵀ + T ∂²ε + M ∂²θ per b_a b_c as (xx, xy, yy), shape (2, P, 3, n)."""
+def fibre_stiffness(
+    v: ndarray, T: Values, M: Values, E: Values, convex: bool
+) -> ndarray:
+    """E v vᵀ + T ∂²ε + M ∂²θ per b_a b_c as (xx, xy, yy), shape (2, P, 3, n).
+
+    M ∂²Γ is ½ |M| of (v − s ∂Γ)(v − s ∂Γ)ᵀ − (v + s ∂Γ)(v + s ∂Γ)ᵀ, s = sign M, of
+    which only the first is kept where it is to be convex.
+    """
     x, y = v[:, :, 0], v[:, :, 1]
     xx, xy, yy = x * x, x * y, y * y
     minus_theta, minus_eps = 2 * xy, xx - yy  # the xx entries of −∂²θ and −∂²ε
     first = second = np.zeros(1)
     if T is not None:
         first, second = T * minus_eps, T * minus_theta
-    if M is not None:
+    if M is not None and not convex:
         signed = np.array([M, -M])
         first, second = first - signed * minus_theta, second + signed * minus_eps
     stiffness = np.empty((*v.shape[:2], 3, v.shape[-1]))
@@ -298,6 +344,12 @@ def fibre_stiffness(v: ndarray, T: Values, M: Values, E: Values) -> ndarray:
         stiffness[:, :, 0] += E * xx
         stiffness[:, :, 1] += E * xy
         stiffness[:, :, 2] += E * yy
+    if M is not None and convex:
+        turn = np.sign(np.array([M, -M]))
+        first, second = x + turn * y, y - turn * x
+        stiffness[:, :, 0] += 0.5 * np.abs(M) * first**2
+        stiffness[:, :, 1] += 0.5 * np.abs(M) * first * second
+        stiffness[:, :, 2] += 0.5 * np.abs(M) * second**2
     return stiffness
 
 
@@ -313,8 +365,9 @@ def rotated(v: ndarray) -> ndarray:
 
 
 def add_symmetric(K: ndarray, stiffness: ndarray) -> None:
-    """Add a symmetric 2×2 matrix, given as (xx, xy, yy)."""
-    K[0, 0] += stiffness[0]
-    K[0, 1] += stiffness[1]
-    K[1, 0] += stiffness[1]
-    K[1, 1] += stiffness[2]
+    """Add a symmetric matrix, given by its entries at and above the diagonal."""
+    places = combinations_with_replacement(range(len(K)), 2)
+    for (i, j), entry in zip(places, stiffness, strict=True):
+        K[i, j] += entry
+        if i != j:
+            K[j, i] += entry

@@ -3,13 +3,14 @@
 A kernel knows, at the points of an `ElementGroup`, the tension T and the shear moment M
 times area, and their slopes with respect to the strains of the fibres.  Then
 
-    f_a  = Σ b_a (T v + M Jv),
-    K_ac = Σ b_a b_c (E v vᵀ + T ∂²ε + M ∂²θ) + Σ s g_a g_cᵀ,
+    f_a  = Σ b_a (T v + M ∂Γ),
+    K_ac = Σ b_a b_c (E v vᵀ + T ∂²ε + M ∂²Γ) + Σ s g_a g_cᵀ,
 
-where ∂²(ε + iθ) = −(δz/z)².  The rank-one stiffnesses s g gᵀ belong to strains of more
-than one fibre or point: shear angles, their differences, and means.  Where a
-tension takes both strains, D₁₂ (g₁ g₂ᵀ + g₂ g₁ᵀ) is the rank-one stiffness D₁₂ of
-ε₁ + ε₂, less D₁₂ in the slope of each tension.
+where in the plane ∂²(ε + iθ) = −(δz/z)², and in space ∂²Γ has a part across warp and
+weft too.  The rank-one stiffnesses s g gᵀ belong to strains of more than one fibre or
+point: shear angles, their differences, and means.  Where a tension takes both strains,
+D₁₂ (g₁ g₂ᵀ + g₂ g₁ᵀ) is the rank-one stiffness D₁₂ of ε₁ + ε₂, less D₁₂ in the slope of
+each tension.
 """
 
 from collections.abc import Callable
@@ -29,7 +30,6 @@ from .integration_points import (
     IntegrationPoints,
     RankOneStiffness,
     Stress,
-    rotated,
 )
 
 
@@ -120,7 +120,7 @@ class ShearKernel:
         """The slope of the shear law, along the gradient of the shear angle."""
         G = _moments("tangent", group, fibres)
         return [
-            RankOneStiffness(p.dx * G_p, partial(_angle_gradients, p, f))
+            RankOneStiffness(p.dx * G_p, partial(_angle_gradients, p, f), True)
             for p, f, G_p in zip(group.points, fibres, G, strict=True)
         ]
 
@@ -220,7 +220,7 @@ class MeanTensionKernel:
             slope = np.array([*(slope - cross), cross])
 
         def gradients(block: slice) -> ndarray:
-            g = np.zeros((2, group.n_modes, 2, group.area[block].size))
+            g = np.zeros((2, group.n_modes, group.dimension, group.area[block].size))
             for p, f, stretch in zip(group.points, fibres, stretches, strict=True):
                 share = (p.dx * stretch)[:, :, None, block] / group.area[block]
                 g += p.strain_gradients(share * f.v[..., block], block)
@@ -273,8 +273,7 @@ def _scalar(basis: CellBasis) -> Any:
 def _angle_gradients(
     points: IntegrationPoints, fibres: FibreDeformation, block: slice
 ) -> ndarray:
-    v_1, v_2 = fibres.v[..., block]
-    return points.gradients(rotated(v_1), -rotated(v_2), block)
+    return points.gradients(*fibres.angle_derivatives(block), block)
 
 
 def _sum_gradients(

@@ -47,9 +47,8 @@ class KernelResidual(OwnAssembly, LinearForm):
         f = np.zeros((ubasis.Nbfun, ubasis.nelems))
         for kernel in kernels:
             forces = element_forces([kernel])
-            f[: 2 * len(forces), kernel.group.elements] = forces.reshape(
-                -1, forces.shape[-1]
-            )
+            of_unknowns = forces.reshape(-1, forces.shape[-1])
+            f[: len(of_unknowns), kernel.group.elements] = of_unknowns
         return vector_entries(ubasis, f)
 
 
@@ -65,8 +64,8 @@ class KernelTangent(OwnAssembly, BilinearForm):
             return None
         K = np.zeros((ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems))
         for kernel in kernels:
-            size, elements = 2 * len(kernel.group.nodes), kernel.group.elements
-            K[:size, :size, elements] = full_matrices(element_matrices([kernel]))
+            matrices = full_matrices(element_matrices([kernel]))
+            K[: len(matrices), : len(matrices), kernel.group.elements] = matrices
         return matrix_entries(ubasis, K)
 
 
@@ -81,8 +80,8 @@ def with_kernel(forms: Forms, kernel: Kernel) -> Forms:
 
 
 def can_compute(kernel: Kernel, basis: Any) -> bool:
-    """Whether a kernel takes a basis; the displacement must lie in the plane."""
-    return _in_the_plane(basis) and kernel.takes(basis)
+    """Whether a kernel takes a basis, which must have unknowns node by node."""
+    return _node_by_node(basis) and kernel.takes(basis)
 
 
 def _kernels(
@@ -98,11 +97,12 @@ def _kernels(
     ]
 
 
-def _in_the_plane(basis: Any) -> bool:
-    """Whether a basis has two components, unknowns 2k and 2k + 1 of each node."""
+def _node_by_node(basis: Any) -> bool:
+    """Whether a basis has d = 2 or 3 components, unknowns from dk on of each node k."""
     if not isinstance(basis, CellBasis) or not isinstance(basis.elem, ElementVector):
         return False
-    first, second = basis.element_dofs[::2], basis.element_dofs[1::2]
-    return basis.elem.dim == 2 and bool(
-        np.all((first % 2 == 0) & (second == first + 1))
-    )
+    if (d := basis.elem.dim) not in (2, 3):
+        return False
+    of_nodes = basis.element_dofs.reshape(-1, d, basis.nelems)
+    first = of_nodes[:, :1]
+    return bool(np.all((first % d == 0) & (of_nodes == first + np.arange(d)[:, None])))

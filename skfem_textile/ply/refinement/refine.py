@@ -10,7 +10,7 @@ from skfem import Mesh, MeshTri
 
 from ...fabric import Fabric
 from ...fabric.regions import fabric_on
-from ...mesh.bases import node_dofs
+from ...mesh.bases import components, node_dofs
 from ...mesh.checks import MeshError
 from ...mesh.splitting import SplitMesh, cut
 from ...mesh.splitting.edges import edges_of
@@ -105,7 +105,10 @@ def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
     fabric, parent = ply.users_fabric, of[refined.parent]
     if isinstance(fabric, Fabric):
         fabric = fabric_on(parent, fabric)
-    finer = type(ply)(refined.mesh, fabric, ply.formulation, ply.further_terms_as_given)
+    finer = type(ply)(
+        *(refined.mesh, fabric, ply.formulation, ply.further_terms_as_given),
+        dimension=components(ply.basis),
+    )
     return Refinement(finer, parent, refined.ends, ply)
 
 

@@ -56,6 +56,8 @@ class System:
 
     Attributes
     ----------
+    dimension
+        Components of the displacement.
     free
         Numbers of the free unknowns, shape (n_free,).
     solver
@@ -70,7 +72,7 @@ class System:
         solver: SolverOfPattern,
     ) -> None:
         nodes = nested_dissection(positions, np.array([pattern.rows, pattern.cols]))
-        d = pattern.dimension
+        self.dimension = d = pattern.dimension
         unknowns = (d * nodes[:, None] + np.arange(d)).ravel()
         self.free = unknowns[np.isin(unknowns, constraints.free)]
         n, n_fixed = len(self.free), len(constraints.fixed)

@@ -107,6 +107,7 @@ def _folder(word: str) -> str:
 _CHECKS = (
     "stability",
     "folding",
+    "crease",
     "strain",
     "work",
     "stabilisation",

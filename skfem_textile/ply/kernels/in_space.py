@@ -1,0 +1,125 @@
+"""Deformation of fibres in space, where it takes more than complex numbers.
+
+At a point, with e = a/λ, v = e/λ, c = e₁·e₂, s = |e₁×e₂|, n = e₁×e₂/s and, where the
+weft lies anticlockwise of the warp at rest, g = ∂Γ/∂a = (e_β − c e_α)/(s λ_α),
+
+    ∂²Γ/∂a_α²   = −(g ⊗ v + v ⊗ g) − (c/s) n ⊗ n/λ_α²,
+    ∂²Γ/∂a₁∂a₂  = n ⊗ n/(s λ₁λ₂).
+
+Both are sums of squares: −(g ⊗ v + v ⊗ g) is ½ of (v − g)² − (v + g)², and with
+m_α = n/λ_α the rest is (1 − c)/2s of (m₁ + m₂)² less (1 + c)/2s of (m₁ − m₂)².  The
+squares with a positive coefficient are the nearest positive semi-definite matrix, per
+change of unit vectors.
+"""
+
+from functools import cached_property
+from itertools import combinations_with_replacement
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+if TYPE_CHECKING:
+    from .integration_points import Stress, Values
+
+_PAIRS = tuple(combinations_with_replacement(range(3), 2))
+
+
+class _Crossing(NamedTuple):
+    """∂Γ/∂a of warp and weft, (2, P, 3, n), n, (P, 3, n), c and s, (P, n)."""
+
+    derivatives: ndarray
+    normal: ndarray
+    c: ndarray
+    s: ndarray
+
+
+class InSpace:
+    """What the deformation of fibres has in space in place of that in the plane.
+
+    Attributes
+    ----------
+    v, squared_stretch
+        As of `FibreDeformation`.
+    side
+        1 where the weft lies anticlockwise of the warp at rest, −1 where clockwise: the
+        sign of the angle between them.  Broadcasts to (P, n).
+    """
+
+    v: ndarray
+    squared_stretch: ndarray
+    side: ndarray
+
+    @cached_property
+    def _crossing(self) -> _Crossing:
+        stretch = np.sqrt(self.squared_stretch)[:, :, None]
+        e = self.v * stretch
+        normal, c = _cross(*e), (e[0] * e[1]).sum(axis=1)
+        s = np.sqrt((normal**2).sum(axis=1))
+        g = (e[::-1] - c[:, None] * e) / (s[:, None] * stretch)
+        return _Crossing(self.side[:, None] * g, normal / s[:, None], c, s)
+
+    def forces(self, T: "Values", M: "Values", block: slice) -> ndarray:
+        """See `FibreDeformation`."""
+        v = self.v[..., block]
+        forces = np.zeros(v.shape) if T is None else T[:, :, None] * v
+        if M is not None:
+            forces += M[:, None] * self._crossing.derivatives[..., block]
+        return forces
+
+    def stiffness(
+        self, stress: "Stress", block: slice, convex: bool
+    ) -> tuple[ndarray, ndarray | None]:
+        """See `FibreDeformation`."""
+        T, M, E = stress
+        v, squared = self.v[..., block], self.squared_stretch[..., block]
+        own = np.zeros((*v.shape[:2], len(_PAIRS), v.shape[-1]))
+        along = 0.0 if E is None else E
+        if T is not None:
+            along = along - 2 * T
+            for k, (i, j) in enumerate(_PAIRS):
+                if i == j:
+                    own[:, :, k] += T / squared
+        _add_square(own, along, v)
+        return own, None if M is None else self._add_shear(own, M, block, convex)
+
+    def _add_shear(
+        self, own: ndarray, M: ndarray, block: slice, convex: bool
+    ) -> ndarray:
+        """Add M ∂²Γ/∂a_α², and return M ∂²Γ/∂a₁∂a₂."""
+        g, n, c, s = (x[..., block] for x in self._crossing)
+        v, squared = self.v[..., block], self.squared_stretch[..., block]
+        half, lifted = 0.5 * M, 0.5 * M * np.broadcast_to(self.side, M.shape) / s
+        squares = [half, -half, lifted * (1 - c), -lifted * (1 + c)]
+        if convex:
+            squares = [np.maximum(x, 0.0) for x in squares]
+        towards, away, together, apart = squares
+        _add_square(own, towards, v - g)
+        _add_square(own, away, v + g)
+        normal = np.zeros((len(M), len(_PAIRS), M.shape[-1]))
+        _add_square(normal[None], 1.0, n[None])
+        own += ((together + apart) / squared)[:, :, None] * normal
+        root = np.sqrt(squared[0] * squared[1])
+        return ((together - apart) / root)[:, None] * normal
+
+    def angle_derivatives(self, block: slice) -> tuple[ndarray, ndarray]:
+        """See `FibreDeformation`."""
+        warp, weft = self._crossing.derivatives[..., block]
+        return warp, weft
+
+
+def angle_in_space(a: ndarray) -> ndarray:
+    """Angle at which fibres cross, (P, n), from both of them, (2, P, 3, n)."""
+    n = _cross(*a)
+    return np.arctan2(np.sqrt((n**2).sum(axis=1)), (a[0] * a[1]).sum(axis=1))
+
+
+def _cross(a: ndarray, b: ndarray) -> ndarray:
+    """Cross product a × b of components on the second axis."""
+    return np.cross(a, b, axis=1)
+
+
+def _add_square(own: ndarray, factor: ndarray | float, x: ndarray) -> None:
+    """Add factor · x xᵀ of vectors x, shape (f, P, 3, n), by entries of `_PAIRS`."""
+    for k, (i, j) in enumerate(_PAIRS):
+        own[:, :, k] += factor * x[:, :, i] * x[:, :, j]
