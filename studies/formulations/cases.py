@@ -34,8 +34,8 @@ class Method:
     """An element on a kind of mesh.
 
     ``mesh`` is ``quads`` or ``triangles``.  ``parts`` is the number of parts into which
-    an edge is split, 2 for quadratic triangles.  ``formulation`` takes C, which is the
-    C_s of ``auto`` at rest.
+    an edge is split, 2 for quadratic triangles.  ``formulation`` takes C, eight
+    times the shear stiffness at rest.
     """
 
     name: str
