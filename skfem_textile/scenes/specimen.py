@@ -70,8 +70,8 @@ def specimen(
     Examples
     --------
     >>> scene = specimen(moves=[("bottom", (0, 0)), ("top", ("free", 40))])
-    >>> scene.driven, scene.conditions["top"].direction
-    ('top', (0.0, 1.0))
+    >>> scene.driven, scene.conditions["top"].value
+    ('top', (None, 40.0))
     """
     if isinstance(mesh, str):
         for name, side in (("width", width), ("height", height)):

@@ -219,7 +219,7 @@ class Constraints:
 
         A row fixes one direction at one node; ``_rows @ q[fixed] = values``.
         """
-        d, dofs = self._d, node_dofs(basis)
+        d, dofs = self._d, node_dofs(basis)[:, : self._X.shape[1]]
         held, count = self._held_directions()
         projector = np.einsum("jin,jkn->ikn", held, held)
         crossed = projector * (1 - np.eye(d))[:, :, None]

@@ -30,7 +30,7 @@ def figure_of(
     filename: str | os.PathLike[str] | None,
     font_size: int = 10,
 ) -> Iterator[Figure]:
-    """A figure of a size in inches, which is written as PNG when the block ends.
+    """A figure of a size in inches, which is written when the block ends.
 
     Raises
     ------
