@@ -49,7 +49,7 @@ def area_ratio_d(F: ndarray, H: ndarray) -> ndarray:
 def area_ratio_dd(F: ndarray, H: ndarray, K: ndarray) -> ndarray:
     """Second derivative of the area ratio along H and K; in the plane F is not in it.
 
-    In space, with n = c/J and J = |c| of `area_vector`:
+    In space, with n = c/J and J = ``|c|`` of `area_vector`:
     n·d²c + (dc·d′c − (n·dc)(n·d′c))/J.
     """
     if len(F) == 2:
@@ -196,7 +196,7 @@ def crossing(
 ) -> tuple[ndarray, ndarray, ndarray, tuple[ndarray, ndarray]]:
     """How fibres cross in space: derivatives of the angle between them, and normal.
 
-    With e_α = a_α/λ_α: c = e₁·e₂, s = |e₁×e₂|, n = e₁×e₂/s, and
+    With e_α = a_α/λ_α: c = e₁·e₂, s = ``|e₁×e₂|``, n = e₁×e₂/s, and
     g₁ = (e₂ − c e₁)/(s λ₁), g₂ = (e₁ − c e₂)/(s λ₂), which are −∂∠(a₁, a₂)/∂a_α.
 
     Parameters

@@ -1,7 +1,7 @@
 """What a picture can show in colours."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy import ndarray
@@ -10,7 +10,8 @@ from ..io.fields import cell_fields, point_fields
 from ..solve.body import Body
 
 
-class Field(NamedTuple):
+@dataclass(frozen=True)
+class Field:
     """A quantity with one value per element.
 
     Attributes

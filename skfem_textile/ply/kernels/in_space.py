@@ -1,7 +1,7 @@
 """Deformation of fibres in space, where it takes more than complex numbers.
 
-At a point, with e = a/λ, v = e/λ, c = e₁·e₂, s = |e₁×e₂|, n = e₁×e₂/s and, where the
-weft lies anticlockwise of the warp at rest, g = ∂Γ/∂a = (e_β − c e_α)/(s λ_α),
+At a point, with e = a/λ, v = e/λ, c = e₁·e₂, s = ``|e₁×e₂|``, n = e₁×e₂/s and, where
+the weft lies anticlockwise of the warp at rest, g = ∂Γ/∂a = (e_β − c e_α)/(s λ_α),
 
     ∂²Γ/∂a_α²   = −(g ⊗ v + v ⊗ g) − (c/s) n ⊗ n/λ_α²,
     ∂²Γ/∂a₁∂a₂  = n ⊗ n/(s λ₁λ₂).

@@ -1,7 +1,7 @@
 """The numbers of `out_of_plane`, for all elements at once.
 
 With γ and ∇h of `hourglass_mode` the energy of an element is ½ k v², where
-k = C_s Σ_k A/4 |∇h(ξ_k)|² and v = (y₁ × y₂)·y₃: y₁ and y₂ are the columns of the
+``k = C_s Σ_k A/4 |∇h(ξ_k)|²`` and v = (y₁ × y₂)·y₃: y₁ and y₂ are the columns of the
 deformation gradient at the centre, y₃ = Σ γ_a u_a.  Each y_s = Σ_a B_sa x_a is linear
 in the positions x_a of the nodes, as γ takes reference positions to zero.
 """
