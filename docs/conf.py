@@ -1,6 +1,13 @@
 """Sphinx configuration."""
 
+import sys
+from pathlib import Path
+
 from skfem_textile import __version__
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from gallery_build import CONFIGURATION as sphinx_gallery_conf
 
 project = "skfem_textile"
 author = "The skfem_textile developers"
@@ -11,6 +18,7 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "sphinx_gallery.gen_gallery",
 ]
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
