@@ -33,7 +33,9 @@ assert abs(summary["load_over_exact"] - 1) < 0.05
 # %%
 # The zones of the shear angle, and the fibres that bend at their borders.
 
-plot.shear_angle(result, titles=["Shear angle"], filename="shear_angle.png")
+plot.shear_angle(
+    result, titles=["Sheared by 40°"], clim=(0, 40), filename="shear_angle.png"
+)
 
 # %%
 
