@@ -39,8 +39,8 @@ assert np.allclose(moments, 0.120, rtol=1e-4)
 
 # %%
 # The bias-extension test, and the load that the table predicts for fibres that do not
-# stretch. At its end the load is a little lower, because the coarse mesh smears the
-# border between the zones of full and of half the shear angle.
+# stretch. At its end the load is a little lower: these fibres stretch, and the mesh smears
+# the borders of the zones.
 
 scene = bias_extension(size=(8, 16), shear_angle=np.radians(38.0))
 ply = Ply(scene.mesh, Fabric(1e5, shear, scene.warp, scene.weft))
