@@ -39,9 +39,7 @@ plot.shear_angle(
 
 # %%
 
-plot.fibre_directions(
-    result, titles=["Fibres"], size=(85, 150), filename="fibres.png"
-)
+plot.fibre_directions(result, titles=["Fibres"], size=(85, 150), filename="fibres.png")
 
 # %%
 # The fibre strain, warp on the left and weft on the right.

@@ -47,4 +47,6 @@ plot.curves({"": curves}, "Shear angle (°)", "Pull at the corner (N)", "pull.pn
 # %%
 # The shape is the same with each law.
 
-plot.fibre_directions(results["Locking"], titles=["Fibres at 50°"], filename="fibres.png")
+plot.fibre_directions(
+    results["Locking"], titles=["Fibres at 50°"], filename="fibres.png"
+)

@@ -19,9 +19,7 @@ from skfem_textile.io import read_mesh
 
 mesh = read_mesh(Path(__file__).with_name("hole.msh"))
 fabric = Fabric(1e5, 0.5, warp=(1, 1), weft=(-1, 1))
-plot.mesh_and_fibres(
-    mesh, directions_of(mesh, fabric), "fibres.png", size=(85, 170)
-)
+plot.mesh_and_fibres(mesh, directions_of(mesh, fabric), "fibres.png", size=(85, 170))
 
 # %%
 # The top moves up by 30 mm.
