@@ -7,7 +7,7 @@ from skfem_textile import __version__
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from gallery_build import CONFIGURATION as sphinx_gallery_conf
+import gallery_build
 
 project = "skfem_textile"
 author = "The skfem_textile developers"
@@ -24,6 +24,8 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 myst_heading_anchors = 3
 exclude_patterns = ["_build", "error-time", "speed", "paper", "stability"]
+
+sphinx_gallery_conf = gallery_build.CONFIGURATION
 
 html_theme = "furo"
 html_title = "skfem_textile"

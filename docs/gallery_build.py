@@ -1,10 +1,15 @@
 """How the gallery is made of the scripts in ``examples`` by sphinx-gallery."""
 
+import logging
 import shutil
 from pathlib import Path
 from typing import Any
 
 from sphinx_gallery.scrapers import figure_rst
+
+# Sphinx logs all that is logged; what runs say of every step belongs on no page.
+for name in ("skfem", "skfem_textile"):
+    logging.getLogger(name).setLevel(logging.WARNING)
 
 _PICTURES = {".png", ".gif"}
 

@@ -2,11 +2,11 @@
 A strip, with tension locking and without
 =========================================
 
-The strip of Hamila & Boisse (2013) is bent into an arc whose fibres do not stretch. It is
-computed three times with about as many unknowns: on a mesh that follows no fibre with 2×2
-points, which lock; with one stabilised point, as in the paper; and on a coarser mesh as
-macro-elements, which are split in four. Warp and weft are strained where the elements
-lock, and the shape is best with macro-elements.
+The strip of Hamila & Boisse (2013) is bent into an arc whose fibres do not stretch. It
+is computed three times with about as many unknowns: on a mesh that follows no fibre
+with 2×2 points, which lock; with one stabilised point, as in the paper; and on a
+coarser mesh as macro-elements, which are split in four. Warp and weft are strained
+where the elements lock, and the shape is best with macro-elements.
 """
 
 from pathlib import Path

@@ -2,10 +2,10 @@
 Bias extension
 ==============
 
-A strip twice as long as wide, with fibres at ±45°, is pulled until its middle is sheared
-by 40°. Three zones form: no shear at the clamps, full shear in the middle, and half of
-it between. Fibres that start at the corners of the clamps bend at the borders of the
-zones; the fibre strain is largest along them, and is small everywhere.
+A strip twice as long as wide, with fibres at ±45°, is pulled until its middle is
+sheared by 40°. Three zones form: no shear at the clamps, full shear in the middle, and
+half of it between. Fibres that start at the corners of the clamps bend at the borders
+of the zones; the fibre strain is largest along them, and is small everywhere.
 """
 
 import numpy as np

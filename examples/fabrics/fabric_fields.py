@@ -4,8 +4,8 @@ Fabrics that differ from place to place
 
 Directions may be functions of position, and stiffnesses may have one value per element,
 as they come from a field in a mesh file. Here the warp fans out from a point below the
-ply, and the fabric is stiffer in shear to the right. Pulled at the top, the ply is sheared
-most on its soft side.
+ply, and the fabric is stiffer in shear to the right. Pulled at the top, the ply is
+sheared most on its soft side.
 """
 
 import numpy as np

@@ -2,8 +2,9 @@
 A fabric from a laboratory
 ==========================
 
-A table of a shear test makes a fabric. It is easy to shear up to 30°, and then the moment
-rises steeply. A bias-extension test of the fabric shows the same rise in its force.
+A table of a shear test makes a fabric. It is easy to shear up to 30°, and then the
+moment rises steeply. A bias-extension test of the fabric shows the same rise in its
+force.
 """
 
 from pathlib import Path
@@ -39,8 +40,8 @@ assert np.allclose(moments, 0.120, rtol=1e-4)
 
 # %%
 # The bias-extension test, and the load that the table predicts for fibres that do not
-# stretch. At its end the load is a little lower: these fibres stretch, and the mesh smears
-# the borders of the zones.
+# stretch. At its end the load is a little lower: these fibres stretch, and the mesh
+# smears the borders of the zones.
 
 scene = bias_extension(size=(8, 16), shear_angle=np.radians(38.0))
 ply = Ply(scene.mesh, Fabric(1e5, shear, scene.warp, scene.weft))

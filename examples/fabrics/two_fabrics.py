@@ -2,10 +2,10 @@
 Two fabrics in one ply
 ======================
 
-A patch of a stiffer fabric is sewn into a ply. First both are pulled one after the other
-along the warp: they carry the same force, so the softer one stretches more. Then the ply
-is pulled at 45° to its fibres: the stiff patch shears less, and the fabric at its
-corners shears more.
+A patch of a stiffer fabric is sewn into a ply. First both are pulled one after the
+other along the warp: they carry the same force, so the softer one stretches more. Then
+the ply is pulled at 45° to its fibres: the stiff patch shears less, and the fabric at
+its corners shears more.
 """
 
 import numpy as np

@@ -2,10 +2,11 @@
 An isotropic sheet glued to a fabric
 ====================================
 
-A term of its own, on the same nodes, stands for a thin film that is glued to the fabric.
-Pulled along the warp between rollers, the strain is the same everywhere, and the sheet
-adds its own force, that of plane strain. Pulled at 45° to its fibres the fabric shears.
-The fibres dictate the shape, with a film and without, and the film raises the load.
+A term of its own, on the same nodes, stands for a thin film that is glued to the
+fabric. Pulled along the warp between rollers, the strain is the same everywhere, and
+the sheet adds its own force, that of plane strain. Pulled at 45° to its fibres the
+fabric shears. The fibres dictate the shape, with a film and without, and the film
+raises the load.
 """
 
 import numpy as np
@@ -79,8 +80,8 @@ assert abs(found / exact - 1) < 1e-3
 assert np.isclose(state.energies["sheet"], 0.5 * YOUNG / 0.91 * PULLED**2, 1e-3)
 
 # %%
-# A bias-extension test of the fabric alone, and with films of two stiffnesses. The forms
-# are integrated fully, on a basis of the ply's own mesh.
+# A bias-extension test of the fabric alone, and with films of two stiffnesses. The
+# forms are integrated fully, on a basis of the ply's own mesh.
 
 scene = bias_extension(size=(6, 12), shear_angle=np.radians(30.0))
 fabric = Ply(scene.mesh, Fabric(1e5, 0.5, scene.warp, scene.weft))

@@ -3,9 +3,9 @@ Terms of one's own
 ==================
 
 A term is given by scikit-fem forms of its energy: first an elastic foundation under
-fibres that are pulled at one end, then one more shear law, with a kernel. A kernel gives
-the same numbers as the forms for all elements at once. The displacement of the fibres
-follows the closed form.
+fibres that are pulled at one end, then one more shear law, with a kernel. A kernel
+gives the same numbers as the forms for all elements at once. The displacement of the
+fibres follows the closed form.
 """
 
 import matplotlib.pyplot as plt

@@ -3,9 +3,9 @@ A ply in a Newton loop of one's own
 ===================================
 
 A ``Ply`` adds up its terms, and gives energy, residual and tangent to any solver. Here
-a strip is pulled off its axes: its fibres lie at −35° and 55° to the pull. No fibre runs
-from clamp to clamp, so the middle of the strip is sheared most. It is the triangles at
-the clamps that hardly shear.
+a strip is pulled off its axes: its fibres lie at −35° and 55° to the pull. No fibre
+runs from clamp to clamp, so the middle of the strip is sheared most. It is the
+triangles at the clamps that hardly shear.
 """
 
 import matplotlib.pyplot as plt
@@ -58,8 +58,8 @@ print(f"largest fibre strain {100 * strain:.2f} %")
 assert strain < 0.01
 
 # %%
-# A ``LoadStepper`` would have found all this in fewer solves, and judged each state. The
-# pictures of this library are of its results; this one is drawn by scikit-fem.
+# A ``LoadStepper`` would have found all this in fewer solves, and judged each state.
+# The pictures of this library are of its results; this one is drawn by scikit-fem.
 
 deformed = type(ply.mesh)(ply.mesh.p + ply.nodal(u), ply.mesh.t)
 angle = np.degrees(ply.shear_angle(u).mean(axis=1))

@@ -3,8 +3,8 @@ A sheet that hangs in space
 ===========================
 
 With ``dimension=3`` a ply leaves its plane. A sheet hangs under its weight between two
-edges, of which one comes nearer by a fifth of the span. Its fibres do not stretch, so it
-takes the shape of a chain, the catenary.
+edges, of which one comes nearer by a fifth of the span. Its fibres do not stretch, so
+it takes the shape of a chain, the catenary.
 """
 
 import matplotlib.pyplot as plt
@@ -56,6 +56,7 @@ for state in (result.states[1], result.states[-1]):
         clim=(-30, 0),
         edgecolor="k",
         linewidth=0.1,
+        clip_on=False,
     )
     axes.add_collection(faces)
 axes.set(xlim=(0, LENGTH), ylim=(0, WIDTH), zlim=(-30, 0))

@@ -2,10 +2,10 @@
 A load that the ply cannot bear
 ===============================
 
-A square of cloth is sheared by a dead force. Its shear law w = G sin²Γ/2 lets a square of
-side L, whose fibres lie along its sides, carry at most F = G L/2 along (1, −1)/√2, at
-45°. Past it there is no equilibrium nearby: the load stepper says so, and keeps the last
-state.
+A square of cloth is sheared by a dead force. Its shear law w = G sin²Γ/2 lets a square
+of side L, whose fibres lie along its sides, carry at most F = G L/2 along (1, −1)/√2,
+at 45°. Past it there is no equilibrium nearby: the load stepper says so, and keeps the
+last state.
 """
 
 import matplotlib.pyplot as plt

@@ -3,9 +3,9 @@ Pressure on a ply whose edges are held
 ======================================
 
 A square of crimped fabric is held at its edges and pressed from below. It starts flat,
-where nothing resists out of its plane, and bulges until its tensions carry the pressure.
-The supports carry all of it. The force keeps its direction and its size per initial
-area.
+where nothing resists out of its plane, and bulges until its tensions carry the
+pressure. The supports carry all of it. The force keeps its direction and its size per
+initial area.
 """
 
 import matplotlib.pyplot as plt
@@ -53,7 +53,12 @@ plt.rcParams["font.size"] = 8
 figure = plt.figure(figsize=(3.35, 2.4), layout="constrained")
 axes = figure.add_subplot(projection="3d", proj_type="ortho")
 faces = Poly3DCollection(
-    points.T[ply.mesh.t.T], array=tension, cmap="cividis", edgecolor="k", linewidth=0.1
+    points.T[ply.mesh.t.T],
+    array=tension,
+    cmap="cividis",
+    edgecolor="k",
+    linewidth=0.1,
+    clip_on=False,
 )
 axes.add_collection(faces)
 axes.set(xlim=(0, SIDE), ylim=(0, SIDE), zlim=(0, 25))

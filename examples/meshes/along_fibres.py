@@ -2,10 +2,10 @@
 A mesh along the fibres
 =======================
 
-Where fibres are straight a mesh can follow them: with an edge of each triangle along the
-warp and one along the weft, no formulation locks. A bias-extension test on quadratic
-triangles finds the position of every node to some hundredths of a millimetre, and the
-zones have sharp borders.
+Where fibres are straight a mesh can follow them: with an edge of each triangle along
+the warp and one along the weft, no formulation locks. A bias-extension test on
+quadratic triangles finds the position of every node to some hundredths of a millimetre,
+and the zones have sharp borders.
 """
 
 import numpy as np

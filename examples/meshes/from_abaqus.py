@@ -3,8 +3,8 @@ From a deck of Abaqus to a figure
 =================================
 
 Mesh, fibre directions and fabric come from one deck: a ply of 50 × 100 mm whose fibres
-follow a reference curve, and test data of its fabric. It is read, looked at, pulled, and
-handed over again.
+follow a reference curve, and test data of its fabric. It is read, looked at, pulled,
+and handed over again.
 """
 
 from pathlib import Path

@@ -2,10 +2,10 @@
 A parameter sweep
 =================
 
-The load of a bias-extension test, by stiffness and shear angle, over that of fibres that
-do not stretch. Every result is on file as soon as it comes: a sweep that was killed
-resumes when it is started again. The softer the fibres, the more of the load is lost to
-their stretch.
+The load of a bias-extension test, by stiffness and shear angle, over that of fibres
+that do not stretch. Every result is on file as soon as it comes: a sweep that was
+killed resumes when it is started again. The softer the fibres, the more of the load is
+lost to their stretch.
 """
 
 import sys

@@ -19,8 +19,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 # Least height of a figure in inches.  Chosen by eye: room for the legend.
 _LEAST_HEIGHT = 2.5
 
-# Most columns of a legend.  Beside a label each has a line and a gap, 2.8 times the size
-# of the letters, and there are gaps between the columns: matplotlib's defaults.
+# Most columns of a legend; the line and gap before each label, and the gap after it, in
+# sizes of the letters: matplotlib's defaults.
 _MOST_COLUMNS, _LINE, _BETWEEN = 3, 2.8, 2.0
 
 

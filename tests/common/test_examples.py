@@ -9,9 +9,8 @@ import pytest
 from skfem_textile.cli.case import case_from_file
 
 ROOT = Path(__file__).parents[2]
-EXAMPLES = [
-    file for file in sorted((ROOT / "examples").rglob("*.py")) if file.stem != "half_size"
-]
+SCRIPTS = sorted((ROOT / "examples").rglob("*.py"))
+EXAMPLES = [script for script in SCRIPTS if script.stem != "half_size"]
 CASES = sorted((ROOT / "examples").rglob("*.toml"))
 OPTIONAL = ("pyvista", "matplotlib", "pypardiso", "cvxopt", "dask")
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
