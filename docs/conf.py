@@ -30,4 +30,4 @@ sphinx_gallery_conf = gallery_build.CONFIGURATION
 html_theme = "furo"
 html_title = "skfem_textile"
 html_static_path = ["_static"]
-html_css_files = ["wide.css"]
+html_css_files = ["wide.css", "gallery.css"]

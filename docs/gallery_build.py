@@ -7,13 +7,41 @@ from typing import Any
 
 from sphinx_gallery.scrapers import figure_rst
 
-# Sphinx logs all that is logged; what runs say of every step belongs on no page.
+# Sphinx shows all that is logged; what runs say of their steps is not for its readers.
 for name in ("skfem", "skfem_textile"):
-    logging.getLogger(name).setLevel(logging.WARNING)
+    logging.getLogger(name).setLevel(logging.ERROR)
 
 _PICTURES = {".png", ".gif"}
 
-_FOLDERS = ("forms", "fabrics", "meshes", "loads", "runs")
+# What is shown after what; a script that is not named comes last.
+_SCRIPTS = {
+    "forms": ("own_newton", "ply_newton", "locking", "own_terms", "glued_sheet"),
+    "fabrics": (
+        "bias_extension",
+        "picture_frame",
+        "crimped_fibres",
+        "measured_fabric",
+        "calibration",
+        "fabric_fields",
+        "two_fabrics",
+    ),
+    "meshes": ("hole", "gmsh_mesh", "from_abaqus", "along_fibres"),
+    "loads": ("loads", "limit_load", "hanging_sheet", "pressure"),
+    "runs": ("sweep", "to_a_tolerance"),
+}
+
+
+class Order:
+    """The place of a script in its folder."""
+
+    def __init__(self, folder: str) -> None:
+        self.scripts = _SCRIPTS.get(Path(folder).name, ())
+
+    def __call__(self, filename: str) -> int:
+        """Return its place, from 0 on."""
+        name = Path(filename).stem
+        known = name in self.scripts
+        return self.scripts.index(name) if known else len(self.scripts)
 
 
 def written_pictures(
@@ -46,13 +74,14 @@ CONFIGURATION = {
     "gallery_dirs": "gallery",
     "filename_pattern": r"\.py$",
     "ignore_pattern": "half_size",
-    "subsection_order": [f"../examples/{folder}" for folder in _FOLDERS],
-    "within_subsection_order": "FileNameSortKey",
-    # By name, so that Sphinx can compare them with those of the last build.
+    "subsection_order": [f"../examples/{folder}" for folder in _SCRIPTS],
+    # By name, so that Sphinx can compare these with those of the last build.
+    "within_subsection_order": "gallery_build.Order",
     "image_scrapers": ("gallery_build.written_pictures",),
     "reset_argv": "gallery_build.script_knows_its_file",
     "thumbnail_size": (400, 280),
     "capture_repr": (),
+    "remove_config_comments": True,
     "notebook_extensions": set(),
     "download_all_examples": False,
     "show_signature": False,

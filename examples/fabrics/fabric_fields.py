@@ -70,3 +70,5 @@ plot.field(result, field=given, titles=["Stiffness"], state=0, filename="stiffne
 # The shear angle.
 
 plot.shear_angle(result, titles=["Pulled"], filename="shear_angle.png")
+
+# sphinx_gallery_thumbnail_number = 3

@@ -63,3 +63,5 @@ print(f"load {found[-1]:.1f} N, of inextensible fibres {exact[-1]:.1f} N")
 plot.shear_angle(
     result, titles=["Sheared by 38°"], clim=(0, 40), filename="shear_angle.png"
 )
+
+# sphinx_gallery_thumbnail_number = 3

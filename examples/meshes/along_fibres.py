@@ -47,3 +47,5 @@ plot.shear_angle(
     clim=(0, 40),
     filename="shear_angle.png",
 )
+
+# sphinx_gallery_thumbnail_number = 2

@@ -49,3 +49,5 @@ warp, weft = read_directions(folder / "fibres.inp").angles_deg()
 sheared = 90 - (weft - warp)
 print(f"shear angle of the elements up to {sheared.max():.1f}°")
 assert 20 < sheared.max() < 60
+
+# sphinx_gallery_thumbnail_number = 2

@@ -47,3 +47,5 @@ curve = (
     [state.reactions["top"][1] for state in result.states],
 )
 plot.curves({"": {"With a hole": curve}}, "Displacement (mm)", "Force (N)", "load.png")
+
+# sphinx_gallery_thumbnail_number = 2
