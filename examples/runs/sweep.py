@@ -52,9 +52,9 @@ def study(executor, folder):
     return shares
 
 
-def run(folder):
-    """The study, on the executor that the command line asks for."""
-    if "--dask" in sys.argv:
+def run(folder, workers):
+    """The study on threads, processes or dask's workers."""
+    if workers == "dask":
         from dask.distributed import Client, LocalCluster
 
         # A cluster of many machines is Client("tcp://scheduler:8786") instead.
@@ -63,8 +63,8 @@ def run(folder):
             Client(cluster) as client,
         ):
             return study(client.get_executor(), folder)
-    many = "--processes" in sys.argv
-    with WorkerProcesses(2) if many else ThreadPoolExecutor(1) as executor:
+    many = WorkerProcesses if workers == "processes" else ThreadPoolExecutor
+    with many(2) as executor:
         return study(executor, folder)
 
 
@@ -72,7 +72,8 @@ def run(folder):
 # The file of results is in a new folder here. A study of your own names one that stays.
 
 if __name__ == "__main__":
-    shares = run(Path(mkdtemp()))
+    workers = sys.argv[-1].removeprefix("--")
+    shares = run(Path(mkdtemp()), workers)
     assert all(abs(share - 1) < 0.1 for share in shares.values())
     curves = {
         f"E/G = {ratio:,.0f}": (ANGLES, [shares[ratio, angle] for angle in ANGLES])
