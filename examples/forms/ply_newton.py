@@ -58,8 +58,8 @@ print(f"largest fibre strain {100 * strain:.2f} %")
 assert strain < 0.01
 
 # %%
-# A ``LoadStepper`` would have found all this in fewer solves, and judged each state.
-# The pictures of this library are of its results; this one is drawn by scikit-fem.
+# A ``LoadStepper`` also judges each state, and shortens a step that fails. The pictures
+# of this library are of its results; this one is drawn by scikit-fem.
 
 deformed = type(ply.mesh)(ply.mesh.p + ply.nodal(u), ply.mesh.t)
 angle = np.degrees(ply.shear_angle(u).mean(axis=1))

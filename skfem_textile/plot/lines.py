@@ -15,7 +15,7 @@ _OWN, _SPACING, _LENGTH, _LONGEST, _WIDTH = 1.6, 2.4, 0.8, 7.0, 0.3
 # fibres have none.
 _NEAREST = 0.7
 
-# Lengths that are tried of a line whose ends are beyond the outline, each half the last.
+# How many lengths, each half the last, are tried of a line that leaves the outline.
 _LENGTHS = 4
 
 # Elements of which one may hold a point: so many with the nearest centres.
