@@ -1,10 +1,12 @@
 """The mesh that values describe, and the scene on it."""
 
 from collections.abc import Mapping
+from os.path import abspath
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from skfem import Mesh
 
 from ...mesh.user_input import printable
 from ...registration import SceneRegistration
@@ -28,13 +30,21 @@ def scene_of(values: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
         )
     values = _completed(values, registration)
     if is_mesh_file(mesh):
-        from ...io import read_mesh  # loads meshio
-
-        mesh = read_mesh(mesh)
+        mesh = _read(mesh, values)
     own = {option.key: values[option.key] for option in registration.options}
     made = {name: values[name] for name in ("size", "jitter", "seed")}
     scene = registration.build(mesh=mesh, **made, **own)
     return scene.rotated(np.radians(values["rotate"])), values
+
+
+def _read(file: str, values: Mapping[str, Any]) -> Mesh:
+    """The mesh of a file, of which directions and the fabric may be read too."""
+    from ...io import OF_DIRECTIONS, OF_FABRICS, read_mesh  # loads meshio
+
+    given = {"directions": OF_DIRECTIONS, "fabric": OF_FABRICS}
+    same = [n for n in given if values[n] and abspath(values[n]) == abspath(file)]
+    others = [name for of in same for name in given[of]]
+    return read_mesh(file, others)
 
 
 def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str, Any]:
