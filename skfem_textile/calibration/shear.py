@@ -206,6 +206,7 @@ def fit_shear(
     *,
     degree: int = 5,
     points: int = 8,
+    extrapolation: str | None = None,
     up_to: float | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     ratios: Sequence[Callable[[ndarray], ndarray]] | None = None,
@@ -222,6 +223,8 @@ def fit_shear(
         Highest power of the polynomial.
     points
         Points of the table beside 0.
+    extrapolation
+        Of the table beyond the data, ``refuse`` or ``linear``, as of `Tabulated`.
     up_to
         Shear angle in radians beyond which points are left out; see `Specimen.used`.
     bounds
@@ -232,9 +235,9 @@ def fit_shear(
     Raises
     ------
     ValueError
-        If the law is unknown; if a specimen has no points in the range, angles that its
-        test does not reach, or forces that push or do not change; or as from
-        `regression.fit`.
+        If the law is unknown, or no table and has an extrapolation; if a specimen has
+        no points in the range, angles that its test does not reach, or forces that push
+        or do not change; or as from `regression.fit`.
 
     Examples
     --------
@@ -265,7 +268,7 @@ def fit_shear(
         samples.append(Sample(specimen.name, specimen.force[used], predict))
         largest = max(largest, float(gamma.max()))
     model = SHEAR_LAWS[law](largest, degree, points).bounded(bounds or {})
-    found = fit(model, samples)
+    found = fit(model.extrapolated(extrapolation), samples)
     return ShearFit(found, tuple(specimens), up_to)
 
 

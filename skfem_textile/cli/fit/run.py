@@ -120,6 +120,7 @@ def _shear(
     how: dict[str, Any] = {
         "degree": options.degree,
         "points": options.points,
+        "extrapolation": options.extrapolation,
         "up_to": None if options.up_to is None else float(np.radians(options.up_to)),
         "bounds": dict(options.bound),
     }
@@ -140,6 +141,7 @@ def _tension(options: argparse.Namespace) -> _Found:
     curves = [biaxial.read_biaxial(path, size, units) for path, size in paths]
     bounds = dict(options.bound)
     how: dict[str, Any] = {"points": options.points, "bounds": bounds}
+    how["extrapolation"] = options.extrapolation
     found = biaxial.fit_tension(curves, options.law, **how)
     base, tension = _kept(options, Fabric()), found.tension
     laws = (
