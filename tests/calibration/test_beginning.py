@@ -70,9 +70,10 @@ def test_a_force_at_rest_is_told_with_its_size_and_that_it_is_not_subtracted():
     assert "at rest" not in notes(moved, force)
 
 
-def test_a_force_that_rises_steeply_from_rest_is_none_at_rest():
-    moved, angle, force = curve(BIAS, SOFTENING, 120)
-    steep = force + 0.1 * force.max() * np.tanh(moved / moved[6])
+@pytest.mark.parametrize(("n", "over"), [(120, 6), (120, 12), (300, 4), (300, 30)])
+def test_a_force_that_rises_steeply_from_rest_is_none_at_rest(n, over):
+    moved, angle, force = curve(BIAS, SOFTENING, n)
+    steep = force + 0.3 * force.max() * np.tanh(moved / moved[over])
     assert force_at_rest(angle, steep) == 0
 
 
