@@ -30,9 +30,9 @@ def force_at_rest(x: ndarray, force: ndarray) -> float:
     """The force that a curve has at 0, and 0 where noise may be the reason for it.
 
     It is that of a straight line through the beginning.  The noise is that of second
-    differences and of the line, the larger.  If a parabola, or the mean of the first two
-    points, is less than half of it, the force rises steeply from rest, as friction does
-    in a frame, which is no force at rest.
+    differences and of the line, the larger.  If a parabola, or the mean of the first
+    two points, is less than half of it, the force rises steeply from rest, as friction
+    does in a frame, which is no force at rest.
 
     Parameters
     ----------
