@@ -18,6 +18,10 @@ _FIRST = 0.06
 # standard deviations.  Chosen: one curve in a million has as much by noise.
 _SHARE, _DEVIATIONS = 0.05, 5.0
 
+# A curve begins late if it does beyond this share of the range, and bears less than
+# this share of the largest force there.
+_LATE, _NOTHING = 0.2, 0.05
+
 # Steps are equal if they differ by less than this share of their mean, and unequal if
 # by ten times more.
 _EQUAL, _UNEQUAL = 0.02, 0.2
@@ -62,6 +66,16 @@ def force_at_rest(x: ndarray, force: ndarray) -> float:
     return found if abs(found) > least and not steep else 0.0
 
 
+def begins_late(x: ndarray, force: ndarray) -> bool:
+    """Whether a curve begins far from rest with hardly a force, given as for a force.
+
+    Displacements that are not counted from where the fabric takes up load look so.
+    """
+    order = np.argsort(x, kind="stable")
+    first = np.abs(force[order][:2]).max()
+    return bool(x.min() > _LATE * x.max() and first < _NOTHING * np.abs(force).max())
+
+
 def seems_swapped(driven: ndarray, force: ndarray) -> bool:
     """Whether forces rise in equal steps, and what should drive the test does not.
 
@@ -73,7 +87,12 @@ def seems_swapped(driven: ndarray, force: ndarray) -> bool:
 
 
 def rest_notes(name: str, x: ndarray, force: ndarray) -> list[str]:
-    """A sentence on the force that a curve of a name has at rest, if it has one."""
+    """A sentence on a curve of a name that has a force at rest, or begins late."""
+    if begins_late(x, force):
+        return [
+            f"{name}: the curve begins far from rest with hardly a force: count "
+            "displacements from where the fabric takes up load"
+        ]
     offset = force_at_rest(x, force)
     if not offset:
         return []

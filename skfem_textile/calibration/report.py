@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 #: Shear angles at which moments are told, in degrees, as far as the data go.
 ANGLES = tuple(range(5, 90, 5))
 
+# Fabrics of nearly inextensible fibres are strained by less, crimp included.
+_MOST_STRAIN = 0.5
+
+_PERCENT = 100.0
+
 
 def shear_report(found: "ShearFit") -> dict[str, Any]:
     """What a fit of a shear law found: numbers, lists and text."""
@@ -149,6 +154,11 @@ def _tension_notes(found: "TensionFit", family: str) -> list[str]:
             for curve in found.curves:
                 called = f"{curve.name}, {name}"
                 notes += rest_notes(called, curve.strain[i], curve.force[i])
+                if (largest := float(np.expm1(curve.strain[i].max()))) > _MOST_STRAIN:
+                    notes.append(
+                        f"{called}: strains go up to {_PERCENT * largest:.3g} %: look "
+                        "at their unit"
+                    )
     if one.beyond_noise:
         notes.append(
             "tests at several ratios of the strains contradict a tension of one "

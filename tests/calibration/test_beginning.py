@@ -8,8 +8,9 @@ import pytest
 from skfem_textile import CrimpToe, Linear, Polynomial
 from skfem_textile.calibration import BiasExtension, PictureFrame, Specimen, fit_shear
 from skfem_textile.calibration.beginning import force_at_rest, seems_swapped
+from skfem_textile.calibration.biaxial import BiaxialCurve, fit_tension
 from skfem_textile.calibration.curves import read_curve
-from skfem_textile.calibration.report import shear_report
+from skfem_textile.calibration.report import shear_report, tension_report
 
 SOFTENING = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))
 BIAS, FRAME = BiasExtension(100.0, 200.0), PictureFrame(200.0, 160.0)
@@ -83,6 +84,20 @@ def test_a_curve_that_begins_late_or_has_few_points_tells_no_force_at_rest():
     assert force_at_rest(angle[late], force[late] + 10) == 0
     few = slice(None, None, 12)
     assert force_at_rest(angle[few], force[few] + 10) == 0
+
+
+def test_displacements_that_are_not_counted_from_rest_are_told():
+    moved, angle, force = curve(BIAS, SOFTENING, seed=0)
+    assert "begins far from rest" in notes(moved + 15.0, force)
+    late = angle > np.radians(12)  # and with a force
+    assert "begins far from rest" not in notes(moved[late], force[late])
+
+
+def test_strains_in_another_unit_are_told():
+    strain = np.log1p(np.tile(np.linspace(0.05, 2.0, 40), (2, 1)))
+    pull = BiaxialCurve("pull", strain, 1e3 * strain, (100.0, 100.0))
+    said = tension_report(fit_tension([pull], "linear"))["warp"]["notes"]
+    assert "pull, warp: strains go up to 200 %: look at their unit" in said
 
 
 def test_forces_in_equal_steps_are_told():

@@ -329,7 +329,7 @@ def test_a_region_has_laws_and_fibres_of_its_own(tmp_path):
         ("size = [3, 7]", "size = 1979-05-27", "mesh.size must be array, got date"),
         ('solver = "superlu"', 'solver = "supreme"', "which is none of auto, cholmod"),
         ("[loads.force_N]", "[loads]\nforce_N = 1\n[x]", "no table 'x'"),
-        ("[shear]", "[regions.patch]\n[shear]", "the mesh has no subdomain 'patch'"),
+        ("[shear]", "[regions.patch]\n[shear]", "no subdomain 'patch' (it has: none)"),
         (
             "[shear]",
             "[regions.a]\n[fabric]\nfile = 'a.inp'\n[shear]",
