@@ -85,6 +85,13 @@ def test_what_a_run_takes_of_its_mesh_file_is_not_told_as_not_read(tmp_path, cap
         f"{deck}: not read: *STEP"
     ]
     caplog.clear()
+    written = tmp_path / "all" / "case.toml"
+    assert cli.main(["run", str(written), "--out", str(tmp_path / "again")]) == 0
+    copy = tmp_path / "all" / "case_files" / "mesh.inp"
+    assert [m for m in caplog.messages if "not read" in m] == [
+        f"{copy}: not read: *STEP"
+    ]
+    caplog.clear()
     run(tmp_path / "mesh", *line[:2])
     assert "*DISTRIBUTION, *MATERIAL, *FABRIC" in caplog.text
 

@@ -1,7 +1,7 @@
 """The mesh that values describe, and the scene on it."""
 
+import filecmp
 from collections.abc import Mapping
-from os.path import abspath
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +42,17 @@ def _read(file: str, values: Mapping[str, Any]) -> Mesh:
     from ...io import OF_DIRECTIONS, OF_FABRICS, read_mesh  # loads meshio
 
     given = {"directions": OF_DIRECTIONS, "fabric": OF_FABRICS}
-    same = [n for n in given if values[n] and abspath(values[n]) == abspath(file)]
-    others = [name for of in same for name in given[of]]
+    same = [option for option in given if _is_copy(values[option], file)]
+    others = [name for option in same for name in given[option]]
     return read_mesh(file, others)
+
+
+def _is_copy(named: str | None, file: str) -> bool:
+    """Whether a file is another or a copy of it, as a written case has them."""
+    try:
+        return named is not None and filecmp.cmp(named, file, shallow=False)
+    except (OSError, ValueError):  # its reader tells
+        return False
 
 
 def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str, Any]:
