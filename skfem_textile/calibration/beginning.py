@@ -67,7 +67,7 @@ def force_at_rest(x: ndarray, force: ndarray) -> float:
 
 
 def begins_late(x: ndarray, force: ndarray) -> bool:
-    """Whether a curve begins far from rest with hardly a force, given as for a force.
+    """Whether a curve begins far from rest with hardly a force.
 
     Displacements that are not counted from where the fabric takes up load look so.
     """
