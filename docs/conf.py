@@ -11,9 +11,11 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "sphinxarg.ext",
 ]
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
+myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build", "error-time", "speed", "paper", "stability"]
 
