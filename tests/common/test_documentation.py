@@ -1,7 +1,6 @@
 """The documentation: its links lead somewhere, and its lists are complete."""
 
 import re
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -87,10 +86,7 @@ def test_every_page_is_in_the_menu():
 
 
 def test_the_version_to_cite_is_that_of_the_package():
-    for file in (DOCS / "cite.md", ROOT / "CITATION.cff"):
-        assert skfem_textile.__version__ in file.read_text()
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert project["version"] == skfem_textile.__version__
+    assert f"{{{skfem_textile.__version__}}}" in (DOCS / "cite.md").read_text()
 
 
 @pytest.fixture(scope="module")
