@@ -57,11 +57,19 @@ def run_snippets(page):
         pytest.skip(f"but for snippets that need {', '.join(missing)}")
 
 
+def in_one_line(text):
+    return " ".join(text.split())
+
+
 @pytest.mark.parametrize("page", WITH_SNIPPETS)
-def test_python_on_a_page_works_as_printed(page, tmp_path, monkeypatch):
-    """The snippets of a page build on one another."""
+def test_python_on_a_page_works_as_printed(page, tmp_path, monkeypatch, capsys):
+    """The snippets of a page build on one another; a message is that of the library."""
     monkeypatch.chdir(tmp_path)
     run_snippets(WITH_SNIPPETS[page])
+    printed = in_one_line(capsys.readouterr().out)
+    text = WITH_SNIPPETS[page].read_text()
+    shown = re.findall(r"^```text\n(stopped at .*?)^```", text, re.M | re.S)
+    assert [message for message in shown if in_one_line(message) not in printed] == []
 
 
 def test_the_tutorial_prints_what_it_says(tmp_path, monkeypatch, capsys):
