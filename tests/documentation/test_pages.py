@@ -1,13 +1,16 @@
 """The documentation: its links lead somewhere, and its lists are complete."""
 
 import re
+import shlex
+import shutil
 from pathlib import Path
 
 import pytest
 
 import skfem_textile
-from skfem_textile import Fabric, Force, LoadStepper, Ply, io
+from skfem_textile import Fabric, Force, LoadStepper, Ply, Polynomial, io, write_law
 from skfem_textile.cli.case.curve import CURVE
+from skfem_textile.cli.main import parser
 from skfem_textile.cli.results import pictures
 from skfem_textile.io.fields import cell_fields, point_fields
 from skfem_textile.scenes import bias_extension
@@ -87,6 +90,29 @@ def test_every_page_is_in_the_menu():
 
 def test_the_version_to_cite_is_that_of_the_package():
     assert f"{{{skfem_textile.__version__}}}" in (DOCS / "cite.md").read_text()
+
+
+def commands():
+    """Every line of the command line that a page shows in a block."""
+    for page in PAGES:
+        for block in re.findall(r"^```sh\n(.*?)^```", page.read_text(), re.M | re.S):
+            for line in block.splitlines():
+                words = shlex.split(line, comments=True)
+                if words[:1] == ["skfem-textile"]:
+                    yield " ".join(words), words[1:]
+
+
+def test_the_command_line_knows_every_option_on_the_pages(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(DOCS / "tutorial" / "shear.csv", ".")
+    Path("tension.csv").write_text("fibre strain (-),tension (N/mm)\n0,0\n0.01,70\n")
+    Path("shear").mkdir()
+    for name in ("shear/law.json", "sine.json", "ln.json"):
+        write_law(Polynomial((1.0,), odd=True), name)
+    shown = dict(commands())
+    assert len(shown) > 30
+    for words in shown.values():
+        assert parser(words).parse_args(words).command == words[0]
 
 
 @pytest.fixture(scope="module")
