@@ -21,8 +21,6 @@ myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build", "error-time", "speed", "paper", "stability"]
 
-smartquotes_action = "qe"  # "--option" keeps its two hyphens
-
 html_theme = "furo"
 html_title = "skfem_textile"
 html_static_path = ["_static"]
