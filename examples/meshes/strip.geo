@@ -1,4 +1,4 @@
-// A 40 mm x 60 mm strip in unstructured quadrilaterals, for examples/gmsh_mesh.py.
+// A 40 mm x 60 mm strip in unstructured quadrilaterals, for examples/meshes/gmsh_mesh.py.
 // gmsh -2 -format msh41 strip.geo
 h = 8;
 Point(1) = {0, 0, 0, h};
