@@ -17,11 +17,15 @@ release = __version__
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
+    "sphinx-mathjax-offline",
     "sphinx_gallery.gen_gallery",
+    "sphinxarg.ext",
 ]
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
+myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build", "error-time", "speed", "paper", "stability"]
 

@@ -26,7 +26,7 @@ _SAME = 1e-5
 DIRECTIONS = Option(
     name="directions",
     help="fibre directions of each element: cell data of a .vtu, a .csv, or "
-    "*ORIENTATION of an .inp, which may be the mesh file",
+    "the keyword ORIENTATION of an .inp, which may be the mesh file",
     metavar="FILE",
     names_file=bool,
 )
@@ -35,8 +35,8 @@ DIRECTIONS = Option(
 FABRIC = (
     Option(
         name="fabric",
-        help="all laws: a .json of the package, *FABRIC of an .inp, or LAW58 or LAW158 "
-        "of a .rad",
+        help="all laws: a .json of the package, the keyword FABRIC of an .inp, or "
+        "LAW58 or LAW158 of a .rad",
         metavar="FILE",
         names_file=bool,
     ),
