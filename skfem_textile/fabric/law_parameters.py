@@ -75,7 +75,7 @@ def inner_law(name: str, law: Any) -> Law:
     """
     parts = ("energy", "value", "tangent")
     if isinstance(law, type) or not all(hasattr(law, part) for part in parts):
-        raise ValueError(f"{name} must be a law, got {law!r}")
+        raise ValueError(f"{name} must be a law, such as Linear(5e3), got {law!r}")
     if isinstance(law, BiaxialLaw):
         raise ValueError(f"{name} must be a law of one strain, got {law!r}")
     if hasattr(law, "region") or law_at(law, None) is not law:

@@ -252,7 +252,8 @@ def _in_domain(problem: Problem, u: ndarray, du: ndarray) -> ndarray:
         du = du / 2
     raise NoEquilibriumError(
         "no increment stays where every law has a finite energy",
-        advice="more steps, or a smaller load",
+        advice="laws that hold further (odd=True for a table from 0 on), more steps, "
+        "or a smaller load",
     )
 
 

@@ -59,7 +59,8 @@ def refine_triangles(mesh: MeshTri, elements: ndarray) -> RefinedTriangles:
         name: np.flatnonzero(np.isin(parent, numbers))
         for name, numbers in (mesh.subdomains or {}).items()
     }
-    refined = MeshTri(points, np.ascontiguousarray(cells))
+    cells = np.ascontiguousarray(cells)
+    refined = MeshTri(points, cells)
     boundaries = {
         name: _halves(mesh, numbers, middle, refined)
         for name, numbers in (mesh.boundaries or {}).items()
