@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
+from ..mesh.splitting import original_elements
 from .fabric import Direction, Fabric, unit_vectors
 from .law import BiaxialLaw, Law, TwoLaws, domain_of, law_at
 
@@ -200,7 +201,25 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
     else:
         tension = carried("tension", tension)
     directions = (carried(f.name, _as_given(f.direction)) for f in fabric.families)
-    return Fabric(tension, carried("shear", fabric.shear_law), *directions)
+    shear = carried("shear", fabric.shear_law)
+    bending = tuple(
+        _on_elements(f"bending of {f.name}", D, parent)
+        for f, D in zip(fabric.families, fabric.bending, strict=True)
+    )
+    return Fabric(tension, shear, *directions, bending)
+
+
+def _on_elements(name: str, D: Any, parent: ndarray) -> Any:
+    """A bending stiffness of the user's elements as one of each element of a mesh."""
+    n = np.size(D)
+    if np.ndim(D) == 0 or n == len(parent):
+        return D
+    if n != parent.max() + 1:
+        raise ValueError(
+            f"{name}: {n} values for {parent.max() + 1} elements; give one value per "
+            "element"
+        )
+    return D[parent]
 
 
 def _as_given(direction: Any) -> Any:
@@ -257,7 +276,28 @@ def fabric_of_regions(mesh: Mesh, fabrics: Mapping[str, Fabric]) -> Fabric:
         shear=RegionalLaw([fabric.shear_law for fabric in fabrics.values()], region),
         warp=RegionalDirection([family.direction for family in warp], region),
         weft=RegionalDirection([family.direction for family in weft], region),
+        bending=_bending(mesh, fabrics, region),
     )
+
+
+def _bending(
+    mesh: Mesh, fabrics: Mapping[str, Fabric], region: ndarray
+) -> tuple[Any, Any]:
+    """Bending stiffnesses of warp and weft in each element."""
+    if not any(fabric.bends for fabric in fabrics.values()):
+        return 0.0, 0.0
+    _, parent = original_elements(mesh)
+    every = np.array(
+        [
+            [
+                np.broadcast_to(_on_elements("bending", D, parent), region.shape)
+                for D in fabric.bending
+            ]
+            for fabric in fabrics.values()
+        ]
+    )
+    warp, weft = np.take_along_axis(every, region[None, None], axis=0)[0]
+    return warp, weft
 
 
 def _tensions(

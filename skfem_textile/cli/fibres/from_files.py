@@ -73,7 +73,7 @@ def from_files(
 
         told = (values[name] for name in ("thickness", "units", "material"))
         found = read_fabric(values["fabric"], *told).fabric
-        fabric = Fabric(found.tension, found.shear, scene.warp, scene.weft)
+        fabric = replace(found, warp=scene.warp, weft=scene.weft)
     else:
         for option in FABRIC[1:]:
             if values[option.key] != option.default:
