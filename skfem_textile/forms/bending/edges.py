@@ -22,7 +22,7 @@ class EndEdges:
     A
         Unit direction of the fibres at each, shape (2, n).
     N
-        Unit normal, shape (2, n).
+        Unit normal out of the ply, shape (2, n).
     """
 
     facets: ndarray
@@ -50,6 +50,9 @@ def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
     ends = mesh.p[:, mesh.facets[:, facets]]
     along = ends[:, 1] - ends[:, 0]
     N = np.array([along[1], -along[0]]) / np.hypot(*along)
-    at_edges = A[:, mesh.f2t[0, facets]]
+    elements = mesh.f2t[0, facets]
+    out = ends.mean(axis=1) - mesh.p[:, mesh.t[:, elements]].mean(axis=1)
+    N = N * np.sign((N * out).sum(axis=0))
+    at_edges = A[:, elements]
     meets = np.abs((at_edges * N).sum(axis=0)) > _ALONG
     return EndEdges(facets[meets], at_edges[:, meets], N[:, meets])
