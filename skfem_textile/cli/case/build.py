@@ -19,6 +19,7 @@ from ...scenes import SCENES, Scene
 from ...scenes.case import Case
 from ..fibres.from_files import from_files
 from .laws import (
+    BENDING,
     IN_COMPRESSION,
     OF_WEFT,
     PREFIXES,
@@ -60,6 +61,7 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
     if values["fabric"] is not None:
         _refuse_parts(values)
     laws = [option for of in PREFIXES for option in law_table(of).options]
+    laws += BENDING.options
     scene, fabric = from_files(values, scene, fabric, laws)
     if values["regions"]:
         fabric = _with_regions(scene, fabric, values)
@@ -67,7 +69,7 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
     return Case(
         scene=scene,
         fabric=fabric,
-        loads=tuple(Force(name, scene.turn @ total) for name, total in values["force"]),
+        loads=tuple(_force(scene, *one) for one in values["force"]),
         formulation=chosen(),
         steps=values["steps"],
         strategies=values["strategy"],
@@ -78,7 +80,13 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
 
 
 def _fabric(scene: Scene, values: Mapping[str, Any], fibres: Any) -> Fabric:
-    return Fabric(_tension(values), _law("shear", values), *fibres)
+    bending = tuple(values[option.key] for option in BENDING.options)
+    return Fabric(_tension(values), _law("shear", values), *fibres, bending)
+
+
+def _force(scene: Scene, name: str, total: tuple[float, ...]) -> Force:
+    """A force in the axes of the problem that is not turned."""
+    return Force(name, scene.turn @ total if len(total) == 2 else total)
 
 
 def _refuse_parts(values: Mapping[str, Any]) -> None:
