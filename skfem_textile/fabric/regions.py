@@ -8,7 +8,6 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..mesh.splitting import original_elements
 from .fabric import Direction, Fabric, unit_vectors
 from .law import BiaxialLaw, Law, TwoLaws, domain_of, law_at
 
@@ -238,7 +237,9 @@ def _n_elements(thing: Any) -> int | None:
     return len(stiffness) if isinstance(stiffness, ndarray) and stiffness.ndim else None
 
 
-def fabric_of_regions(mesh: Mesh, fabrics: Mapping[str, Fabric]) -> Fabric:
+def fabric_of_regions(
+    mesh: Mesh, fabrics: Mapping[str, Fabric], parent: ndarray | None = None
+) -> Fabric:
     """The fabric of a mesh, each of whose subdomains has its own.
 
     Parameters
@@ -247,6 +248,8 @@ def fabric_of_regions(mesh: Mesh, fabrics: Mapping[str, Fabric]) -> Fabric:
         Has the subdomains; its elements belong to one of those that are named.
     fabrics
         A fabric for each of them, by name.
+    parent
+        As of `fabric_on`, where the mesh is not the user's.
 
     Raises
     ------
@@ -276,17 +279,17 @@ def fabric_of_regions(mesh: Mesh, fabrics: Mapping[str, Fabric]) -> Fabric:
         shear=RegionalLaw([fabric.shear_law for fabric in fabrics.values()], region),
         warp=RegionalDirection([family.direction for family in warp], region),
         weft=RegionalDirection([family.direction for family in weft], region),
-        bending=_bending(mesh, fabrics, region),
+        bending=_bending(fabrics, region, parent),
     )
 
 
 def _bending(
-    mesh: Mesh, fabrics: Mapping[str, Fabric], region: ndarray
+    fabrics: Mapping[str, Fabric], region: ndarray, parent: ndarray | None
 ) -> tuple[Any, Any]:
     """Bending stiffnesses of warp and weft in each element."""
     if not any(fabric.bends for fabric in fabrics.values()):
         return 0.0, 0.0
-    _, parent = original_elements(mesh)
+    parent = np.arange(len(region)) if parent is None else parent
     every = np.array(
         [
             [

@@ -30,7 +30,7 @@ from .kernels.element_groups import Parameters
 from .kernels.kernel import ShearKernel
 from .measures import Measures
 from .memory import HeldStiffness
-from .own_terms.bending import bending_term, checked_ends
+from .own_terms.bending import bending_stiffness, checked_ends
 from .own_terms.corners import CornerTerm, corner_stiffness
 from .term import Contribution, Load, Memory, Role, Term, refuse_unsymmetric
 from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
@@ -144,7 +144,7 @@ class Ply(Measures):
         self.basis = formulation.basis(mesh, dimension)
         self.cells, self.parent = original_elements(mesh)
         if isinstance(fabric, Mapping):
-            fabric = fabric_of_regions(mesh, fabric)
+            fabric = fabric_of_regions(mesh, fabric, self.parent)
         self.fabric = fabric = fabric_on(self.parent, fabric)
         self.formulation = formulation
         self.fibre_ends = checked_ends(mesh, fibre_ends or {})
@@ -176,7 +176,8 @@ class Ply(Measures):
         if (kappa := corner_stiffness(fabric, basis)) > 0:
             terms.append(CornerTerm(kappa, basis, self.corners))
         if fabric.bends:
-            terms.append(bending_term(basis, fabric, self.fibre_ends))
+            K = bending_stiffness(basis, fabric, self.fibre_ends)
+            terms.append(MatrixTerm("bending", K))
         of_fibres = self._tension.basis if self._tension else basis
         return terms + self.formulation.stabilising_terms(of_fibres, fabric)
 

@@ -2,18 +2,21 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
 from ..fabric import Fabric, Law, is_zero
-from ..ply.own_terms.bending import FibreEnd
-from ..ply.term import Load
 from ..solve.conditions import Condition
 from ..solve.result import Result
 from ..solve.states import State
 from .shear_test import BiasTest, FrameTest
+
+if TYPE_CHECKING:
+    from ..ply.own_terms.bending import FibreEnd
+    from ..ply.term import Load
 
 ExactField = Callable[[ndarray, float], ndarray]
 
@@ -81,8 +84,8 @@ class Scene:
     misfit: str = ""
     shear_test: BiasTest | FrameTest | None = None
     dimension: int = 2
-    fibre_ends: Mapping[str, FibreEnd] = field(default_factory=dict)
-    loads: tuple[Load, ...] = ()
+    fibre_ends: "Mapping[str, FibreEnd]" = field(default_factory=dict)
+    loads: "tuple[Load, ...]" = ()
     reacting: str = ""
     figures: Callable[[Result], Mapping[str, float]] = lambda result: {}
 

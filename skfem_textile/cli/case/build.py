@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,10 @@ from ...fabric.regions import fabric_of_regions
 from ...mesh.user_input import printable
 from ...ply.formulations import FORMULATIONS
 from ...ply.loads import Force
-from ...registration import Registration, Resistance
+from ...registration import Registration, Resistance, SceneRegistration
 from ...scenes import SCENES, Scene
 from ...scenes.case import Case
+from ...scenes.rectangle import KINDS
 from ..fibres.from_files import from_files
 from .laws import (
     BENDING,
@@ -28,7 +30,7 @@ from .laws import (
     laws_of,
     own_options,
 )
-from .mesh import scene_of
+from .mesh_options import SEED, is_mesh_file
 
 # Name of the subdomain of elements that are in no region.
 _OTHERS = "elements in no region"
@@ -55,13 +57,14 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
     ValueError
         If they describe none.
     """
-    scene, values = scene_of(values)
+    scene, values = _scene_of(values)
     chosen = _chosen("formulation", values["formulation"], FORMULATIONS, values)
     fabric = _fabric(scene, values, (scene.warp, scene.weft))
     if values["fabric"] is not None:
         _refuse_parts(values)
-    laws = [option for of in PREFIXES for option in law_table(of).options]
-    laws += BENDING.options
+    options = [option for of in PREFIXES for option in law_table(of).options]
+    defaults = SCENES[values["scene"]].defaults
+    laws = {o: defaults.get(o.name, o.default) for o in (*options, *BENDING.options)}
     scene, fabric = from_files(values, scene, fabric, laws)
     if values["regions"]:
         fabric = _with_regions(scene, fabric, values)
@@ -77,6 +80,39 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
         solver=values["solver"],
         pictures=values["pictures"],
     ), values
+
+
+def _scene_of(values: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
+    """The scene on its mesh, and the values, completed for a generated mesh."""
+    registration, mesh = SCENES[values["scene"]], values["mesh"]
+    if is_mesh_file(mesh) and not Path(mesh).is_file():
+        raise ValueError(
+            f"--mesh {printable(mesh)}: neither a file nor {', '.join(KINDS)}"
+        )
+    values = _completed(values, registration)
+    if is_mesh_file(mesh):
+        from ...io import read_mesh  # loads meshio
+
+        mesh = read_mesh(mesh)
+    own = {option.key: values[option.key] for option in registration.options}
+    made = {name: values[name] for name in ("size", "jitter", "seed")}
+    scene = registration.build(mesh=mesh, **made, **own)
+    return scene.rotated(np.radians(values["rotate"])), values
+
+
+def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str, Any]:
+    """Fill in defaults of a generated mesh; refuse its options beside a mesh file."""
+    made = {"size": scene.size, "jitter": scene.jitter, "seed": SEED}
+    if not is_mesh_file(values["mesh"]):
+        given = {name: values[name] for name in made if values[name] is not None}
+        return {**values, **made, **given}
+    for name in made:
+        if values[name] is not None:
+            raise ValueError(
+                f"--{name} is of a mesh to make, but --mesh names a file: leave one of "
+                "them out"
+            )
+    return dict(values)
 
 
 def _fabric(scene: Scene, values: Mapping[str, Any], fibres: Any) -> Fabric:

@@ -1,14 +1,16 @@
 """The options that take fibre directions and a fabric from files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...fabric import Fabric
 from ...fabric.directions import FibreDirections, warn_of_directions
 from ...mesh.user_input import printable
 from ...registration import Option
-from ...scenes import SCENES, Scene
+
+if TYPE_CHECKING:
+    from ...scenes import Scene
 
 _UNITS = "N mm"
 
@@ -43,8 +45,11 @@ FABRIC = (
 
 
 def from_files(
-    values: Mapping[str, Any], scene: Scene, fabric: Fabric, laws: Sequence[Option]
-) -> tuple[Scene, Fabric]:
+    values: Mapping[str, Any],
+    scene: "Scene",
+    fabric: Fabric,
+    laws: Mapping[Option, Any],
+) -> tuple["Scene", Fabric]:
     """The scene and its fabric, with what the files say in place of their own.
 
     Parameters
@@ -54,7 +59,7 @@ def from_files(
     scene, fabric
         As without files.
     laws
-        The options of laws, none of which may be given beside a fabric.
+        The options of laws with their defaults; beside a fabric none is another.
 
     Raises
     ------
@@ -93,10 +98,9 @@ def from_files(
     return replace(scene, misfit=misfit), turned.on(fabric)
 
 
-def _refuse_laws(values: Mapping[str, Any], laws: Sequence[Option]) -> None:
-    defaults = SCENES[values["scene"]].defaults
-    for option in laws:
-        if values[option.key] != defaults.get(option.name, option.default):
+def _refuse_laws(values: Mapping[str, Any], laws: Mapping[Option, Any]) -> None:
+    for option, default in laws.items():
+        if values[option.key] != default:
             raise ValueError(
                 f"--{option.name} is of a law, but --fabric names a file that has all: "
                 "leave one of them out"

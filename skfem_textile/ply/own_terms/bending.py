@@ -1,20 +1,20 @@
-"""The term of fibres that resist bending."""
+"""What makes the term of fibres that resist bending."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
 from skfem import CellBasis, Mesh
 
 from ...fabric import Fabric
 from ...forms.bending import FIBRE_ENDS, FibreEnd, bending_matrix
-from ..terms import MatrixTerm
 
 
-def bending_term(
+def bending_stiffness(
     basis: CellBasis, fabric: Fabric, ends: Mapping[str, FibreEnd]
-) -> MatrixTerm:
-    """½ ∫ (D₁ |κ₁|² + D₂ |κ₂|²), which is quadratic in the displacement.
+) -> csr_matrix:
+    """The matrix K of ½ u·K·u = ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|²) in N/mm.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def bending_term(
             along = np.broadcast_to(A, centres.shape)[..., 0]
             stiffness = np.broadcast_to(D, numbers.shape).astype(float)
             K = K + bending_matrix(basis, along, stiffness, ends)
-    return MatrixTerm("bending", K)
+    return csr_matrix(K)
 
 
 def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd]:
