@@ -13,6 +13,7 @@ from .regression import CONFIDENCE, Fit
 from .shear import APART
 
 if TYPE_CHECKING:
+    from .bending import BendingFit
     from .biaxial import TensionFit
     from .shear import ShearFit, Specimen
 
@@ -58,6 +59,44 @@ def tension_report(found: "TensionFit") -> dict[str, Any]:
                 "strain: take crimp-interchange, whose tensions take both"
             )
     return reports
+
+
+def bending_report(found: "BendingFit") -> dict[str, Any]:
+    """What a fit of a bending stiffness found."""
+    low, high = found.interval
+    names = [test.name for test in found.tests for _ in test.overhang]
+    readings = zip(
+        *(names, *(np.concatenate(x) for x in _readings(found))),
+        *(found.by_elastica, found.by_peirce),
+        strict=True,
+    )
+    largest = float(np.abs(found.by_peirce / found.by_elastica - 1).max())
+    return {
+        "of": "bending",
+        "confidence": CONFIDENCE,
+        "bending_N_mm": found.stiffness,
+        "low_N_mm": low,
+        "high_N_mm": high,
+        "by_peirce_N_mm": float(found.by_peirce.mean()),
+        "readings": [
+            {
+                "name": name,
+                "overhang_mm": float(length),
+                "chord_angle_deg": float(np.degrees(angle)),
+                "by_elastica_N_mm": float(exact),
+                "by_peirce_N_mm": float(simple),
+            }
+            for name, length, angle, exact, simple in readings
+        ],
+        "notes": [
+            f"Peirce's formula is off by up to {_PERCENT * largest:.1f} % at these "
+            "angles: the stiffness is that of the elastica"
+        ],
+    }
+
+
+def _readings(found: "BendingFit") -> tuple[list[ndarray], list[ndarray]]:
+    return [one.overhang for one in found.tests], [one.angle for one in found.tests]
 
 
 def _law(of: str, fit: Fit) -> dict[str, Any]:
@@ -221,7 +260,36 @@ def text(reports: Mapping[str, Mapping[str, Any]]) -> str:
     return "\n".join(_section(title, report) for title, report in reports.items())
 
 
+def _bending_section(title: str, report: Mapping[str, Any]) -> str:
+    rows = [
+        [
+            one["name"],
+            f"{one['overhang_mm']:.4g}",
+            f"{one['chord_angle_deg']:.2f}",
+            f"{one['by_elastica_N_mm']:.4g}",
+            f"{one['by_peirce_N_mm']:.4g}",
+        ]
+        for one in report["readings"]
+    ]
+    band = ""
+    if np.isfinite(report["low_N_mm"]):
+        band = (
+            f", {_PERCENT * report['confidence']:g} % between "
+            f"{report['low_N_mm']:.4g} and {report['high_N_mm']:.4g} N·mm"
+        )
+    head = ["reading", "overhang, mm", "chord angle, deg"]
+    lines = [
+        *(f"# {title}", "", f"D = {report['bending_N_mm']:.4g} N·mm{band}.", ""),
+        *_table([*head, "D by elastica, N·mm", "D by Peirce, N·mm"], rows),
+    ]
+    for note in report["notes"]:
+        lines += ["", f"Note: {note}."]
+    return "\n".join(lines) + "\n"
+
+
 def _section(title: str, report: Mapping[str, Any]) -> str:
+    if report["of"] == "bending":
+        return _bending_section(title, report)
     lines = [f"# {title}", ""]
     if "compared_with" in report:
         lines += [

@@ -16,7 +16,7 @@ from ..ply.loads import BodyForce
 from ..registration import Option, SceneRegistration
 from ..solve.conditions import Condition
 from ..solve.result import Result
-from .common.elastica import hanging
+from .common.elastica import hanging, peirce
 from .rectangle import misfit, rectangle
 from .scene import Scene
 
@@ -83,19 +83,6 @@ def cantilever(
     )
 
 
-def peirce(length: float, weight: float, angle: float) -> float:
-    """Bending stiffness in N·mm by Peirce, D = w L³/8 · cos(θ/2)/tan θ.
-
-    Parameters
-    ----------
-    length, weight
-        Length L in mm and weight w per area in N/mm².
-    angle
-        Angle θ of the chord below the table in radians.
-    """
-    return weight * length**3 / 8 * np.cos(angle / 2) / np.tan(angle)
-
-
 def figures(result: Result, length: float, weight: float) -> dict[str, float]:
     """Where the tip is, and where that of the elastica is.
 
@@ -103,8 +90,10 @@ def figures(result: Result, length: float, weight: float) -> dict[str, float]:
     ----------
     result
         Of a run of the scene.
-    length, weight
-        As of `peirce`.
+    length
+        Length L in mm.
+    weight
+        Weight per area in N/mm².
     """
     D, t = result.ply.fabric.bending[0], result.states[-1].load_factor
     if np.size(D) > 1 or t == 0:

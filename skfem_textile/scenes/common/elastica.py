@@ -1,6 +1,6 @@
 """Plane curves that bend without stretch: the elastica under weight and compression."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -57,6 +57,19 @@ def hanging(weight: float, end_force: float = 0.0) -> Elastica:
         raise ValueError(f"no elastica is found for w = {weight:g}, f = {end_force:g}")
     _, _, x, z = found.sol(s)
     return Elastica(s, x, z)
+
+
+def peirce(length: Any, weight: float, angle: Any) -> Any:
+    """Bending stiffness in N·mm by Peirce, D = w L³/8 · cos(θ/2)/tan θ.
+
+    Parameters
+    ----------
+    length, weight
+        Length L in mm, a number or an array, and weight w per area in N/mm².
+    angle
+        Angle θ of the chord below the table in radians, for each length.
+    """
+    return weight * length**3 / 8 * np.cos(angle / 2) / np.tan(angle)
 
 
 class Buckled(NamedTuple):
