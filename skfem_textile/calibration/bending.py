@@ -10,6 +10,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -75,13 +76,15 @@ class BendingFit:
     @property
     def interval(self) -> tuple[float, float]:
         """Its confidence interval, by Student's t; infinite of a single reading."""
-        from scipy.stats import t
+        from scipy import stats
+
+        student: Any = stats.t
 
         n = self.by_elastica.size
         if n == 1:
             return -np.inf, np.inf
         deviation = self.by_elastica.std(ddof=1) / np.sqrt(n)
-        half = float(t.ppf(0.5 + CONFIDENCE / 2, n - 1) * deviation)
+        half = float(student.ppf(0.5 + CONFIDENCE / 2, n - 1) * deviation)
         return self.stiffness - half, self.stiffness + half
 
 

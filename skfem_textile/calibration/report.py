@@ -65,11 +65,9 @@ def bending_report(found: "BendingFit") -> dict[str, Any]:
     """What a fit of a bending stiffness found."""
     low, high = found.interval
     names = [test.name for test in found.tests for _ in test.overhang]
-    readings = zip(
-        *(names, *(np.concatenate(x) for x in _readings(found))),
-        *(found.by_elastica, found.by_peirce),
-        strict=True,
-    )
+    lengths, angles = (np.concatenate(x) for x in _readings(found))
+    both = found.by_elastica, found.by_peirce
+    readings = zip(names, lengths, angles, *both, strict=True)
     largest = float(np.abs(found.by_peirce / found.by_elastica - 1).max())
     return {
         "of": "bending",

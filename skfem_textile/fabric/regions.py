@@ -201,11 +201,11 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
         tension = carried("tension", tension)
     directions = (carried(f.name, _as_given(f.direction)) for f in fabric.families)
     shear = carried("shear", fabric.shear_law)
-    bending = tuple(
+    of_warp, of_weft = (
         _on_elements(f"bending of {f.name}", D, parent)
         for f, D in zip(fabric.families, fabric.bending, strict=True)
     )
-    return Fabric(tension, shear, *directions, bending)
+    return Fabric(tension, shear, *directions, bending=(of_warp, of_weft))
 
 
 def _on_elements(name: str, D: Any, parent: ndarray) -> Any:

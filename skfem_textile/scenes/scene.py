@@ -24,6 +24,11 @@ ExactField = Callable[[ndarray, float], ndarray]
 _WORTH_SAYING = 0.01
 
 
+def unknown(X: ndarray, t: float) -> ndarray:
+    """A field of which no exact answer is known; raises a ValueError."""
+    raise ValueError("the scene has no exact field: its figures say what is exact")
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """One problem: mesh, fibre directions, conditions and exact answer.
@@ -41,8 +46,8 @@ class Scene:
     driven
         Name of the condition whose nodes have the reported reaction.
     displacement
-        Exact displacement ``(X, t) -> (2, n)`` at the load factor t; None where
-        ``figures`` say what is exact.
+        Exact displacement ``(X, t) -> (2, n)`` at the load factor t; `unknown`
+        where ``figures`` say what is exact.
     shear_angle
         Exact shear angle ``(X, t) -> (n,)`` in radians.
     rotation
@@ -76,8 +81,8 @@ class Scene:
     weft: tuple[float, float]
     conditions: dict[str, Condition]
     driven: str
-    displacement: ExactField | None = None
-    shear_angle: ExactField | None = None
+    displacement: ExactField = unknown
+    shear_angle: ExactField = unknown
     rotation: float = 0.0
     load: Callable[[Law, float], float] | None = None
     load_lost: Callable[[Fabric, float], float] | None = None
@@ -106,7 +111,7 @@ class Scene:
             raise ValueError(f"rotation must be a finite angle, got {angle}")
         if angle == 0:
             return self
-        if self.dimension == 3 or not self.displacement or not self.shear_angle:
+        if self.dimension == 3:
             raise ValueError(f"the scene {self.name} is in space and is not turned")
         Q = _rotation(angle)
         displacement, shear_angle = self.displacement, self.shear_angle
@@ -145,7 +150,7 @@ class Scene:
 
         Empty if the exact answer does not hold on the mesh.
         """
-        if self.misfit or not self.displacement:
+        if self.misfit or self.displacement is unknown:
             return {}
         ply, t = result.ply, result.states[-1].load_factor
         angle = ply.shear_angle(result.u, ply.centre)[:, 0]
@@ -179,8 +184,6 @@ class Scene:
         t
             Load factor.
         """
-        assert self.displacement
-        assert self.shear_angle
         distance = np.linalg.norm(u - self.displacement(nodes, t), axis=0)
         off_angle = angle - self.shear_angle(centres, t)
         rms_angle = np.sqrt(np.average(off_angle**2, weights=area))

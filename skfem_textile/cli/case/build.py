@@ -116,8 +116,10 @@ def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str,
 
 
 def _fabric(scene: Scene, values: Mapping[str, Any], fibres: Any) -> Fabric:
-    bending = tuple(values[option.key] for option in BENDING.options)
-    return Fabric(_tension(values), _law("shear", values), *fibres, bending)
+    warp, weft = (values[option.key] for option in BENDING.options)
+    return Fabric(
+        *(_tension(values), _law("shear", values), *fibres), bending=(warp, weft)
+    )
 
 
 def _force(scene: Scene, name: str, total: tuple[float, ...]) -> Force:

@@ -85,7 +85,8 @@ class PressureTerm(FormTerm):
         supports
             Conditions as fixed unknowns, see `Constraints`.
         """
-        mesh, dofs = self.basis.mesh, node_dofs(self.basis)
+        basis: Any = self.basis
+        mesh, dofs = basis.mesh, node_dofs(basis)
         edges = mesh.boundary_facets()
         ends = mesh.p[:, mesh.facets[:, edges]]
         along = ends[:, 1] - ends[:, 0]

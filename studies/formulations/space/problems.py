@@ -207,7 +207,7 @@ def critical(where: str, n: int, formulation: str, D: float) -> dict[str, Any]:
 def zero_modes(formulation: str, D: float) -> dict[str, Any]:
     """Motions of a free flat patch of 4×4 elements that no stiffness meets."""
     chosen = {"one point, C_s = 0": OnePoint(0.0), "full": Full()}
-    made = chosen.get(formulation) or FORMULATIONS[formulation][0]
+    made: Any = chosen.get(formulation) or FORMULATIONS[formulation][0]
     m = 2 if formulation == "macro" else 4
     mesh = rectangle(10.0, 10.0, (m, m), "irregular", 0.0, 1)
     ply = Ply(mesh, Fabric(1e3, 1.0, bending=(D, D)), made, dimension=3)

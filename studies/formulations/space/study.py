@@ -29,7 +29,7 @@ class Case(NamedTuple):
     parameters: dict[str, Any]
 
 
-def _every(part: str, **choices: Sequence[Any]) -> list[Case]:
+def _every(part: str, **choices: Any) -> list[Case]:
     sets = product(*choices.values())
     return [Case(part, dict(zip(choices, one, strict=True))) for one in sets]
 
@@ -59,26 +59,37 @@ class Space(Study[Case]):
         )
 
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
-        every, loads = list(problems.FORMULATIONS), list(problems.CANTILEVERS)
+        every: Any = list(problems.FORMULATIONS)
+        loads: Any = list(problems.CANTILEVERS)
         plain = [
             *_every(
                 "cantilever",
-                **{"load": loads, "n": [8, 16, 32], "jitter": [0.0]},
-                **{"formulation": every, "D": [10.0], "E_over_G": [1e5]},
+                load=loads,
+                n=[8, 16, 32],
+                jitter=[0.0],
+                formulation=every,
+                D=[10.0],
+                E_over_G=[1e5],
             ),
             *_every(
                 "plate",
-                **{"degrees": [0, 45], "n": [8, 16, 32], "jitter": [0.0, 0.2]},
+                degrees=[0, 45],
+                n=[8, 16, 32],
+                jitter=[0.0, 0.2],
                 formulation=["one point", "quadratic"],
             ),
             *_every(
                 "buckling",
-                **{"where": ["in plane"], "n": [8, 16], "formulation": every},
+                where=["in plane"],
+                n=[8, 16],
+                formulation=every,
                 D=[0.0, 10.0, 100.0],
             ),
             *_every(
                 "buckling",
-                **{"where": ["out of plane"], "n": [8, 16], "formulation": every},
+                where=["out of plane"],
+                n=[8, 16],
+                formulation=every,
                 D=[0.1, 10.0, 1000.0],
             ),
             *_every(
