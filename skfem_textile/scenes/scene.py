@@ -81,8 +81,8 @@ class Scene:
     weft: tuple[float, float]
     conditions: dict[str, Condition]
     driven: str
-    displacement: ExactField = unknown
-    shear_angle: ExactField = unknown
+    displacement: ExactField = field(default_factory=lambda: unknown)
+    shear_angle: ExactField = field(default_factory=lambda: unknown)
     rotation: float = 0.0
     load: Callable[[Law, float], float] | None = None
     load_lost: Callable[[Fabric, float], float] | None = None

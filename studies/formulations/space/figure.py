@@ -33,6 +33,7 @@ def draw_errors(rows: Sequence[Row], filename: str | os.PathLike[str]) -> None:
             axes.set_xticks([8, 16, 32], ["8", "16", "32"])
             axes.minorticks_off()
             axes.grid(alpha=0.3)
-            axes.legend(frameon=False, fontsize=7)
+            if own:
+                axes.legend(frameon=False, fontsize=7)
         tips.set(ylabel="Error", title="Height of the tip over the length")
         plates.set(title="Deflection over the largest")
