@@ -168,7 +168,7 @@ def fit_bending(tests: Sequence[CantileverTest], weight: float) -> BendingFit:
 
 
 def weight_number(angle: float) -> float:
-    """The number w L³/D of an elastica whose chord lies at an angle in radians below the table."""
+    """The number w L³/D of an elastica by the angle of its chord in radians."""
     from scipy.optimize import brentq
 
     def off(logarithm: float) -> float:
