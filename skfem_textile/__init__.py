@@ -39,6 +39,7 @@ from .ply.formulations import Full, Macro, OnePoint, Quadratic
 from .ply.kernels.exported_forms import hourglass, mean_tension, shear, tension
 from .ply.loads import BodyForce, Force, Traction
 from .ply.memory import AccumulatedMoment, HeldStabilisation
+from .ply.own_terms.pressure import Pressure
 from .ply.refinement import Refinement, marked, refine, shear_angle_jumps
 from .ply.term import Load, Memory, Term
 from .ply.terms import FormTerm, MatrixTerm, VectorTerm
@@ -93,6 +94,7 @@ __all__ = [
     "OnePoint",
     "Ply",
     "Polynomial",
+    "Pressure",
     "Pretensioned",
     "Quadratic",
     "Refinement",

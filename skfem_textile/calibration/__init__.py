@@ -1,6 +1,7 @@
-"""Laws of a fabric from its tests: picture frame, bias extension and biaxial."""
+"""Laws of a fabric from its tests: shear, biaxial and bending."""
 
 from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
+from .bending import BendingFit, CantileverTest, fit_bending, read_cantilever
 from .biaxial import BiaxialCurve, TensionFit, fit_tension, read_biaxial
 from .curves import read_curve
 from .inverse import Simulation, fit_by_simulation
@@ -8,8 +9,10 @@ from .regression import Fit
 from .shear import ShearFit, Specimen, fit_shear, read_specimen
 
 __all__ = [
+    "BendingFit",
     "BiasExtension",
     "BiaxialCurve",
+    "CantileverTest",
     "Fit",
     "PictureFrame",
     "ShearFit",
@@ -17,10 +20,12 @@ __all__ = [
     "Simulation",
     "Specimen",
     "TensionFit",
+    "fit_bending",
     "fit_by_simulation",
     "fit_shear",
     "fit_tension",
     "read_biaxial",
+    "read_cantilever",
     "read_curve",
     "read_specimen",
 ]

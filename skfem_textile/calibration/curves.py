@@ -26,6 +26,8 @@ COLUMNS: dict[str, dict[str, float]] = {
     "weft strain": _STRAIN,
     "warp force": _FORCE,
     "weft force": _FORCE,
+    "overhang": _LENGTH,
+    "chord angle": ANGLE,
 }
 
 # Other names of the columns.

@@ -11,6 +11,7 @@ from numpy import ndarray
 
 from ..plot.curves import COLOURS
 from ..plot.picture_files import picture_path, save
+from .bending import BendingFit
 from .biaxial import FAMILIES, TensionFit
 from .shear import ShearFit
 
@@ -21,11 +22,14 @@ _N = 201
 _MOST = 1.6
 
 
-def draw(found: ShearFit | TensionFit, filename: str | os.PathLike[str]) -> None:
+def draw(
+    found: ShearFit | TensionFit | BendingFit, filename: str | os.PathLike[str]
+) -> None:
     """Draw the curves of the tests and the laws that were found from them.
 
     Of a shear law forces on the left, and moments with the band of the law on the
-    right; of tension laws the tensions of warp and weft over their strains.
+    right; of tension laws the tensions of warp and weft over their strains; of a
+    bending stiffness the overhangs on the left, and the stiffness of each on the right.
 
     Parameters
     ----------
@@ -41,6 +45,8 @@ def draw(found: ShearFit | TensionFit, filename: str | os.PathLike[str]) -> None
         panels = figure.subplots(1, 2)
         if isinstance(found, ShearFit):
             _draw_shear(found, *panels)
+        elif isinstance(found, BendingFit):
+            _draw_bending(found, *panels)
         else:
             _draw_tension(found, panels)
         for axes in panels:
@@ -100,3 +106,19 @@ def _draw_tension(found: TensionFit, panels: ndarray) -> None:
             axes.plot(strain, law, color=colour)
         axes.locator_params(axis="x", nbins=5)
         axes.set(xlabel=f"{family} strain ln λ (-)", ylabel="tension (N/mm)")
+
+
+def _draw_bending(found: BendingFit, lengths: Any, stiffnesses: Any) -> None:
+    """Readings over the angle, and the stiffnesses that follow from them."""
+    for test, colour in zip(found.tests, cycle(COLOURS), strict=False):
+        degrees = np.degrees(test.angle)
+        lengths.plot(degrees, test.overhang, "o", color=colour, label=test.name)
+    degrees = np.degrees(np.concatenate([test.angle for test in found.tests]))
+    for values, label, mark in (
+        (found.by_elastica, "elastica", "o"),
+        (found.by_peirce, "Peirce", "x"),
+    ):
+        stiffnesses.plot(degrees, values, mark, label=label)
+    stiffnesses.axhline(found.stiffness, color="#808080", lw=1.0)
+    lengths.set(xlabel="Chord angle (°)", ylabel="Overhang (mm)")
+    stiffnesses.set(xlabel="Chord angle (°)", ylabel="Bending stiffness (N·mm)")

@@ -13,6 +13,7 @@ from .regression import CONFIDENCE, Fit
 from .shear import APART
 
 if TYPE_CHECKING:
+    from .bending import BendingFit
     from .biaxial import TensionFit
     from .shear import ShearFit, Specimen
 
@@ -56,6 +57,42 @@ def tension_report(found: "TensionFit") -> dict[str, Any]:
             "notes": _tension_notes(found, family),
         }
     return reports
+
+
+def bending_report(found: "BendingFit") -> dict[str, Any]:
+    """What a fit of a bending stiffness found."""
+    low, high = found.interval
+    names = [test.name for test in found.tests for _ in test.overhang]
+    lengths, angles = (np.concatenate(x) for x in _readings(found))
+    both = found.by_elastica, found.by_peirce
+    readings = zip(names, lengths, angles, *both, strict=True)
+    largest = float(np.abs(found.by_peirce / found.by_elastica - 1).max())
+    return {
+        "of": "bending",
+        "confidence": CONFIDENCE,
+        "bending_N_mm": found.stiffness,
+        "low_N_mm": low,
+        "high_N_mm": high,
+        "by_peirce_N_mm": float(found.by_peirce.mean()),
+        "readings": [
+            {
+                "name": name,
+                "overhang_mm": float(length),
+                "chord_angle_deg": float(np.degrees(angle)),
+                "by_elastica_N_mm": float(exact),
+                "by_peirce_N_mm": float(simple),
+            }
+            for name, length, angle, exact, simple in readings
+        ],
+        "notes": [
+            f"Peirce's formula is off by up to {_PERCENT * largest:.1f} % at these "
+            "angles: the stiffness is that of the elastica"
+        ],
+    }
+
+
+def _readings(found: "BendingFit") -> tuple[list[ndarray], list[ndarray]]:
+    return [one.overhang for one in found.tests], [one.angle for one in found.tests]
 
 
 def _law(of: str, fit: Fit) -> dict[str, Any]:

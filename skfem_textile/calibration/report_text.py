@@ -13,7 +13,36 @@ def report_text(reports: Mapping[str, Mapping[str, Any]]) -> str:
     return "\n".join(_section(title, report) for title, report in reports.items())
 
 
+def _bending_section(title: str, report: Mapping[str, Any]) -> str:
+    rows = [
+        [
+            one["name"],
+            f"{one['overhang_mm']:.4g}",
+            f"{one['chord_angle_deg']:.2f}",
+            f"{one['by_elastica_N_mm']:.4g}",
+            f"{one['by_peirce_N_mm']:.4g}",
+        ]
+        for one in report["readings"]
+    ]
+    band = ""
+    if np.isfinite(report["low_N_mm"]):
+        band = (
+            f", {_PERCENT * report['confidence']:g} % between "
+            f"{report['low_N_mm']:.4g} and {report['high_N_mm']:.4g} N·mm"
+        )
+    head = ["reading", "overhang, mm", "chord angle, deg"]
+    lines = [
+        *(f"# {title}", "", f"D = {report['bending_N_mm']:.4g} N·mm{band}.", ""),
+        *_table([*head, "D by elastica, N·mm", "D by Peirce, N·mm"], rows),
+    ]
+    for note in report["notes"]:
+        lines += ["", f"Note: {note}."]
+    return "\n".join(lines) + "\n"
+
+
 def _section(title: str, report: Mapping[str, Any]) -> str:
+    if report["of"] == "bending":
+        return _bending_section(title, report)
     lines = [f"# {title}", ""]
     if "compared_with" in report:
         lines += [

@@ -32,6 +32,9 @@ Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray] | Varied
 _PARALLEL = 1e-6
 
 
+#: A bending stiffness, or one for each element.
+BendingStiffness: TypeAlias = float | ndarray
+
 #: A stiffness, one for each element, or a law.
 Stiffness: TypeAlias = float | ndarray | Law
 
@@ -64,6 +67,10 @@ class Fabric:
         Reference direction of each family: a vector, a function of position
         ``(2, ...) -> (2, ...)``, or one vector per element, shape
         (2, n_elements).  Normalised here, so any length will do.
+    bending
+        Bending stiffness of each family per width of ply in N·mm, a pair (warp, weft):
+        each a number or one for each element, shape (n_elements,).  Fibres bend one by
+        one, in space and in the plane.
 
     Raises
     ------
@@ -82,9 +89,11 @@ class Fabric:
     shear: Stiffness = 0.0
     warp: Direction = (1.0, 0.0)
     weft: Direction = (0.0, 1.0)
+    bending: tuple[BendingStiffness, BendingStiffness] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         _ = self.families, self.shear_law
+        object.__setattr__(self, "bending", _bending(self.bending))
         if any(hasattr(f.direction, "region") for f in self.families):
             return  # each of the fabrics that it is made of is valid
         given = [f for f in self.families if not callable(f.direction)]
@@ -140,9 +149,18 @@ class Fabric:
             return self
         other = object.__new__(Fabric)  # its directions are valid
         vars(other).update(
-            tension=tensions, shear=shear, warp=self.warp, weft=self.weft
+            tension=tensions,
+            shear=shear,
+            warp=self.warp,
+            weft=self.weft,
+            bending=self.bending,
         )
         return other
+
+    @property
+    def bends(self) -> bool:
+        """Whether fibres resist bending somewhere."""
+        return any(np.any(D) for D in self.bending)
 
     @cached_property
     def unbounded(self) -> bool:
@@ -210,6 +228,24 @@ def _law(name: str, law: Stiffness) -> Law:
         return Linear(stiffness if by_element else float(stiffness))
     except ValueError as error:
         raise ValueError(f"{name} {error}") from None
+
+
+def _bending(given: Any) -> tuple[BendingStiffness, BendingStiffness]:
+    """Bending stiffnesses of warp and weft, refused if they are none."""
+    if not isinstance(given, tuple | list) or len(given) != 2:
+        raise ValueError(
+            f"bending must be a pair (warp, weft) of stiffnesses in N·mm, not {given!r}"
+        )
+    pair = []
+    for name, one in zip(("warp", "weft"), given, strict=True):
+        D = real_numbers(f"bending of {name}", one)
+        if D.ndim > 1 or not (np.isfinite(D) & (D >= 0)).all():
+            raise ValueError(
+                f"bending of {name} must be a finite number >= 0, or one for each "
+                f"element, in N·mm; got {one}"
+            )
+        pair.append(D if D.ndim else float(D))
+    return pair[0], pair[1]
 
 
 def unit_vectors(

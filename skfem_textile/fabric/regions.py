@@ -200,7 +200,25 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
     else:
         tension = carried("tension", tension)
     directions = (carried(f.name, _as_given(f.direction)) for f in fabric.families)
-    return Fabric(tension, carried("shear", fabric.shear_law), *directions)
+    shear = carried("shear", fabric.shear_law)
+    of_warp, of_weft = (
+        _on_elements(f"bending of {f.name}", D, parent)
+        for f, D in zip(fabric.families, fabric.bending, strict=True)
+    )
+    return Fabric(tension, shear, *directions, bending=(of_warp, of_weft))
+
+
+def _on_elements(name: str, D: Any, parent: ndarray) -> Any:
+    """A bending stiffness of the user's elements as one of each element of a mesh."""
+    n = np.size(D)
+    if np.ndim(D) == 0 or n == len(parent):
+        return D
+    if n != parent.max() + 1:
+        raise ValueError(
+            f"{name}: {n} values for {parent.max() + 1} elements; give one value per "
+            "element"
+        )
+    return D[parent]
 
 
 def _as_given(direction: Any) -> Any:
@@ -219,7 +237,9 @@ def _n_elements(thing: Any) -> int | None:
     return len(stiffness) if isinstance(stiffness, ndarray) and stiffness.ndim else None
 
 
-def fabric_of_regions(mesh: Mesh, fabrics: Mapping[str, Fabric]) -> Fabric:
+def fabric_of_regions(
+    mesh: Mesh, fabrics: Mapping[str, Fabric], parent: ndarray | None = None
+) -> Fabric:
     """The fabric of a mesh, each of whose subdomains has its own.
 
     Parameters
@@ -228,6 +248,8 @@ def fabric_of_regions(mesh: Mesh, fabrics: Mapping[str, Fabric]) -> Fabric:
         Has the subdomains; its elements belong to one of those that are named.
     fabrics
         A fabric for each of them, by name.
+    parent
+        As of `fabric_on`, where the mesh is not the user's.
 
     Raises
     ------
@@ -257,7 +279,28 @@ def fabric_of_regions(mesh: Mesh, fabrics: Mapping[str, Fabric]) -> Fabric:
         shear=RegionalLaw([fabric.shear_law for fabric in fabrics.values()], region),
         warp=RegionalDirection([family.direction for family in warp], region),
         weft=RegionalDirection([family.direction for family in weft], region),
+        bending=_bending(fabrics, region, parent),
     )
+
+
+def _bending(
+    fabrics: Mapping[str, Fabric], region: ndarray, parent: ndarray | None
+) -> tuple[Any, Any]:
+    """Bending stiffnesses of warp and weft in each element."""
+    if not any(fabric.bends for fabric in fabrics.values()):
+        return 0.0, 0.0
+    parent = np.arange(len(region)) if parent is None else parent
+    every = np.array(
+        [
+            [
+                np.broadcast_to(_on_elements("bending", D, parent), region.shape)
+                for D in fabric.bending
+            ]
+            for fabric in fabrics.values()
+        ]
+    )
+    warp, weft = np.take_along_axis(every, region[None, None], axis=0)[0]
+    return warp, weft
 
 
 def _tensions(

@@ -186,10 +186,17 @@ def _write_vtu(
         zip(_VECTORS, (np.pad(v, ((0, 1), (0, 0))).T for v in pair), strict=True)
     )
     fields |= dict(zip(_ANGLES, directions.angles_deg(), strict=True))
+    _write_cells(path, cells, np.pad(points, ((0, 1), (0, 0))), fields)
+
+
+def _write_cells(
+    path: Path, cells: tuple[ndarray, ...], points: ndarray, fields: dict[str, ndarray]
+) -> None:
+    """Write fields of cells whose corners are columns of points, shape (3, n)."""
     ends = np.cumsum([cell.shape[1] for cell in cells])[:-1]
     by_block: dict[str, Any] = {name: np.split(x, ends) for name, x in fields.items()}
     meshio.Mesh(
-        np.pad(points[:, : 1 + max(c.max() for c in cells)], ((0, 1), (0, 0))).T,
+        points[:, : 1 + max(c.max() for c in cells)].T,
         [({3: "triangle", 4: "quad"}[len(cell)], cell.T) for cell in cells],
         cell_data=by_block,
     ).write(path)
@@ -217,22 +224,21 @@ def write_draped(result: Result, folder: str | os.PathLike[str]) -> None:
     result
         The result.
     folder
-        Where ``fibres.vtu``, ``fibres.csv`` and ``fibres.inp`` go.
+        Where ``fibres.vtu``, ``fibres.csv`` and ``fibres.inp`` go; of a ply in space
+        the first alone.
 
     Raises
     ------
     OSError
         If a file cannot be written.
-    ValueError
-        If it is a ply in space.
     """
     ply = result.ply
-    if len(ply.nodal(result.u)) == 3:
-        raise ValueError(
-            "directions are written of plies in their plane; those of a ply in space "
-            "are among the fields of write_fields"
-        )
     fields = on_users_elements(ply, cell_fields(ply, result.u))
+    if len(moved := ply.nodal(result.u)) == 3:
+        points = np.pad(ply.mesh.p, ((0, 1), (0, 0))) + moved[:, : ply.mesh.nvertices]
+        vectors = {name: fields[name] for name in _VECTORS}
+        _write_cells(Path(folder) / DRAPED[0], ply.cells, points, vectors)
+        return
     directions = FibreDirections(*(fields[name][:, :2].T for name in _VECTORS))
     points = ply.mesh.p + ply.nodal(result.u)[:, : ply.mesh.nvertices]
     for name in DRAPED:

@@ -9,7 +9,7 @@ from .drawing import new_plotter, pixels, pyvista_renderer
 from .fields import Field, field_of, reach, values_of
 from .layout import lay_out
 from .picture_files import picture_path, write
-from .pictures import shape_of
+from .pictures import shapes_of
 from .sheet import Legend, Panel, Scale, Sheet, extent
 
 # Dots per inch: of a picture for a screen.
@@ -50,7 +50,7 @@ def animation(
 
     path = picture_path(filename, (".gif",))
     shown, states = field_of(field), result.states
-    shapes = [shape_of(result, state) for state in states]
+    shapes = shapes_of([result] * len(states), states)
     values = [values_of(shown, result.ply, state.u) for state in states]
     found = reach(values, shown.symmetric)
     scale = Scale.of(shown.label, found, cmap or shown.cmap, clim)

@@ -14,7 +14,7 @@ from .drawing import draw
 from .fields import FIELDS, Field, field_of, reach, values_of
 from .lines import REFUSED, WARP, WEFT
 from .picture_files import picture_path
-from .sheet import Fibres, Legend, Panel, Scale, Shape, Sheet, extent
+from .sheet import Fibres, Legend, Panel, Scale, Shape, Sheet, extent, in_perspective
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -50,6 +50,8 @@ def field(
     size: float | tuple[float, float] | None = None,
 ) -> "pv.Plotter | Figure":
     """A field on the deformed plies, one panel per result, all on one scale.
+
+    Plies in their plane are seen from above, plies in space in perspective.
 
     Parameters
     ----------
@@ -201,7 +203,8 @@ def fibre_directions(
     row = []
     for result, title, shape, at in zip(results, titles, shapes, states, strict=True):
         fields = cell_fields(result.ply, at.u)
-        fibres = Fibres(fields["warp_direction"], fields["weft_direction"])
+        names = "warp_direction", "weft_direction"
+        fibres = Fibres(*(shape.seen(fields[name]) for name in names))
         row.append(Panel(title, shape, fibres=fibres))
     legend = Legend(0, len(row), keys=[("Warp", WARP), ("Weft", WEFT)])
     sheet = Sheet([row], [legend], extent(shapes), show_edges)
@@ -280,19 +283,18 @@ def _chosen(
     if not -fewest <= state < fewest:
         raise ValueError(f"there is no state {state}: a result has {fewest} states")
     states = [result.states[state] for result in results]
+    return titles, shapes_of(results, states), states
+
+
+def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:
+    """The plies of results in a state each, with straight edges between the vertices.
+
+    In perspective if one of them is in space.
+    """
     pairs = zip(results, states, strict=True)
-    return titles, [shape_of(result, at) for result, at in pairs], states
-
-
-def shape_of(result: Result, state: State) -> Shape:
-    """The ply of a result in a state, with straight edges between the vertices."""
-    u = result.ply.nodal(state.u)
-    if len(u) == 3:
-        raise ValueError(
-            "pictures show plies in their plane: write the fields of a ply in space "
-            "with write_fields, and look at them in a viewer"
-        )
-    return Shape.of(result.ply.mesh, u)
+    moved = [(result.ply.mesh, result.ply.nodal(at.u)) for result, at in pairs]
+    shapes = [Shape.of(mesh, u) for mesh, u in moved]
+    return in_perspective(shapes) if any(len(u) == 3 for _, u in moved) else shapes
 
 
 def _on_one_scale(

@@ -17,6 +17,11 @@ _LEAST_EXTENT = 1e-8
 _MOST_INTERVALS, _FINE_INTERVALS, _ROUND = 6, 20, [1, 2, 2.5, 4, 5, 10]
 
 
+# From where a ply in space is seen: azimuth and elevation of the eye in degrees, and
+# its distance over half the diagonal of what it sees.  Chosen by eye.
+_VIEW, _DISTANCE = (-60.0, 25.0), 4.0
+
+
 class Shape(NamedTuple):
     """Elements with straight edges.
 
@@ -26,10 +31,14 @@ class Shape(NamedTuple):
         Their corners in mm, shape (n, 3).
     cells
         Corners of the elements, for each number k of corners an array (k, n_k).
+    frames
+        In perspective what becomes of vectors at the centres of the elements, shape
+        (n_elements, 3, 3); None seen from above.
     """
 
     points: ndarray
     cells: tuple[ndarray, ...]
+    frames: ndarray | None = None
 
     @classmethod
     def of(cls, mesh: Mesh, u: ndarray) -> "Shape":
@@ -43,6 +52,12 @@ class Shape(NamedTuple):
     def centres(self) -> ndarray:
         """The mean of the corners of each element, shape (n_elements, 3)."""
         return np.vstack([self.points[cell].mean(axis=0) for cell in self.cells])
+
+    def seen(self, vectors: ndarray) -> ndarray:
+        """Vectors of the elements as they are seen, shape (n_elements, 3)."""
+        if self.frames is None:
+            return vectors
+        return np.einsum("nij,nj->ni", self.frames, vectors)
 
     @property
     def sides(self) -> ndarray:
@@ -188,6 +203,38 @@ class Sheet(NamedTuple):
     def panels(self) -> list[Panel]:
         """All panels, row by row."""
         return [panel for row in self.rows for panel in row]
+
+
+def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
+    """Shapes in space as an eye sees them, all from the same place.
+
+    Their coordinates become those on the picture, to the right and up, in mm where
+    they are as far away as the middle of all, and how much nearer to the eye they are.
+    """
+    low, high = extent(shapes)
+    middle, distance = 0.5 * (low + high), _DISTANCE * 0.5 * np.linalg.norm(high - low)
+    azimuth, elevation = np.radians(_VIEW)
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    near = np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    near[2] = np.sin(elevation)
+    axes = np.array([right, np.cross(near, right), near])
+
+    def enlarged(places: ndarray) -> tuple[ndarray, ndarray]:
+        """Places along the axes, and by how much they are seen larger."""
+        turned = (places - middle) @ axes.T
+        return turned, distance / (distance - turned[:, 2])
+
+    def of(shape: Shape) -> Shape:
+        points, larger = enlarged(shape.points)
+        points[:, :2] *= larger[:, None]
+        centres, larger = enlarged(shape.centres)
+        frames = np.repeat(axes[None], len(centres), axis=0)
+        frames[:, :2] *= larger[:, None, None]
+        shift = centres[:, :2] * (larger**2 / distance)[:, None]
+        frames[:, :2] += shift[:, :, None] * near
+        return Shape(points, shape.cells, frames)
+
+    return [of(shape) for shape in shapes]
 
 
 def extent(shapes: Sequence[Shape]) -> tuple[ndarray, ndarray]:

@@ -9,7 +9,7 @@ from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
 from ..fabric.regions import fabric_on
-from ..mesh.bases import components, node_dofs
+from ..mesh.bases import node_dofs
 from ..mesh.named_nodes import named_nodes, with_named_nodes
 from ..mesh.splitting.edges import edges_of
 from ..mesh.splitting.quadrilaterals import split
@@ -111,7 +111,7 @@ def finer_ply(ply: Any) -> FinerPly:
     if isinstance(fine.mesh, MeshTri):  # what is split knows where it comes from
         fabric = fabric_on(fine.parent, fabric)
     arguments = fabric, ply.formulation, ply.further_terms_as_given
-    finer = type(ply)(fine.mesh, *arguments, dimension=components(ply.basis))
+    finer = type(ply)(fine.mesh, *arguments, **ply.placement)
     return FinerPly(finer, fine.parent, fine, ply)
 
 

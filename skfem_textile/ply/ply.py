@@ -16,13 +16,13 @@ from .. import forms
 from ..fabric import Fabric, is_zero
 from ..fabric.law_check import check_laws
 from ..fabric.regions import fabric_of_regions, fabric_on
+from ..forms.bending import FibreEnd
 from ..forms.corners import RESISTING
 from ..forms.form import directions
 from ..mesh.bases import components, node_positions
 from ..mesh.corners import Corners
 from ..mesh.pattern import Pattern
 from ..mesh.splitting import original_elements
-from .corners import CornerTerm, corner_stiffness
 from .finer import FinerPly, finer_ply
 from .formulations import DEFAULT
 from .kernels.assembly import KernelSum
@@ -30,9 +30,11 @@ from .kernels.element_groups import Parameters
 from .kernels.kernel import ShearKernel
 from .measures import Measures
 from .memory import HeldStiffness
+from .own_terms.bending import bending_stiffness, checked_ends
+from .own_terms.corners import CornerTerm, corner_stiffness
 from .term import Contribution, Load, Memory, Role, Term, refuse_unsymmetric
 from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
-from .terms import FormTerm, Formulation
+from .terms import FormTerm, Formulation, MatrixTerm
 
 #: What terms remember at a state: parameters and work, by the names of the terms.
 Remembered: TypeAlias = Mapping[str, tuple[dict[str, ndarray], float]]
@@ -61,6 +63,10 @@ class Ply(Measures):
     dimension
         Components d of the displacement: 2 for a ply in its plane, 3 for one in space,
         whose mesh and fibre directions lie in the plane z = 0 at rest.
+    fibre_ends
+        How fibres that resist bending are held where they end, by the names of
+        boundaries: ``clamped`` keeps their direction at rest, ``mirror`` stands for a
+        plane of symmetry.  Elsewhere they end freely, as in hinges.
 
     Attributes
     ----------
@@ -98,7 +104,7 @@ class Ply(Measures):
     ValueError
         If the fabric has no stiffness at all, a fibre direction is not valid somewhere
         on the mesh, the parts of a law contradict each other (`check_laws`), a term
-        is not valid, or the dimension is not 2 or 3.
+        is not valid, the dimension is not 2 or 3, or fibre ends are unknown.
 
     Examples
     --------
@@ -118,6 +124,7 @@ class Ply(Measures):
         terms: Iterable[Term | Load] = (),
         *,
         dimension: int = 2,
+        fibre_ends: Mapping[str, FibreEnd] | None = None,
     ) -> None:
         if dimension not in (2, 3):
             raise ValueError(
@@ -137,9 +144,10 @@ class Ply(Measures):
         self.basis = formulation.basis(mesh, dimension)
         self.cells, self.parent = original_elements(mesh)
         if isinstance(fabric, Mapping):
-            fabric = fabric_of_regions(mesh, fabric)
+            fabric = fabric_of_regions(mesh, fabric, self.parent)
         self.fabric = fabric = fabric_on(self.parent, fabric)
         self.formulation = formulation
+        self.fibre_ends = checked_ends(mesh, fibre_ends or {})
         check_laws(fabric.at(), self.basis.dx.shape)
         self.nodes = node_positions(self.basis)
         self.centre, self.fine_points = formulation.centre, formulation.fine_points
@@ -167,6 +175,9 @@ class Ply(Measures):
             raise ValueError("the fabric has no stiffness: give it tension or shear")
         if (kappa := corner_stiffness(fabric, basis)) > 0:
             terms.append(CornerTerm(kappa, basis, self.corners))
+        if fabric.bends:
+            K = bending_stiffness(basis, fabric, self.fibre_ends)
+            terms.append(MatrixTerm("bending", K))
         of_fibres = self._tension.basis if self._tension else basis
         return terms + self.formulation.stabilising_terms(of_fibres, fabric)
 
@@ -182,9 +193,14 @@ class Ply(Measures):
         """
         further = (*self._further, *terms)
         arguments = self.mesh, self.fabric, self.formulation, further
-        ply = Ply(*arguments, dimension=components(self.basis))
+        ply = Ply(*arguments, **self.placement)
         ply.users_mesh, ply.users_fabric = self.users_mesh, self.users_fabric
         return ply
+
+    @property
+    def placement(self) -> dict[str, Any]:
+        """Dimension and fibre ends, which another ply of the same fabric may take."""
+        return {"dimension": components(self.basis), "fibre_ends": self.fibre_ends}
 
     def finer(self) -> FinerPly:
         """A ply of which each element of ``mesh`` is split in four.
@@ -210,6 +226,17 @@ class Ply(Measures):
         couples = [nodes for x in others for nodes in coupled_nodes(x, self.basis)]
         d, n_nodes = components(self.basis), self.nodes.shape[1]
         return Pattern(d, n_nodes, [*self._fused.elements, *plain], couples)
+
+    @cached_property
+    def _constant(self) -> dict[str, ndarray]:
+        """Blocks of the tangents that do not change, by the names of their terms."""
+        found = {}
+        for term in self.terms:
+            if isinstance(term, MatrixTerm):
+                shape = len(self.pattern.rows), *2 * (components(self.basis),)
+                found[term.name] = blocks = np.zeros(shape)
+                self.pattern.add(blocks, term.matrix, term.name)
+        return found
 
     @property
     def element_size(self) -> float:
@@ -331,7 +358,9 @@ class Ply(Measures):
         matrices = (term.matrices(u, t, convex) for term in plain)
         blocks = self.pattern.sum(chain(fused, matrices))
         for term in others:
-            if term not in plain and (K := term.tangent(u, t)) is not None:
+            if isinstance(term, MatrixTerm):
+                blocks += self._constant[term.name]
+            elif term not in plain and (K := term.tangent(u, t)) is not None:
                 refuse_unsymmetric(term.name, K - K.T, K)
                 self.pattern.add(blocks, K, term.name)
         return blocks

@@ -231,16 +231,24 @@ class VectorTerm(Term):
         return "" if fits else f"its vector must be {N} finite numbers"
 
     def _factor_at(self, t: float) -> float:
-        subject = f"term {self.name!r}: its factor"
-        answer: Any = self.factor
-        if callable(self.factor):
-            answer = call_user_function(subject, self.factor, t)
-        factor = real_numbers(subject, answer)
-        if factor.shape or not np.isfinite(factor):
-            raise ValueError(
-                f"{subject} must be a finite number, got {answer} at {t:g}"
-            )
-        return float(factor)
+        return factor_at(f"term {self.name!r}", self.factor, t)
+
+
+def factor_at(owner: str, factor: Factor, t: float) -> float:
+    """A factor at the load factor t.
+
+    Raises
+    ------
+    ValueError
+        If it is no finite number.
+    """
+    subject, answer = f"{owner}: its factor", factor
+    if callable(factor):
+        answer = call_user_function(subject, factor, t)
+    value = real_numbers(subject, answer)
+    if value.shape or not np.isfinite(value):
+        raise ValueError(f"{subject} must be a finite number, got {answer} at {t:g}")
+    return float(value)
 
 
 class Formulation(Protocol):

@@ -2,6 +2,8 @@
 
 from ..registration import SceneRegistration, registered
 from .bias_extension import bias_extension
+from .buckling import buckling
+from .cantilever import cantilever
 from .case import Case
 from .picture_frame import picture_frame
 from .scene import Scene
@@ -17,6 +19,8 @@ __all__ = [
     "Case",
     "Scene",
     "bias_extension",
+    "buckling",
+    "cantilever",
     "picture_frame",
     "specimen",
     "strip",

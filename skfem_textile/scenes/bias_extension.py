@@ -22,11 +22,11 @@ from ..fabric.law import mean_slope
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..registration import Option, SceneRegistration, angle
 from ..solve.conditions import Condition
+from .common.zones import force_of_moments, free_length
 from .rectangle import misfit, rectangle
 from .scene import Scene
 from .shear_test import BiasTest
 from .trellis import Motion
-from .zones import force_of_moments, free_length
 
 #: Width of the ply in mm.
 WIDTH = 50.0

@@ -63,7 +63,12 @@ class Case:
         ValueError
             As from `Ply`.
         """
-        return Ply(self.scene.mesh, self.fabric, self.formulation, self.loads)
+        scene = self.scene
+        return Ply(
+            *(scene.mesh, self.fabric, self.formulation, (*scene.loads, *self.loads)),
+            dimension=scene.dimension,
+            fibre_ends=scene.fibre_ends,
+        )
 
     def stepper(self, checkpoint: str | os.PathLike[str] | None = None) -> LoadStepper:
         """The load stepper of the ply.

@@ -1,7 +1,8 @@
 """A scene: geometry, conditions and exact answer of one problem."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -13,10 +14,19 @@ from ..solve.result import Result
 from ..solve.states import State
 from .shear_test import BiasTest, FrameTest
 
+if TYPE_CHECKING:
+    from ..ply.own_terms.bending import FibreEnd
+    from ..ply.term import Load
+
 ExactField = Callable[[ndarray, float], ndarray]
 
 # From this share of the load on, a sentence tells what fibre stretch costs.
 _WORTH_SAYING = 0.01
+
+
+def unknown(X: ndarray, t: float) -> ndarray:
+    """A field of which no exact answer is known; raises a ValueError."""
+    raise ValueError("the scene has no exact field: its figures say what is exact")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +46,8 @@ class Scene:
     driven
         Name of the condition whose nodes have the reported reaction.
     displacement
-        Exact displacement ``(X, t) -> (2, n)`` at the load factor t.
+        Exact displacement ``(X, t) -> (2, n)`` at the load factor t; `unknown`
+        where ``figures`` say what is exact.
     shear_angle
         Exact shear angle ``(X, t) -> (n,)`` in radians.
     rotation
@@ -51,6 +62,17 @@ class Scene:
         Why the exact answer does not hold on this mesh; empty if it does.
     shear_test
         The test of shear that this is; None if it is none.
+    dimension
+        Components of the displacement, 3 of a ply in space.
+    fibre_ends
+        As of `Ply`.
+    loads
+        Loads that are part of the problem.
+    reacting
+        Name of the condition whose nodes have the reported reaction, where it is not
+        the driven one.
+    figures
+        Further figures of a result, beside exact ones.
     """
 
     name: str
@@ -59,13 +81,18 @@ class Scene:
     weft: tuple[float, float]
     conditions: dict[str, Condition]
     driven: str
-    displacement: ExactField
-    shear_angle: ExactField
+    displacement: ExactField = field(default_factory=lambda: unknown)
+    shear_angle: ExactField = field(default_factory=lambda: unknown)
     rotation: float = 0.0
     load: Callable[[Law, float], float] | None = None
     load_lost: Callable[[Fabric, float], float] | None = None
     misfit: str = ""
     shear_test: BiasTest | FrameTest | None = None
+    dimension: int = 2
+    fibre_ends: "Mapping[str, FibreEnd]" = field(default_factory=dict)
+    loads: "tuple[Load, ...]" = ()
+    reacting: str = ""
+    figures: Callable[[Result], Mapping[str, float]] = lambda result: {}
 
     def rotated(self, angle: float) -> "Scene":
         """The same problem with mesh, fibres and conditions turned together.
@@ -78,12 +105,14 @@ class Scene:
         Raises
         ------
         ValueError
-            If the angle is not finite.
+            If the angle is not finite, or the scene in space.
         """
         if not np.isfinite(angle):
             raise ValueError(f"rotation must be a finite angle, got {angle}")
         if angle == 0:
             return self
+        if self.dimension == 3:
+            raise ValueError(f"the scene {self.name} is in space and is not turned")
         Q = _rotation(angle)
         displacement, shear_angle = self.displacement, self.shear_angle
         return replace(
@@ -103,22 +132,25 @@ class Scene:
         return _rotation(self.rotation)
 
     def reaction(self, state: State) -> ndarray:
-        """Force on the driven edge in N, shape (2,), along the unrotated axes."""
-        return self.turn.T @ state.reactions[self.driven]
+        """Force on the driven edge in N, shape (d,), along the unrotated axes."""
+        return self._unrotated(state.reactions[self.reacting or self.driven])
 
     def driven_displacement(self, state: State) -> ndarray:
-        """Mean displacement of the nodes of the driven edge in mm, shape (2,).
+        """Mean displacement of the nodes of the driven edge in mm, shape (d,).
 
         Along the unrotated axes.
         """
-        return self.turn.T @ state.displacements[self.driven]
+        return self._unrotated(state.displacements[self.driven])
+
+    def _unrotated(self, vector: ndarray) -> ndarray:
+        return self.turn.T @ vector if len(vector) == 2 else vector
 
     def errors(self, result: Result) -> dict[str, float]:
         """Distance of the last converged state from the exact answer; see `distance`.
 
         Empty if the exact answer does not hold on the mesh.
         """
-        if self.misfit:
+        if self.misfit or self.displacement is unknown:
             return {}
         ply, t = result.ply, result.states[-1].load_factor
         angle = ply.shear_angle(result.u, ply.centre)[:, 0]
@@ -169,16 +201,16 @@ class Scene:
         them, the sentence ``exact_answer`` says what.
         """
         state = result.states[-1]
-        reaction_x, reaction_y = self.reaction(state).tolist()
-        carried = state.shares[f"{self.driven}_reaction"]
+        reaction = self.reaction(state).tolist()
+        carried = state.shares[f"{self.reacting or self.driven}_reaction"]
         return {
             "scene": self.name,
             **result.summary(),
-            "reaction_x": reaction_x,
-            "reaction_y": reaction_y,
+            **{f"reaction_{x}": f for x, f in zip("xyz", reaction, strict=False)},
             **{f"reaction_share_of_{k}": v for k, v in carried.items()},
-            **self._load_over_exact(result, reaction_y),
+            **self._load_over_exact(result, reaction[1]),
             **self.errors(result),
+            **({} if self.misfit else self.figures(result)),
             **({"exact_answer": f"none: {self.misfit}"} if self.misfit else {}),
         }
 

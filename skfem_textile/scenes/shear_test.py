@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from ..fabric import Law
 from ..fabric.law_parameters import number
-from .zones import force_of_moments, free_length
+from .common.zones import force_of_moments, free_length
 
 # Angle in radians up to which a ply is at rest: rounding.
 _AT_REST = 1e-9

@@ -13,7 +13,7 @@ from ..mesh.named_nodes import named_nodes
 from ..mesh.user_input import printable
 from ..registration import Option, SceneRegistration, angle
 from ..solve.conditions import Condition
-from .edge_vectors import FREE, MOVES, Component
+from .common.edge_vectors import FREE, MOVES, Component
 from .rectangle import rectangle
 from .scene import Scene
 from .shear_test import BiasTest

@@ -93,6 +93,11 @@ class Problem:
     holds_stiffness, remembers_path
         Whether terms remember stiffnesses at a state near the one that is sought, and
         whether they remember something else.
+
+    Raises
+    ------
+    ValueError
+        If a further term says why it is ``unsupported`` by the conditions.
     """
 
     def __init__(
@@ -108,6 +113,9 @@ class Problem:
         depend_on = {memory.depends_on for memory in ply.memories.values()}
         self.holds_stiffness = "state" in depend_on
         self.remembers_path = bool(depend_on - {"state"})
+        for term in ply.further_terms:
+            if reason := getattr(term, "unsupported", lambda _: "")(constraints):
+                raise ValueError(f"load {term.name!r}: {reason}")
         loaded = "load" in ply.roles.values()
         self.converged = _UNBALANCED_LOADED if loaded else _UNBALANCED
 

@@ -69,9 +69,10 @@ class Mixed:
     residual is unchanged.  Near the equilibrium the stiffnesses of the discretisation
     become once what they are there.  Where the tangent is indefinite, compression is
     halved or dropped in it, so that the increments do not run to saddle points, and no
-    increment but the first changes the displacement gradient by more than ``longest``.
-    In space shear moments alone make the tangent indefinite across the ply: as a last
-    resort what resists shear is made positive semi-definite.
+    increment changes the displacement gradient by more than ``longest``, but for the
+    first of a ply in its plane.  In space shear moments alone make the tangent
+    indefinite across the ply: as a last resort what resists shear is made positive
+    semi-definite.
     """
 
     most: int = 30
@@ -84,6 +85,8 @@ class Mixed:
         """Endless iterates."""
         u, tangent, near = start.u, _first_tangent(problem, start), False
         du = tangent.increment(problem.forces_of(start), u, fixed_values)
+        if problem.in_space:
+            du = self._shortened(problem, du)
         while True:
             du = _in_domain(problem, u, du)
             tension = problem.ply.geometric_tension(u, du)
@@ -94,8 +97,10 @@ class Mixed:
                 f = problem.residual(u) if problem.settle(u) else f
             yield Iterate(tangent, u, f)
             tangent = definite(problem, u, tension)
-            du = tangent.increment(f, u, fixed_values)
-            du = du / max(1.0, _largest_gradient(problem, du) / self.longest)
+            du = self._shortened(problem, tangent.increment(f, u, fixed_values))
+
+    def _shortened(self, problem: Problem, du: ndarray) -> ndarray:
+        return du / max(1.0, _largest_gradient(problem, du) / self.longest)
 
 
 @dataclass(frozen=True)

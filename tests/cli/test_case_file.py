@@ -212,6 +212,7 @@ def test_the_written_case_has_every_default(tmp_path):
             "pretension_N_per_mm": 0.0,
         },
         "shear": {"law": "linear", "stiffness_N_per_mm": 1.0},
+        "bending": {"warp_N_mm": 0.0, "weft_N_mm": 0.0},
         "formulation": {"name": "macro", "cs_N_per_mm": 10.0},
         "loads": {"force_N": {}},
         "stepping": {
@@ -227,7 +228,11 @@ def test_the_written_case_has_every_default(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "scene", ["strip", "picture_frame", "trellis", "bias_extension", "specimen"]
+    "scene",
+    [
+        *("strip", "picture_frame", "trellis", "bias_extension", "specimen"),
+        *("cantilever", "buckling"),
+    ],
 )
 def test_init_writes_the_defaults_of_a_scene(tmp_path, capsys, scene):
     file = tmp_path / "new.toml"

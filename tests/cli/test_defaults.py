@@ -38,11 +38,19 @@ def test_a_plain_run_comes_near_its_exact_answer(tmp_path, capsys, scene):
     assert summary["n_elements"] == 4 * np.prod(inputs["size"])
 
 
+@pytest.mark.parametrize("scene", ["cantilever", "buckling"])
+def test_a_plain_run_in_space_comes_near_its_exact_answer(tmp_path, capsys, scene):
+    summary, _ = plain_run(capsys, scene, tmp_path)
+    if scene == "cantilever":
+        assert summary["tip_error_over_length"] < 1e-3
+    else:
+        assert summary["force_over_exact"] == pytest.approx(1.0, abs=3e-3)
+        assert summary["height_over_exact"] == pytest.approx(1.0, abs=2e-3)
+
+
 def test_the_other_scenes_are_the_bias_extension():
-    assert set(SCENES) - {"strip", "picture_frame", "trellis"} == {
-        "bias_extension",
-        "specimen",
-    }
+    others = {"strip", "picture_frame", "trellis", "cantilever", "buckling"}
+    assert set(SCENES) - others == {"bias_extension", "specimen"}
 
 
 def test_a_plain_picture_frame_has_the_load_of_its_shear_stiffness(tmp_path, capsys):

@@ -9,7 +9,10 @@ from skfem_textile.cli import main as cli
 def test_list_names_the_scenes(capsys):
     assert cli.main(["list"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    names = ["strip", "picture_frame", "trellis", "bias_extension", "specimen"]
+    names = [
+        *("strip", "picture_frame", "trellis", "bias_extension", "specimen"),
+        *("cantilever", "buckling"),
+    ]
     assert [line.split()[0] for line in lines] == names
 
 

@@ -53,6 +53,7 @@ def test_a_name_is_registered_once(package):
             SCENES,
             [
                 *("strip", "picture_frame", "trellis", "bias_extension", "specimen"),
+                *("cantilever", "buckling"),
             ],
         ),
         (

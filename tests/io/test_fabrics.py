@@ -141,7 +141,9 @@ def test_a_fabric_that_no_file_holds_is_refused_and_nothing_is_written(tmp_path)
     ("change", "named"),
     [
         ({"format": "other"}, "format"),
-        ({"bending": 1.0}, "nothing else"),
+        ({"density": 1.0}, "nothing else"),
+        ({"bending": 1.0}, "bending must be a pair"),
+        ({"bending": [1.0, -1.0]}, "bending of weft"),
         ({"shear": {"kind": "Fabric"}}, "no law 'Fabric'"),
         ({"shear": {"kind": "Linear", "stiffness": -1.0}}, "stiffness"),
         ({"shear": {"kind": "Linear", "stiff": 1.0}}, "no parameter 'stiff'"),

@@ -282,7 +282,7 @@ def test_a_series_of_steps_is_warped_once(tmp_path, series):
     np.testing.assert_allclose(fields.warp_by_vector().points[:, :2], current)
 
 
-def test_a_ply_in_space_is_written_in_space_and_not_drawn(tmp_path):
+def test_a_ply_in_space_is_written_in_space(tmp_path):
     mesh = rectangle(2, 2, (2, 2), "irregular", 0.0, 1)
     ply = Ply(mesh, Fabric(100.0, 1.0), Macro(), dimension=3)
     lift = Condition("right", (0.0, 0.0, 0.5))
@@ -297,8 +297,13 @@ def test_a_ply_in_space_is_written_in_space_and_not_drawn(tmp_path):
     head = (tmp_path / "history.csv").read_text().splitlines()[0]
     assert "right_reaction_z" in head
     assert "right_displacement_z" in head
-    with pytest.raises(ValueError, match="of plies in their plane"):
-        write_draped(result, tmp_path)
+    write_draped(result, tmp_path)
+    draped = meshio.read(tmp_path / "fibres.vtu")
+    assert draped.points[:, 2].max() == pytest.approx(0.5)
+    np.testing.assert_allclose(
+        draped.cell_data["warp_direction"][0], last.cell_data["warp_direction"][0]
+    )
+    assert not (tmp_path / "fibres.csv").exists()
 
 
 def test_of_several_points_the_extreme_is_shown():

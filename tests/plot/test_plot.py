@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.fabric.directions import FibreDirections
 from skfem_textile.mesh.splitting import split_cells
-from skfem_textile.scenes import strip
+from skfem_textile.scenes import Case, buckling, strip
 
 pv = pytest.importorskip("pyvista")
 matplotlib = pytest.importorskip("matplotlib")
 Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
+pictures = pytest.importorskip("skfem_textile.plot.pictures")
+Shape = pytest.importorskip("skfem_textile.plot.sheet").Shape
 offscreen = pytest.importorskip("skfem_textile.plot.offscreen")
 curves = pytest.importorskip("skfem_textile.plot.curves").curves
 COLOURS = pytest.importorskip("skfem_textile.plot.curves").COLOURS
@@ -88,13 +90,48 @@ def test_shear_angle_is_drawn_in_degrees(results):
     assert low <= 0
 
 
-def test_a_ply_in_space_is_not_drawn_as_a_flat_one():
-    scene = strip("aligned", size=(2, 3))
-    ply = Ply(scene.mesh, Fabric(1e4, 1.0), Full(), dimension=3)
-    clamp = {"all": Condition(lambda X: X[1] > -1)}
-    result = LoadStepper(ply, clamp, 1).run()
-    with pytest.raises(ValueError, match="pictures show plies in their plane"):
-        plot.shear_angle(result)
+@pytest.fixture(scope="module")
+def arch():
+    """A strip 100 mm × 25 mm that has buckled upwards."""
+    scene = buckling(size=(6, 2))
+    fabric = Fabric(1e5, 0.1, scene.warp, scene.weft, bending=(6.0, 6.0))
+    return Case(scene=scene, fabric=fabric, steps=2).run()
+
+
+def test_a_ply_in_space_is_drawn_in_perspective(arch):
+    """Parallel edges converge, and an element has its colour where it is seen."""
+    (shape,) = pictures.shapes_of([arch], arch.states[-1:])
+    left, right = (
+        np.flatnonzero(np.isclose(arch.ply.nodes[0], x)) for x in (0.0, 100.0)
+    )
+    far, near = (np.ptp(shape.points[at, :2], axis=0) for at in (left, right))
+    assert abs(np.arctan2(*near) - np.arctan2(*far)) > 0.1
+    assert np.ptp(shape.points[:, 1]) > 20
+    plotter = plot.field(arch, field="displacement", clim=(0, 40))
+    seen = shape.points[:, 2].argmax()
+    element = np.flatnonzero((arch.ply.mesh.t == seen).any(axis=0))[:1]
+    u = arch.ply.nodal(arch.u)
+    moved = np.linalg.norm(u[:, arch.ply.mesh.t].mean(axis=1), axis=0)[element]
+    expected = 255 * matplotlib.colormaps["cividis"](moved / 40)[:, :3]
+    found = colours_at(plotter, 0, shape.centres[element].T[:2])
+    np.testing.assert_allclose(found, expected, atol=3.0)
+
+
+def test_vectors_turn_with_a_ply_in_perspective(arch):
+    (shape,) = pictures.shapes_of([arch], arch.states[-1:])
+    plain = Shape.of(arch.ply.mesh, arch.ply.nodal(arch.u))
+    along = plain.points[plain.cells[0][1]] - plain.points[plain.cells[0][0]]
+    seen = shape.points[shape.cells[0][1]] - shape.points[shape.cells[0][0]]
+    off = np.linalg.norm(shape.seen(along) - seen, axis=1)
+    assert (off < 0.06 * np.linalg.norm(seen, axis=1)).all()
+
+
+def test_vectors_of_a_ply_in_space_are_drawn_from_far_to_near(arch, tmp_path):
+    figure = plot.field(arch, field="displacement", filename=tmp_path / "x.svg")
+    faces = next(c for c in figure.axes[0].collections if c.get_array() is not None)
+    assert len(faces.get_array()) == arch.ply.mesh.nelements
+    plot.fibre_directions(arch, filename=tmp_path / "y.png")
+    plot.animation(arch, tmp_path / "z.gif")
 
 
 def test_round_off_is_not_drawn_as_strain():

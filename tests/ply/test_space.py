@@ -35,6 +35,13 @@ FABRICS = {
         warp=lambda x: np.stack([np.cos(0.2 * x[1]), np.sin(0.2 * x[1])]),
         weft=lambda x: np.stack([-np.sin(0.3 * x[0]), np.cos(0.2 * x[0])]),
     ),
+    "bending": Fabric(
+        50.0,
+        0.5,
+        warp=lambda x: np.stack([np.cos(0.2 * x[1]), np.sin(0.2 * x[1])]),
+        weft=(-1.0, 3.0),
+        bending=(3.0, 1.0),
+    ),
     "coupled": Fabric(
         CrimpInterchange((100.0, 30.0), (0.02, 0.005), 1.0, 0.01, 10.0), 0.5
     ),

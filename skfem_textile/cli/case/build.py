@@ -1,11 +1,14 @@
 """The case that values describe."""
 
+import filecmp
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from skfem import Mesh
 
 from ...fabric import Fabric, Law
 from ...fabric.laws.one_sided import Asymmetric, with_compression
@@ -14,11 +17,13 @@ from ...fabric.regions import fabric_of_regions
 from ...mesh.user_input import printable
 from ...ply.formulations import FORMULATIONS
 from ...ply.loads import Force
-from ...registration import Registration, Resistance
+from ...registration import Registration, Resistance, SceneRegistration
 from ...scenes import SCENES, Scene
 from ...scenes.case import Case
+from ...scenes.rectangle import KINDS
 from ..fibres.from_files import from_files
 from .laws import (
+    BENDING,
     IN_COMPRESSION,
     OF_WEFT,
     PREFIXES,
@@ -27,7 +32,7 @@ from .laws import (
     laws_of,
     own_options,
 )
-from .mesh import scene_of
+from .mesh_options import SEED, is_mesh_file
 
 # Name of the subdomain of elements that are in no region.
 _OTHERS = "elements in no region"
@@ -54,12 +59,14 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
     ValueError
         If they describe none.
     """
-    scene, values = scene_of(values)
+    scene, values = _scene_of(values)
     chosen = _chosen("formulation", values["formulation"], FORMULATIONS, values)
     fabric = _fabric(scene, values, (scene.warp, scene.weft))
     if values["fabric"] is not None:
         _refuse_parts(values)
-    laws = [option for of in PREFIXES for option in law_table(of).options]
+    options = [option for of in PREFIXES for option in law_table(of).options]
+    defaults = SCENES[values["scene"]].defaults
+    laws = {o: defaults.get(o.name, o.default) for o in (*options, *BENDING.options)}
     scene, fabric = from_files(values, scene, fabric, laws)
     if values["regions"]:
         fabric = _with_regions(scene, fabric, values)
@@ -67,7 +74,7 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
     return Case(
         scene=scene,
         fabric=fabric,
-        loads=tuple(Force(name, scene.turn @ total) for name, total in values["force"]),
+        loads=tuple(_force(scene, *one) for one in values["force"]),
         formulation=chosen(),
         steps=values["steps"],
         strategies=values["strategy"],
@@ -77,8 +84,65 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
     ), values
 
 
+def _scene_of(values: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
+    """The scene on its mesh, and the values, completed for a generated mesh."""
+    registration, mesh = SCENES[values["scene"]], values["mesh"]
+    if is_mesh_file(mesh) and not Path(mesh).is_file():
+        raise ValueError(
+            f"--mesh {printable(mesh)}: neither a file nor {', '.join(KINDS)}"
+        )
+    values = _completed(values, registration)
+    if is_mesh_file(mesh):
+        mesh = _read(mesh, values)
+    own = {option.key: values[option.key] for option in registration.options}
+    made = {name: values[name] for name in ("size", "jitter", "seed")}
+    scene = registration.build(mesh=mesh, **made, **own)
+    return scene.rotated(np.radians(values["rotate"])), values
+
+
+def _read(file: str, values: Mapping[str, Any]) -> Mesh:
+    """The mesh of a file, of which directions and the fabric may be read too."""
+    from ...io import OF_DIRECTIONS, OF_FABRICS, read_mesh  # loads meshio
+
+    given = {"directions": OF_DIRECTIONS, "fabric": OF_FABRICS}
+    same = [option for option in given if _is_copy(values[option], file)]
+    others = [name for option in same for name in given[option]]
+    return read_mesh(file, others)
+
+
+def _is_copy(named: str | None, file: str) -> bool:
+    """Whether a file is another or a copy of it, as a written case has them."""
+    try:
+        return named is not None and filecmp.cmp(named, file, shallow=False)
+    except (OSError, ValueError):  # its reader tells
+        return False
+
+
+def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str, Any]:
+    """Fill in defaults of a generated mesh; refuse its options beside a mesh file."""
+    made = {"size": scene.size, "jitter": scene.jitter, "seed": SEED}
+    if not is_mesh_file(values["mesh"]):
+        given = {name: values[name] for name in made if values[name] is not None}
+        return {**values, **made, **given}
+    for name in made:
+        if values[name] is not None:
+            raise ValueError(
+                f"--{name} is of a mesh to make, but --mesh names a file: leave one of "
+                "them out"
+            )
+    return dict(values)
+
+
 def _fabric(scene: Scene, values: Mapping[str, Any], fibres: Any) -> Fabric:
-    return Fabric(_tension(values), _law("shear", values), *fibres)
+    warp, weft = (values[option.key] for option in BENDING.options)
+    return Fabric(
+        *(_tension(values), _law("shear", values), *fibres), bending=(warp, weft)
+    )
+
+
+def _force(scene: Scene, name: str, total: tuple[float, ...]) -> Force:
+    """A force in the axes of the problem that is not turned."""
+    return Force(name, scene.turn @ total if len(total) == 2 else total)
 
 
 def _refuse_parts(values: Mapping[str, Any]) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from ...mesh.user_input import excerpt, printable
 from ...registration import Option
-from .laws import FIBRES, PREFIXES
+from .laws import BENDING, FIBRES, PREFIXES
 from .table import Table, Tables
 
 # Tables beside those of options.
@@ -86,7 +86,7 @@ def values_of(
         given = _table(table.name, content.get(table.name, {}))
         also = ["name"] if table.name == _SCENE else []
         values |= _of_table(table, table.name, given, folder, also)
-    laws = [table for table in tables if table.name in PREFIXES]
+    laws = [table for table in tables if table.name in (*PREFIXES, BENDING.name)]
     regions = _table(_REGIONS, content.get(_REGIONS, {}))
     values[_REGIONS] = {
         name: _region(f"{_REGIONS}.{printable(name)}", given, values, folder, laws)

@@ -18,6 +18,23 @@ PREFIXES: dict[Resistance, str] = {"tension": "fibre-", "shear": "shear-"}
 #: Entries of laws within the table of the tension.
 OF_WEFT, IN_COMPRESSION = "weft_tension", "tension_in_compression"
 
+#: Bending stiffnesses of both families, which a region may have of its own.
+BENDING = Table(
+    "bending",
+    tuple(
+        Option(
+            name=f"bending-{family}",
+            help=f"bending stiffness of the {family} per width of ply",
+            default=0.0,
+            read=float,
+            metavar="D",
+            unit="N_mm",
+        )
+        for family in ("warp", "weft")
+    ),
+    prefix="bending-",
+)
+
 # Parameters whose default is another for tension.
 _OF_FIBRES = {STIFFNESS: replace(STIFFNESS, default=1e4, metavar="E")}
 

@@ -10,14 +10,14 @@ from typing import Any
 
 from ...ply.formulations import DEFAULT, FORMULATIONS
 from ...registration import Option, SceneRegistration
-from ...scenes.edge_vectors import FORCES
+from ...scenes.common.edge_vectors import FORCES
 from ...solve.linear import SOLVERS
 from ...solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY
 from ...solve.stepping.adaptive.rounds import MOST_UNKNOWNS
 from ...solve.strategies import STRATEGIES
 from ...solve.verdict import CHECKS
 from ..fibres.from_files import DIRECTIONS, FABRIC
-from .laws import PREFIXES, described, law_table, own_options
+from .laws import BENDING, PREFIXES, described, law_table, own_options
 from .mesh_options import is_mesh_file, mesh_options, scene_options
 from .table import Table
 
@@ -92,6 +92,7 @@ def tables_of(scene: SceneRegistration) -> tuple[Table, ...]:
         ),
         Table("fabric", FABRIC, "file", applies=lambda word, option: word is not None),
         *(law_table(of) for of in PREFIXES),
+        BENDING,
         _formulation_table(),
         Table("loads", (FORCES,)),
         Table("stepping", _STEPPING),

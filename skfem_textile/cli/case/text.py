@@ -6,7 +6,7 @@ from typing import Any
 
 from ...registration import Option
 from ...scenes import SCENES
-from .laws import FIBRES, PREFIXES, described, law_table
+from .laws import BENDING, FIBRES, PREFIXES, described, law_table
 from .table import Table
 
 _UNITS = "# Lengths are in mm, forces in N and angles in degrees, as the keys say."
@@ -40,7 +40,8 @@ def case_text(
     """
     parts = [f"{head}\n{_UNITS}\n"]
     for table in tables:
-        if table.name in PREFIXES and values["fabric"] is not None:
+        of_fabric = *PREFIXES, BENDING.name
+        if table.name in of_fabric and values["fabric"] is not None:
             continue  # the file of the fabric has all laws
         lines = []
         if table.name == "scene":
@@ -58,7 +59,7 @@ def _of_part(place: Place, part: str) -> Place:
 def _region(name: str, values: Mapping[str, Any], place: Place) -> list[str]:
     where = f"regions.{_key(name)}"
     blocks = [_block(where, Table(where, FIBRES), values, place, [_comment(_LAWS)])]
-    for table in (law_table(of) for of in PREFIXES):
+    for table in (*(law_table(of) for of in PREFIXES), BENDING):
         blocks.append(_block(f"{where}.{table.name}", table, values, place, []))
     return blocks
 

@@ -1,10 +1,10 @@
 """The options that take fibre directions and a fabric from files."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,9 @@ from ...fabric import Fabric
 from ...fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ...mesh.user_input import printable
 from ...registration import Option
-from ...scenes import SCENES, Scene
+
+if TYPE_CHECKING:
+    from ...scenes import Scene
 
 log = logging.getLogger(__name__)
 
@@ -53,8 +55,11 @@ FABRIC = (
 
 
 def from_files(
-    values: Mapping[str, Any], scene: Scene, fabric: Fabric, laws: Sequence[Option]
-) -> tuple[Scene, Fabric]:
+    values: Mapping[str, Any],
+    scene: "Scene",
+    fabric: Fabric,
+    laws: Mapping[Option, Any],
+) -> tuple["Scene", Fabric]:
     """The scene and its fabric, with what the files say in place of their own.
 
     Parameters
@@ -64,7 +69,7 @@ def from_files(
     scene, fabric
         As without files.
     laws
-        The options of laws, none of which may be given beside a fabric.
+        The options of laws with their defaults; beside a fabric none is another.
 
     Raises
     ------
@@ -84,7 +89,7 @@ def from_files(
 
         told = (values[name] for name in ("thickness", "units", "material"))
         stated = read_fabric(values["fabric"], *told).fabric
-        fabric = Fabric(stated.tension, stated.shear, scene.warp, scene.weft)
+        fabric = replace(stated, warp=scene.warp, weft=scene.weft)
     else:
         for option in FABRIC[1:]:
             if values[option.key] != option.default:
@@ -96,7 +101,9 @@ def from_files(
     return scene, fabric
 
 
-def _with_directions(file: str, scene: Scene, fabric: Fabric) -> tuple[Scene, Fabric]:
+def _with_directions(
+    file: str, scene: "Scene", fabric: Fabric
+) -> tuple["Scene", Fabric]:
     """The scene and its fabric, with the fibre directions of a file."""
     from ...io import read_directions  # loads meshio
 
@@ -110,7 +117,7 @@ def _with_directions(file: str, scene: Scene, fabric: Fabric) -> tuple[Scene, Fa
     return replace(scene, misfit=misfit), turned.on(fabric)
 
 
-def _has_other_directions(stated: Fabric, scene: Scene, taken: Fabric) -> bool:
+def _has_other_directions(stated: Fabric, scene: "Scene", taken: Fabric) -> bool:
     """Whether a file states directions that are not those of a run."""
     if stated.warp is Fabric.warp and stated.weft is Fabric.weft:
         return False  # a deck without orientations states none
@@ -141,10 +148,9 @@ def _tell_other_directions(values: Mapping[str, Any]) -> None:
     )
 
 
-def _refuse_laws(values: Mapping[str, Any], laws: Sequence[Option]) -> None:
-    defaults = SCENES[values["scene"]].defaults
-    for option in laws:
-        if values[option.key] != defaults.get(option.name, option.default):
+def _refuse_laws(values: Mapping[str, Any], laws: Mapping[Option, Any]) -> None:
+    for option, default in laws.items():
+        if values[option.key] != default:
             raise ValueError(
                 f"--{option.name} is of a law, but --fabric names a file that has all: "
                 "leave one of them out"

@@ -122,6 +122,26 @@ TESTS: dict[str, tuple[str, tuple[Option, ...]]] = {
             ),
         ),
     ),
+    "cantilever": (
+        "a bending stiffness from cantilever tests, by the elastica (Peirce)",
+        (
+            Option(
+                name="weight",
+                help="weight per area in N/mm2, 6e-6 for 0.6 kg/m2",
+                read=float,
+                metavar="W",
+            ),
+            Option(
+                name="family",
+                help="whose fibres lie along the strips",
+                default="warp",
+                choices=("warp", "weft"),
+            ),
+            angle("chord-angle", None, "of files without that column, such as 41.5"),
+            *_COMMON[:1],
+            _COMMON[2],
+        ),
+    ),
     "biaxial": (
         "tension laws from biaxial tests, one file for each ratio of the strains",
         (

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ... import __version__
-from ...calibration import biaxial, report
+from ...calibration import bending, biaxial, report
+from ...calibration.bending import BendingFit
 from ...calibration.biaxial import TensionFit
 from ...calibration.curves import COLUMNS, column_named
 from ...calibration.inverse import Simulation, fit_by_simulation
@@ -35,6 +36,11 @@ _NO_SHEAR = (
     "and its fabric.json"
 )
 
+_NO_LAWS = (
+    "fibres of fabric.json have a stiffness that no test told, and its shear none: fit "
+    "tests of shear and tension, and this test with --fabric and their fabric.json"
+)
+
 # Files that a fit may write; summary.json comes last.
 _FILES = (
     *("summary.json", "fabric.json", "report.md"),
@@ -50,7 +56,7 @@ class _Found:
     reports: dict[str, dict[str, Any]]
     fabric: Fabric
     laws: dict[str, Any]
-    fit: ShearFit | TensionFit
+    fit: ShearFit | TensionFit | BendingFit
 
 
 def run_fit(options: argparse.Namespace) -> int:
@@ -65,7 +71,12 @@ def run_fit(options: argparse.Namespace) -> int:
     """
     from ... import io  # loads meshio
 
-    fits = {"biaxial": _tension, "picture-frame": _frame, "bias-extension": _bias}
+    fits = {
+        "picture-frame": _frame,
+        "bias-extension": _bias,
+        "cantilever": _bending,
+        "biaxial": _tension,
+    }
     found = fits[options.test](options)
     text = report_text(found.reports)
     inputs = {k: v for k, v in vars(options).items() if k not in ("command", "out")}
@@ -155,6 +166,24 @@ def _tension(options: argparse.Namespace) -> _Found:
         for one in reports.values():
             one["notes"].append(_NO_SHEAR)
     return _Found(reports, replace(base, tension=tension), laws, found)
+
+
+def _bending(options: argparse.Namespace) -> _Found:
+    if options.weight is None:
+        raise ValueError("--weight is missing: the weight per area is needed")
+    units, angle = _units(options), options.chord_angle
+    fixed = None if angle is None else float(np.radians(angle))
+    tests = [bending.read_cantilever(path, fixed, units) for path in options.data]
+    found = bending.fit_bending(tests, options.weight)
+    base, known = _kept(options, Fabric()), report.bending_report(found)
+    warp, weft = base.bending
+    both = (
+        (found.stiffness, weft) if options.family == "warp" else (warp, found.stiffness)
+    )
+    if options.fabric is None:
+        known["notes"].append(_NO_LAWS)
+    title = f"Bending of the {options.family}"
+    return _Found({title: known}, replace(base, bending=both), {}, found)
 
 
 def _specimens(options: argparse.Namespace, tests: list[Any]) -> list[Specimen]:

@@ -1,6 +1,6 @@
 """Directions of both fibre families in each element, as vectors and as angles."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -67,7 +67,7 @@ class FibreDirections:
 
     def on(self, fabric: Fabric) -> Fabric:
         """The laws of a fabric, with these directions."""
-        return Fabric(fabric.tension, fabric.shear, self.warp, self.weft)
+        return replace(fabric, warp=self.warp, weft=self.weft)
 
 
 def _at_angles(degrees: ArrayLike) -> ndarray:

@@ -2,6 +2,7 @@
 
 import logging
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -97,7 +98,8 @@ def _read(
         return radioss.read(content, thickness, units, material)
     fabric, not_taken = abaqus_fabric.read(content, thickness, units, material)
     if directions := read_directions(content):
-        fabric = Fabric(fabric.tension, fabric.shear, *directions)
+        warp, weft = directions
+        fabric = replace(fabric, warp=warp, weft=weft)
     return FabricOfFile(fabric, not_taken)
 
 

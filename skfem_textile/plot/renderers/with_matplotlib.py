@@ -1,4 +1,7 @@
-"""Pictures of plies in the plane as vectors, drawn by matplotlib."""
+"""Pictures of plies as vectors, drawn by matplotlib.
+
+Lines of a ply in space that faces hide are drawn all the same.
+"""
 
 import matplotlib as mpl
 import numpy as np
@@ -51,11 +54,14 @@ def _draw_panel(page: mpl.axes.Axes, place: Place, sheet: Sheet) -> None:
 
     first = 0
     for cell in shape.cells:
-        faces = PolyCollection(list(on_page(shape.points[cell.T])), linewidths=_SEAM)
+        # Far ones first, so that near ones hide them.
+        order = np.argsort(shape.points[cell].mean(axis=0)[:, 2], kind="stable")
+        corners = shape.points[cell[:, order].T]
+        faces = PolyCollection(list(on_page(corners)), linewidths=_SEAM)
         if panel.scale is None or panel.values is None:
             faces.set(facecolors=PLY, edgecolors=PLY)
         else:
-            faces.set(array=panel.values[first : first + cell.shape[1]])
+            faces.set(array=panel.values[first : first + cell.shape[1]][order])
             faces.set(cmap=panel.scale.colours, edgecolors="face")
             faces.set_clim(panel.scale.low, panel.scale.high)
         first += cell.shape[1]

@@ -150,7 +150,7 @@ def _point_camera(
     centre = 0.5 * (low + high)
     centre[:2] -= (place.middle - seen) / scale
     reach = 0.5 * frame.box.height / scale
-    eye = centre + np.array([0.0, 0.0, reach])
+    eye = centre + np.array([0.0, 0.0, reach + high[2] - low[2]])
     plotter.camera_position = [eye, centre, (0.0, 1.0, 0.0)]
     plotter.enable_parallel_projection()
     plotter.camera.parallel_scale = reach

@@ -10,7 +10,7 @@ from skfem import Mesh, MeshTri
 
 from ...fabric import Fabric
 from ...fabric.regions import fabric_on
-from ...mesh.bases import components, node_dofs
+from ...mesh.bases import node_dofs
 from ...mesh.checks import MeshError
 from ...mesh.splitting import SplitMesh, cut
 from ...mesh.splitting.edges import edges_of
@@ -107,7 +107,7 @@ def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
         fabric = fabric_on(parent, fabric)
     finer = type(ply)(
         *(refined.mesh, fabric, ply.formulation, ply.further_terms_as_given),
-        dimension=components(ply.basis),
+        **ply.placement,
     )
     return Refinement(finer, parent, refined.ends, ply)
 

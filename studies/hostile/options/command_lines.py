@@ -114,6 +114,7 @@ def _sound_parts(scene: str, random: Random) -> list[list[str]]:
     parts = [
         ["--fibre-stiffness", random.choice(("1e4", "100", "1e3"))],
         ["--shear-stiffness", random.choice(("0", "0.5", "2", "10"))],
+        ["--bending-warp", random.choice(("0", "0.5", "10"))],
         ["--shear-law", random.choice(("linear", "sin2"))],
         ["--rotate", random.choice(("30", "-77.5", "0", "180"))],
         ["--strategy", *random.choice((["mixed"], ["descent", "mixed"], ["newton"]))],

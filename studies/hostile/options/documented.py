@@ -157,6 +157,8 @@ _LOADED = {
     **OF_OTHER_LAWS,
     "fibre-compression": Option(one_of("law", "none"), "law"),
     "fibre-pretension": Option(float, 0.0),
+    "bending-warp": Option(float, 0.0),
+    "bending-weft": Option(float, 0.0),
     "force": Option(_force, [], "", "all"),
     "rotate": Option(_degrees, 0.0),
     "test-curve": Option(str, None),

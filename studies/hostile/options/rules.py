@@ -40,7 +40,10 @@ def refuse_contradictions(line: RunLine) -> None:
 def may_be_refused(line: RunLine) -> bool:
     """Whether a run may be refused or not, because its numbers are extreme."""
     v = line.values
-    names = "fibre-stiffness", "shear-stiffness", "cs", "deviation"
+    names = (
+        *("fibre-stiffness", "shear-stiffness", "bending-warp", "bending-weft"),
+        *("cs", "deviation"),
+    )
     if v["fibre-pretension"]:  # which the law may not reach
         return True
     numbers = [v[name] for name in names if v[name] not in (None, "auto", 0)]
@@ -116,7 +119,7 @@ def _refuse_mesh(line: RunLine) -> None:
 
 
 def _refuse_numbers(v: dict[str, Any]) -> None:
-    for name in ("fibre-stiffness", "shear-stiffness"):
+    for name in ("fibre-stiffness", "shear-stiffness", "bending-warp", "bending-weft"):
         _refuse_stiffness(v[name])
     if v["fibre-stiffness"] == v["shear-stiffness"] == 0:
         raise UnreadableError("no stiffness")

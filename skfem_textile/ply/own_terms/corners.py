@@ -8,10 +8,10 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 from skfem import CellBasis, asm
 
-from ..fabric import Fabric
-from ..forms.corners import RESISTING, corner_resistance
-from ..mesh.corners import CornerBasis, Corners
-from .term import Term
+from ...fabric import Fabric
+from ...forms.corners import RESISTING, corner_resistance
+from ...mesh.corners import CornerBasis, Corners
+from ..term import Term
 
 # κ as a share of the fibre stiffness, where this is more than the shear stiffness.
 # A larger one adds more energy where corners close; a smaller one lets them come closer

@@ -3,7 +3,7 @@
 import math
 from typing import TypeAlias
 
-from ..registration import Option
+from ...registration import Option
 
 #: A component of a displacement in mm, or that it is not prescribed.
 Component: TypeAlias = float | str
@@ -11,15 +11,15 @@ Component: TypeAlias = float | str
 FREE = "free"
 
 
-def _read_force(word: str) -> tuple[str, tuple[float, float]]:
+def _read_force(word: str) -> tuple[str, tuple[float, ...]]:
     name, _, components = word.partition("=")
     try:
-        x, y = (float(component) for component in components.split(","))
+        force = tuple(float(component) for component in components.split(","))
     except ValueError:
-        x = math.nan
-    if not (name and math.isfinite(x) and math.isfinite(y)):
-        raise ValueError(f"{word!r} is not like top=0,100")
-    return name, (x, y)
+        force = ()
+    if not (name and len(force) in (2, 3) and all(map(math.isfinite, force))):
+        raise ValueError(f"{word!r} is not like top=0,100, or top=0,0,100 in space")
+    return name, force
 
 
 def _read_move(word: str) -> tuple[str, tuple[Component, Component]]:
@@ -37,13 +37,14 @@ def _read_move(word: str) -> tuple[str, tuple[Component, Component]]:
 FORCES = Option(
     name="force",
     help="a force in N in all, spread over a named boundary beside the "
-    "scene's conditions, in proportion to the load factor; may be repeated",
+    "scene's conditions, in proportion to the load factor, with a third component in "
+    "space; may be repeated",
     default=(),
     read=_read_force,
     metavar="NAME=FX,FY",
     repeated=True,
     unit="N",
-    in_file=dict[str, tuple[float, float]],
+    in_file=dict[str, tuple[float, ...]],
 )
 
 #: Displacements of boundaries at the end.

@@ -1,0 +1,177 @@
+"""The bending stiffness of one fibre family from cantilever tests (Peirce 1930).
+
+A strip that hangs over the edge of a table by the length L bends under its weight w per
+area, and its chord comes to lie at the angle θ below the table.  Of an elastica θ is a
+function of w L³/D alone, which is inverted here.  Peirce's formula is
+D = w L³/8 · cos(θ/2)/tan θ.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from ..scenes.common.elastica import hanging, peirce
+from .curves import read_curve
+from .regression import CONFIDENCE
+
+#: Columns of a test, by the names of `COLUMNS`.
+OVERHANG, ANGLE = "overhang", "chord angle"
+
+# Angles of the chord that an elastica is asked for, in radians: below a straight line
+# is within the error of any reading, above the strip hangs.
+_SHALLOW, _STEEP = np.radians([0.5, 85.0])
+
+# Least and largest w L³/D, beyond those of these angles.
+_LEAST, _MOST = 1e-2, 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class CantileverTest:
+    """Readings of one strip, or of several that are alike.
+
+    Attributes
+    ----------
+    name
+        What it is called.
+    overhang
+        Length of the strip that hangs over in mm, shape (n,).
+    angle
+        Angle of its chord below the table in radians, shape (n,).
+    """
+
+    name: str
+    overhang: ndarray
+    angle: ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class BendingFit:
+    """Bending stiffnesses that were found from cantilever tests.
+
+    Attributes
+    ----------
+    tests
+        The tests.
+    weight
+        Weight per area in N/mm².
+    by_elastica, by_peirce
+        Bending stiffness in N·mm of each reading of all tests, shape (n,).
+    """
+
+    tests: tuple[CantileverTest, ...]
+    weight: float
+    by_elastica: ndarray
+    by_peirce: ndarray
+
+    @property
+    def stiffness(self) -> float:
+        """The mean of those by the elastica in N·mm."""
+        return float(self.by_elastica.mean())
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Its confidence interval, by Student's t; infinite of a single reading."""
+        from scipy import stats
+
+        student: Any = stats.t
+
+        n = self.by_elastica.size
+        if n == 1:
+            return -np.inf, np.inf
+        deviation = self.by_elastica.std(ddof=1) / np.sqrt(n)
+        half = float(student.ppf(0.5 + CONFIDENCE / 2, n - 1) * deviation)
+        return self.stiffness - half, self.stiffness + half
+
+
+def read_cantilever(
+    path: str | os.PathLike[str],
+    angle: float | None = None,
+    units: Mapping[str, str] | None = None,
+) -> CantileverTest:
+    """Readings of a test from the columns ``overhang`` and ``chord angle`` of a file.
+
+    Parameters
+    ----------
+    path
+        The file, see `read_curve`.
+    angle
+        Angle of every chord in radians, of a file without that column, as of a table
+        whose plane falls at a fixed angle.
+    units
+        As of `read_curve`.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file, or a reading is none.
+    OSError
+        If it cannot be read.
+    """
+    columns, name = read_curve(path, units), Path(path).name
+    if OVERHANG not in columns:
+        raise ValueError(f"{name}: there is no column {OVERHANG!r}")
+    if (ANGLE in columns) == (angle is not None):
+        raise ValueError(
+            f"{name}: give angles in the column {ANGLE!r}, or one angle for all, and "
+            "not both"
+        )
+    overhang = columns[OVERHANG]
+    angles = columns[ANGLE] if angle is None else np.full(overhang.shape, angle)
+    if not (overhang > 0).all():
+        raise ValueError(f"{name}: every overhang must be positive")
+    if not ((angles >= _SHALLOW) & (angles <= _STEEP)).all():
+        low, high = np.degrees([_SHALLOW, _STEEP])
+        raise ValueError(
+            f"{name}: every chord angle must be from {low:g} to {high:g} degrees"
+        )
+    return CantileverTest(name, overhang, angles)
+
+
+def fit_bending(tests: Sequence[CantileverTest], weight: float) -> BendingFit:
+    """The bending stiffness of strips, by the elastica and by Peirce.
+
+    Parameters
+    ----------
+    tests
+        The tests.
+    weight
+        Weight per area in N/mm².
+
+    Raises
+    ------
+    ValueError
+        If there is no test, or the weight is not positive.
+
+    Examples
+    --------
+    >>> test = CantileverTest("strip", np.array([200.0]), np.radians([41.487]))
+    >>> found = fit_bending([test], 6e-6)
+    >>> round(found.stiffness, 2), round(float(found.by_peirce[0]), 2)
+    (6.0, 6.34)
+    """
+    if not tests:
+        raise ValueError("no cantilever test is given")
+    if not 0 < weight < np.inf:
+        raise ValueError(f"the weight must be a positive number, got {weight:g}")
+    overhang, angle = (
+        np.concatenate([getattr(test, name) for test in tests])
+        for name in ("overhang", "angle")
+    )
+    load = np.array([weight_number(float(one)) for one in angle])
+    by_peirce = peirce(overhang, weight, angle)
+    return BendingFit(tuple(tests), weight, weight * overhang**3 / load, by_peirce)
+
+
+def weight_number(angle: float) -> float:
+    """The number w L³/D of an elastica by the angle of its chord in radians."""
+    from scipy.optimize import brentq
+
+    def off(logarithm: float) -> float:
+        return hanging(float(np.exp(logarithm))).chord_angle - angle
+
+    return float(np.exp(brentq(off, np.log(_LEAST), np.log(_MOST), xtol=1e-9)))

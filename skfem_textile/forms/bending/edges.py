@@ -1,0 +1,58 @@
+"""Boundary edges at which fibres end, and how they are held there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh
+
+# Fibres at a smaller angle (radians) to a boundary do not end there.  A larger angle
+# forgets the slope of fibres across it, a smaller one takes round-off for an angle.
+_ALONG = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class EndEdges:
+    """Boundary edges that fibres meet.
+
+    Attributes
+    ----------
+    facets
+        Their numbers, shape (n,).
+    A
+        Unit direction of the fibres at each, shape (2, n).
+    N
+        Unit normal out of the ply, shape (2, n).
+    """
+
+    facets: ndarray
+    A: ndarray
+    N: ndarray
+
+    @property
+    def across(self) -> ndarray:
+        """A·N, shape (n,)."""
+        return (self.A * self.N).sum(axis=0)
+
+
+def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
+    """Those of some boundary edges that fibres do not follow.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    A
+        Unit direction of the fibres in each element, shape (2, n_elements).
+    facets
+        Numbers of boundary edges.
+    """
+    ends = mesh.p[:, mesh.facets[:, facets]]
+    along = ends[:, 1] - ends[:, 0]
+    N = np.array([along[1], -along[0]]) / np.hypot(*along)
+    elements = mesh.f2t[0, facets]
+    out = ends.mean(axis=1) - mesh.p[:, mesh.t[:, elements]].mean(axis=1)
+    N = N * np.sign((N * out).sum(axis=0))
+    at_edges = A[:, elements]
+    meets = np.abs((at_edges * N).sum(axis=0)) > _ALONG
+    return EndEdges(facets[meets], at_edges[:, meets], N[:, meets])

@@ -1,0 +1,131 @@
+"""Bending of fibres on bilinear quadrilaterals, by curvatures at the nodes.
+
+In the weak sense the curvature at node i is m_i = (M⁻¹ L u)_i with M lumped and
+
+    L_ij = Σ_e [∫ (A·∇φ_i)(A·∇φ_j) − ∮ φ_i (A·N)(A·{∇φ_j})],
+
+where ∮ goes over interior edges and {} is the mean of both sides; where A does not
+jump its parts cancel.  The energy is ½ Σ D W_i |m_i|² with the areas W_i of the nodes.
+Where fibres end freely their moment is zero: these nodes are left out, and their area
+goes to nodes of the same elements.  At a clamp A·∇u vanishes, which is the natural
+condition of L.  On a plane of symmetry with the normal N the part of m along N is left
+out, as it is odd there, and ∂u/∂N vanishes of what is even.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import block_diag, csr_matrix, diags, identity, kron
+from skfem import (
+    BilinearForm,
+    CellBasis,
+    ElementQuad1,
+    FacetBasis,
+    InteriorFacetBasis,
+    asm,
+)
+from skfem.helpers import dot, grad
+
+from .edges import EndEdges
+
+# Eigenvalues of sums of N⊗N that count as zero.
+_NONE = 1e-9
+
+
+def matrix_of_quadrilaterals(
+    mesh: Any, A: ndarray, D: ndarray, free: EndEdges, mirrors: EndEdges, d: int
+) -> Any:
+    """The matrix of the bending energy.
+
+    Parameters
+    ----------
+    mesh
+        A `skfem.MeshQuad`.
+    A, D
+        As of `bending_matrix`.
+    free, mirrors
+        Edges where fibres end freely, and those on planes of symmetry.
+    d
+        Components of the displacement.
+    """
+    basis = CellBasis(mesh, ElementQuad1(), intorder=3)
+    overlap, stiffness = (asm(_PRODUCT, basis, D=x[:, None]) for x in (D * 0 + 1, D))
+    area, D_area = (np.asarray(x.sum(axis=1)).ravel() for x in (overlap, stiffness))
+    L = asm(_ALONG_FIBRES, basis, A=A[:, :, None])
+    if np.ptp(A, axis=1).any():
+        L = L - _of_jumps(mesh, A)
+    if mirrors.facets.size:
+        edges = FacetBasis(mesh, ElementQuad1(), facets=mirrors.facets, intorder=3)
+        L = L - asm(_EVEN, edges, A=mirrors.A[:, :, None])
+    left_out = _left_out(mesh, free, mirrors, d)
+    weights = _weights(overlap, area, left_out) * (D_area / area**3)[:, None, None]
+    if not mirrors.facets.size:
+        return kron(L.T @ diags(weights[:, 0, 0]) @ L, identity(d))
+    every = kron(L, identity(d), format="csr")
+    return every.T @ block_diag(weights, format="csr") @ every
+
+
+@BilinearForm
+def _PRODUCT(u, v, w):
+    return w["D"] * u * v
+
+
+@BilinearForm
+def _ALONG_FIBRES(u, v, w):
+    return dot(w["A"], grad(u)) * dot(w["A"], grad(v))
+
+
+@BilinearForm
+def _EVEN(u, v, w):
+    """φ (A·N)(A·∇u) where ∂u/∂N = 0."""
+    across = dot(w["A"], w.n)
+    return v * across * (dot(w["A"], grad(u)) - across * dot(w.n, grad(u)))
+
+
+@BilinearForm
+def _OF_JUMP(u, v, w):
+    return 0.5 * v * dot(w["jump"], grad(u))
+
+
+def _of_jumps(mesh: Any, A: ndarray) -> Any:
+    """∮ φ_i [(A·N) A]·{∇φ_j} over interior edges; [] is the jump of directions."""
+    sides = [
+        InteriorFacetBasis(mesh, ElementQuad1(), intorder=3, side=side)
+        for side in (0, 1)
+    ]
+    n = np.asarray(sides[0].normals)
+    one, other = (A[:, side.tind, None] for side in sides)
+    jump = dot(one, n) * one - dot(other, n) * other
+    return sum(asm(_OF_JUMP, side, sides[0], jump=jump) for side in sides)
+
+
+def _left_out(mesh: Any, free: EndEdges, mirrors: EndEdges, d: int) -> ndarray:
+    """Projectors on the components of m that are left out, shape (n_nodes, d, d)."""
+    N = np.zeros((d, mirrors.facets.size))
+    N[:2] = mirrors.N
+    projectors = np.zeros((mesh.nvertices, d, d))
+    for nodes in mesh.facets[:, mirrors.facets]:
+        np.add.at(projectors, nodes, np.einsum("in,jn->nij", N, N))
+    nodes = np.unique(mesh.facets[:, mirrors.facets])
+    values, vectors = np.linalg.eigh(projectors[nodes])
+    odd = vectors * (values > _NONE)[:, None]
+    projectors[nodes] = odd @ vectors.swapaxes(1, 2)
+    projectors[mesh.facets[:, free.facets]] = np.eye(d)
+    return projectors
+
+
+def _weights(overlap: csr_matrix, area: ndarray, left_out: ndarray) -> ndarray:
+    """Areas of the components of m at the nodes, shape (n_nodes, d, d).
+
+    What is left out gives its area in equal parts to what is kept at nodes of the same
+    elements.
+    """
+    n, d, _ = left_out.shape
+    kept = np.eye(d) - left_out
+    giving = np.flatnonzero(left_out.any(axis=(1, 2)))
+    beside = (overlap[giving] != 0).astype(float)
+    receivers = (beside @ kept.reshape(n, -1)).reshape(-1, d, d)
+    given = np.linalg.pinv(receivers) @ left_out[giving] * area[giving, None, None]
+    received = (beside.T @ given.reshape(-1, d * d)).reshape(n, d, d)
+    return area[:, None, None] * kept + kept @ received @ kept

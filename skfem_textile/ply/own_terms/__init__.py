@@ -1,0 +1,1 @@
+"""Terms of the library beside tension, shear and what formulations add."""

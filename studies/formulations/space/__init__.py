@@ -1,0 +1,1 @@
+"""A ply in space against exact answers: bending, buckling, extreme stiffnesses."""

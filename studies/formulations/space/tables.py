@@ -1,0 +1,112 @@
+"""Tables of the study of a ply in space."""
+
+from collections.abc import Sequence
+
+from ...common.tables import markdown_table
+from ...study import Row
+
+#: An answer that is off by more than this share is wrong.
+WRONG = 0.02
+
+
+def _of(rows: Sequence[Row], part: str) -> list[Row]:
+    return [row for row in rows if row["part"] == part]
+
+
+def _share(x: float | None) -> str:
+    return "-" if x is None else f"{x:+.1e}"
+
+
+def cantilevers(rows: Sequence[Row]) -> str:
+    """Errors of the tip over the length."""
+    head = ["formulation", "load", "edges", "x, of L", "z, of L", "steps", "solves"]
+    lines = [
+        [
+            *(row["formulation"], row["load"], row["n"]),
+            *(_share(row.get("off_x")), _share(row.get("off_z"))),
+            *(row.get("load_steps", "-"), row.get("linear_solves", "-")),
+        ]
+        for row in _of(rows, "cantilever")
+    ]
+    return markdown_table(head, lines)
+
+
+def plates(rows: Sequence[Row]) -> str:
+    """Largest error of the deflection over the largest deflection."""
+    found = _of(rows, "plate")
+    edges = list(dict.fromkeys(row["n"] for row in found))
+    kinds = dict.fromkeys(
+        (row["formulation"], row["degrees"], row["jitter"]) for row in found
+    )
+    lines = []
+    for formulation, degrees, jitter in kinds:
+        by_edges = {
+            row["n"]: f"{row['off_z']:.1e}"
+            for row in found
+            if (row["formulation"], row["degrees"], row["jitter"])
+            == (formulation, degrees, jitter)
+        }
+        mesh = "moved by 20 %" if jitter else "regular"
+        errors = [by_edges.get(n, "-") for n in edges]
+        lines.append([formulation, f"{degrees}°", mesh, *errors])
+    return markdown_table(
+        ["elements", "fibres at", "nodes", *(f"{n} edges" for n in edges)], lines
+    )
+
+
+def buckling(rows: Sequence[Row]) -> str:
+    """Errors of critical tensions."""
+    head = ["buckles", "formulation", "D, N·mm", "exact, N/mm", "8 edges", "16 edges"]
+    found = _of(rows, "buckling")
+    kinds = dict.fromkeys((row["where"], row["formulation"], row["D"]) for row in found)
+    lines = []
+    for kind in kinds:
+        own = [r for r in found if (r["where"], r["formulation"], r["D"]) == kind]
+        errors = {row["n"]: _share(row["off_x"]) for row in own}
+        exact = f"{own[0]['exact']:.4g}"
+        where, formulation, D = kind
+        ends = [errors.get(n, "-") for n in (8, 16)]
+        lines.append([where, formulation, f"{D:g}", exact, *ends])
+    return markdown_table(head, lines)
+
+
+def modes(rows: Sequence[Row]) -> str:
+    """Zero modes of a free flat patch."""
+    lines = [
+        [row["formulation"], f"{row['D']:g}", row["unknowns"], row["modes"]]
+        for row in _of(rows, "modes")
+    ]
+    head = ["formulation", "D, N·mm", "unknowns", "motions without stiffness"]
+    return markdown_table(head, lines)
+
+
+def wrong(rows: Sequence[Row]) -> list[Row]:
+    """Runs of extreme stiffnesses that converged to an answer that is off."""
+    return [
+        row
+        for row in rows
+        if row["part"].startswith("extreme")
+        and row["outcome"] == "converged"
+        and _off(row) > WRONG
+    ]
+
+
+def _off(row: Row) -> float:
+    return max(abs(row["off_x"]), abs(row["off_z"]))
+
+
+def extremes(rows: Sequence[Row]) -> str:
+    """Runs that are right, refused and wrong, by problem and E/G."""
+    found = [row for row in rows if row["part"].startswith("extreme")]
+    lines = []
+    for part in dict.fromkeys(row["part"] for row in found):
+        for stiff in dict.fromkeys(row["E_over_G"] for row in found):
+            own = [r for r in found if (r["part"], r["E_over_G"]) == (part, stiff)]
+            good = [row for row in own if row["outcome"] == "converged"]
+            bad = len(wrong(own))
+            largest = max((_off(row) for row in good), default=0.0)
+            counts = len(own), len(good) - bad, len(own) - len(good), bad
+            name = part.removeprefix("extreme ")
+            lines.append([name, f"{stiff:.0e}", *counts, f"{100 * largest:.2f} %"])
+    head = ["problem", "E/G", "runs", "right", "refused", "wrong", "largest error"]
+    return markdown_table(head, lines)

@@ -1,0 +1,376 @@
+"""Bending of fibres: at rest, on plates, at ends, and against the elastica."""
+
+import numpy as np
+import pytest
+from helpers import distorted, wobble
+from scipy.integrate import solve_bvp
+from scipy.sparse.linalg import spsolve
+from skfem import MeshQuad, MeshTri
+
+from skfem_textile import (
+    BodyForce,
+    Condition,
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    Traction,
+)
+from skfem_textile.ply.refinement import refine
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.linear import solver_named
+from skfem_textile.solve.problem import Problem, Tangent
+
+FORMULATIONS = {
+    "one point": OnePoint(),
+    "full": Full(),
+    "macro": Macro(),
+    "quadratic": Quadratic(),
+}
+every_formulation = pytest.mark.parametrize(
+    "formulation", FORMULATIONS.values(), ids=FORMULATIONS
+)
+
+SIDE, D = 100.0, 10.0
+
+
+def bending(ply):
+    return next(term for term in ply.terms if term.name == "bending")
+
+
+def across(ply):
+    """The matrix of the displacement along z."""
+    return bending(ply).matrix[2::3, 2::3].tocsr()
+
+
+def inclined(degrees):
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return {"warp": (c, s), "weft": (-s, c)}
+
+
+def square(n, jitter=0.0, side=SIDE):
+    return rectangle(side, side, (n, n), "irregular", jitter, 1)
+
+
+def plate(mesh, degrees, formulation, held, ends=None):
+    """Deflection under p sin sin over the largest exact one; pinned where held."""
+    fabric = Fabric(1e4, 0.1, **inclined(degrees), bending=(D, D))
+    ply = Ply(mesh, fabric, formulation, dimension=3, fibre_ends=ends)
+    x, y = ply.nodes
+    shape = np.sin(np.pi * x / SIDE) * np.sin(np.pi * y / SIDE)
+    load = BodyForce(
+        lambda X: (
+            np.stack([0 * X[0], 0 * X[0], *np.sin(np.pi * X / SIDE)[:1]])
+            * np.sin(np.pi * X[1] / SIDE)
+        )
+    )
+    f = load.on(ply.basis).vector[2::3]
+    free = np.flatnonzero(~held(x, y))
+    w = np.zeros(len(x))
+    w[free] = spsolve(across(ply)[free][:, free].tocsc(), f[free])
+    families = 2 if degrees % 90 == 0 else 4
+    return w * families * D * (np.pi / SIDE) ** 4 - shape
+
+
+def on_sides(x, y):
+    return (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > SIDE - 1e-9)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
+@pytest.mark.parametrize("degrees", [0, 45])
+def test_a_simply_supported_plate_is_of_second_order(degrees, jitter):
+    coarse, fine = (
+        np.abs(plate(square(n, jitter), degrees, OnePoint(), on_sides)).max()
+        for n in (8, 16)
+    )
+    assert fine < 0.02
+    assert coarse / fine > 3
+
+
+@pytest.mark.parametrize("degrees", [0, 45])
+def test_quadratic_triangles_are_of_second_order_too(degrees):
+    coarse, fine = (
+        np.abs(plate(square(n, 0.2), degrees, Quadratic(), on_sides)).max()
+        for n in (8, 16)
+    )
+    assert fine < 0.025
+    assert coarse / fine > 3
+
+
+@pytest.mark.parametrize("formulation", [OnePoint(), Quadratic()], ids=["quad", "tri"])
+@pytest.mark.parametrize("degrees", [0, 45])
+def test_planes_of_symmetry_stand_for_the_other_half(degrees, formulation):
+    """A quarter of the plate."""
+    ends = {"right": "mirror", "top": "mirror"}
+    errors = [
+        np.abs(
+            plate(
+                square(n, side=SIDE / 2).with_defaults(),
+                degrees,
+                formulation,
+                lambda x, y: np.minimum(x, y) < 1e-9,
+                ends,
+            )
+        ).max()
+        for n in (4, 8)
+    ]
+    assert errors[1] < 0.04
+    assert errors[0] / errors[1] > 2.5
+
+
+@every_formulation
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_fibres_that_are_curved_at_rest_do_not_bend_in_a_homogeneous_motion(
+    formulation, dimension
+):
+    fabric = Fabric(
+        50.0,
+        0.5,
+        warp=lambda x: np.stack([np.cos(0.4 * x[1]), np.sin(0.4 * x[1])]),
+        weft=lambda x: np.stack([-np.sin(0.3 * x[0]), np.cos(0.3 * x[0])]),
+        bending=(3.0, 1.0),
+    )
+    ply = Ply(distorted(1, jitter=0.2), fabric, formulation, dimension=dimension)
+    H = np.random.default_rng(3).standard_normal((dimension, 2))
+    u = (H @ ply.nodes).T.ravel()
+    wave = ply.energies(wobble(ply, 2, 0.1))["bending"]
+    assert ply.energies(u)["bending"] < 1e-12 * wave
+
+
+def test_directions_that_turn_from_element_to_element_bend_alike():
+    """Fibres along circles, as a field and as one direction in each element."""
+    mesh = rectangle(10, 10, (16, 16), "irregular", 0.2, 1)
+
+    def warp(x):
+        return np.stack([20 + x[1], -x[0]])
+
+    def weft(x):
+        return np.stack([x[0], 20 + x[1]])
+
+    centres = mesh.p[:, mesh.t].mean(axis=1)
+    fields = Fabric(warp=warp, weft=weft, bending=(D, 0.0))
+    arrays = Fabric(warp=warp(centres), weft=weft(centres), bending=(D, 0.0))
+    plies = [Ply(mesh, fabric, Full(), dimension=3) for fabric in (fields, arrays)]
+    x, y = mesh.p
+    u = plies[0].basis.zeros()
+    u[2::3] = 0.01 * x**2 + 0.02 * x * y - 0.01 * y**2
+    first, second = (ply.energies(u)["bending"] for ply in plies)
+    assert second == pytest.approx(first, rel=1e-12)
+    A = warp(centres) / np.hypot(*warp(centres))
+    curvature = 0.02 * A[0] ** 2 + 0.04 * A[0] * A[1] - 0.02 * A[1] ** 2
+    area = plies[0].basis.dx.sum(axis=1)
+    assert first == pytest.approx(0.5 * D * (area * curvature**2).sum(), rel=0.02)
+
+
+def test_each_family_and_each_element_has_its_own_stiffness():
+    """½ D κ² of a cylinder, to the area beside the ends of the fibres."""
+    mesh = square(8, side=8.0).with_subdomains({"all": np.arange(64)})
+    x, y = mesh.p
+    for given, of_warp, of_weft in (
+        ((2.0, 3.0), 2.0, 3.0),
+        ((np.full(64, 2.0), 3.0), 2.0, 3.0),
+        ((0.0, 3.0), 0.0, 3.0),
+    ):
+        fabric = Fabric(bending=given)
+        for chosen in (fabric, {"all": fabric}):
+            ply = Ply(mesh, chosen, Full(), dimension=3)
+            for shape, stiffness in ((x**2, of_warp), (y**2, of_weft), (x * y, 0.0)):
+                u = ply.basis.zeros()
+                u[2::3] = 0.5 * 0.1 * shape
+                energy = ply.energies(u)["bending"]
+                assert energy == pytest.approx(64 * 0.5 * stiffness * 0.01, abs=1e-12)
+
+
+def test_stiffness_that_differs_between_elements_bends_where_it_is():
+    mesh = square(16, side=8.0)
+    left = mesh.p[0, mesh.t].mean(axis=0) < 4
+    ply = Ply(mesh, Fabric(bending=(np.where(left, 1.0, 5.0), 0.0)), Macro())
+    u = ply.basis.zeros()
+    u[1::2] = 0.05 * ply.nodes[0] ** 2
+    assert ply.energies(u)["bending"] == pytest.approx(32 * 0.5 * 0.01 * 6, rel=0.02)
+
+
+def zero_modes(K):
+    values = np.linalg.eigvalsh(K.toarray())
+    assert values[0] > -1e-9 * values[-1]
+    return int((np.abs(values) < 1e-9 * values[-1]).sum())
+
+
+def test_zero_modes_of_a_free_flat_patch_that_bends():
+    """Rigid motions and z = xy, which a small stiffness against twist removes."""
+    lines = np.linspace(0, 10, 5)
+    mesh = MeshQuad.init_tensor(lines, lines)
+    for formulation, modes in (
+        (OnePoint(0.0), 7),
+        (Full(), 7),
+        (Quadratic(), 7),
+        (OnePoint(), 6),
+    ):
+        fabric = Fabric(1e3, 1.0, bending=(1.0, 1.0))
+        ply = Ply(mesh, fabric, formulation, dimension=3)
+        assert zero_modes(ply.tangent(ply.basis.zeros())) == modes
+
+
+def elastica(alpha, weight=False):
+    """Tip of a cantilever of unit length and stiffness."""
+
+    def slopes(s, y):
+        load = alpha * (1 - s) if weight else alpha
+        return np.array([y[1], -load * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])])
+
+    def ends(a, b):
+        return np.array([a[0], b[1], a[2], a[3]])
+
+    s = np.linspace(0, 1, 201)
+    guess = np.array([s * min(1.2, alpha / 3), 1 - s, s, 0 * s])
+    found = solve_bvp(slopes, ends, s, guess, tol=1e-10, max_nodes=100_000)
+    return found.y[2:, -1]
+
+
+def cantilever(n, alpha, weight, formulation):
+    """Tip over the length after a single step, and how many steps it took."""
+    mesh = MeshQuad.init_tensor(np.linspace(0, SIDE, n + 1), np.linspace(0, 20, 3))
+    load = (0.0, 0.0, alpha * D / SIDE**2)
+    loads = [Traction("right", load)]
+    if weight:
+        loads = [BodyForce((0.0, 0.0, alpha * D / SIDE**3))]
+    ply = Ply(
+        *(mesh.with_defaults(), Fabric(1e4, 0.1, bending=(D, D)), formulation, loads),
+        dimension=3,
+        fibre_ends={"left": "clamped"},
+    )
+    conditions = {"left": Condition("left")}
+    result = LoadStepper(ply, conditions, 1, solver="superlu").run()
+    tip = ply.nodes[0] > SIDE - 1e-9
+    x, _, z = ply.nodal(result.u)[:, tip].mean(axis=1) / SIDE
+    return np.array([1 + x, z]), len(result.states) - 1
+
+
+def test_the_elastica_that_the_tip_is_compared_with():
+    """Values computed by another program."""
+    for alpha, weight, tip in (
+        (1.0, False, (0.943567, 0.301721)),
+        (10.0, False, (0.445004, 0.810609)),
+        (8.0, True, (0.724425, 0.640631)),
+    ):
+        np.testing.assert_allclose(elastica(alpha, weight), tip, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("formulation", "halved"),
+    [(OnePoint(), 1), (Macro(), 2)],
+    ids=["one point", "macro"],
+)
+@pytest.mark.parametrize(
+    ("alpha", "weight", "off"),
+    [(1.0, False, 2e-4), (10.0, False, 1e-3), (8.0, True, 1e-3)],
+)
+def test_a_cantilever_is_an_elastica_to_second_order_in_one_step(
+    formulation, halved, alpha, weight, off
+):
+    exact = elastica(alpha, weight)
+    (coarse, _), (fine, steps) = (
+        cantilever(n // halved, alpha, weight, formulation) for n in (16, 32)
+    )
+    assert steps == 1
+    assert abs(fine[1] - exact[1]) < off
+    assert (np.abs(coarse - exact) > 3.3 * np.abs(fine - exact)).all()
+
+
+def test_a_cantilever_of_quadratic_triangles_is_an_elastica():
+    tip, _ = cantilever(32, 1.0, False, Quadratic())
+    np.testing.assert_allclose(tip, elastica(1.0), atol=5e-4)
+
+
+def critical_tension(n, stiffness, conditions, guess):
+    """Where fibres along x, compressed evenly, are no more stable."""
+    E = 1e5
+    fabric = Fabric(E, 0.1, bending=(stiffness, stiffness))
+    ply = Ply(square(n).with_defaults(), fabric, OnePoint(), dimension=3)
+    constraints = Constraints(ply.basis, conditions)
+    problem = Problem(ply, constraints, solver_named("superlu")).at(1.0)
+    low, high = 2 * guess, 0.0
+    for _ in range(14):
+        u, middle = ply.basis.zeros(), (low + high) / 2
+        u[::3] = np.expm1(middle / E) * ply.nodes[0]
+        stable = Tangent(problem, u).definite
+        low, high = (low, middle) if stable else (middle, high)
+    return high
+
+
+@pytest.mark.parametrize("stiffness", [10.0, 100.0])
+def test_bending_holds_a_net_that_buckles_in_its_plane(stiffness):
+    """T = −(G + D (π/L)²)."""
+    conditions = {
+        "left": Condition("left"),
+        "right": Condition("right"),
+        "plane": Condition(lambda X: X[0] > -1, (None, None, 0.0)),
+    }
+    exact = -(0.1 + stiffness * (np.pi / SIDE) ** 2)
+    found = critical_tension(16, stiffness, conditions, exact)
+    assert found == pytest.approx(exact, rel=5e-3)
+
+
+@pytest.mark.parametrize("stiffness", [0.1, 10.0, 1000.0])
+def test_a_ply_that_is_held_all_round_buckles_out_of_its_plane(stiffness):
+    """T = −2 D (π/L)²."""
+    sides = ("left", "right", "bottom", "top")
+    conditions = {side: Condition(side) for side in sides}
+    exact = -2 * stiffness * (np.pi / SIDE) ** 2
+    found = critical_tension(16, stiffness, conditions, exact)
+    assert found == pytest.approx(exact, rel=1e-2)
+
+
+def test_bending_goes_with_finer_and_refined_plies_and_their_ends():
+    mesh = MeshTri().refined(2).scaled(10.0).with_defaults()
+    fabric = Fabric(bending=(np.linspace(1, 2, mesh.nelements), 3.0))
+    ends = {"left": "clamped", "bottom": "mirror"}
+    ply = Ply(mesh, fabric, Macro(), dimension=3, fibre_ends=ends)
+    refined = refine(ply, [0, 1]).ply
+    for other in (ply.with_terms(BodyForce((0, 0, 1.0))), ply.finer().ply, refined):
+        assert other.fibre_ends == ends
+        u = other.basis.zeros()
+        u[2::3] = 0.05 * other.nodes[0] ** 2
+        energy = other.energies(u)["bending"]
+        assert energy == pytest.approx(100 * 0.5 * 1.5 * 0.01, rel=0.15)
+
+
+def test_a_planar_ply_without_bending_has_no_term_of_it():
+    ply = Ply(square(2), Fabric(), OnePoint())
+    assert "bending" not in ply.energies(ply.basis.zeros())
+
+
+@pytest.mark.parametrize(
+    "wrong", [1.0, (1.0,), (1.0, -1.0), (np.nan, 1.0), (np.ones((2, 2)), 1.0)]
+)
+def test_bending_stiffnesses_that_are_none_are_refused(wrong):
+    with pytest.raises(ValueError, match="bending"):
+        Fabric(bending=wrong)
+
+
+@pytest.mark.parametrize(
+    ("ends", "reason"),
+    [
+        ({"nowhere": "clamped"}, "no boundary 'nowhere'"),
+        ({"left": "glued"}, "must be clamped or mirror, not 'glued'"),
+        ({"left": "clamped", "same": "mirror"}, "overlaps"),
+        ({"middle": "clamped"}, "inside the ply"),
+        ("clamped", "must be a mapping"),
+    ],
+)
+def test_fibre_ends_that_are_unknown_are_refused(ends, reason):
+    mesh = square(2).with_defaults()
+    inside = np.flatnonzero(mesh.f2t[1] >= 0)
+    mesh = mesh.with_boundaries({"same": mesh.boundaries["left"], "middle": inside})
+    with pytest.raises(ValueError, match=reason):
+        Ply(mesh, Fabric(bending=(1.0, 1.0)), OnePoint(), fibre_ends=ends)
+
+
+def test_values_of_bending_for_too_few_elements_are_refused():
+    fabric = Fabric(bending=(np.ones(3), 1.0))
+    with pytest.raises(ValueError, match="bending of warp: 3 values for 4 elements"):
+        Ply(square(2), fabric)

@@ -1,0 +1,95 @@
+"""The scenes in space: cantilever and buckling, from Python and the command line."""
+
+import json
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import Fabric, MeshError
+from skfem_textile.cli import main as cli
+from skfem_textile.scenes import Case, buckling, cantilever
+
+
+def fabric(scene, **stiffnesses):
+    return Fabric(1e5, 0.1, scene.warp, scene.weft, **stiffnesses)
+
+
+@pytest.mark.parametrize("weight", [6e-7, 6e-6])
+def test_a_cantilever_hangs_as_the_elastica_does(weight):
+    errors = []
+    for n in (8, 16):
+        scene = cantilever(size=(n, 2), weight=weight)
+        case = Case(scene=scene, fabric=fabric(scene, bending=(6.0, 6.0)), steps=1)
+        found = case.summary(case.run())
+        assert found["reaction_z"] == pytest.approx(weight * 200 * 25)
+        errors.append(found["tip_error_over_length"])
+    assert errors[1] < 1e-3
+    assert errors[0] / errors[1] > 3
+
+
+def test_peirce_reads_a_larger_stiffness_from_a_strip_that_bends_far():
+    scene = cantilever(size=(32, 2))
+    case = Case(scene=scene, fabric=fabric(scene, bending=(6.0, 6.0)), steps=1)
+    found = case.summary(case.run())
+    assert found["chord_angle_deg"] == pytest.approx(41.49, abs=0.05)
+    assert found["bending_by_peirce_N_mm"] == pytest.approx(6.0 * 1.0575, rel=2e-3)
+
+
+def test_a_strip_buckles_and_goes_on_as_an_elastica():
+    scene = buckling()
+    case = Case(scene=scene, fabric=fabric(scene, bending=(6.0, 6.0)), steps=4)
+    result = case.run()
+    found = case.summary(result)
+    assert found["path_resolved"]
+    assert found["stable"]
+    assert found["buckling_force_N_per_mm"] == pytest.approx(6.0 * (np.pi / 100) ** 2)
+    assert found["force_over_exact"] == pytest.approx(1.0, abs=3e-3)
+    assert found["height_over_exact"] == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("name", ["cantilever", "buckling"])
+def test_a_scene_in_space_runs_from_the_command_line(name, tmp_path):
+    out = tmp_path / "out"
+    quick = "--size", "8x1", "--steps", "2", "--no-render"
+    assert cli.main(["run", name, *quick, "--out", str(out)]) == 0
+    found = json.loads((out / "summary.json").read_text())
+    assert found["converged"]
+    assert "reaction_z" in found
+    again = "run", str(out / "case.toml"), "--out", str(tmp_path / "again")
+    assert cli.main([*again, "--no-render"]) == 0
+    after = json.loads((tmp_path / "again" / "summary.json").read_text())
+    assert after["energy"] == found["energy"]
+    assert (out / "fibres.vtu").exists()
+
+
+def test_a_plane_ply_bends_on_the_command_line_too(tmp_path):
+    line = "run", "strip", "--size", "4x6", "--steps", "2", "--no-render"
+    bending = "--bending-warp", "2", "--bending-weft", "5"
+    assert cli.main([*line, *bending, "--out", str(tmp_path)]) == 0
+    found = json.loads((tmp_path / "summary.json").read_text())
+    exact = 0.5 * 5 * 40 * 60 / 55**2  # the weft lies on a circle
+    assert found["bending_energy"] == pytest.approx(exact, rel=0.05)
+
+
+def test_what_does_not_fit_a_scene_in_space_is_refused(tmp_path, capsys):
+    for make, reason in (
+        (lambda: cantilever(length=0.0), "length must be positive"),
+        (lambda: cantilever(weight=np.inf), "weight must be positive"),
+        (lambda: buckling(shortening=1.0), "between 0 and 1"),
+        (lambda: buckling(push=np.nan), "push must be a finite number"),
+        (lambda: cantilever().rotated(0.3), "is not turned"),
+    ):
+        with pytest.raises(ValueError, match=reason):
+            make()
+    skew = MeshQuad(np.array([[0, 1, 1.2, 0.2], [0, 0, 1, 1.0]]), [[0], [1], [2], [3]])
+    with pytest.raises(MeshError, match="no straight left edge"):
+        buckling(skew)
+    line = "run", "cantilever", "--out", str(tmp_path), "--no-render"
+    for extra, reason in (
+        (("--bending-warp", "-1"), "bending of warp"),
+        (("--rotate", "30"), "is not turned"),
+        (("--force", "right=0,1"), "shape (3,)"),
+    ):
+        assert cli.main([*line, *extra]) == 2
+        assert reason in capsys.readouterr().err

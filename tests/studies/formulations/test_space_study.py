@@ -1,0 +1,55 @@
+"""The study of a ply in space: its problems, its tables, and what it calls wrong."""
+
+import argparse
+
+import pytest
+from helpers import drawn_here
+
+from studies.__main__ import main
+from studies.formulations.space import problems, tables
+from studies.formulations.space.study import STUDY
+
+MEASURED = {"part": "extreme strip", "formulation": "macro", "E_over_G": 1e4, "D": 1.0}
+
+
+def test_every_case_has_a_name_of_its_own_and_a_problem():
+    cases = STUDY.cases(argparse.Namespace(quick=False))
+    names = [STUDY.name(case) for case in cases]
+    assert len(set(names)) == len(names) > 350
+    quick = STUDY.cases(argparse.Namespace(quick=True))
+    assert not any(case.part.startswith("extreme") for case in quick)
+
+
+def test_an_answer_that_is_off_is_wrong_and_a_refusal_is_not():
+    right = MEASURED | {"outcome": "converged", "off_x": 0.001, "off_z": -0.01}
+    off = right | {"off_z": -0.03}
+    refused = MEASURED | {"outcome": "refused", "said": "no"}
+    assert tables.wrong([right, off, refused]) == [off]
+    assert "1 wrong" in STUDY.complaint([right, off, refused])
+    assert STUDY.complaint([right, refused]) == ""
+    line = tables.extremes([right, off, refused]).splitlines()[-1]
+    assert line == "| strip | 1e+04 | 3 | 1 | 1 | 1 | 3.00 % |"
+
+
+def test_each_problem_meets_its_exact_answer():
+    given = {"n": 16, "jitter": 0.0, "formulation": "one point"}
+    for found in (
+        problems.cantilever("weight 8", **given, D=1.0, E_over_G=1e4),
+        problems.shortened(**given, D=1.0, E_over_G=1e4),
+        problems.hanging_sheet(**given, D=0.0, E_over_G=1e4),
+    ):
+        assert found["outcome"] == "converged"
+        assert abs(found["off_x"]) < 0.01
+        assert abs(found["off_z"]) < 0.01
+    assert problems.plate(45, 16, 0.2, "one point")["off_z"] < 0.02
+    assert problems.critical("in plane", 8, "one point", 10.0)[
+        "off_x"
+    ] == pytest.approx(0.0, abs=5e-3)
+    assert problems.zero_modes("one point", 1.0)["modes"] == 6
+
+
+def test_the_study_writes_its_files(tmp_path):
+    arguments = ["space", "--quick", "--out", str(tmp_path), "--case", "modes*"]
+    assert main(arguments) == 0
+    written = {file.name for file in tmp_path.iterdir()}
+    assert {*STUDY.files, *drawn_here(STUDY)} <= written
