@@ -10,10 +10,10 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
+from scipy import special
 
 from ..scenes.common.elastica import hanging, peirce
 from .curves import read_curve
@@ -76,15 +76,11 @@ class BendingFit:
     @property
     def interval(self) -> tuple[float, float]:
         """Its confidence interval, by Student's t; infinite of a single reading."""
-        from scipy import stats
-
-        student: Any = stats.t
-
         n = self.by_elastica.size
         if n == 1:
             return -np.inf, np.inf
         deviation = self.by_elastica.std(ddof=1) / np.sqrt(n)
-        half = float(student.ppf(0.5 + CONFIDENCE / 2, n - 1) * deviation)
+        half = float(special.stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE) * deviation)
         return self.stiffness - half, self.stiffness + half
 
 

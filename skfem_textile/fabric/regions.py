@@ -199,13 +199,13 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
         tension = carried("tension of warp", warp), carried("tension of weft", weft)
     else:
         tension = carried("tension", tension)
-    directions = (carried(f.name, _as_given(f.direction)) for f in fabric.families)
+    warp, weft = (carried(f.name, _as_given(f.direction)) for f in fabric.families)
     shear = carried("shear", fabric.shear_law)
     of_warp, of_weft = (
         _on_elements(f"bending of {f.name}", D, parent)
         for f, D in zip(fabric.families, fabric.bending, strict=True)
     )
-    return Fabric(tension, shear, *directions, bending=(of_warp, of_weft))
+    return Fabric(tension, shear, warp, weft, (of_warp, of_weft))
 
 
 def _on_elements(name: str, D: Any, parent: ndarray) -> Any:

@@ -371,7 +371,10 @@ REFUSED = {
         lambda: Asymmetric(Linear(1.0), Tabulated([0, 0.01], [0, 1])),
         "compression must hold from 0 to the switch at -0.0001",
     ),
-    "no law": (lambda: TensionOnly(3.0), r"law must be a law, such as Linear\(5e3\), got 3.0"),
+    "no law": (
+        lambda: TensionOnly(3.0),
+        r"law must be a law, such as Linear\(5e3\), got 3.0",
+    ),
     "by element": (
         lambda: TensionOnly(Linear(np.ones(3))),
         "law must be the same law in every element; give each subdomain a fabric",

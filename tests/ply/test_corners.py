@@ -16,7 +16,7 @@ from skfem_textile import (
 )
 from skfem_textile.forms.corners import RESISTING, resistance
 from skfem_textile.mesh.splitting import split
-from skfem_textile.ply import corners
+from skfem_textile.ply.own_terms import corners
 from skfem_textile.scenes import bias_extension, strip
 
 FORMULATIONS = [Full(), OnePoint(1.0), Macro(), Quadratic(20.0)]

@@ -134,10 +134,10 @@ def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str,
 
 
 def _fabric(scene: Scene, values: Mapping[str, Any], fibres: Any) -> Fabric:
-    warp, weft = (values[option.key] for option in BENDING.options)
-    return Fabric(
-        *(_tension(values), _law("shear", values), *fibres), bending=(warp, weft)
-    )
+    warp, weft = fibres
+    of_warp, of_weft = (values[option.key] for option in BENDING.options)
+    laws = _tension(values), _law("shear", values)
+    return Fabric(*laws, warp, weft, (of_warp, of_weft))
 
 
 def _force(scene: Scene, name: str, total: tuple[float, ...]) -> Force:
