@@ -43,7 +43,7 @@ from .ply.refinement import Refinement, marked, refine, shear_angle_jumps
 from .ply.term import Load, Memory, Term
 from .ply.terms import FormTerm, MatrixTerm, VectorTerm
 from .solve.checkpoint import CheckpointError
-from .solve.conditions import Condition
+from .solve.conditions import Condition, OnSurface, Surface
 from .solve.equilibrium import equilibrium_near
 from .solve.result import Result, StepError
 from .solve.states import Iteration, State, Verdict
@@ -90,6 +90,7 @@ __all__ = [
     "MeshError",
     "Mixed",
     "Newton",
+    "OnSurface",
     "OnePoint",
     "Ply",
     "Polynomial",
@@ -101,6 +102,7 @@ __all__ = [
     "Sin2",
     "State",
     "StepError",
+    "Surface",
     "Tabulated",
     "TensionOnly",
     "Term",

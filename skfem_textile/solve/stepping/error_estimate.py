@@ -6,14 +6,13 @@ where it moves.  What the stabilisation and deviations carry at a kink falls wit
 element size so slowly that a finer mesh hardly tells of it: a share of it counts too.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from ..body import Body
-from ..conditions import Condition, Constraints
+from ..conditions import Conditions, Constraints, OnSurface
 from ..linear import solver_named
 from ..problem import Problem, Tangent
 from ..states import ErrorEstimate, NoEquilibriumError, State
@@ -36,7 +35,7 @@ _MOST_INCREMENTS, _SETTLED = 4, 0.2
 
 
 def estimated_error(
-    ply: Body, conditions: Mapping[str, Condition], solver: str, state: State
+    ply: Body, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
     """Estimate the error of a state.
 
@@ -54,6 +53,8 @@ def estimated_error(
     """
     if state.load_factor == 0:
         return ErrorEstimate(reason="there is no load yet")
+    if any(isinstance(c, OnSurface) for c in conditions.values()):
+        return ErrorEstimate(reason="nodes are on a surface")
     if ply.basis.N > MOST_UNKNOWNS:
         return ErrorEstimate(reason=f"more than {MOST_UNKNOWNS} unknowns")
     held = ply.remembered
@@ -76,7 +77,7 @@ def estimated_error(
 
 
 def problem_at(
-    ply: Body, conditions: Mapping[str, Condition], solver: str, load_factor: float
+    ply: Body, conditions: Conditions, solver: str, load_factor: float
 ) -> Problem:
     """The problem of a ply at a load factor, with a linear solver by its name."""
     constraints = Constraints(ply.basis, conditions)
@@ -86,7 +87,7 @@ def problem_at(
 
 
 def _estimate(
-    ply: Body, conditions: Mapping[str, Condition], solver: str, state: State
+    ply: Body, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
     """The estimate.
 
@@ -151,7 +152,7 @@ def _moved(
     raise NoEquilibriumError("the load does not settle")
 
 
-def refuse_single_nodes(ply: Body, conditions: Mapping[str, Condition]) -> None:
+def refuse_single_nodes(ply: Body, conditions: Conditions) -> None:
     """Refuse conditions on nodes of the mesh that would be on more of a finer one."""
     named = getattr(ply.mesh, "named_nodes", {})
     for name, condition in conditions.items():
