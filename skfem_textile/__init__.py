@@ -44,6 +44,7 @@ from .ply.term import Load, Memory, Term
 from .ply.terms import FormTerm, MatrixTerm, VectorTerm
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition, OnSurface, Surface
+from .solve.conditions import drape as drape
 from .solve.equilibrium import equilibrium_near
 from .solve.result import Result, StepError
 from .solve.states import Iteration, State, Verdict

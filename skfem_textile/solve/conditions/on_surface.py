@@ -8,7 +8,7 @@ from skfem import CellBasis
 
 from ...mesh.bases import node_positions
 from ...mesh.selection import Where, selected_nodes
-from .surface import Grown, Surface, distance
+from .surface import Grown, Surface
 
 # Distance of the surface from the plane of the ply where they touch, as a share of the
 # largest coordinate, and the sine of the angle between them, that count as none.
@@ -40,12 +40,11 @@ class OnSurface:
 
     >>> import numpy as np
     >>> from skfem import MeshQuad
-    >>> from skfem_textile import Condition, Fabric, LoadStepper, OnSurface, Ply
-    >>> from skfem_textile.drape import Sphere
+    >>> from skfem_textile import Condition, Fabric, LoadStepper, OnSurface, Ply, drape
     >>> mesh = MeshQuad().refined(2).scaled(60.0).with_defaults()
     >>> ply = Ply(mesh, Fabric(1e4, 0.1), dimension=3)
     >>> conditions = {
-    ...     "tool": OnSurface(Sphere(100.0, (0, 0, -100))),
+    ...     "tool": OnSurface(drape.Sphere(100.0, (0, 0, -100))),
     ...     "x": Condition("left", (0.0, None, None)),
     ...     "y": Condition("bottom", (None, 0.0, None)),
     ... }
@@ -83,10 +82,10 @@ class OnSurface:
             return self.surface
         point = np.array([*self.touch, 0.0])
         normal = self.surface.gradient(point[:, None])[:, 0]
-        off = abs(float(distance(self.surface, point[:, None])[0]))
         length = np.linalg.norm(normal)
-        allowed = _TOUCHING * max(1.0, float(np.abs(point).max()))
-        if not (off <= allowed and np.hypot(*normal[:2]) <= _TOUCHING * length):
+        off = abs(float(self.surface.level(point[:, None])[0]))
+        near = off <= _TOUCHING * max(1.0, float(np.abs(point).max())) * length
+        if not (near and length > 0 and np.hypot(*normal[:2]) <= _TOUCHING * length):
             raise ValueError(
                 f"condition {name!r}: the surface cannot grow out of the ply, for it "
                 f"does not touch the plane z = 0 at {self.touch}: move it, give "

@@ -37,11 +37,11 @@ class HeightField:
     A saddle:
 
     >>> import numpy as np
-    >>> from skfem_textile.drape import Height, HeightField
+    >>> from skfem_textile import drape
     >>> def saddle(x, y):
     ...     zero, a = np.zeros_like(x), 0.01
-    ...     return Height(a * x * y, a * y, a * x, zero, zero + a, zero)
-    >>> surface = HeightField(saddle)
+    ...     return drape.Height(a * x * y, a * y, a * x, zero, zero + a, zero)
+    >>> surface = drape.HeightField(saddle)
     >>> surface.level(np.array([[10.0], [20.0], [3.0]]))
     array([1.])
     """
