@@ -6,8 +6,8 @@ the node moves along its surface across n = P∇φ/‖P∇φ‖.  The equilibriu
 ∂E/∂x = λ∇φ across what is held, and its tangent is that of E less λ∇²φ.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -105,6 +105,7 @@ class SurfaceNodes:
         self.eliminated = 3 * self.nodes + first
         columns = self._frames[self.nodes] * self._free[self.nodes][:, None]
         self._projector = columns @ columns.swapaxes(1, 2)
+        self._kept: tuple[ndarray, float, dict[str, Any]] = np.empty(0), 0.0, {}
 
     def check(self, t: float) -> None:
         """Refuse surfaces that are not valid at a load factor.
@@ -125,6 +126,9 @@ class SurfaceNodes:
         NoEquilibriumError
             If a node is held across its surface already.
         """
+        return self._keep("contact", u, t, self._found_contact)
+
+    def _found_contact(self, u: ndarray, t: float) -> Contact:
         x = self._positions(u)
         surfaces = [(c.at(name, t), x[:, own]) for name, c, own in self._parts]
         level = np.concatenate([s.level(at) for s, at in surfaces])
@@ -148,6 +152,9 @@ class SurfaceNodes:
 
     def turn(self, u: ndarray, t: float) -> csr_matrix:
         """The map from unknowns of which ``eliminated`` lie across surfaces."""
+        return self._keep("turn", u, t, self._found_turn)
+
+    def _found_turn(self, u: ndarray, t: float) -> csr_matrix:
         frames, own = self._frames.copy(), self.nodes
         across = np.einsum("nij,in->nj", frames[own], self.contact(u, t).across)
         across = np.where(self._free[own], across, 0.0)
@@ -232,6 +239,16 @@ class SurfaceNodes:
         height = (normals[:, elements].mean(axis=1) * n).sum(axis=0)
         most = np.nansum(height)
         return np.where(height * np.copysign(1.0, most) < 0, -1.0, 1.0)
+
+    def _keep(self, name: str, u: ndarray, t: float, found: Callable) -> Any:
+        """What was found of the last displacement: an iteration asks several times."""
+        last_u, last_t, kept = self._kept
+        if t != last_t or not np.array_equal(u, last_u):
+            kept = {}
+            self._kept = u.copy(), t, kept
+        if name not in kept:
+            kept[name] = found(u, t)
+        return kept[name]
 
     def _positions(self, u: ndarray) -> ndarray:
         return self._X + u.reshape(-1, 3).T

@@ -101,7 +101,7 @@ def problem(
     stretch, shear
         Stiffnesses E and G in N/mm.
     tension
-        Tension on the free edges in N/mm.
+        Tension on the free edges in N/mm; 0 for edges without any traction.
     distortion
         Largest move of inner nodes as a share of the element size.
     """
@@ -110,9 +110,10 @@ def problem(
     inner = ((mesh.p > 0) & (mesh.p < SIDE)).all(axis=0)
     moves = np.random.default_rng(1).uniform(-1, 1, mesh.p.shape) * distortion
     mesh = MeshQuad(mesh.p + moves * inner * SIDE / cells, mesh.t).with_defaults()
+    names = ("right", "top") if tension else ()
     loads = [
-        Traction("right", traction(0, tension, shear)),
-        Traction("top", traction(1, tension, shear)),
+        Traction(name, traction(family, tension, shear))
+        for family, name in enumerate(names)
     ]
     ply = Ply(mesh, Fabric(stretch, shear), formulation, loads, dimension=3)
     conditions: dict[str, Condition | OnSurface] = {
