@@ -39,7 +39,12 @@ def refinement(rows: Sequence[Row]) -> str:
     """Error, solves and time of the Chebyshev net on regular meshes."""
     head = (
         *("formulation", "parts a side", "unknowns", "largest error of Γ in °"),
-        *("root mean square in °", "solves", "seconds", "pressure off by at most"),
+        *(
+            "root mean square in °",
+            "solves",
+            "seconds of processor",
+            "pressure off by at most",
+        ),
     )
     lines = [
         [

@@ -140,14 +140,14 @@ def net(
     Examples
     --------
     A quarter of a sphere, sides as long as its radius: the shear angle of the last
-    cell, where it is 53.4° in theory:
+    cell, where it is 53.6° in theory:
 
     >>> import numpy as np
     >>> from skfem_textile import drape
     >>> sphere = drape.Sphere(100.0, (0, 0, -100))
     >>> angle = drape.net(sphere, 100 / 64, (0, 64), (0, 64)).shear_angle()
     >>> round(float(np.degrees(angle[-1, -1])), 1)
-    53.4
+    53.6
     """
     spacing = real_numbers("net: cell", cell)
     if spacing.shape or not (np.isfinite(spacing) and spacing > 0):
