@@ -6,6 +6,8 @@ from helpers import wobble
 from skfem import MeshQuad
 
 from skfem_textile import (
+    AdaptiveStepper,
+    CheckpointError,
     Condition,
     Fabric,
     LoadStepper,
@@ -204,7 +206,7 @@ def test_a_ply_grows_with_the_surface():
         x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(state.u)
         sagitta = x[2] + (x**2).sum(axis=0) / (2 * radius)
         np.testing.assert_allclose(sagitta, 0.0, atol=1e-8)
-    assert "nodes are on a surface" in result.summary()["error_estimate"]
+    assert "'on' is on a surface" in result.summary()["error_estimate"]
 
 
 def test_an_element_that_is_turned_over_is_folded():
@@ -297,3 +299,24 @@ def test_wrinkle_risk_starts_at_the_shear_stiffness():
         sheared = u.copy()
         sheared[1::3] += 0.5 * ply.nodes[0] * np.exp(tension / 100)
         assert drape.wrinkle_risk(ply, u, locking_angle=0.4).any() == risk
+
+
+def test_a_run_goes_on_from_its_checkpoint_on_the_same_surface_only(tmp_path):
+    c = np.sqrt(0.5)
+    ply = square(100.0, 4, Fabric(1e5, 0.1, warp=(c, c), weft=(-c, c)))
+
+    def stepper(radius):
+        sphere = drape.Sphere(radius, (0, 0, -radius))
+        conditions = {"on": OnSurface(sphere)} | SYMMETRY
+        return LoadStepper(ply, conditions, 2, checkpoint=tmp_path)
+
+    u = stepper(100.0).run().u
+    np.testing.assert_allclose(stepper(100.0).run(resume=True).u, u, atol=1e-9)
+    with pytest.raises(CheckpointError, match="surfaces"):
+        stepper(101.0).run(resume=True)
+
+
+def test_a_run_to_a_tolerance_is_refused_on_a_surface():
+    conditions = {"on": OnSurface(chebyshev.SPHERE)} | SYMMETRY
+    with pytest.raises(ValueError, match="'on' is on a surface, where no error"):
+        AdaptiveStepper(square(), conditions, 0.1)

@@ -53,8 +53,6 @@ def estimated_error(
     """
     if state.load_factor == 0:
         return ErrorEstimate(reason="there is no load yet")
-    if any(isinstance(c, OnSurface) for c in conditions.values()):
-        return ErrorEstimate(reason="nodes are on a surface")
     if ply.basis.N > MOST_UNKNOWNS:
         return ErrorEstimate(reason=f"more than {MOST_UNKNOWNS} unknowns")
     held = ply.remembered
@@ -153,9 +151,16 @@ def _moved(
 
 
 def refuse_single_nodes(ply: Body, conditions: Conditions) -> None:
-    """Refuse conditions on nodes of the mesh that would be on more of a finer one."""
+    """Refuse conditions on nodes of the mesh that would be on more of a finer one.
+
+    And conditions on surfaces, off which a finer mesh lies at first.
+    """
     named = getattr(ply.mesh, "named_nodes", {})
     for name, condition in conditions.items():
+        if isinstance(condition, OnSurface):
+            raise ValueError(
+                f"condition {name!r} is on a surface, where no error is estimated"
+            )
         where: Any = condition.where
         if callable(where) or (isinstance(where, str) and where not in named):
             continue
