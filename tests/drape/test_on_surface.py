@@ -320,3 +320,26 @@ def test_a_run_to_a_tolerance_is_refused_on_a_surface():
     conditions = {"on": OnSurface(chebyshev.SPHERE)} | SYMMETRY
     with pytest.raises(ValueError, match="'on' is on a surface, where no error"):
         AdaptiveStepper(square(), conditions, 0.1)
+
+
+@pytest.mark.parametrize(("tension", "risk"), [(-0.99, False), (-1.01, True)])
+def test_a_net_buckles_in_its_plane_where_wrinkles_become_a_risk(tension, risk):
+    """Fibres along x, ends held, edges along them free: T = −G (Rosen 1965)."""
+    s, t = np.linspace(0, 60, 13), np.linspace(0, 15, 5)
+    mesh = MeshQuad.init_tensor(s, t).with_defaults()
+    ply = Ply(mesh, Fabric(1e5, 1.0), OnePoint(), dimension=3)
+    move = 60 * np.expm1(tension / 1e5)
+    conditions = {
+        "on": OnSurface(drape.Plane()),
+        "left": Condition("left"),
+        "right": Condition("right", (move, 0.0, None)),
+    }
+    u = ply.basis.zeros()
+    u[0::3] = ply.nodes[0] * move / 60
+    assert drape.wrinkle_risk(ply, u).all() == risk
+    if risk:
+        with pytest.raises(NoEquilibriumError, match="not stable"):
+            equilibrium_near(ply, conditions, u, strategies=["newton"])
+    else:
+        state = equilibrium_near(ply, conditions, u, strategies=["newton"])
+        assert state.verdict.stable

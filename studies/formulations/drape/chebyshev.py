@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from numpy import ndarray
 from scipy.integrate import solve_ivp
-from scipy.interpolate import RegularGridInterpolator
+from scipy.interpolate import CubicSpline, RegularGridInterpolator
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, OnSurface, Ply, Traction, drape
@@ -55,7 +55,7 @@ def _directions() -> tuple[Callable, Callable]:
     h = SIDE / _CELLS
     x = drape.net(SPHERE, h, (0, _CELLS), (0, _CELLS)).positions
     s = np.linspace(0, SIDE, _CELLS + 1)
-    tangents = [np.gradient(x, h, axis=axis, edge_order=2) for axis in (1, 2)]
+    tangents = [CubicSpline(s, x, axis=axis)(s, 1) for axis in (1, 2)]
     warp, weft = (
         RegularGridInterpolator((s, s), np.moveaxis(t, 0, -1), "cubic")
         for t in tangents
