@@ -27,10 +27,6 @@ from .cases import FORMULATIONS, NET, SPHERE, Case
 
 _SHEAR = 0.1
 
-# Share of the side from which pressures are not compared: the outer elements have half
-# of their neighbours.
-_INNER = 0.95
-
 #: Radius of the cylinder in mm, half angle of the cone in radians, and how far from its
 #: tip the ply begins, in mm.
 RADIUS, CONE_ANGLE, FROM_TIP = 60.0, 0.4, 150.0
@@ -173,19 +169,22 @@ def _on_cone(X: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def _pressure_error(case: Case, ply: Ply, surface: Surface, u: ndarray) -> float:
-    """Largest relative error of the contact pressure of elements within the ply.
+    """Largest relative error of the contact pressure of elements off the free edges.
 
     On the sphere it is that of the tensions found, (T₁ + T₂)/(R cos Γ); on cylinder and
     cone that of the tension q on all sides, q (κ₁ + κ₂).
     """
-    centres = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
-    inner = ((centres < _INNER * chebyshev.SIDE) & (centres > 0)).all(axis=0)
+    corners = ply.mesh.p[:, ply.mesh.t]
+    centres = corners.mean(axis=1)
+    off_edges = corners < chebyshev.SIDE
+    if case.surface.startswith("cone"):  # whose left edge is free too
+        off_edges[0] &= corners[0] > 0
+    inner = off_edges.all(axis=(0, 1))
     if case.kind == SPHERE:
         tension = ply.fibre_tension(u).mean(axis=2).sum(axis=0)
         angle = ply.shear_angle(u, ply.centre)[:, 0]
         exact = tension / chebyshev.RADIUS / np.cos(angle)
     else:
-        inner &= centres[0] > (1 - _INNER) * chebyshev.SIDE
         radius = np.full(centres.shape[1], RADIUS)
         if case.surface.startswith("cone"):
             from_tip = np.hypot(centres[0] + FROM_TIP, centres[1])
