@@ -52,7 +52,7 @@ from .solve.stepper import LoadStepper
 from .solve.stepping.adaptive import AdaptiveResult, AdaptiveStepper, Round
 from .solve.strategies import Descent, Mixed, Newton
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "CENTRE",

@@ -149,6 +149,7 @@ def fit_tension(
     law: str = "crimp-toe",
     *,
     points: int = 8,
+    extrapolation: str | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> TensionFit:
     """Find tension laws from biaxial tests at one or more ratios of the strains.
@@ -162,24 +163,27 @@ def fit_tension(
         or ``crimp-interchange``, whose tensions take both strains.
     points
         Points of a table beside 0.
+    extrapolation
+        Of a table beyond the data, ``refuse`` or ``linear``, as of `Tabulated`.
     bounds
         Least and largest value of parameters by name.
 
     Raises
     ------
     ValueError
-        If the law is unknown, no fibre is stretched or pulled, or as from
-        `regression.fit`.
+        If the law is unknown, or no table and has an extrapolation, no fibre is
+        stretched or pulled, or as from `regression.fit`.
     """
     if law not in TENSION_LAWS:
         raise ValueError(f"the law {law!r} is none of {', '.join(TENSION_LAWS)}")
     if law == "crimp-interchange":
         model = _model(law, curves, (0, 1), points, bounds)
+        model = model.extrapolated(extrapolation)
         both = [Sample(c.name, c.force.ravel(), partial(_both, c)) for c in curves]
         return TensionFit({"both": fit(model, both, compare=False)}, tuple(curves))
     fits = {}
     for i, family in enumerate(FAMILIES):
-        model = _model(law, curves, (i,), points, bounds)
+        model = _model(law, curves, (i,), points, bounds).extrapolated(extrapolation)
         samples = [
             Sample(f"{c.name}, {family}", c.force[i], partial(c.force_along, i))
             for c in curves

@@ -112,6 +112,11 @@ def _factor(file: str, name: str, unit: str) -> float:
         if unit
         else "no unit, which is one"
     )
+    if unit in {u for other, units in COLUMNS.items() if other != name for u in units}:
+        raise ValueError(
+            f"{file}: the column {name!r} has the unit '{unit}', which is none of "
+            f"{', '.join(allowed)}: look whether columns are swapped"
+        )
     raise ValueError(
         f"{file}: the column {name!r} has {said} of {', '.join(allowed)}: name it in "
         f"the first row, like '{name} ({next(iter(allowed))})', or by an option"

@@ -111,6 +111,7 @@ def fit_by_simulation(
     *,
     degree: int = 5,
     points: int = 8,
+    extrapolation: str | None = None,
     up_to: float | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> ShearFit:
@@ -120,7 +121,7 @@ def fit_by_simulation(
     ----------
     specimens
         Curves of bias extensions, with displacements.
-    law, degree, points, bounds
+    law, degree, points, extrapolation, bounds
         As for `fit_shear`.
     simulation
         How the tests are simulated.
@@ -145,6 +146,7 @@ def fit_by_simulation(
     driven = [replace(specimen, measured_angle=None) for specimen in specimens]
     end = np.inf if up_to is None else up_to
     how: dict[str, Any] = {"degree": degree, "points": points, "bounds": bounds}
+    how["extrapolation"] = extrapolation
     found = fit_shear(driven, law, up_to=end, **how)
     largest = [float(s.angle[s.used(end)].max()) for s in driven]
     before = [np.full(1, np.inf) for _ in driven]

@@ -62,6 +62,29 @@ class Model:
                 )
         return replace(self, low=low, high=high)
 
+    def extrapolated(self, extrapolation: str | None) -> "Model":
+        """The model whose law does that beyond the data, as of `Tabulated`.
+
+        Without a word it is the model as it is.
+
+        Raises
+        ------
+        ValueError
+            If the law is no table, so that it does not end with the data.
+        """
+        if extrapolation is None:
+            return self
+        if self.name != "tabulated":
+            raise ValueError(
+                f"the law {self.name} goes on beyond the data as its formula does: "
+                "only a tabulated law has an extrapolation"
+            )
+
+        def build(values: ndarray) -> Any:
+            return replace(self.build(values), extrapolation=extrapolation)
+
+        return replace(self, build=build)
+
 
 def linear() -> Model:
     """`Linear`: C = G γ, or T = E ε."""

@@ -1,6 +1,5 @@
-"""What a fit found, as JSON has it and as text."""
+"""What a fit found, as JSON has it, and notes on it in sentences."""
 
-from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,6 +7,7 @@ from numpy import ndarray
 
 from ..fabric.files.fabric_file import law_to_json
 from ..solve.stepping.shares import excess
+from .beginning import rest_notes, seems_swapped
 from .biaxial import FAMILIES
 from .regression import CONFIDENCE, Fit
 from .shear import APART
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 #: Shear angles at which moments are told, in degrees, as far as the data go.
 ANGLES = tuple(range(5, 90, 5))
+
+# Fabrics of nearly inextensible fibres are strained by less, crimp included.
+_MOST_STRAIN = 0.5
 
 _PERCENT = 100.0
 
@@ -33,7 +36,7 @@ def shear_report(found: "ShearFit") -> dict[str, Any]:
         "largest_angle_deg": float(np.degrees(found.largest_angle)),
         "specimens": _specimens(found),
         "moments": _moments(found, angles),
-        "notes": [*_notes(found.fit), *_range_notes(found), *_falling(found)],
+        "notes": _shear_notes(found),
     }
 
 
@@ -50,13 +53,8 @@ def tension_report(found: "TensionFit") -> dict[str, Any]:
         reports[family] = report | {
             "largest_strain": largest,
             "curves": curves,
-            "notes": _notes(one),
+            "notes": _tension_notes(found, family),
         }
-        if one.beyond_noise:
-            reports[family]["notes"].append(
-                "tests at several ratios of the strains contradict a tension of one "
-                "strain: take crimp-interchange, whose tensions take both"
-            )
     return reports
 
 
@@ -142,7 +140,35 @@ def _moments(found: "ShearFit", angles: ndarray) -> list[dict[str, Any]]:
     return rows
 
 
+def _shear_notes(found: "ShearFit") -> list[str]:
+    """What to know of a shear law."""
+    return [*_notes(found.fit), *_range_notes(found), *_falling(found)]
+
+
+def _tension_notes(found: "TensionFit", family: str) -> list[str]:
+    """What to know of the law of ``warp``, ``weft`` or ``both``."""
+    one = found.fits[family]
+    notes = _notes(one)
+    for i, name in enumerate(FAMILIES):
+        if family in (name, "both"):
+            for curve in found.curves:
+                called = f"{curve.name}, {name}"
+                notes += rest_notes(called, curve.strain[i], curve.force[i])
+                if (largest := float(np.expm1(curve.strain[i].max()))) > _MOST_STRAIN:
+                    notes.append(
+                        f"{called}: strains go up to {_PERCENT * largest:.3g} %: look "
+                        "at their unit"
+                    )
+    if one.beyond_noise:
+        notes.append(
+            "tests at several ratios of the strains contradict a tension of one "
+            "strain: take crimp-interchange, whose tensions take both"
+        )
+    return notes
+
+
 def _holds(specimen: "Specimen") -> float:
+    """Shear angle in degrees up to which the kinematics of a test hold."""
     return float(np.degrees(specimen.kinematics_hold_to))
 
 
@@ -174,6 +200,8 @@ def _range_notes(found: "ShearFit") -> list[str]:
         for specimen in found.specimens
         if specimen.turns_back(found.up_to)
     ]
+    for specimen in found.specimens:
+        notes += _beginning_notes(specimen, found.up_to)
     if found.stabilisation is not None:
         return [*notes, *_mesh_notes(found.stabilisation)]
     for specimen in found.specimens:
@@ -191,6 +219,26 @@ def _range_notes(found: "ShearFit") -> list[str]:
                 f"more than {np.degrees(APART):g} degrees past {holds:.1f} degrees"
             )
     return list(dict.fromkeys(notes))
+
+
+def _beginning_notes(specimen: "Specimen", up_to: float | None) -> list[str]:
+    name, used = specimen.name, specimen.used(up_to)
+    if specimen.turns_back(up_to):
+        return []
+    notes = []
+    if specimen.is_unloading(up_to):
+        notes.append(
+            f"{name}: the test only goes back from row to row, as in unloading: keep "
+            "the rows of the loading"
+        )
+    force = specimen.force[used]
+    if seems_swapped(specimen.driven[used], force):
+        what = "shear angle" if specimen.displacement is None else "displacement"
+        notes.append(
+            f"{name}: the force rises in equal steps and the {what} does not: look "
+            "whether the columns are swapped, unless the force drove the test"
+        )
+    return notes + rest_notes(name, specimen.angle[used], force)
 
 
 def _mesh_notes(stabilisation: float) -> list[str]:
@@ -214,80 +262,3 @@ def _falling(found: "ShearFit") -> list[str]:
         f"the moment falls from {np.degrees(falls[0]):.1f} degrees on: such a fabric "
         "may be unstable in a simulation"
     ]
-
-
-def text(reports: Mapping[str, Mapping[str, Any]]) -> str:
-    """Reports as text in Markdown, by their titles."""
-    return "\n".join(_section(title, report) for title, report in reports.items())
-
-
-def _section(title: str, report: Mapping[str, Any]) -> str:
-    lines = [f"# {title}", ""]
-    if "compared_with" in report:
-        lines += [
-            f"Fitted up to {report['largest_angle_deg']:.1f} degrees of shear, beside "
-            f"{report['compared_with']}. The kinematics hold up to "
-            f"{report['kinematics_hold_to_deg']:.1f} degrees.",
-            "",
-        ]
-    if "largest_strain" in report:
-        reach = report["largest_strain"]
-        lines += [f"Fitted up to a strain ln λ of {reach:.4g}.", ""]
-    percent = f"{_PERCENT * report['confidence']:g} %"
-    rows = [
-        [p["name"], f"{p['value']:.5g}", _ends(p), p["unit"]]
-        for p in report["parameters"]
-    ]
-    law = report["law"]["kind"]
-    lines += [f"Law: {law}", "", *_table(["parameter", "value", percent, "unit"], rows)]
-    rows = [
-        [
-            c["name"],
-            _points(c),
-            f"{c['noise_N']:.4g} ({_share(c['noise_over_largest'])})",
-            f"{c['residual_rms_N']:.4g}",
-            f"{c['correlation_of_neighbours']:+.2f}",
-        ]
-        for c in report.get("specimens", report.get("curves", []))
-    ]
-    head = ["curve", "points", "noise, N", "residual, N", "correlation"]
-    lines += ["", *_table(head, rows)]
-    if report.get("moments"):
-        rows = [
-            [
-                f"{m['angle_deg']:g}",
-                f"{m['moment']:.4g}",
-                f"{m['low']:.4g} to {m['high']:.4g}",
-                f"{m['between_specimens']:.2g}" if "between_specimens" in m else "-",
-                ", ".join(f"{one:.4g}" for one in m["point_by_point"]) or "-",
-            ]
-            for m in report["moments"]
-        ]
-        head = ["angle, deg", "C, N·mm/mm²", percent, "between specimens"]
-        lines += ["", *_table([*head, "point by point"], rows)]
-    for note in report["notes"]:
-        lines += ["", f"Note: {note}."]
-    return "\n".join(lines) + "\n"
-
-
-def _share(noise: float) -> str:
-    """Noise over the largest force; a curve without force has none."""
-    return f"{_PERCENT * noise:.1f} %" if np.isfinite(noise) else "no force"
-
-
-def _points(curve: Mapping[str, Any]) -> str:
-    """How many points are fitted, and of how many if some are left out."""
-    points, left_out = curve["points"], curve.get("left_out", 0)
-    return f"{points} of {points + left_out}" if left_out else f"{points}"
-
-
-def _ends(parameter: Mapping[str, Any]) -> str:
-    if parameter["at_bound"]:
-        return "at a bound"
-    return f"{parameter['low']:.5g} to {parameter['high']:.5g}"
-
-
-def _table(head: Sequence[object], rows: Sequence[Sequence[object]]) -> list[str]:
-    lines = [f"| {' | '.join(map(str, line))} |" for line in (head, *rows)]
-    lines.insert(1, "|" + "---|" * len(head))
-    return lines

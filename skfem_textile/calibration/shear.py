@@ -114,12 +114,20 @@ class Specimen:
         with np.errstate(invalid="ignore"):
             return (self.angle >= 0) & (self.angle <= self.last_angle(up_to))
 
+    @property
+    def driven(self) -> ndarray:
+        """What drives the test: displacements, or angles where there are none."""
+        return self.angle if self.displacement is None else self.displacement
+
     def turns_back(self, up_to: float | None) -> bool:
         """Whether the test goes back and forth within the points that are fitted."""
-        driven = self.angle if self.displacement is None else self.displacement
-        way = driven[self.used(up_to)]
-        back = np.maximum.accumulate(way) - way
-        return bool(np.any(back > _BACK * np.ptp(way)))
+        way = self.driven[self.used(up_to)]
+        return _falls(way) and _falls(way[::-1])
+
+    def is_unloading(self, up_to: float | None) -> bool:
+        """Whether it only goes back within the points that are fitted."""
+        way = self.driven[self.used(up_to)]
+        return _falls(way) and not _falls(way[::-1])
 
     def pointwise(self, up_to: float | None) -> tuple[ndarray, ndarray]:
         """Shear angles that rise, and C by the reduction point by point."""
@@ -206,6 +214,7 @@ def fit_shear(
     *,
     degree: int = 5,
     points: int = 8,
+    extrapolation: str | None = None,
     up_to: float | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     ratios: Sequence[Callable[[ndarray], ndarray]] | None = None,
@@ -222,6 +231,8 @@ def fit_shear(
         Highest power of the polynomial.
     points
         Points of the table beside 0.
+    extrapolation
+        Of the table beyond the data, ``refuse`` or ``linear``, as of `Tabulated`.
     up_to
         Shear angle in radians beyond which points are left out; see `Specimen.used`.
     bounds
@@ -232,9 +243,9 @@ def fit_shear(
     Raises
     ------
     ValueError
-        If the law is unknown; if a specimen has no points in the range, angles that its
-        test does not reach, or forces that push or do not change; or as from
-        `regression.fit`.
+        If the law is unknown, or no table and has an extrapolation; if a specimen has
+        no points in the range, angles that its test does not reach, or forces that push
+        or do not change; or as from `regression.fit`.
 
     Examples
     --------
@@ -265,8 +276,14 @@ def fit_shear(
         samples.append(Sample(specimen.name, specimen.force[used], predict))
         largest = max(largest, float(gamma.max()))
     model = SHEAR_LAWS[law](largest, degree, points).bounded(bounds or {})
-    found = fit(model, samples)
+    found = fit(model.extrapolated(extrapolation), samples)
     return ShearFit(found, tuple(specimens), up_to)
+
+
+def _falls(way: ndarray) -> bool:
+    """Whether it falls by more than noise anywhere."""
+    back = np.maximum.accumulate(way) - way
+    return bool(np.any(back > _BACK * np.ptp(way)))
 
 
 def _refuse_angles(specimen: Specimen, used: ndarray, up_to: float | None) -> None:

@@ -44,6 +44,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
+def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """The parser of the command line, as for `command_parser`."""
+    own = {name: options_of(scene) for name, scene in SCENES.items()}
+    return command_parser(own, arguments)
+
+
 def _answer(arguments: Sequence[str]) -> int:
     """Run the command line; an error is one line on stderr.  Returns the exit code."""
     try:
@@ -62,9 +68,8 @@ def _answer(arguments: Sequence[str]) -> int:
 def _run(arguments: Sequence[str]) -> int:
     if _is_study(arguments):
         raise ValueError(_STUDIES)
-    own = {name: options_of(scene) for name, scene in SCENES.items()}
     try:
-        options = command_parser(own, arguments).parse_args(arguments)
+        options = parser(arguments).parse_args(arguments)
         if options.command == "list":
             return _list()
         if options.command == "show":
@@ -81,7 +86,7 @@ def _run(arguments: Sequence[str]) -> int:
             return write_report(options.folder, options.test_curve, _shear_test)
         if is_case_file(options.scene):
             return _run_file(Path(options.scene), options)
-        given = {o.key: _given(o, options) for o in own[options.scene]}
+        given = {o.key: _given(o, options) for o in options_of(SCENES[options.scene])}
         said = {"scene": options.scene, "regions": {}, "pictures": True}
         parts = dict.fromkeys((OF_WEFT, IN_COMPRESSION))
         return _run_case(given | parts | said, options)

@@ -16,6 +16,7 @@ from ..mesh.splitting import original_elements
 from ..mesh.user_input import excerpt, number_of_text, printable
 from ..solve.result import Result
 from . import vtu
+from .decks.orientations import KEYWORDS
 from .decks.orientations import read_directions as deck_directions
 from .decks.write_deck import deck_of
 from .fields import cell_fields, on_users_elements
@@ -25,6 +26,10 @@ DRAPED = ("fibres.vtu", "fibres.csv", "fibres.inp")
 
 _VECTORS = ("warp_direction", "weft_direction")
 _ANGLES = ("warp_angle_deg", "weft_angle_deg")
+
+#: Names that `read_mesh` has for what `read_directions` reads.
+OF_DIRECTIONS = (*_VECTORS, *_ANGLES, *(f"*{keyword}" for keyword in KEYWORDS))
+
 _COMPONENTS = {**dict.fromkeys(_VECTORS, 3), **dict.fromkeys(_ANGLES, 1)}
 _COLUMNS = ("element", "x", "y", *_ANGLES)
 

@@ -5,7 +5,7 @@ import io
 import logging
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ _READERS = {".msh": gmsh.read, ".inp": abaqus.read, ".vtu": vtu.read, ".vtk": vt
 _CELL_NAMES = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
 
 
-def read_mesh(path: str | os.PathLike[str]) -> Mesh:
+def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mesh:
     """Read a plane mesh: Gmsh .msh, Abaqus .inp, .vtu and more.
 
     Quadrilaterals are a `skfem.MeshQuad` and triangles a `skfem.MeshTri`.  Where a file
@@ -54,6 +54,9 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     ----------
     path
         The file.
+    others
+        Names of what others read of the file, of which the warning does not tell:
+        `OF_DIRECTIONS`, `OF_FABRICS`.
 
     Raises
     ------
@@ -68,8 +71,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
         mesh = _mesh(_content(raw))
     except MeshError as error:
         raise MeshError(f"{printable(path)}: {error}") from None
-    if ignored:
-        names = ", ".join(printable(name) for name in dict.fromkeys(ignored))
+    if left := [name for name in dict.fromkeys(ignored) if name not in others]:
+        names = ", ".join(map(printable, left))
         log.warning("%s: not read: %s", printable(path), names)
     return mesh
 

@@ -3,6 +3,7 @@
 try:
     from .animation import animation
     from .before import mesh_and_fibres
+    from .curves import curves
     from .fields import FIELDS, Field
     from .pictures import (
         contact_sheet,
@@ -22,6 +23,7 @@ __all__ = [
     "Field",
     "animation",
     "contact_sheet",
+    "curves",
     "fibre_directions",
     "fibre_strain",
     "field",

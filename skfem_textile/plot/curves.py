@@ -1,15 +1,16 @@
 """Load curves with matplotlib."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import cycle
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
-from .layout import TITLE, default_width
+from .layout import POINT, TITLE, default_width, text_width
 from .picture_files import picture_path, save
 
 # Okabe and Ito's colours, told apart with any kind of colour vision.
@@ -17,6 +18,10 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 
 # Least height of a figure in inches.  Chosen by eye: room for the legend.
 _LEAST_HEIGHT = 2.5
+
+# Most columns of a legend; the line and gap before each label, and the gap after it, in
+# sizes of the letters: matplotlib's defaults.
+_MOST_COLUMNS, _LINE, _BETWEEN = 3, 2.8, 2.0
 
 
 def curves(
@@ -74,8 +79,19 @@ def curves(
                 for k, c in colour.items()
             ],
             loc="outside lower center",
-            ncols=3,
+            ncols=_columns(list(labels), width * 25.4),
             frameon=False,
         )
         save(figure, path)
     return figure
+
+
+def _columns(labels: Sequence[str], width: float) -> int:
+    """How many columns of a legend fit a width in mm."""
+    size = TITLE * POINT
+    for n in range(_MOST_COLUMNS, 1, -1):
+        columns = np.array_split([text_width(label, TITLE) for label in labels], n)
+        widest = [column.max(initial=0.0) for column in columns]
+        if sum(widest) + n * (_LINE + _BETWEEN) * size <= width:
+            return n
+    return 1

@@ -15,6 +15,9 @@ _OWN, _SPACING, _LENGTH, _LONGEST, _WIDTH = 1.6, 2.4, 0.8, 7.0, 0.3
 # fibres have none.
 _NEAREST = 0.7
 
+# How many lengths, each half the last, are tried of a line that leaves the outline.
+_LENGTHS = 4
+
 # Elements of which one may hold a point: so many with the nearest centres.
 _CANDIDATES = 8
 
@@ -64,11 +67,15 @@ def lines_of(panel: Panel, scale: float, show_edges: bool | None) -> list[Lines]
 
 
 def _along(shape: Shape, vectors: ndarray, scale: float) -> ndarray:
-    """Lines along vectors of elements, shape (n, 2, 3)."""
+    """Lines along vectors of elements within the ply, shape (n, 2, 3)."""
     points, elements, room = places_of_fibres(shape, scale)
     half = 0.5 * np.minimum(_LENGTH * room, _LONGEST / scale)[:, None]
     along = half * vectors[elements]
-    return np.stack([points - along, points + along], axis=1)
+    for _ in range(_LENGTHS):
+        ends = np.stack([points - along, points + along], axis=1)
+        beyond = (holding(shape, ends.reshape(-1, 3)) < 0).reshape(-1, 2).any(axis=1)
+        along[beyond] /= 2
+    return ends[~beyond]
 
 
 def places_of_fibres(shape: Shape, scale: float) -> tuple[ndarray, ndarray, ndarray]:

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -37,6 +38,7 @@ class Adaptive(Study[Case]):
     """Estimates, tolerances, and position errors at equal unknowns."""
 
     files = ("adaptive.csv", "estimates.md", "factor.md", "tolerances.md", "kinks.md")
+    pictures = ("adaptive.png",)
 
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
         return list(all_cases())
@@ -71,6 +73,11 @@ class Adaptive(Study[Case]):
             "tolerances.md": tolerances(rows),
             "kinks.md": kinks(rows),
         }
+
+    def draw(self, rows: list[Row], folder: Path) -> None:
+        from .figure import draw_errors
+
+        draw_errors(rows, folder / "adaptive.png")
 
 
 def _of_load(case: Case, scene: Scene) -> Row:

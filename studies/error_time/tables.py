@@ -136,8 +136,8 @@ def to_the_bar(rows: Sequence[Row]) -> str:
         )
     head = [
         *(f"to {BARS[rows[0]['scene']].text}", "across", "unknowns"),
-        *("steps / solves", "s", "over the fastest", "over the fastest of ours"),
-        *("angle, °", "load off by", "mm", "strain"),
+        *("steps / solves", "time (s)", "over the fastest", "over the fastest of ours"),
+        *("shear angle off by (°)", "load off by", "position off by (mm)", "strain"),
     ]
     return markdown_table(head, lines)
 
@@ -164,8 +164,9 @@ def same_mesh(rows: Sequence[Row]) -> str:
                     ]
                 )
     head = [
-        *("same element and mesh", "rival", "across", "ours: steps / solves", "s"),
-        *("rival's: steps / solves", "s", "rival over ours"),
+        *("same element and mesh", "rival", "across"),
+        *("ours: steps / solves", "ours: time (s)"),
+        *("rival's: steps / solves", "rival's: time (s)", "rival over ours"),
     ]
     return markdown_table(head, lines) if lines else ""
 

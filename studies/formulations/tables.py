@@ -33,6 +33,9 @@ from .medians import load_error, median, of, over_angles, per_stiffness
 
 _STRAINS = ("strain", "mesh_fibre_strain")
 
+#: Heads of load, position and shear angle where the exact load is zero.
+_ERRORS = ["load (N)", "position off by (mm)", "shear angle off by (°)"]
+
 
 def methods(rows: list[Row]) -> str:
     """Every method at the middle refinement: strip and trellis, then bias extension."""
@@ -60,11 +63,13 @@ def methods(rows: list[Row]) -> str:
             ]
         )
     strains = ["strain", "mesh strain"]
-    head = ["strip and trellis", "unknowns", "load, N", "mm", "°", *strains]
-    text = markdown_table([*head, "trellis: N", "mm", "°", "solves"], smooth)
-    loads = [f"load, {_ratio(problem)}" for problem in BIAS]
-    head = ["bias extension", "unknowns", *loads, "mm", "°", *strains, "solves", "s"]
-    return text + "\n" + markdown_table(head, kinked) + "\n" + _sheared(rows)
+    head = ["method", "unknowns", *_on("strip", _ERRORS), *strains]
+    trellis = [*_on("trellis", _ERRORS), "trellis: linear solves"]
+    text = markdown_table([*head, *trellis], smooth)
+    loads = [f"load over exact, E/G = {_ratio(problem)}" for problem in BIAS]
+    head = ["method", "unknowns", *loads, *_ERRORS[1:], *strains, "linear solves"]
+    kinks = markdown_table([*head, "run time (s)"], kinked)
+    return text + "\n" + kinks + "\n" + _sheared(rows)
 
 
 def _sheared(rows: list[Row]) -> str:
@@ -77,9 +82,9 @@ def _sheared(rows: list[Row]) -> str:
             line += [_cell(seeds, key) for key in ("load", "position", "angle")]
             line.append(_cell(seeds, "linear_solves", _count))
         lines.append(line)
-    head = [SHEARED.name]
+    head = ["method"]
     for across in ACROSS[:2]:
-        head += [f"{across} across: N", "mm", "°", "solves"]
+        head += _on(f"{across} across", [*_ERRORS, "linear solves"])
     return markdown_table(head, lines)
 
 
@@ -94,9 +99,9 @@ def load(rows: list[Row]) -> str:
                 line += [_load(x) for x in over_angles(seeds)]
                 line.append(_cell(seeds, "load_50", _load))
             lines.append(line)
-    head = ["", "law, E/G"]
+    head = ["method", "law, E/G"]
     for across in ACROSS[1:]:
-        head += [f"{across} across: median", "worst", "50°"]
+        head += _on(f"{across} across", ["median", "worst", "at 50°"])
     resolved = []
     for method in (MACRO, AUTO):
         line = [method.name]
@@ -120,9 +125,10 @@ def constants(rows: list[Row]) -> str:
                 line.append(_cell(seeds, "load", _load if problem in BIAS else _figure))
             line.append(_cell(seeds, "position"))
         lines.append(line)
-    head = ["C_s", "strip: N", "mm", "trellis: mm"]
+    load, position, _ = _ERRORS
+    head = ["C_s", *_on("strip", [load, position]), *_on("trellis", [position])]
     for problem in BIAS:
-        head += [f"load, {_ratio(problem)}", "mm"]
+        head += _on(f"E/G = {_ratio(problem)}", ["load over exact", position])
     return markdown_table(head, lines) + "\n" + _deviations(rows)
 
 
@@ -161,7 +167,7 @@ def triangulations(rows: list[Row]) -> str:
             ]
         )
     return markdown_table(
-        ["triangles", "load / E", "strain", "mm", "negative pivots"], lines
+        ["triangles", "load / E (mm)", "strain", _ERRORS[1], "negative pivots"], lines
     )
 
 
@@ -178,9 +184,9 @@ def equal(rows: list[Row]) -> str:
             for key in ("position", "angle"):
                 line += [_cell(seeds, key) for seeds in (macro, paper)]
             lines.append(line)
-    head = ["", "unknowns"]
-    for what in ("load off by", "mm", "°"):
-        head += [f"{what}: macro", "C_s = 1"]
+    head = ["scene", "unknowns"]
+    for what in ("load off by", *_ERRORS[1:]):
+        head += [f"macro: {what}", f"C_s = 1: {what}"]
     return markdown_table(head, lines)
 
 
@@ -192,6 +198,10 @@ TABLES: dict[str, Callable[[list[Row]], str]] = {
     "triangulations": triangulations,
     "equal": equal,
 }
+
+
+def _on(what: str, heads: Sequence[str]) -> list[str]:
+    return [f"{what}: {head}" for head in heads]
 
 
 def _ratio(problem: Specimen) -> str:

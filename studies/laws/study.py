@@ -5,6 +5,7 @@ default formulation is judged on irregular quadrilaterals and on Delaunay's tria
 """
 
 import argparse
+from pathlib import Path
 
 import numpy as np
 
@@ -23,6 +24,7 @@ class Laws(Study[Case]):
     """Every material with every method."""
 
     files = ("laws.csv", "references.md", "judged.md")
+    pictures = ("laws.png",)
 
     def cases(self, options: argparse.Namespace) -> list[Case]:
         return list(all_cases())
@@ -69,6 +71,11 @@ class Laws(Study[Case]):
             "references.md": references(rows),
             "judged.md": judged(rows),
         }
+
+    def draw(self, rows: list[Row], folder: Path) -> None:
+        from .figure import draw_errors
+
+        draw_errors(rows, folder / "laws.png")
 
 
 STUDY = Laws()

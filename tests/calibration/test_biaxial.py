@@ -5,7 +5,8 @@ import pytest
 
 from skfem_textile import CrimpInterchange, CrimpToe, Linear
 from skfem_textile.calibration.biaxial import BiaxialCurve, fit_tension, read_biaxial
-from skfem_textile.calibration.report import tension_report, text
+from skfem_textile.calibration.report import tension_report
+from skfem_textile.calibration.report_text import report_text
 from skfem_textile.fabric import TwoLaws
 
 RATIOS = (0.5, 1.0, 2.0)
@@ -102,7 +103,7 @@ def test_a_family_that_one_of_the_tests_leaves_alone_is_found_by_the_others():
     ]
     reports = tension_report(fit_tension([*pull[:1], *free[:1]]))
     assert reports["weft"]["largest_strain"] == pytest.approx(0.01)
-    said = text(reports)
+    said = report_text(reports)
     assert "(no force)" in said
     assert "Fitted up to a strain ln λ of 0.02." in said
 

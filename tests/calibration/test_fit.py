@@ -13,7 +13,8 @@ from skfem_textile.calibration import (
     fit_shear,
 )
 from skfem_textile.calibration.least_squares import covariance_of
-from skfem_textile.calibration.report import shear_report, text
+from skfem_textile.calibration.report import shear_report
+from skfem_textile.calibration.report_text import report_text
 
 QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
 TABLE = Tabulated(np.radians(5 * np.arange(9)), np.arange(9.0) ** 2, odd=True)
@@ -228,10 +229,12 @@ def test_parameters_that_differ_by_rounding_alone_have_no_covariance():
 
 def test_the_report_is_readable():
     three = [specimen(BIAS, QUINTIC, 0.02, i, name=f"no. {i}") for i in range(3)]
-    said = text({"Shear": shear_report(fit_shear(three))})
+    said = report_text({"Shear": shear_report(fit_shear(three))})
     for part in ("Law: Polynomial", "| c1 | 0.", "| no. 2 | 60 |", "| 40 |", "N/mm"):
         assert part in said
-    beyond = text({"Shear": shear_report(fit_shear([specimen(BIAS, QUINTIC, end=80)]))})
+    beyond = report_text(
+        {"Shear": shear_report(fit_shear([specimen(BIAS, QUINTIC, end=80)]))}
+    )
     assert "| one | 30 of 60 |" in beyond
 
 

@@ -125,6 +125,17 @@ def test_a_run_of_the_written_case_is_the_same_bit_for_bit(tmp_path):
     assert first == last
 
 
+def test_a_run_of_the_written_case_is_the_same_with_the_solver_of_the_machine(tmp_path):
+    auto = SPECIMEN.replace('solver = "superlu"', 'solver = "auto"')
+    assert run(written(tmp_path, auto), tmp_path / "a") == 0
+    assert run(tmp_path / "a" / "case.toml", tmp_path / "b") == 0
+    first, last = (
+        np.loadtxt(tmp_path / out / "curve.csv", delimiter=",", skiprows=1)
+        for out in "ab"
+    )
+    assert np.abs(first - last).max() <= 1e-10 * np.abs(first).max()
+
+
 def test_a_line_and_the_case_that_it_leaves_are_the_same(tmp_path):
     """On a mesh of triangles from a file."""
     line = ["run", "strip", "--mesh", str(MESH), "--steps", "2", "--no-render"]
@@ -318,7 +329,7 @@ def test_a_region_has_laws_and_fibres_of_its_own(tmp_path):
         ("size = [3, 7]", "size = 1979-05-27", "mesh.size must be array, got date"),
         ('solver = "superlu"', 'solver = "supreme"', "which is none of auto, cholmod"),
         ("[loads.force_N]", "[loads]\nforce_N = 1\n[x]", "no table 'x'"),
-        ("[shear]", "[regions.patch]\n[shear]", "the mesh has no subdomain 'patch'"),
+        ("[shear]", "[regions.patch]\n[shear]", "no subdomain 'patch' (it has: none)"),
         (
             "[shear]",
             "[regions.a]\n[fabric]\nfile = 'a.inp'\n[shear]",

@@ -74,6 +74,65 @@ def test_a_run_tells_what_a_deck_has_and_it_cannot_take_over(tmp_path, caplog):
     assert "not taken over: *DENSITY" in caplog.text
 
 
+def test_what_a_run_takes_of_its_mesh_file_is_not_told_as_not_read(tmp_path, caplog):
+    deck = tmp_path / "ply.inp"
+    write_directions(deck, PULL.mesh, OF_SCENE)
+    write_fabric(tmp_path / "cloth.inp", Fabric(1e5, 0.5), 0.3)
+    deck.write_text(deck.read_text() + (tmp_path / "cloth.inp").read_text() + "*STEP\n")
+    line = ("--mesh", deck, "--directions", deck, "--fabric", deck)
+    run(tmp_path / "all", *line, "--thickness", "0.3")
+    assert [m for m in caplog.messages if "not read" in m] == [
+        f"{deck}: not read: *STEP"
+    ]
+    caplog.clear()
+    written = tmp_path / "all" / "case.toml"
+    assert cli.main(["run", str(written), "--out", str(tmp_path / "again")]) == 0
+    copy = tmp_path / "all" / "case_files" / "mesh.inp"
+    assert [m for m in caplog.messages if "not read" in m] == [
+        f"{copy}: not read: *STEP"
+    ]
+    caplog.clear()
+    run(tmp_path / "mesh", *line[:2])
+    assert "*DISTRIBUTION, *MATERIAL, *FABRIC" in caplog.text
+
+
+@pytest.mark.parametrize("suffix", [".json", ".inp"])
+def test_a_run_tells_that_directions_of_a_fabric_are_not_taken(
+    tmp_path, caplog, suffix
+):
+    own = FibreDirections.of_angles(*(angle + 5 for angle in OF_SCENE.angles_deg()))
+    mesh, cloth = tmp_path / "ply.vtu", tmp_path / f"cloth{suffix}"
+    write_directions(mesh, PULL.mesh, own)
+    if suffix == ".json":
+        write_fabric(cloth, own.on(Fabric(1e5, 0.5)))
+    else:
+        write_fabric(cloth, Fabric(1e5, 0.5), 0.3)
+        law = cloth.read_text()
+        write_directions(cloth, PULL.mesh, own)
+        cloth.write_text(cloth.read_text() + law)
+    line = ["--mesh", mesh, "--fabric", cloth]
+    line += ["--thickness", "0.3"] if suffix == ".inp" else []
+    run(tmp_path / "scenes", *line)
+    said = f"{cloth}: its fibre directions are not taken, the scene's are: "
+    assert said in caplog.text
+    caplog.clear()
+    run(tmp_path / "own", *line, "--directions", mesh)
+    run(tmp_path / "turned", *line, "--directions", mesh, "--rotate", "20")
+    assert "not taken," not in caplog.text
+
+
+def test_a_fabric_without_directions_or_with_those_of_the_scene_tells_nothing(
+    tmp_path, caplog
+):
+    write_fabric(tmp_path / "laws.inp", Fabric(1e5, 0.5), 0.3)
+    same = Fabric(1e5, 0.5, warp=(1, 1), weft=(1, -1))
+    write_fabric(tmp_path / "same.json", same)
+    line = ("--size", "3x6", "--fabric")
+    run(tmp_path / "laws", *line, tmp_path / "laws.inp", "--thickness", "0.3")
+    run(tmp_path / "same", *line, tmp_path / "same.json")
+    assert "directions are not taken" not in caplog.text
+
+
 @pytest.mark.parametrize(
     ("words", "named"),
     [

@@ -107,6 +107,26 @@ def test_a_fabric_tells_what_no_test_told(tmp_path, capsys):
     assert "fabric.json has no shear stiffness" in capsys.readouterr().out
 
 
+def test_a_table_goes_on_beyond_its_data_as_asked(tmp_path):
+    (data,) = curves(tmp_path, BiasExtension(100.0, 200.0), n=1)
+    header = "warp strain (-),warp force (N),weft strain (-),weft force (N)"
+    e = np.linspace(0.001, 0.02, 20)
+    pull = table(tmp_path / "pull.csv", header, e, 4e4 * e, e, 4e4 * e)
+    out = tmp_path / "o"
+    how = "--law", "tabulated", "--no-render", "--out", out
+    beyond = "--extrapolation", "linear"
+    assert fit("bias-extension", data, *SIZES, *how) == 0
+    assert read_law(out / "law.json").extrapolation == "refuse"
+    assert fit("bias-extension", data, *SIZES, *how, *beyond) == 0
+    assert read_law(out / "law.json").extrapolation == "linear"
+    widths = "--warp-width", 100, "--weft-width", 100, "--fabric", out / "fabric.json"
+    assert fit("biaxial", pull, *widths, *how, *beyond) == 0
+    fabric = read_fabric(out / "fabric.json").fabric
+    assert {law.extrapolation for law in fabric.laws} == {"linear"}
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["reports"]["Tension, warp"]["law"]["extrapolation"] == "linear"
+
+
 def test_simulated_tests_are_fitted(tmp_path):
     data = curves(tmp_path, BiasExtension(100.0, 200.0), noise=0.0)
     how = "--simulate", 4, "--fibre-stiffness", 1e6, "--law", "sin2", "--no-render"
@@ -128,6 +148,8 @@ def test_simulated_tests_are_fitted(tmp_path):
         (["0.csv", *SIZES, "--unit", "force"], "'force' is not like force=kN"),
         (["0.csv", *SIZES, "--unit", "time=s"], "--unit time: no column"),
         (["0.csv", *SIZES, "--fabric", "0.csv"], "0.csv: fabrics are read from"),
+        (["0.csv", *SIZES, "--extrapolation", "linear"], "only a tabulated law has"),
+        (["0.csv", *SIZES, "--extrapolation", "cubic"], "invalid choice"),
         (["0.csv", *SIZES, "--warp", "60"], "must be at least 346.41 mm high"),
     ],
 )

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from skfem_textile.cli import main as cli
 
-MESH = Path(__file__).parents[2] / "examples" / "strip.msh"
+MESH = Path(__file__).parents[2] / "examples" / "meshes" / "strip.msh"
 
 #: A run that takes a moment and draws its pictures, which take seconds.
 DRAWN = ["--size", "3x4", "--steps", "3", "--cs", "10", "--shear-stiffness", "1"]

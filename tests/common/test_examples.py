@@ -2,6 +2,7 @@
 
 import re
 import runpy
+import shutil
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,8 @@ import pytest
 from skfem_textile.cli.case import case_from_file
 
 ROOT = Path(__file__).parents[2]
-EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+SCRIPTS = sorted((ROOT / "examples").rglob("*.py"))
+EXAMPLES = [script for script in SCRIPTS if script.stem != "half_size"]
 CASES = sorted((ROOT / "examples").rglob("*.toml"))
 OPTIONAL = ("pyvista", "matplotlib", "pypardiso", "cvxopt", "dask")
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
@@ -18,13 +20,36 @@ CODE = "".join(
     for folder in ("skfem_textile", "studies", "tests")
     for file in (ROOT / folder).rglob("*.py")
 )
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+TUTORIAL = ROOT / "docs" / "tutorial"
+SNIPPET = re.compile(r"^```python\n(.*?)^```", re.M | re.S)
+WITH_SNIPPETS = {
+    str(page.relative_to(ROOT).with_suffix("")): page
+    for page in PAGES
+    if page.parent != TUTORIAL and SNIPPET.search(page.read_text())
+}
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_examples_run_and_keep_their_promise(example, tmp_path, monkeypatch):
+def test_examples_run_and_leave_a_picture(example, tmp_path, monkeypatch):
+    """They assert what their text promises; the gallery shows their pictures."""
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pytest.importorskip("pyvista")
     monkeypatch.chdir(tmp_path)
-    runpy.run_path(str(example), run_name="__main__")
+    try:
+        with pyplot.rc_context({"backend": "agg"}):
+            runpy.run_path(str(example), run_name="__main__")
+    finally:
+        pyplot.close("all")
+    assert list(tmp_path.rglob("*.png"))
+
+
+def test_a_script_of_the_gallery_has_a_title_and_a_text():
+    """A page needs them; the first paragraph is its summary in the index."""
+    for example in EXAMPLES:
+        title, line, _, text = example.read_text().split("\n", 5)[1:5]
+        assert line == "=" * len(title), example
+        assert text, example
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
@@ -32,12 +57,13 @@ def test_case_files_among_the_examples_are_cases(case):
     assert case_from_file(case).ply().basis.N > 0
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
-def test_python_on_a_page_works_as_printed(page, tmp_path, monkeypatch):
-    """The snippets of a page build on one another."""
-    monkeypatch.chdir(tmp_path)
+def run_snippets(page):
+    """Run the snippets of a page in one namespace, beside the files that it offers."""
+    text = page.read_text()
+    for offered in re.findall(r"{download}`(?:[^`]*<)?([^`<>]+)>?`", text):
+        shutil.copy(page.parent / offered, ".")
     variables, missing = {"__name__": page.stem}, set()
-    for snippet in re.findall(r"^```python\n(.*?)^```", page.read_text(), re.M | re.S):
+    for snippet in SNIPPET.findall(text):
         try:
             exec(compile(snippet, page.name, "exec"), variables)
         except ModuleNotFoundError as error:
@@ -46,6 +72,44 @@ def test_python_on_a_page_works_as_printed(page, tmp_path, monkeypatch):
             missing.add(error.name)
     if missing:
         pytest.skip(f"but for snippets that need {', '.join(missing)}")
+
+
+def in_one_line(text):
+    return " ".join(text.split())
+
+
+@pytest.mark.parametrize("page", WITH_SNIPPETS)
+def test_python_on_a_page_works_as_printed(page, tmp_path, monkeypatch, capsys):
+    """The snippets of a page build on one another; a message is that of the library."""
+    monkeypatch.chdir(tmp_path)
+    run_snippets(WITH_SNIPPETS[page])
+    printed = in_one_line(capsys.readouterr().out)
+    text = WITH_SNIPPETS[page].read_text()
+    shown = re.findall(r"^```text\n(stopped at .*?)^```", text, re.M | re.S)
+    assert [message for message in shown if in_one_line(message) not in printed] == []
+
+
+def test_the_tutorial_prints_what_it_says(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("pyvista")
+    monkeypatch.chdir(tmp_path)
+    run_snippets(TUTORIAL / "index.md")
+    printed = capsys.readouterr().out
+    text = (TUTORIAL / "index.md").read_text()
+    shown = re.findall(r"^```text\n(.*?)^```", text, re.M | re.S)
+    assert len(shown) == 3
+    assert [block for block in shown if block not in printed] == []
+
+
+def test_the_whole_script_of_the_tutorial_is_its_parts():
+    def statements(text):
+        text = re.sub(
+            r'^""".*?"""\n|^from \S+ import \(.*?\)', "", text, flags=re.M | re.S
+        )
+        lines = [line for line in text.splitlines() if line.strip()]
+        return [x for x in lines if not x.startswith(("import ", "from ", "# Part"))]
+
+    parts = SNIPPET.findall((TUTORIAL / "index.md").read_text())
+    assert statements((TUTORIAL / "whole.py").read_text()) == statements("".join(parts))
 
 
 def test_the_page_on_the_architecture_names_what_there_is():

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from skfem import MeshQuad
 
 from skfem_textile import Fabric, Full, LoadStepper, Ply, StepError, split
 from skfem_textile.scenes import bias_extension, strip
@@ -176,6 +177,22 @@ def test_fibres_of_small_elements_are_thinned_to_a_spacing(fine):
     assert len(points) == pytest.approx(area / 2.4**2, rel=0.05)
     away = np.linalg.norm(points - shape.centres[elements], axis=1)
     assert (away <= shape.sides[elements]).all()
+
+
+@pytest.mark.parametrize("n", [10, 40])
+def test_fibres_end_within_a_slanted_outline(n):
+    """Of large elements, and of elements that are thinned to a grid."""
+    mesh = MeshQuad.init_tensor(*2 * [np.linspace(0.0, 60.0, n + 1)])
+    slant = 1.2
+    shape = sheet.Shape.of(mesh, np.stack([slant * mesh.p[1], 0 * mesh.p[1]]))
+    along, across = (np.tile(v, (n**2, 1)) for v in ([1.0, 0, 0], [0, 1.0, 0]))
+    panel = sheet.Panel("", shape, fibres=sheet.Fibres(along, across))
+    for family in lines.lines_of(panel, 1.0, show_edges=False)[1:]:
+        x, y, _ = family.ends.reshape(-1, 3).T
+        for inside in (x - slant * y, y):
+            assert inside.min() > -1e-9
+            assert inside.max() < 60.0 + 1e-9
+        assert len(family.ends) > 80
 
 
 def test_a_point_is_in_the_element_that_holds_it(result):

@@ -188,6 +188,15 @@ def test_load_curves_carry_their_labels(tmp_path):
     assert [line.get_ydata().tolist() for line in axes.lines] == [[0, 2], [0, 3]]
 
 
+def test_long_labels_of_load_curves_are_not_cut():
+    """Three of them would be wider than the figure, side by side."""
+    lines = {f"{name} of two N/mm, glued": ([0, 1], [0, 1]) for name in "abc"}
+    figure = curves({"": lines}, "mm", "N")
+    figure.canvas.draw()
+    box = figure.legends[0].get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.width
+
+
 def test_titles_must_match(results):
     with pytest.raises(ValueError, match="2 results need as many titles: 1"):
         plot.fibre_strain(*results, titles=["one"])

@@ -15,6 +15,7 @@ from skfem_textile import (
     OnePoint,
     Ply,
     Quadratic,
+    Tabulated,
 )
 from skfem_textile.mesh.named_nodes import with_named_nodes
 from skfem_textile.scenes import bias_extension, picture_frame
@@ -24,9 +25,9 @@ MACRO = Macro()
 FORMULATIONS = [MACRO, OnePoint(), Full(), Quadratic(20.0)]
 
 
-def pulled(kind="irregular", formulation=MACRO, across=6, E=1e5):
+def pulled(kind="irregular", formulation=MACRO, across=6, E=1e5, shear=0.5):
     scene = bias_extension(kind, (across, 2 * across))
-    ply = Ply(scene.mesh, Fabric(E, 0.5, scene.warp, scene.weft), formulation)
+    ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
     return LoadStepper(ply, scene.conditions, 4).run()
 
 
@@ -164,7 +165,19 @@ def test_where_no_state_is_near_there_is_none_of_an_earlier_state_either(monkeyp
     summary = result.summary()
     assert summary["estimated_load_error"] is None
     assert summary["estimated_shear_angle_error_deg"] is None
-    assert summary["error_estimate"] == "none: a finer mesh has no state near: no"
+    assert summary["error_estimate"] == (
+        "none: a finer mesh has no state near: no; compare a run with half the element "
+        "size"
+    )
+
+
+def test_it_is_told_where_a_finer_mesh_leaves_the_law():
+    """And not that a tangent is not finite."""
+    plain = pulled(across=4)
+    end = 1.001 * np.abs(plain.ply.shear_angle(plain.states[-1].u)).max()
+    law = Tabulated([0.0, end], [0.0, 0.5 * end], odd=True)
+    summary = pulled(across=4, shear=law).summary()
+    assert "an increment to it is past the end of a law" in summary["error_estimate"]
 
 
 def test_a_load_that_is_round_off_has_no_error():

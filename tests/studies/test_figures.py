@@ -6,14 +6,18 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
+from studies.adaptive.figure import draw_errors
 from studies.angles.figure import draw_loads
 from studies.error_time.figure import work_precision
 from studies.formulations.figure import convergence
 from studies.inf_sup.figure import draw_constants
+from studies.laws.figure import draw_errors as draw_laws
 from studies.stability.figure import draw_outcomes
 
 LINES = {"a": ([1, 2], [1, 2])}
 FIGURES = {
+    "errors": lambda file: draw_errors([], file),
+    "laws": lambda file: draw_laws([], file),
     "loads": lambda file: draw_loads([], file),
     "convergence": lambda file: convergence({"mm": {"title": LINES}}, file),
     "work_precision": lambda file: work_precision(

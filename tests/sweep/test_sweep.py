@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from skfem_textile.sweep import SweepError, sweep
 
 ROOT = Path(__file__).parents[2]
-EXAMPLE = ROOT / "examples" / "sweep.py"
+EXAMPLE = ROOT / "examples" / "runs" / "sweep.py"
 
 
 def test_any_executor_will_do(executor: Executor):
@@ -174,7 +174,7 @@ def test_all_of_this_holds_on_dask_and_the_example_runs_there(
     monkeypatch.setattr(
         distributed, "LocalCluster", lambda **_: nullcontext(client.cluster)
     )
-    runpy.run_path(str(EXAMPLE))["main"](dask=True)
+    runpy.run_path(str(EXAMPLE))["run"](tmp_path, "dask")
 
 
 @pytest.mark.long

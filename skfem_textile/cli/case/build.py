@@ -148,7 +148,7 @@ def _with_regions(scene: Scene, fabric: Fabric, values: Mapping[str, Any]) -> Fa
         cells for name, cells in (mesh.subdomains or {}).items() if name in fabrics
     ]
     elsewhere = np.setdiff1d(np.arange(mesh.nelements), np.concatenate([[], *named]))
-    if elsewhere.size:
+    if elsewhere.size and len(named) == len(fabrics):
         mesh = mesh.with_subdomains({_OTHERS: elsewhere})
         fabrics[_OTHERS] = fabric
     return fabric_of_regions(mesh, fabrics)

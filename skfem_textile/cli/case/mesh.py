@@ -1,10 +1,12 @@
 """The mesh that values describe, and the scene on it."""
 
+import filecmp
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from skfem import Mesh
 
 from ...mesh.user_input import printable
 from ...registration import SceneRegistration
@@ -28,13 +30,29 @@ def scene_of(values: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
         )
     values = _completed(values, registration)
     if is_mesh_file(mesh):
-        from ...io import read_mesh  # loads meshio
-
-        mesh = read_mesh(mesh)
+        mesh = _read(mesh, values)
     own = {option.key: values[option.key] for option in registration.options}
     made = {name: values[name] for name in ("size", "jitter", "seed")}
     scene = registration.build(mesh=mesh, **made, **own)
     return scene.rotated(np.radians(values["rotate"])), values
+
+
+def _read(file: str, values: Mapping[str, Any]) -> Mesh:
+    """The mesh of a file, of which directions and the fabric may be read too."""
+    from ...io import OF_DIRECTIONS, OF_FABRICS, read_mesh  # loads meshio
+
+    given = {"directions": OF_DIRECTIONS, "fabric": OF_FABRICS}
+    same = [option for option in given if _is_copy(values[option], file)]
+    others = [name for option in same for name in given[option]]
+    return read_mesh(file, others)
+
+
+def _is_copy(named: str | None, file: str) -> bool:
+    """Whether a file is another or a copy of it, as a written case has them."""
+    try:
+        return named is not None and filecmp.cmp(named, file, shallow=False)
+    except (OSError, ValueError):  # its reader tells
+        return False
 
 
 def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str, Any]:

@@ -1,22 +1,32 @@
 """The options that take fibre directions and a fabric from files."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...fabric import Fabric
-from ...fabric.directions import FibreDirections, warn_of_directions
+from ...fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ...mesh.user_input import printable
 from ...registration import Option
 from ...scenes import SCENES, Scene
 
+log = logging.getLogger(__name__)
+
 _UNITS = "N mm"
+
+# Sine of the angle up to which two directions are the same.  Chosen: above the six
+# digits of a deck.
+_SAME = 1e-5
 
 #: The option that takes fibre directions.
 DIRECTIONS = Option(
     name="directions",
     help="fibre directions of each element: cell data of a .vtu, a .csv, or "
-    "*ORIENTATION of an .inp, which may be the mesh file",
+    "the keyword ORIENTATION of an .inp, which may be the mesh file",
     metavar="FILE",
     names_file=bool,
 )
@@ -25,8 +35,8 @@ DIRECTIONS = Option(
 FABRIC = (
     Option(
         name="fabric",
-        help="all laws: a .json of the package, *FABRIC of an .inp, or LAW58 or LAW158 "
-        "of a .rad",
+        help="all laws: a .json of the package, the keyword FABRIC of an .inp, or "
+        "LAW58 or LAW158 of a .rad",
         metavar="FILE",
         names_file=bool,
     ),
@@ -67,30 +77,68 @@ def from_files(
                 f"--{name} is of the whole ply, but regions have their own: leave "
                 "one of them out"
             )
+    stated = None
     if values["fabric"] is not None:
         _refuse_laws(values, laws)
         from ...io import read_fabric  # loads meshio
 
         told = (values[name] for name in ("thickness", "units", "material"))
-        found = read_fabric(values["fabric"], *told).fabric
-        fabric = Fabric(found.tension, found.shear, scene.warp, scene.weft)
+        stated = read_fabric(values["fabric"], *told).fabric
+        fabric = Fabric(stated.tension, stated.shear, scene.warp, scene.weft)
     else:
         for option in FABRIC[1:]:
             if values[option.key] != option.default:
                 raise ValueError(f"--{option.name} goes with --fabric")
-    if values["directions"] is None:
-        return scene, fabric
-    from ...io import read_directions
+    if values["directions"] is not None:
+        scene, fabric = _with_directions(values["directions"], scene, fabric)
+    if stated is not None and _has_other_directions(stated, scene, fabric):
+        _tell_other_directions(values)
+    return scene, fabric
 
-    file = printable(values["directions"])
-    given = read_directions(values["directions"])
+
+def _with_directions(file: str, scene: Scene, fabric: Fabric) -> tuple[Scene, Fabric]:
+    """The scene and its fabric, with the fibre directions of a file."""
+    from ...io import read_directions  # loads meshio
+
+    given = read_directions(file)
     turned = FibreDirections(scene.turn @ given.warp, scene.turn @ given.weft)
     try:
         warn_of_directions(scene.mesh, turned)
     except ValueError as error:
-        raise ValueError(f"--directions {file}: {error}") from None
-    misfit = scene.misfit or f"fibre directions are those of {file}"
+        raise ValueError(f"--directions {printable(file)}: {error}") from None
+    misfit = scene.misfit or f"fibre directions are those of {printable(file)}"
     return replace(scene, misfit=misfit), turned.on(fabric)
+
+
+def _has_other_directions(stated: Fabric, scene: Scene, taken: Fabric) -> bool:
+    """Whether a file states directions that are not those of a run."""
+    if stated.warp is Fabric.warp and stated.weft is Fabric.weft:
+        return False  # a deck without orientations states none
+    try:
+        own, used = (directions_of(scene.mesh, one) for one in (stated, taken))
+    except ValueError:  # of another number of elements
+        return True
+    for A, B in (own.warp, used.warp), (own.weft, used.weft):
+        x, y = scene.turn @ A
+        if np.abs(x * B[1] - y * B[0]).max() > _SAME:
+            return True
+    return False
+
+
+def _tell_other_directions(values: Mapping[str, Any]) -> None:
+    file, other = values["fabric"], values["directions"]
+    source = "the scene's" if other is None else f"those of {printable(other)}"
+    how = (
+        "write_directions makes a file of them for --directions"
+        if Path(file).suffix.lower() == ".json"
+        else "to take them give the file as --directions too"
+    )
+    log.warning(
+        "%s: its fibre directions are not taken, %s are: %s",
+        printable(file),
+        source,
+        how,
+    )
 
 
 def _refuse_laws(values: Mapping[str, Any], laws: Sequence[Option]) -> None:

@@ -27,9 +27,10 @@ def show(options: argparse.Namespace) -> int:
     OSError, OutputError
         If the folder cannot be written.
     """
-    from ...io import read_mesh, write_directions  # loads meshio
+    from ...io import OF_DIRECTIONS, read_mesh, write_directions  # loads meshio
 
-    mesh = read_mesh(options.mesh)
+    own = options.warp is None and options.directions in (None, options.mesh)
+    mesh = read_mesh(options.mesh, OF_DIRECTIONS if own else ())
     directions = _directions(
         options, sum(c.shape[1] for c in original_elements(mesh)[0])
     )

@@ -59,6 +59,12 @@ _COMMON = (
         read=int,
         metavar="N",
     ),
+    Option(
+        name="extrapolation",
+        help="of a table beyond the data: refuse every state, which is the default, or "
+        "go on in a straight line",
+        choices=("refuse", "linear"),
+    ),
 )
 
 _SHEAR = (

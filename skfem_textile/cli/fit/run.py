@@ -12,6 +12,7 @@ from ...calibration import biaxial, report
 from ...calibration.biaxial import TensionFit
 from ...calibration.curves import COLUMNS, column_named
 from ...calibration.inverse import Simulation, fit_by_simulation
+from ...calibration.report_text import report_text
 from ...calibration.shear import ShearFit, Specimen, fit_shear, read_specimen
 from ...fabric import Fabric
 from ...fabric.files.fabric_file import write_law
@@ -66,7 +67,7 @@ def run_fit(options: argparse.Namespace) -> int:
 
     fits = {"biaxial": _tension, "picture-frame": _frame, "bias-extension": _bias}
     found = fits[options.test](options)
-    text = report.text(found.reports)
+    text = report_text(found.reports)
     inputs = {k: v for k, v in vars(options).items() if k not in ("command", "out")}
     inputs["data"] = [str(path) for path in options.data]
     summary = {"reports": found.reports, "inputs": {"version": __version__, **inputs}}
@@ -120,6 +121,7 @@ def _shear(
     how: dict[str, Any] = {
         "degree": options.degree,
         "points": options.points,
+        "extrapolation": options.extrapolation,
         "up_to": None if options.up_to is None else float(np.radians(options.up_to)),
         "bounds": dict(options.bound),
     }
@@ -140,6 +142,7 @@ def _tension(options: argparse.Namespace) -> _Found:
     curves = [biaxial.read_biaxial(path, size, units) for path, size in paths]
     bounds = dict(options.bound)
     how: dict[str, Any] = {"points": options.points, "bounds": bounds}
+    how["extrapolation"] = options.extrapolation
     found = biaxial.fit_tension(curves, options.law, **how)
     base, tension = _kept(options, Fabric()), found.tension
     laws = (

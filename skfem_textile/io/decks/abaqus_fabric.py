@@ -42,6 +42,9 @@ _OTHERS = {
     "CONDUCTIVITY": "there are no temperatures",
 }
 
+#: Keywords of a fabric: those that are read, and those that are told not to be.
+KEYWORDS = ("MATERIAL", "FABRIC", "UNIAXIAL", "LOADING DATA", *_SECTIONS, *_OTHERS)
+
 
 class _Data(NamedTuple):
     """Loading data of one direction: strains, stresses, and what follows beyond."""

@@ -20,6 +20,9 @@ log = logging.getLogger(__name__)
 #: Suffixes of files that have a fabric.
 SUFFIXES = (".json", ".inp", ".rad")
 
+#: Names that `read_mesh` has for what `read_fabric` reads of a deck, or tells of.
+OF_FABRICS = tuple(f"*{keyword}" for keyword in abaqus_fabric.KEYWORDS)
+
 
 def read_fabric(
     path: str | os.PathLike[str],

@@ -19,6 +19,9 @@ from .write_deck import WARP, WEFT
 
 _SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION", "SHELL GENERAL SECTION")
 
+#: Keywords that bear on directions.
+KEYWORDS = ("ORIENTATION", "DISTRIBUTION", "DISTRIBUTION TABLE", *_SECTIONS)
+
 # Components of unit vectors out of the plane up to which they lie in it.  Chosen: above
 # the six digits of a deck.
 _IN_PLANE = 1e-5

@@ -105,7 +105,7 @@ REGISTRATION = FormulationRegistration(
         Option(
             name="stabilisation",
             help="independent of the path, the paper's rates, by jumps between "
-            "elements, or isotropic; the last three need --cs",
+            "elements, or isotropic; the last three need `--cs`",
             default="energy",
             choices=get_args(Kind),
         ),

@@ -62,7 +62,10 @@ def estimated_error(
             ply.settle(state.u)
             return _estimate(ply, conditions, solver, state)
     except NoEquilibriumError as error:
-        reason = f"a finer mesh has no state near: {error}"
+        reason = (
+            f"a finer mesh has no state near: {error}; compare a run with half the "
+            "element size"
+        )
     except MemoryError:
         reason = "there is not enough memory for a finer mesh"
     except ValueError as error:
@@ -130,6 +133,8 @@ def _moved(
     ply, constraints = problem.ply, problem.constraints
     values, last = constraints.fixed_values(problem.load_factor), before
     for number in range(_MOST_INCREMENTS):
+        if not problem.in_domain(u):
+            raise NoEquilibriumError("an increment to it is past the end of a law")
         tangent, f = definite(problem, u, tension), problem.residual(u)
         if number == 0:
             du = tangent.increment(f, u, values)
@@ -139,7 +144,7 @@ def _moved(
             moved, change = (np.abs((now - x).sum()) for x in (last, before))
             calm = not tangent.altered and number == 1
             if not np.isfinite(now).all():
-                break
+                raise NoEquilibriumError("its load is not finite")
             if calm or moved <= _SETTLED * change:
                 return u + du, now
             last = now
@@ -147,7 +152,10 @@ def _moved(
         u = u + du
         if number == 0:
             ply.settle(u, tension)
-    raise NoEquilibriumError("the load does not settle")
+    share = moved / np.abs(before).sum()
+    raise NoEquilibriumError(
+        f"after {_MOST_INCREMENTS} increments its load still changes by {share:.1%}"
+    )
 
 
 def refuse_single_nodes(ply: Body, conditions: Conditions) -> None:

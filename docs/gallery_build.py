@@ -1,0 +1,89 @@
+"""How the gallery is made of the scripts in ``examples`` by sphinx-gallery."""
+
+import logging
+import shutil
+from pathlib import Path
+from typing import Any
+
+from sphinx_gallery.scrapers import figure_rst
+
+# Sphinx shows all that is logged; what runs say of their steps is not for its readers.
+for name in ("skfem", "skfem_textile"):
+    logging.getLogger(name).setLevel(logging.ERROR)
+
+_PICTURES = {".png", ".gif"}
+
+# What is shown after what; a script that is not named comes last.
+_SCRIPTS = {
+    "forms": ("own_newton", "ply_newton", "locking", "own_terms", "glued_sheet"),
+    "fabrics": (
+        "bias_extension",
+        "picture_frame",
+        "crimped_fibres",
+        "measured_fabric",
+        "calibration",
+        "fabric_fields",
+        "two_fabrics",
+    ),
+    "meshes": ("hole", "gmsh_mesh", "from_abaqus", "along_fibres"),
+    "loads": ("loads", "limit_load", "hanging_sheet", "pressure"),
+    "runs": ("sweep", "to_a_tolerance"),
+}
+
+
+class Order:
+    """The place of a script in its folder."""
+
+    def __init__(self, folder: str) -> None:
+        self.scripts = _SCRIPTS.get(Path(folder).name, ())
+
+    def __call__(self, filename: str) -> int:
+        """Return its place, from 0 on."""
+        name = Path(filename).stem
+        known = name in self.scripts
+        return self.scripts.index(name) if known else len(self.scripts)
+
+
+def written_pictures(
+    block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]
+) -> str:
+    """Move the pictures that a block of a script wrote into the gallery.
+
+    The page shows what a reader finds who runs the script, and nothing stays among the
+    scripts.
+    """
+    folder = Path(block_vars["src_file"]).parent
+    found = [file for file in folder.rglob("*") if file.suffix in _PICTURES]
+    shown = []
+    for file in sorted(found, key=lambda file: file.stat().st_mtime_ns):
+        place = Path(next(block_vars["image_path_iterator"])).with_suffix(file.suffix)
+        shown.append(str(shutil.move(file, place)))
+    return figure_rst(shown, gallery_conf["src_dir"])
+
+
+def script_knows_its_file(
+    gallery_conf: dict[str, Any], script_vars: dict[str, Any]
+) -> list[str]:
+    """Define ``__file__``, beside which a script finds its data; no arguments."""
+    script_vars["example_globals"]["__file__"] = script_vars["src_file"]
+    return []
+
+
+CONFIGURATION = {
+    "examples_dirs": "../examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"\.py$",
+    "ignore_pattern": "half_size",
+    "subsection_order": [f"../examples/{folder}" for folder in _SCRIPTS],
+    # By name, so that Sphinx can compare these with those of the last build.
+    "within_subsection_order": "gallery_build.Order",
+    "image_scrapers": ("gallery_build.written_pictures",),
+    "reset_argv": "gallery_build.script_knows_its_file",
+    "thumbnail_size": (400, 280),
+    "capture_repr": (),
+    "remove_config_comments": True,
+    "notebook_extensions": set(),
+    "download_all_examples": False,
+    "show_signature": False,
+    "write_computation_times": False,
+}

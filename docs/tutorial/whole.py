@@ -1,0 +1,99 @@
+"""Pull a measured fabric with a hole in it: the tutorial's script, whole."""
+
+import csv
+
+import numpy as np
+
+from skfem_textile import (
+    Condition,
+    CrimpToe,
+    Fabric,
+    LoadStepper,
+    Ply,
+    Tabulated,
+    TensionOnly,
+    plot,
+)
+from skfem_textile.io import read_mesh
+from skfem_textile.plot.curves import curves
+from skfem_textile.scenes.rectangle import rectangle
+
+# Part 1: a mesh and a fabric
+mesh = rectangle(50, 120, (5, 12), "irregular")
+fabric = Fabric(tension=7e3, shear=0.1, warp=(1, 1), weft=(-1, 1))
+
+
+# Part 2: pull it
+def pull(mesh, fabric, distance):
+    """Hold the bottom, move the top upwards by a distance in mm."""
+    ply = Ply(mesh, fabric)
+    conditions = {
+        "clamp": Condition("bottom"),
+        "pull": Condition("top", (0.0, distance)),
+    }
+    return LoadStepper(ply, conditions, steps=8).run()
+
+
+result = pull(mesh, fabric, 20.0)
+print(result)
+force = result.states[-1].reactions["pull"][1]
+print(f"force: {force:.2f} N")
+
+
+# Part 3: a curve and a picture
+def force_against_displacement(result):
+    """Displacement in mm and force in N along y, a number for each state."""
+    displacement = [state.displacements["pull"][1] for state in result.states]
+    force = [state.reactions["pull"][1] for state in result.states]
+    return np.array(displacement), np.array(force)
+
+
+def show(result, name):
+    """Write a table and a diagram of the force, and a picture of the shear angle."""
+    displacement, force = force_against_displacement(result)
+    with open(f"{name}.csv", "w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["displacement (mm)", "force (N)"])
+        writer.writerows(zip(displacement, force, strict=True))
+    curve = {name: (displacement, force)}
+    curves({"Pull": curve}, "Displacement (mm)", "Force (N)", f"{name}_force.png")
+    plot.shear_angle(result, filename=f"{name}_shear_angle.png")
+
+
+show(result, "first")
+
+
+# Part 4: can I trust it?
+def judge(result):
+    """Print what tells whether a result can be trusted."""
+    summary = result.summary()
+    for key in (
+        "stable",
+        "path_resolved",
+        "min_det_F",
+        "max_shear_angle_deg",
+        "max_fibre_strain",
+        "energy_share_of_stabilisation",
+        "energy_share_of_deviation",
+        "estimated_load_error",
+    ):
+        value = summary[key]
+        print(f"{key:32}", f"{value:.3g}" if isinstance(value, float) else value)
+
+
+judge(result)
+
+# Part 5: your own fabric
+shear = Tabulated.from_csv("shear.csv", odd=True)
+fibres = TensionOnly(CrimpToe(7e3, toe=0.003, initial_stiffness=10.0))
+measured = Fabric(fibres, shear, warp=(1, 1), weft=(-1, 1))
+own_fabric = pull(mesh, measured, 20.0)
+show(own_fabric, "own_fabric")
+
+# Part 6: your own mesh
+with_hole = read_mesh("coupon.msh")
+print(with_hole)
+own_mesh = pull(with_hole, measured, 20.0)
+show(own_mesh, "own_mesh")
+judge(own_mesh)
+print(f"force: {own_mesh.states[-1].reactions['pull'][1]:.2f} N")

@@ -1,0 +1,59 @@
+"""
+From curves of specimens to a fabric
+====================================
+
+Three bias-extension tests give a shear law with confidence intervals, the law goes into
+a fabric on file, and a simulation with that fabric finds the load again. The curves are
+made here, of a known law with noise; yours come from a machine.
+"""
+
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+
+from skfem_textile import Fabric, LoadStepper, Ply, Polynomial
+from skfem_textile.calibration import BiasExtension, fit_shear, read_specimen
+from skfem_textile.calibration.figure import draw
+from skfem_textile.io import read_fabric, write_fabric
+from skfem_textile.scenes import bias_extension
+from skfem_textile.scenes.bias_extension import WIDTH
+
+KNOWN = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))
+TEST = BiasExtension(width=WIDTH, height=2 * WIDTH)
+
+# %%
+# Three files of a machine.
+
+folder = Path(mkdtemp())
+gamma = np.radians(np.linspace(1.0, 40.0, 60))
+force, rng = TEST.force(KNOWN, gamma), np.random.default_rng(1)
+names = [folder / name for name in ("one.csv", "two.csv", "three.csv")]
+for name in names:
+    noisy = force + 0.02 * force.max() * rng.standard_normal(force.size)
+    columns = np.transpose([TEST.displacement(gamma), noisy])
+    header = "displacement (mm),force (N)"
+    np.savetxt(name, columns, delimiter=",", header=header, comments="")
+
+# %%
+# The law that fits them, and its 95 % intervals.
+
+found = fit_shear([read_specimen(name, TEST) for name in names])
+fit = found.fit
+for name, value, (low, high) in zip(
+    fit.model.parameters, fit.values, fit.intervals, strict=True
+):
+    print(f"{name} = {value:.3f} N/mm, 95 %: {low:.3f} to {high:.3f}")
+draw(found, "fit.png")
+
+# %%
+# The fabric on file, and a simulation of it.
+
+scene = bias_extension(size=(6, 12), shear_angle=np.radians(30.0))
+write_fabric(folder / "fabric.json", Fabric(1e6, fit.law, scene.warp, scene.weft))
+ply = Ply(scene.mesh, read_fabric(folder / "fabric.json").fabric)
+result = LoadStepper(ply, scene.conditions, steps=6).run()
+simulated = scene.reaction(result.states[-1])[1]
+known = TEST.force(KNOWN, np.radians(30.0))
+print(f"load at 30°: {simulated:.2f} N, of the known law {known:.2f} N")
+assert abs(simulated / known - 1) < 0.03

@@ -1,0 +1,76 @@
+"""
+A load that the ply cannot bear
+===============================
+
+A square of cloth is sheared by a dead force. Its shear law w = G sin²Γ/2 lets a square
+of side L, whose fibres lie along its sides, carry at most F = G L/2 along (1, −1)/√2,
+at 45°. Past it there is no equilibrium nearby: the load stepper says so, and keeps the
+last state.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from skfem import MeshQuad
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Force,
+    Full,
+    LoadStepper,
+    Ply,
+    Sin2,
+    StepError,
+)
+
+L, G, E = 10.0, 0.5, 1e5  # mm, N/mm, N/mm
+LIMIT = G * L / 2
+mesh = MeshQuad().refined(2).scaled(L).with_defaults()
+down = np.array([1.0, -1.0]) / np.sqrt(2)
+
+
+def stopped(applied, steps):
+    """The error of a run up to so many times the limit."""
+    load = Force("top", applied * LIMIT * down)
+    ply = Ply(mesh, Fabric(E, Sin2(G)), Full(), [load])
+    try:
+        LoadStepper(ply, {"clamp": Condition("bottom")}, steps=steps).run()
+    except StepError as error:
+        return error
+    raise AssertionError("the load was carried past its limit")
+
+
+# %%
+# The limit is found to half a percent of it, from steps of any length.
+
+for applied in (1.5, 20.0):
+    error = stopped(applied, steps=10)
+    print(error)
+    last = error.result.states[-1]
+    angle = np.degrees(np.abs(error.result.ply.shear_angle(last.u)).max())
+    found = last.load_factor * applied
+    print(f"limit load {found:.4f} of {LIMIT} N per newton, at {angle:.1f}°")
+    assert abs(found - 1) < 0.01
+    assert last.verdict.stable
+
+# %%
+# The force against the shear angle, up to the limit.
+
+error = stopped(1.5, steps=30)
+result = error.result
+angles = [
+    np.degrees(np.abs(result.ply.shear_angle(state.u)).mean())
+    for state in result.states
+]
+forces = [1.5 * LIMIT * state.load_factor for state in result.states]
+angle = np.radians(np.linspace(0.0, 70.0, 141))
+exact = np.sqrt(2) * G * L * np.sin(angle) * np.cos(angle)
+exact /= np.sin(angle) + np.cos(angle)
+
+plt.rcParams["font.size"] = 8
+figure, axes = plt.subplots(figsize=(3.35, 2.4), layout="constrained")
+axes.plot(np.degrees(angle), exact, label="Equilibria in closed form")
+axes.plot(angles, forces, "o", markersize=3, label="Load steps")
+axes.set(xlabel="Shear angle (°)", ylabel="Force (N)", xlim=0, ylim=0)
+axes.legend(frameon=False, loc="lower right")
+figure.savefig("limit.png", dpi=300)

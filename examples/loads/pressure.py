@@ -1,0 +1,70 @@
+"""
+Pressure on a ply whose edges are held
+======================================
+
+A square of crimped fabric is held at its edges and pressed from below. It starts flat,
+where nothing resists out of its plane, and bulges until its tensions carry the
+pressure. The supports carry all of it. The force keeps its direction and its size per
+initial area.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from skfem import MeshQuad
+
+from skfem_textile import BodyForce, Condition, CrimpToe, Fabric, LoadStepper, Ply
+
+SIDE, PRESSURE = 100.0, 0.02  # mm, N/mm²
+
+# %%
+# Fibres take up load after 2 % of strain.
+
+mesh = MeshQuad.init_tensor(*2 * [np.linspace(0, SIDE, 13)]).with_defaults()
+fabric = Fabric(CrimpToe(1e4, toe=0.02, initial_stiffness=10.0), 0.5)
+pressure = BodyForce((0.0, 0.0, PRESSURE))
+ply = Ply(mesh, fabric, terms=[pressure], dimension=3)
+
+
+def rim(X):
+    """Whether points lie on the edge of the square."""
+    return np.any((X == 0) | (X == SIDE), axis=0)
+
+
+result = LoadStepper(ply, {"rim": Condition(rim)}, steps=4).run()
+
+# %%
+# The bulge, and what the supports carry.
+
+carried = -result.states[-1].reactions["rim"][2]
+print(f"bulge {ply.nodal(result.u)[2].max():.2f} mm")
+print(f"carried {carried:.3f} N of {PRESSURE * SIDE**2:.3f} N")
+assert abs(carried / (PRESSURE * SIDE**2) - 1) < 1e-6
+
+# %%
+# The warp carries most in the middle of the ply, and nothing along the edges beside it.
+# Heights are drawn five times as large as they are.
+
+points = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(result.u)
+points[2] *= 5
+tension = ply.fibre_tension(result.u)[0].mean(axis=1)
+
+plt.rcParams["font.size"] = 8
+figure = plt.figure(figsize=(3.35, 2.4), layout="constrained")
+axes = figure.add_subplot(projection="3d", proj_type="ortho")
+faces = Poly3DCollection(
+    points.T[ply.mesh.t.T],
+    array=tension,
+    cmap="cividis",
+    edgecolor="k",
+    linewidth=0.1,
+    clip_on=False,
+)
+axes.add_collection(faces)
+axes.set(xlim=(0, SIDE), ylim=(0, SIDE), zlim=(0, 25))
+axes.set_box_aspect((4, 4, 1), zoom=1.4)
+axes.view_init(elev=28, azim=-60)
+axes.set_axis_off()
+label = "Warp tension (N/mm)"
+figure.colorbar(faces, label=label, location="bottom", shrink=0.8, aspect=30, pad=0)
+figure.savefig("bulge.png", dpi=300)

@@ -1,0 +1,37 @@
+"""Version and requirements are the same wherever they are written."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import skfem_textile
+
+yaml = pytest.importorskip("yaml")
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+RECIPE = yaml.safe_load((ROOT / "conda/recipe.yaml").read_text())
+CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+
+
+def test_version_is_the_same_everywhere():
+    versions = {
+        PROJECT["version"],
+        RECIPE["context"]["version"],
+        CITATION["version"],
+        skfem_textile.__version__,
+    }
+    assert len(versions) == 1
+
+
+def test_recipe_requires_what_the_project_requires():
+    python, *packages = RECIPE["requirements"]["run"]
+    assert [package.replace(" ", "") for package in packages] == PROJECT["dependencies"]
+    assert python == "python >=${{ python_min }}"
+    assert f">={RECIPE['context']['python_min']}" == PROJECT["requires-python"]
+
+
+def test_recipe_installs_the_project_command():
+    name, place = PROJECT["scripts"].popitem()
+    assert RECIPE["build"]["python"]["entry_points"] == [f"{name} = {place}"]
