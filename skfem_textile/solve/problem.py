@@ -331,15 +331,13 @@ class Tangent:
         self.altered = False
         arguments = u, problem.load_factor, tension, problem.corners_resist, convex
         blocks = clock.time("assembly", problem.ply.stiffness, *arguments)
-        if not np.isfinite(blocks.sum()):
-            raise NoEquilibriumError("the tangent is not finite", advice=_NOT_FINITE)
         self._turn = problem.turn(u)
         if problem.surfaces:
-            self._blocks = _curved(problem, u, blocks, contact)
-            reduced = clock.time("assembly", system.reduced, self._blocks, self._turn)
-        else:
-            reduced = clock.time("assembly", system.reduced, blocks)
-        self._matrix = reduced
+            self._blocks = blocks = _curved(problem, u, blocks, contact)
+        if not np.isfinite(blocks.sum()):
+            raise NoEquilibriumError("the tangent is not finite", advice=_NOT_FINITE)
+        turn = self._turn if problem.surfaces else None
+        self._matrix = clock.time("assembly", system.reduced, blocks, turn)
         factorise = system.solver.factorise
         clock.factorisations += 1
         try:

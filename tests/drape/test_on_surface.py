@@ -259,6 +259,36 @@ def test_conditions_that_cannot_be_are_refused(build, message):
         LoadStepper(square(), conditions, 1)
 
 
+class Broken(drape.Plane):
+    """A surface that is not one."""
+
+    def __init__(self, level):
+        super().__init__()
+        self.__dict__["level"] = level
+
+
+@pytest.mark.parametrize(
+    ("surface", "message"),
+    [
+        (5, "a surface must be like"),
+        (drape.Sphere, "a surface must be like"),
+        (Broken(lambda x: x), "must have the shape"),
+        (Broken(lambda x: x[7]), "level of the surface fails"),
+    ],
+)
+def test_what_is_no_surface_is_refused(surface, message):
+    with pytest.raises(ValueError, match=f"condition 'on'.*{message}"):
+        LoadStepper(square(), {"on": OnSurface(surface)})
+
+
+def test_a_surface_that_is_not_finite_is_no_answer():
+    nowhere = Broken(lambda x: np.where(x[0] > 30, np.nan, x[2]))
+    conditions = {"on": OnSurface(nowhere), "clamp": Condition("left")}
+    ply = square()
+    with pytest.raises(NoEquilibriumError, match="no way to the surface"):
+        equilibrium_near(ply, conditions, ply.basis.zeros())
+
+
 def test_a_ply_in_its_plane_lies_on_no_surface():
     ply = Ply(MeshQuad().refined(1), Fabric(1e4, 1.0))
     with pytest.raises(ValueError, match="only a ply in space"):

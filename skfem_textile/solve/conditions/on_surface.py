@@ -8,6 +8,7 @@ from skfem import CellBasis
 
 from ...mesh.bases import node_positions
 from ...mesh.selection import Where, selected_nodes
+from ...mesh.user_input import call_user_function
 from .surface import Grown, Surface
 
 # Distance of the surface from the plane of the ply where they touch, as a share of the
@@ -69,6 +70,31 @@ class OnSurface:
         if self.where is None:
             return np.arange(node_positions(basis).shape[1])
         return np.unique(selected_nodes(f"condition {name!r}", self.where, basis))
+
+    def check(self, name: str, x: ndarray) -> None:
+        """Refuse what is no surface at points, shape (3, n).
+
+        Raises
+        ------
+        ValueError
+            If a method is missing, fails, or gives arrays of another shape.
+        """
+        n = x.shape[1]
+        shapes = {"level": (n,), "gradient": (3, n), "hessian": (3, 3, n)}
+        if isinstance(self.surface, type) or not all(
+            hasattr(self.surface, method) for method in shapes
+        ):
+            raise ValueError(
+                f"condition {name!r}: a surface must be like drape.Sphere(100.0), with "
+                f"{', '.join(shapes)}, not {self.surface!r}"
+            )
+        for method, shape in shapes.items():
+            what = f"condition {name!r}: {method} of the surface"
+            found = call_user_function(what, getattr(self.surface, method), x)
+            if np.shape(found) != shape:
+                raise ValueError(
+                    f"{what} must have the shape {shape}, not {np.shape(found)}"
+                )
 
     def at(self, name: str, t: float) -> Surface:
         """The surface at a load factor.

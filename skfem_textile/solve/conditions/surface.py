@@ -113,7 +113,7 @@ def onto(surface: Surface, x: ndarray, free: ndarray | None = None) -> ndarray:
     for _ in range(_MOST):
         g, level = surface.gradient(x), surface.level(x)
         along = g if free is None else np.einsum("nij,jn->in", free, g)
-        off = np.abs(level) > allowed * np.linalg.norm(g, axis=0)
+        off = ~(np.abs(level) <= allowed * np.linalg.norm(g, axis=0))
         if not off.any():
             return x
         with np.errstate(all="ignore"):  # what is not finite is caught

@@ -70,7 +70,8 @@ class SurfaceNodes:
     Raises
     ------
     ValueError
-        If the ply is no ply in space, or a node is to be on two surfaces.
+        If the ply is no ply in space, what is given is no surface, or a node is to be
+        on two surfaces.
     """
 
     def __init__(
@@ -95,6 +96,8 @@ class SurfaceNodes:
         free[prescribed] = False
         self._free = free.reshape(-1, 3)
         movable: ndarray = np.any(self._free, axis=1)
+        for name, condition in conditions.items():
+            condition.check(name, self._X[:, nodes[name]])
         self._parts = [
             (name, condition, nodes[name][movable[nodes[name]]])
             for name, condition in conditions.items()
