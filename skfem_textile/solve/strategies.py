@@ -146,8 +146,9 @@ class Newton:
     ) -> Iterator[Iterate]:
         """Endless iterates."""
         u, f = start.u, problem.forces_of(start)
-        fits = start.tangent and not problem.surfaces  # which turn with the load factor
-        tangent = (start.tangent if fits else None) or Tangent(problem, u)
+        tangent = start.tangent
+        if tangent is None or problem.surfaces:  # which move with the load factor
+            tangent = Tangent(problem, u)
         while True:
             du = _in_domain(problem, u, tangent.increment(f, u, fixed_values))
             u = problem.moved(u, du)
@@ -216,12 +217,12 @@ def _first_tangent(problem: Problem, start: Start) -> Tangent:
     NoEquilibriumError
         If some motion meets no stiffness even so.
     """
-    if start.tangent and start.tangent.negative_pivots is not None:
-        if not problem.surfaces:
-            return start.tangent
-        tension = problem.ply.geometric_tension(start.u, np.zeros_like(start.u))
-        return definite(problem, start.u, tension)  # surfaces turn with the load factor
+    regular = start.tangent and start.tangent.negative_pivots is not None
+    if start.tangent and regular and not problem.surfaces:
+        return start.tangent
     tension = problem.ply.geometric_tension(start.u, np.zeros_like(start.u))
+    if regular:  # but surfaces have moved with the load factor
+        return definite(problem, start.u, tension)
     size = _FIRST_TENSION_ON_SURFACE if problem.surfaces else _FIRST_TENSION
     first = np.full_like(tension, size)
     return Tangent(problem, start.u, first, contact=_no_contact(problem))
