@@ -47,6 +47,7 @@ def foundation(k):
 x, y = np.linspace(0.0, LENGTH, 201), np.linspace(0.0, 10.0, 3)
 mesh = MeshQuad.init_tensor(x, y).with_defaults()
 ply = Ply(mesh, Fabric(E, 1.0), Full())
+# The basis of `Full` has 2×2 points; others need `CellBasis(ply.mesh, ply.basis.elem)`.
 ply = ply.with_terms(FormTerm("foundation", foundation(K), ply.basis))
 conditions = {
     "pulled": Condition("right", MOVED, direction=(1, 0)),

@@ -126,7 +126,10 @@ def refuse_what_has_no_finer(ply: Any) -> None:
     for term in ply.further_terms_as_given:
         if not hasattr(term, "on"):
             name = getattr(term, "name", term)
-            raise ValueError(f"term {name!r} is of the mesh, and not of a finer one")
+            raise ValueError(
+                f"term {name!r} is of the mesh alone: give an object whose on(basis) "
+                "returns it, or compare a run with half the element size"
+            )
     if any(memory.depends_on != "state" for memory in ply.memories.values()):
         raise ValueError("the stabilisation depends on the steps")
 
