@@ -44,7 +44,8 @@ from .ply.refinement import Refinement, marked, refine, shear_angle_jumps
 from .ply.term import Load, Memory, Term
 from .ply.terms import FormTerm, MatrixTerm, VectorTerm
 from .solve.checkpoint import CheckpointError
-from .solve.conditions import Condition
+from .solve.conditions import Condition, OnSurface, Surface
+from .solve.conditions import drape as drape
 from .solve.equilibrium import equilibrium_near
 from .solve.result import Result, StepError
 from .solve.states import Iteration, State, Verdict
@@ -91,6 +92,7 @@ __all__ = [
     "MeshError",
     "Mixed",
     "Newton",
+    "OnSurface",
     "OnePoint",
     "Ply",
     "Polynomial",
@@ -103,6 +105,7 @@ __all__ = [
     "Sin2",
     "State",
     "StepError",
+    "Surface",
     "Tabulated",
     "TensionOnly",
     "Term",

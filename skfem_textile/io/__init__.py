@@ -10,6 +10,7 @@ from .fibres import (
 )
 from .reading import read_mesh
 from .results import FIELDS, write_fields, write_history, write_summary
+from .surfaces import read_surface
 
 __all__ = [
     "DRAPED",
@@ -19,6 +20,7 @@ __all__ = [
     "read_directions",
     "read_fabric",
     "read_mesh",
+    "read_surface",
     "write_directions",
     "write_draped",
     "write_fabric",

@@ -67,7 +67,7 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
     """
     path = Path(path)
     try:
-        raw, ignored = _read(path)
+        raw, ignored = read_raw(path)
         mesh = _mesh(_content(raw))
     except MeshError as error:
         raise MeshError(f"{printable(path)}: {error}") from None
@@ -77,8 +77,14 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
     return mesh
 
 
-def _read(path: Path) -> tuple[meshio.Mesh, list[str]]:
-    """Content of a file, and names of what is not read."""
+def read_raw(path: Path) -> tuple[meshio.Mesh, list[str]]:
+    """Content of a file, and names of what is not read.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read.
+    """
     try:
         if not path.is_file():
             raise MeshError("no such file")

@@ -170,6 +170,13 @@ class Measures:
         fine = self.area_ratio(u, self.fine_points).min(axis=1)
         return np.minimum(fine, self.corners.area_ratio(u).min(axis=0))
 
+    def normals(self, u: ndarray) -> ndarray:
+        """Normals of the elements in space, of any length, shape (3, n_elements).
+
+        At rest all lie on the same side of the ply.
+        """
+        return self.corners.normals(u)
+
     def creased(self, u: ndarray) -> ndarray:
         """Elements that turn by more than a right angle against a neighbour.
 
@@ -179,7 +186,7 @@ class Measures:
         if components(self.basis) == 2:
             return np.empty(0, dtype=int)
         one, other = self.mesh.f2t[:, self.mesh.f2t[1] >= 0]
-        n = self.corners.normals(u)
+        n = self.normals(u)
         sharp = ~((n[:, one] * n[:, other]).sum(axis=0) > 0)
         return np.unique([one[sharp], other[sharp]])
 

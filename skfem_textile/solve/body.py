@@ -11,6 +11,7 @@ from scipy.sparse import csr_matrix
 
 if TYPE_CHECKING:
     from ..mesh.pattern import Pattern
+    from .conditions.surface_nodes import SurfaceNodes
 
 #: Load factors at which loads and further terms are compared, at no regular distances.
 PROBED = (
@@ -157,6 +158,10 @@ class Body(Protocol):
         """Smallest area ratio of each element."""
         ...
 
+    def normals(self, u: ndarray) -> ndarray:
+        """Normals of the elements in space, of any length."""
+        ...
+
     def creased(self, u: ndarray) -> ndarray:
         """Elements that turn sharply against a neighbour."""
         ...
@@ -179,9 +184,11 @@ class Supports(Protocol):
 
     nodes: dict[str, ndarray]
     turn: csr_matrix | None
+    prescribed: ndarray
+    surfaces: "SurfaceNodes | None"
     fixed: ndarray
     free: ndarray
 
     def fixed_values(self, t: float) -> ndarray:
-        """Values of the fixed unknowns at the load factor ``t``."""
+        """Values of the prescribed unknowns at the load factor ``t``."""
         ...

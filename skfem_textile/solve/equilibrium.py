@@ -1,12 +1,12 @@
 """A state at one load factor, from a displacement that is near it."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy import ndarray
 
 from .body import Body
-from .conditions import Condition, Constraints
+from .conditions import Conditions, Constraints
 from .linear import ChosenSolver
 from .problem import Problem
 from .states import State
@@ -16,7 +16,7 @@ from .strategies import Strategy
 
 def equilibrium_near(
     ply: Body,
-    conditions: Mapping[str, Condition],
+    conditions: Conditions,
     u: ndarray,
     load_factor: float = 1.0,
     *,

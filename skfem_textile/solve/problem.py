@@ -4,15 +4,19 @@ from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
+from scipy.sparse import csr_matrix
 
 from .body import Body, Supports
 from .linear.solver import Clock, SingularMatrixError, SolverOfPattern
 from .linear.system import System
 from .states import NoEquilibriumError
+
+if TYPE_CHECKING:
+    from .conditions.surface_nodes import SurfaceNodes
 
 # Share of the largest force that an equilibrium may leave unbalanced; under loads what
 # comes back in the reactions is to be seen to ten digits.
@@ -197,28 +201,45 @@ class Problem:
         """Whether the ply may leave its plane."""
         return self.system.dimension == 3
 
-    def free(self, f: ndarray) -> ndarray:
-        """Components of a DOF vector along the free unknowns."""
-        return self.turned(f)[self.constraints.free]
+    @property
+    def surfaces(self) -> "SurfaceNodes | None":
+        """The nodes on surfaces; None where there are none."""
+        return self.constraints.surfaces
 
-    def turned(self, u: ndarray) -> ndarray:
-        """A DOF vector in the unknowns of the constraints."""
-        turn = self.constraints.turn
-        return u if turn is None else turn.T @ u
+    def turn(self, u: ndarray) -> csr_matrix | None:
+        """The map from the unknowns at a displacement to the plain ones.
 
-    def plain(self, q: ndarray) -> ndarray:
-        """A vector of the unknowns of the constraints as a DOF vector."""
-        turn = self.constraints.turn
-        return q if turn is None else turn @ q
+        None where they are the same.  Those of nodes on a surface turn with it.
+        """
+        if self.surfaces is None:
+            return self.constraints.turn
+        return self.surfaces.turn(u, self.load_factor)
 
-    def unfixed(self, f: ndarray) -> ndarray:
-        """A DOF vector without its components along the fixed unknowns."""
-        q = self.turned(f).copy()
+    def moved(self, u: ndarray, du: ndarray) -> ndarray:
+        """The displacement after an increment, nodes brought back onto surfaces.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If a node does not get there.
+        """
+        if self.surfaces is None:
+            return u + du
+        return self.surfaces.onto(u + du, self.load_factor)
+
+    def free(self, f: ndarray, u: ndarray) -> ndarray:
+        """Components of a DOF vector along the unknowns that are free at ``u``."""
+        return turned(f, self.turn(u))[self.constraints.free]
+
+    def unfixed(self, f: ndarray, u: ndarray) -> ndarray:
+        """A DOF vector without its components along what is fixed at ``u``."""
+        turn = self.turn(u)
+        q = turned(f, turn).copy()
         q[self.constraints.fixed] = 0.0
-        return self.plain(q)
+        return plain(q, turn)
 
-    def unbalanced(self, f: ndarray) -> float:
-        """Largest nodal force along the free unknowns.
+    def unbalanced(self, f: ndarray, u: ndarray) -> float:
+        """Largest nodal force along the unknowns that are free at ``u``.
 
         Raises
         ------
@@ -227,16 +248,16 @@ class Problem:
         """
         if not np.isfinite(f).all():
             raise NoEquilibriumError("the forces are not finite", advice=_NOT_FINITE)
-        return float(np.abs(self.free(f)).max(initial=0.0))
+        return float(np.abs(self.free(f, u)).max(initial=0.0))
 
     def reactions(self, f: ndarray) -> dict[str, ndarray]:
         """Sum of the nodal forces over the nodes of each condition, shape (d,)."""
         forces, nodes = self.ply.nodal(f), self.constraints.nodes
         return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
 
-    def held_forces(self, f: ndarray) -> dict[str, ndarray]:
-        """Nodal forces along the fixed unknowns at each condition, shape (d, n)."""
-        held, nodes = self.ply.nodal(f - self.unfixed(f)), self.constraints.nodes
+    def held_forces(self, u: ndarray, f: ndarray) -> dict[str, ndarray]:
+        """Nodal forces along what is fixed at ``u``, by condition, shape (d, n)."""
+        held, nodes = self.ply.nodal(f - self.unfixed(f, u)), self.constraints.nodes
         return {name: held[:, n] for name, n in nodes.items()}
 
     def displacements(self, u: ndarray) -> dict[str, ndarray]:
@@ -245,10 +266,28 @@ class Problem:
         return {name: moved[:, n].mean(axis=1) for name, n in nodes.items()}
 
     def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
-        """Whether the fixed unknowns have their values, to round-off of positions."""
-        off = np.abs(self.turned(u)[self.constraints.fixed] - fixed_values)
+        """Whether the fixed unknowns have their values, to round-off of positions.
+
+        And whether nodes are on their surfaces.
+        """
+        constraints, surfaces = self.constraints, self.surfaces
+        off = turned(u, constraints.turn)[constraints.prescribed] - fixed_values
         size = np.abs(u).max(initial=0.0) + np.abs(self.ply.nodes).max()
-        return bool((off <= 8 * _EPSILON * size).all())
+        held = bool((np.abs(off) <= 8 * _EPSILON * size).all())
+        return held and (surfaces is None or surfaces.are_on(u, self.load_factor))
+
+    def least_area_ratio(self, u: ndarray) -> ndarray:
+        """Smallest det F of each element; negative where it faces its surface wrongly.
+
+        Elements on a surface are to face it as most of them do.
+        """
+        ply, ratio = self.ply, self.ply.least_area_ratio(u)
+        if self.surfaces is None:
+            return ratio
+        d = len(ply.nodal(u))
+        elements = ply.basis.element_dofs[::d] // d
+        place = u, self.load_factor, elements, ply.normals(u)
+        return ratio * self.surfaces.facing(*place)
 
     def in_domain(self, u: ndarray) -> bool:
         """Whether every law holds at ``u``, and has a finite energy."""
@@ -278,6 +317,8 @@ class Tangent:
         Fibre tensions for the geometric stiffness in place of those of ``u``.
     convex
         Whether what resists shear is made positive semi-definite.
+    contact
+        Multipliers λ of nodes on surfaces in place of those of ``u``.
 
     Raises
     ------
@@ -291,14 +332,20 @@ class Tangent:
         u: ndarray,
         tension: ndarray | None = None,
         convex: bool = False,
+        contact: ndarray | None = None,
     ) -> None:
         self._problem, clock, system = problem, problem.clock, problem.system
+        self._u = u
         self.altered = False
         arguments = u, problem.load_factor, tension, problem.corners_resist, convex
         blocks = clock.time("assembly", problem.ply.stiffness, *arguments)
+        self._turn = problem.turn(u)
+        if problem.surfaces:
+            self._blocks = blocks = _curved(problem, u, blocks, contact)
         if not np.isfinite(blocks.sum()):
             raise NoEquilibriumError("the tangent is not finite", advice=_NOT_FINITE)
-        self._matrix = clock.time("assembly", system.reduced, blocks)
+        turn = self._turn if problem.surfaces else None
+        self._matrix = clock.time("assembly", system.reduced, blocks, turn)
         factorise = system.solver.factorise
         clock.factorisations += 1
         try:
@@ -326,22 +373,40 @@ class Tangent:
 
     def increment(self, f: ndarray, u: ndarray, fixed_values: ndarray) -> ndarray:
         """Solve K·du = −f, with the fixed unknowns brought to their values."""
-        problem = self._problem
-        fixed, free = problem.constraints.fixed, problem.system.free
-        dq = np.zeros_like(u)
-        dq[fixed] = fixed_values - problem.turned(u)[fixed]
-        b = -(problem.turned(f)[free] + self._matrix.coupling @ dq[fixed])
+        problem, turn, constraints = (
+            self._problem,
+            self._turn,
+            self._problem.constraints,
+        )
+        fixed, free = constraints.fixed, problem.system.free
+        prescribed, dq = constraints.prescribed, np.zeros_like(u)
+        dq[prescribed] = fixed_values - turned(u, constraints.turn)[prescribed]
+        if problem.surfaces:
+            held = plain(dq, constraints.turn)
+            dq = turned(problem.surfaces.motion(u, problem.load_factor, held), turn)
+        b = -(turned(f, turn)[free] + self._matrix.coupling @ dq[fixed])
         dq[free] = self._solve(b)
-        return problem.plain(dq)
+        return plain(dq, turn)
+
+    def contact(self, f: ndarray, du: ndarray) -> ndarray | None:
+        """Multipliers λ of nodes on surfaces after an increment, to first order.
+
+        None where there are none.
+        """
+        problem = self._problem
+        if not problem.surfaces:
+            return None
+        after = f + problem.ply.pattern.matrix(self._blocks) @ du
+        return _multipliers(problem, self._u, after)
 
     def settled(self, f: ndarray) -> tuple[ndarray, ndarray]:
         """The motion that balances forces, and the forces after it, to first order."""
-        problem = self._problem
+        problem, turn = self._problem, self._turn
         free, fixed = problem.system.free, problem.constraints.fixed
-        motion, after, turned = np.zeros_like(f), np.zeros_like(f), problem.turned(f)
-        motion[free] = self._solve(-turned[free])
-        after[fixed] = turned[fixed] + self._matrix.coupling.T @ motion[free]
-        return problem.plain(motion), problem.plain(after)
+        motion, after, before = np.zeros_like(f), np.zeros_like(f), turned(f, turn)
+        motion[free] = self._solve(-before[free])
+        after[fixed] = before[fixed] + self._matrix.coupling.T @ motion[free]
+        return plain(motion, turn), plain(after, turn)
 
     def softest(self) -> ndarray:
         """The motion with the least stiffness, its largest component 1.
@@ -355,7 +420,7 @@ class Tangent:
             v = self._solve(v)
             v = v / np.abs(v).max(initial=1e-300)
         q[free] = v
-        return problem.plain(q)
+        return plain(q, self._turn)
 
     def _solve(self, b: ndarray) -> ndarray:
         self._problem.clock.solves += 1
@@ -384,6 +449,39 @@ class Tangent:
         )
         largest = np.abs(f).max()
         return float(self._problem.converged * largest + rounding * self.stiffness)
+
+
+def turned(u: ndarray, turn: csr_matrix | None) -> ndarray:
+    """A DOF vector in unknowns that are turned."""
+    return u if turn is None else turn.T @ u
+
+
+def plain(q: ndarray, turn: csr_matrix | None) -> ndarray:
+    """A vector of unknowns that are turned as a DOF vector."""
+    return q if turn is None else turn @ q
+
+
+def _multipliers(problem: Problem, u: ndarray, f: ndarray) -> ndarray:
+    """λ of nodes on surfaces, shape (n,): forces f across them over the slope of φ."""
+    assert problem.surfaces
+    contact = problem.surfaces.contact(u, problem.load_factor)
+    across = (problem.ply.nodal(f)[:, contact.nodes] * contact.across).sum(axis=0)
+    return across / contact.slope
+
+
+def _curved(
+    problem: Problem, u: ndarray, blocks: ndarray, contact: ndarray | None
+) -> ndarray:
+    """The blocks of a tangent less λ∇²φ of nodes on surfaces."""
+    surfaces, pattern = problem.surfaces, problem.ply.pattern
+    assert surfaces
+    if contact is None:
+        contact = _multipliers(problem, u, problem.residual(u))
+    own = np.flatnonzero(pattern.rows == pattern.cols)[surfaces.nodes]
+    blocks = blocks.copy()
+    hessian = surfaces.hessian(u, problem.load_factor)
+    blocks[own] -= contact[:, None, None] * hessian
+    return blocks
 
 
 def tangent_at(problem: Problem, u: ndarray) -> Tangent | None:

@@ -13,7 +13,7 @@ from scipy.sparse import csc_matrix
 
 from .body import Body
 from .checkpoint import Checkpoint, CheckpointError, Progress, Replay, Saved
-from .conditions import Condition, Constraints
+from .conditions import Conditions, Constraints
 from .linear import ChosenSolver
 from .linear.solver import Clock
 from .problem import Problem, tangent_at
@@ -101,7 +101,7 @@ class LoadStepper:
     def __init__(
         self,
         ply: Body,
-        conditions: Mapping[str, Condition],
+        conditions: Conditions,
         steps: int = 20,
         *,
         strategies: Sequence[str | Strategy] = DEFAULT_STRATEGIES,
@@ -249,7 +249,7 @@ class LoadStepper:
         A ply at rest may have motions without stiffness, but none that gains energy.
         """
         problem = self.problem
-        tangent, unbalanced = tangent_at(problem, u), problem.unbalanced(f)
+        tangent, unbalanced = tangent_at(problem, u), problem.unbalanced(f, u)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
         undeformed = Equilibrium(u, f, (unbalanced,), tolerance)
         trial = Trial(problem, undeformed, None, energies, potentials)

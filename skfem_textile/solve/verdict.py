@@ -5,7 +5,7 @@ folded elements, or an equilibrium that the load does not lead to.
 """
 
 from collections.abc import Callable, Collection, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy import ndarray
@@ -64,7 +64,7 @@ class Trial:
     @cached_property
     def area_ratio(self) -> ndarray:
         """Smallest area ratio of each element at its nodes and the fine points."""
-        return self.problem.ply.least_area_ratio(self.equilibrium.u)
+        return self.problem.least_area_ratio(self.equilibrium.u)
 
     @cached_property
     def strains(self) -> ndarray:
@@ -117,7 +117,8 @@ class Trial:
         problem, u = self.problem, self.equilibrium.u
         arguments = problem.ply.parts, u, problem.load_factor
         parts = problem.clock.time("assembly", *arguments)
-        return shares(parts, self.equilibrium, self.move, problem.held_forces)
+        held_forces = partial(problem.held_forces, u)
+        return shares(parts, self.equilibrium, self.move, held_forces)
 
     def apply_checks(self, warn_only: Collection[str]) -> None:
         """Apply every check; ``warnings`` are what those in ``warn_only`` say.

@@ -414,3 +414,14 @@ def test_further_terms_finer_plies_and_loads_stay_in_space():
     assert loaded.finer().ply.nodal(loaded.finer().ply.basis.zeros()).shape[0] == 3
     with pytest.raises(ValueError, match=r"shape \(3,\)"):
         ply.with_terms(Traction("top", (0.0, 1.0)))
+
+
+def test_plies_of_several_blocks_of_elements_have_the_same_stiffness():
+    """More elements than a kernel takes at once."""
+    s, t = np.linspace(0, 96, 97), np.linspace(0, 90, 91)
+    ply = Ply(MeshQuad.init_tensor(s, t), Fabric(10.0, 1.0), OnePoint(), dimension=3)
+    x, y = ply.nodes
+    u = np.stack([0 * x, 0.01 * x, 0.1 * np.sin(x) * np.sin(y)], axis=1).ravel()
+    d = np.random.default_rng(1).standard_normal(len(u))
+    twice, numerical = ply.tangent(u) @ d, derivative(ply.residual, u, d, 1e-5)
+    np.testing.assert_allclose(numerical, twice, atol=1e-6 * np.abs(twice).max())

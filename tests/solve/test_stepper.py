@@ -330,7 +330,7 @@ def test_reactions_are_not_taken_for_unbalanced_forces():
     ply, conditions = pulled(0.5)
     problem = LoadStepper(ply, conditions).problem
     free, fixed = problem.constraints.free, problem.constraints.fixed
-    f = problem.unfixed(np.ones(ply.basis.N))
+    f = problem.unfixed(np.ones(ply.basis.N), ply.basis.zeros())
     assert np.all(f[free] == 1)
     assert np.all(f[fixed] == 0)
 

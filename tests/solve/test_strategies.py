@@ -22,8 +22,11 @@ class Slope:
     def energy(self, u):
         return -float(u[0])
 
-    def free(self, f):
+    def free(self, f, u):
         return f
+
+    def moved(self, u, du):
+        return u + du
 
     def least_area_ratio(self, u):
         return 1.0 - u

@@ -89,7 +89,8 @@ class InSpace:
         """Add M ∂²Γ/∂a_α², and return M ∂²Γ/∂a₁∂a₂."""
         g, n, c, s = (x[..., block] for x in self._crossing)
         v, squared = self.v[..., block], self.squared_stretch[..., block]
-        half, lifted = 0.5 * M, 0.5 * M * np.broadcast_to(self.side, M.shape) / s
+        side = np.broadcast_to(self.side, self.squared_stretch.shape[1:])[..., block]
+        half, lifted = 0.5 * M, 0.5 * M * side / s
         squares = [half, -half, lifted * (1 - c), -lifted * (1 + c)]
         if convex:
             squares = [np.maximum(x, 0.0) for x in squares]

@@ -35,7 +35,7 @@ def arrays(ply: Body, constraints: Supports, steps: int) -> dict[str, ndarray]:
     remembers nothing.
     """
     load_factors = np.linspace(0.0, 1.0, 2 * steps + 1)
-    turn = constraints.turn
+    turn, surfaces = constraints.turn, constraints.surfaces
     ply.reset()
     probe = 0.1 * ply.element_size * np.sin(np.arange(ply.basis.N))
     fabric = ply.fabric.at()
@@ -52,6 +52,7 @@ def arrays(ply: Body, constraints: Supports, steps: int) -> dict[str, ndarray]:
         "fixed unknowns": constraints.fixed,
         "fixed directions": np.empty(0) if turn is None else turn.data,
         "fixed values": np.array([constraints.fixed_values(t) for t in load_factors]),
+        "surfaces": surfaces.levels(1.0) if surfaces else np.empty(0),
         **{
             f"{name} forces at {t}": forces
             for t in (PROBED if ply.further_terms else (1.0,))

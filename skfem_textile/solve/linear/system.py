@@ -87,14 +87,23 @@ class System:
         self._coupling = matrix_of_slots(
             slots[across], row[across], col[across] - n, (n, n_fixed)
         )
-        turn = constraints.turn
+        self._pattern, turn = pattern, constraints.turn
         self._turn = None if turn is None else _Turn(pattern, turn)
         self.solver = solver(_lower(self._upper))
 
-    def reduced(self, blocks: ndarray) -> Reduced:
-        """The blocks of a tangent as the free unknowns see it."""
-        if self._turn:
-            blocks = self._turn(blocks)
+    def reduced(self, blocks: ndarray, turn: csr_matrix | None = None) -> Reduced:
+        """The blocks of a tangent as the free unknowns see it.
+
+        Parameters
+        ----------
+        blocks
+            The blocks.
+        turn
+            What takes the place of the turn of the constraints.
+        """
+        turned = self._turn if turn is None else _Turn(self._pattern, turn)
+        if turned:
+            blocks = turned(blocks)
         return Reduced(*(_at(blocks, slots) for slots in (self._upper, self._coupling)))
 
 

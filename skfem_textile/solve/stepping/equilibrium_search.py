@@ -214,7 +214,10 @@ def _start_of_another(trial: Trial) -> Start | None:
         return None
     start, tangent = problem.start(u, trial.tangent), trial.tangent
     tolerance = trial.equilibrium.tolerance
-    if not np.isfinite(start.f).all() or problem.unbalanced(start.f) <= tolerance:
+    if (
+        not np.isfinite(start.f).all()
+        or problem.unbalanced(start.f, start.u) <= tolerance
+    ):
         return None
     if tangent is None or tangent.negative_pivots is None:
         return start

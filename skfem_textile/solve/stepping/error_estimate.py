@@ -6,14 +6,13 @@ where it moves.  What the stabilisation and deviations carry at a kink falls wit
 element size so slowly that a finer mesh hardly tells of it: a share of it counts too.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from ..body import Body
-from ..conditions import Condition, Constraints
+from ..conditions import Conditions, Constraints, OnSurface
 from ..linear import solver_named
 from ..problem import Problem, Tangent
 from ..states import ErrorEstimate, NoEquilibriumError, State
@@ -36,7 +35,7 @@ _MOST_INCREMENTS, _SETTLED = 4, 0.2
 
 
 def estimated_error(
-    ply: Body, conditions: Mapping[str, Condition], solver: str, state: State
+    ply: Body, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
     """Estimate the error of a state.
 
@@ -79,7 +78,7 @@ def estimated_error(
 
 
 def problem_at(
-    ply: Body, conditions: Mapping[str, Condition], solver: str, load_factor: float
+    ply: Body, conditions: Conditions, solver: str, load_factor: float
 ) -> Problem:
     """The problem of a ply at a load factor, with a linear solver by its name."""
     constraints = Constraints(ply.basis, conditions)
@@ -89,7 +88,7 @@ def problem_at(
 
 
 def _estimate(
-    ply: Body, conditions: Mapping[str, Condition], solver: str, state: State
+    ply: Body, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
     """The estimate.
 
@@ -159,10 +158,17 @@ def _moved(
     )
 
 
-def refuse_single_nodes(ply: Body, conditions: Mapping[str, Condition]) -> None:
-    """Refuse conditions on nodes of the mesh that would be on more of a finer one."""
+def refuse_single_nodes(ply: Body, conditions: Conditions) -> None:
+    """Refuse conditions on nodes of the mesh that would be on more of a finer one.
+
+    And conditions on surfaces, off which a finer mesh lies at first.
+    """
     named = getattr(ply.mesh, "named_nodes", {})
     for name, condition in conditions.items():
+        if isinstance(condition, OnSurface):
+            raise ValueError(
+                f"condition {name!r} is on a surface, where no error is estimated"
+            )
         where: Any = condition.where
         if callable(where) or (isinstance(where, str) and where not in named):
             continue

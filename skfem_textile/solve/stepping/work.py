@@ -3,7 +3,7 @@
 import numpy as np
 from numpy import ndarray
 
-from ..problem import Problem
+from ..problem import Problem, turned
 from ..states import State
 
 # Length of the step, as a share of the load factor, that tells how conditions move.
@@ -22,7 +22,9 @@ def work(problem: Problem, f: ndarray, u: ndarray) -> ndarray:
     f, u
         Nodal forces and displacement.
     """
-    of_reactions = problem.turned(f)[problem.constraints.fixed] @ _rate(problem)
+    constraints = problem.constraints
+    moving = turned(f, constraints.turn)[constraints.prescribed]
+    of_reactions = moving @ _rate(problem)
     return np.array([of_reactions, problem.load(u) @ u])
 
 

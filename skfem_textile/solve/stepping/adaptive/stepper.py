@@ -1,7 +1,7 @@
 """The load stepper in a loop: solve, estimate, refine, until a tolerance is met."""
 
 import logging
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,7 @@ import numpy as np
 
 from ....ply.finer import refuse_what_has_no_finer
 from ....ply.refinement import marked, refine, shear_angle_jumps
-from ...conditions import Condition, Constraints
+from ...conditions import Conditions, Constraints
 from ...equilibrium import equilibrium_near
 from ...result import Result, StepError
 from ...states import ErrorEstimate, Iteration, NoEquilibriumError, State
@@ -89,7 +89,7 @@ class AdaptiveStepper:
     def __init__(
         self,
         ply: "Ply",
-        conditions: Mapping[str, Condition],
+        conditions: Conditions,
         tolerance: float,
         steps: int = 20,
         *,
@@ -282,9 +282,7 @@ class AdaptiveStepper:
             self.on_round(one)
 
 
-def _refuse_what_cannot_be_refined(
-    ply: "Ply", conditions: Mapping[str, Condition]
-) -> None:
+def _refuse_what_cannot_be_refined(ply: "Ply", conditions: Conditions) -> None:
     """Refuse a ply and conditions that are not valid on a refined mesh.
 
     Raises

@@ -1,0 +1,26 @@
+"""Draping: surfaces, plies laid on them without mechanics, and what plies meet."""
+
+from .analytic import Cone, Cylinder, Plane, Sphere, Torus
+from .geodesics import displacement, exponential_map
+from .height_field import Height, HeightField, double_dome
+from .kinematic_net import Net, net
+from .risks import contact_pressure, wrinkle_risk
+from .triangle_mesh import TriangleMesh
+
+__all__ = [
+    "Cone",
+    "Cylinder",
+    "Height",
+    "HeightField",
+    "Net",
+    "Plane",
+    "Sphere",
+    "Torus",
+    "TriangleMesh",
+    "contact_pressure",
+    "displacement",
+    "double_dome",
+    "exponential_map",
+    "net",
+    "wrinkle_risk",
+]

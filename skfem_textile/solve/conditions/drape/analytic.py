@@ -1,0 +1,305 @@
+"""Surfaces with a formula: plane, cylinder, sphere, cone, torus.
+
+Of all but the plane φ is positive outside.  Each is a function of the position less a
+point and, but for the sphere, of the distance r from an axis and the height z along it.
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from ....mesh.user_input import real_numbers
+
+#: Three components.
+Vector: TypeAlias = ArrayLike
+
+_ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+# Smallest distance from an axis or a centre that is divided by, in mm.
+_TINY = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """A plane through a point, φ the height above it.
+
+    Parameters
+    ----------
+    point
+        A point of it in mm.
+    normal
+        Its normal, of any length.
+    """
+
+    point: Vector = _ORIGIN
+    normal: Vector = _UP
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", _vector("plane: point", self.point))
+        object.__setattr__(self, "normal", _unit("plane: normal", self.normal))
+
+    def level(self, x: ndarray) -> ndarray:
+        """φ, shape (n,)."""
+        return self.normal @ (x - np.asarray(self.point)[:, None])
+
+    def gradient(self, x: ndarray) -> ndarray:
+        """∇φ, shape (3, n)."""
+        return np.broadcast_to(np.asarray(self.normal)[:, None], x.shape)
+
+    def hessian(self, x: ndarray) -> ndarray:
+        """∇²φ, shape (3, 3, n)."""
+        return np.zeros((3, *x.shape))
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere:
+    """A sphere, φ the distance from it.
+
+    Parameters
+    ----------
+    radius
+        Radius in mm.
+    centre
+        Centre in mm.
+    """
+
+    radius: float
+    centre: Vector = _ORIGIN
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", _length("sphere: radius", self.radius))
+        object.__setattr__(self, "centre", _vector("sphere: centre", self.centre))
+
+    def level(self, x: ndarray) -> ndarray:
+        """φ, shape (n,)."""
+        return np.linalg.norm(self._from_centre(x), axis=0) - self.radius
+
+    def gradient(self, x: ndarray) -> ndarray:
+        """∇φ, shape (3, n)."""
+        r = self._from_centre(x)
+        return r / np.maximum(np.linalg.norm(r, axis=0), _TINY)
+
+    def hessian(self, x: ndarray) -> ndarray:
+        """∇²φ, shape (3, 3, n)."""
+        n, length = self.gradient(x), np.linalg.norm(self._from_centre(x), axis=0)
+        across = np.eye(3)[:, :, None] - n[:, None] * n[None]
+        return across / np.maximum(length, _TINY)
+
+    def _from_centre(self, x: ndarray) -> ndarray:
+        return x - np.asarray(self.centre)[:, None]
+
+
+class _OfRevolution:
+    """A surface of revolution, φ = f(r, z), by the derivatives of f.
+
+    With the unit vectors e_r across, e_z along and e_t around the axis the Hessian is
+    f_rr e_r e_r + f_rz (e_r e_z + e_z e_r) + f_zz e_z e_z + (f_r/r) e_t e_t.
+    """
+
+    point: Vector
+    axis: Vector
+
+    def _prepare(self, name: str) -> None:
+        object.__setattr__(self, "point", _vector(f"{name}: point", self.point))
+        object.__setattr__(self, "axis", _unit(f"{name}: axis", self.axis))
+
+    def _f(self, r: ndarray, z: ndarray) -> ndarray:
+        """F of the distance from the axis and the height along it."""
+        raise NotImplementedError
+
+    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
+        """∂f/∂r and ∂f/∂z."""
+        raise NotImplementedError
+
+    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        """∂²f/∂r², ∂²f/∂r∂z and ∂²f/∂z²."""
+        zero = np.zeros_like(r)
+        return zero, zero, zero
+
+    def level(self, x: ndarray) -> ndarray:
+        """φ, shape (n,)."""
+        r, z, _ = self._cylindrical(x)
+        return self._f(r, z)
+
+    def gradient(self, x: ndarray) -> ndarray:
+        """∇φ, shape (3, n)."""
+        r, z, across = self._cylindrical(x)
+        of_r, of_z = self._df(r, z)
+        return of_r * across + of_z * np.asarray(self.axis)[:, None]
+
+    def hessian(self, x: ndarray) -> ndarray:
+        """∇²φ, shape (3, 3, n)."""
+        r, z, across = self._cylindrical(x)
+        along = np.broadcast_to(np.asarray(self.axis)[:, None], x.shape)
+        rr, rz, zz = self._ddf(r, z)
+        of_r, _ = self._df(r, z)
+        around = np.cross(along, across, axis=0)
+        mixed = across[:, None] * along[None]
+        return (
+            rr * across[:, None] * across[None]
+            + rz * (mixed + mixed.swapaxes(0, 1))
+            + zz * along[:, None] * along[None]
+            + of_r / np.maximum(r, _TINY) * around[:, None] * around[None]
+        )
+
+    def _cylindrical(self, x: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        """Distance from the axis, height along it, and the unit vector e_r."""
+        axis = np.asarray(self.axis)
+        away = x - np.asarray(self.point)[:, None]
+        z = axis @ away
+        away = away - z * axis[:, None]
+        r = np.linalg.norm(away, axis=0)
+        return r, z, away / np.maximum(r, _TINY)
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinder(_OfRevolution):
+    """A cylinder, φ the distance from it.
+
+    Parameters
+    ----------
+    radius
+        Radius in mm.
+    point
+        A point of the axis in mm.
+    axis
+        Direction of the axis.
+    """
+
+    radius: float
+    point: Vector = _ORIGIN
+    axis: Vector = (0.0, 1.0, 0.0)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", _length("cylinder: radius", self.radius))
+        self._prepare("cylinder")
+
+    def _f(self, r: ndarray, z: ndarray) -> ndarray:
+        return r - self.radius
+
+    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
+        return np.ones_like(r), np.zeros_like(z)
+
+
+@dataclass(frozen=True, eq=False)
+class Cone(_OfRevolution):
+    """A cone that opens along its axis, φ the distance from it on its own side.
+
+    Parameters
+    ----------
+    angle
+        Half of the angle at the tip, between axis and surface, in radians.
+    point
+        The tip in mm.
+    axis
+        Direction from the tip along the axis into the cone.
+    """
+
+    angle: float
+    point: Vector = _ORIGIN
+    axis: Vector = _UP
+
+    def __post_init__(self) -> None:
+        angle = float(real_numbers("cone: angle", self.angle))
+        if not 0 < angle < np.pi / 2:
+            raise ValueError(f"cone: angle must be between 0 and π/2, got {angle:g}")
+        object.__setattr__(self, "angle", angle)
+        self._prepare("cone")
+
+    def _f(self, r: ndarray, z: ndarray) -> ndarray:
+        return r * np.cos(self.angle) - z * np.sin(self.angle)
+
+    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
+        one = np.ones_like(r)
+        return np.cos(self.angle) * one, -np.sin(self.angle) * one
+
+
+@dataclass(frozen=True, eq=False)
+class Torus(_OfRevolution):
+    """A torus, φ the distance from it.
+
+    Parameters
+    ----------
+    radius
+        Radius in mm of the circle around which the tube lies.
+    tube
+        Radius of the tube in mm, the smaller of the two.
+    point
+        Centre in mm.
+    axis
+        Direction of the axis.
+    """
+
+    radius: float
+    tube: float
+    point: Vector = _ORIGIN
+    axis: Vector = _UP
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "tube"):
+            value = _length(f"torus: {name}", getattr(self, name))
+            object.__setattr__(self, name, value)
+        if self.tube >= self.radius:
+            raise ValueError(
+                f"torus: the tube, {self.tube:g} mm, must be smaller than the radius, "
+                f"{self.radius:g} mm"
+            )
+        self._prepare("torus")
+
+    def _f(self, r: ndarray, z: ndarray) -> ndarray:
+        return np.hypot(r - self.radius, z) - self.tube
+
+    def _df(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray]:
+        away = np.maximum(np.hypot(r - self.radius, z), _TINY)
+        return (r - self.radius) / away, z / away
+
+    def _ddf(self, r: ndarray, z: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        away = np.maximum(np.hypot(r - self.radius, z), _TINY)
+        c, s = self._df(r, z)
+        return s * s / away, -c * s / away, c * c / away
+
+
+def _vector(what: str, value: Vector) -> ndarray:
+    """A finite vector of three components.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    vector = real_numbers(what, value)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueError(f"{what} must be three finite numbers, got {value!r}")
+    return vector
+
+
+def _unit(what: str, value: Vector) -> ndarray:
+    """A unit vector along a vector that is not zero.
+
+    Raises
+    ------
+    ValueError
+        If it is zero, or no vector.
+    """
+    vector = _vector(what, value)
+    if not vector.any():
+        raise ValueError(f"{what} must not be zero")
+    vector = vector / np.abs(vector).max()
+    return vector / np.linalg.norm(vector)
+
+
+def _length(what: str, value: float) -> float:
+    """A positive finite number.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    number = real_numbers(what, value)
+    if number.shape or not (np.isfinite(number) and number > 0):
+        raise ValueError(f"{what} must be a positive number of mm, got {value!r}")
+    return float(number)

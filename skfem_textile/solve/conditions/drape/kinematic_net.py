@@ -1,0 +1,288 @@
+"""A kinematic net: rods of one length, pinned where they cross, laid on a surface.
+
+Two threads start at a point along geodesics.  Every further crossing is at the length
+of a cell from two crossings that are known (Mack & Taylor 1956, The fitting of woven
+cloth to surfaces, J. Text. Inst. 47:T477).  Nothing stretches, and no force plays a
+part: the two first threads decide the whole net.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from ....mesh.user_input import real_numbers
+from ..surface import Surface, onto
+from .geodesics import tangents
+
+# Iterations of Newton's method at most to a crossing, and its error as a share of the
+# length of a cell.  Chosen: it starts a cell away and doubles its digits.
+_MOST, _EXACT = 30, 1e-11
+
+# Sine of the angle between threads below which they have folded onto one another.
+# Chosen: about half a degree, from where a crossing is not told from the one before.
+_FOLDED = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Net:
+    """Crossings of a net on a surface.
+
+    Attributes
+    ----------
+    positions
+        Of the crossings in mm, shape (3, n_warp + 1, n_weft + 1): the second axis goes
+        along the warp.
+    along
+        Coordinates of the crossings along warp and weft in the flat ply in mm.
+    directions
+        Unit vectors of warp and weft in the flat ply, columns of shape (2, 2).
+    touch
+        The point of the flat ply from which they are counted, shape (2,).
+    """
+
+    positions: ndarray
+    along: tuple[ndarray, ndarray]
+    directions: ndarray
+    touch: ndarray
+
+    def shear_angle(self) -> ndarray:
+        """Shear angle Γ of each cell in radians, shape (n_warp, n_weft).
+
+        The sides of a cell are equal: its diagonals tell the angle.
+        """
+        x = self.positions
+        one = np.linalg.norm(x[:, 1:, 1:] - x[:, :-1, :-1], axis=0)
+        other = np.linalg.norm(x[:, 1:, :-1] - x[:, :-1, 1:], axis=0)
+        a, b = self.directions.T
+        at_rest = np.arctan2(np.linalg.det([a, b]), a @ b)
+        return np.abs(at_rest) - 2 * np.arctan2(other, one)
+
+    def centres(self) -> ndarray:
+        """Centres of the cells in the flat ply in mm, shape (2, n_warp, n_weft)."""
+        mid = [0.5 * (s[1:] + s[:-1]) for s in self.along]
+        s, t = np.meshgrid(*mid, indexing="ij")
+        flat = np.einsum("ij,jab->iab", self.directions, np.array([s, t]))
+        return flat + self.touch[:, None, None]
+
+    def at(self, X: ndarray) -> ndarray:
+        """Where points of the flat ply are, bilinear in each cell, shape (3, n).
+
+        Parameters
+        ----------
+        X
+            Points in mm, shape (2, n).
+
+        Raises
+        ------
+        ValueError
+            If a point is outside the net.
+        """
+        coordinates = np.linalg.solve(self.directions, X - self.touch[:, None])
+        cell, share = [], []
+        for s, at in zip(coordinates, self.along, strict=True):
+            spacing = at[1] - at[0]
+            place = (s - at[0]) / spacing
+            if not ((place > -1e-6) & (place < len(at) - 1 + 1e-6)).all():
+                raise ValueError(
+                    f"the net reaches from {at[0]:g} to {at[-1]:g} mm, a point lies at "
+                    f"{s[np.abs(s).argmax()]:g} mm"
+                )
+            cell.append(np.clip(np.floor(place).astype(int), 0, len(at) - 2))
+            share.append(place - cell[-1])
+        (i, j), (p, q), x = cell, share, self.positions
+        return (
+            (1 - p) * (1 - q) * x[:, i, j]
+            + p * (1 - q) * x[:, i + 1, j]
+            + (1 - p) * q * x[:, i, j + 1]
+            + p * q * x[:, i + 1, j + 1]
+        )
+
+
+def net(
+    surface: Surface,
+    cell: float,
+    warp: tuple[int, int],
+    weft: tuple[int, int],
+    *,
+    angles: tuple[float, float] = (0.0, np.pi / 2),
+    touch: tuple[float, float] = (0.0, 0.0),
+    point: ArrayLike | None = None,
+    first: ArrayLike = (1.0, 0.0, 0.0),
+) -> Net:
+    """Lay a net on a surface.
+
+    Parameters
+    ----------
+    surface
+        The surface.
+    cell
+        Length of the rods in mm.
+    warp, weft
+        Numbers of cells against and along each family from where the net starts.
+    angles
+        Inclination of warp and weft in the flat ply in radians.
+    touch
+        The point of the flat ply where the net starts.
+    point
+        Where that is in space; (x, y, 0) of the ``touch`` if not given.
+    first
+        Direction in space of the ply's x there.
+
+    Raises
+    ------
+    ValueError
+        If the net folds or leaves the surface before it is whole, or an argument is
+        not valid.
+
+    Examples
+    --------
+    A quarter of a sphere, sides as long as its radius: the shear angle of the last
+    cell, where it is 53.6° in theory:
+
+    >>> import numpy as np
+    >>> from skfem_textile import drape
+    >>> sphere = drape.Sphere(100.0, (0, 0, -100))
+    >>> angle = drape.net(sphere, 100 / 64, (0, 64), (0, 64)).shear_angle()
+    >>> round(float(np.degrees(angle[-1, -1])), 1)
+    53.6
+    """
+    spacing = real_numbers("net: cell", cell)
+    if spacing.shape or not (np.isfinite(spacing) and spacing > 0):
+        raise ValueError(f"net: cell must be a positive length in mm, got {cell!r}")
+    counts = [_counts(name, n) for name, n in (("warp", warp), ("weft", weft))]
+    flat = np.array([np.cos(angles), np.sin(angles)])
+    if not abs(np.linalg.det(flat)) > _FOLDED:
+        raise ValueError("net: warp and weft must not be parallel")
+    given = np.array([*touch, 0.0]) if point is None else np.asarray(point, dtype=float)
+    start = onto(surface, given[:, None])[:, 0]
+    families = tangents(surface, start, np.asarray(first)) @ flat
+    x = np.full((3, *(sum(n) + 1 for n in counts)), np.nan)
+    zero = counts[0][0], counts[1][0]
+    ways = [
+        [
+            _thread(surface, start, sign * a, float(cell), n[side])
+            for side, sign in enumerate((-1, 1))
+        ]
+        for a, n in zip(families.T, counts, strict=True)
+    ]
+    for i, warp_sign in enumerate((-1, 1)):
+        for j, weft_sign in enumerate((-1, 1)):
+            quadrant = _quadrant(surface, ways[0][i], ways[1][j], float(cell))
+            rows = zero[0] + warp_sign * np.arange(counts[0][i] + 1)
+            columns = zero[1] + weft_sign * np.arange(counts[1][j] + 1)
+            x[:, rows[:, None], columns] = quadrant
+    along = [cell * np.arange(-n[0], n[1] + 1) for n in counts]
+    return Net(x, (along[0], along[1]), flat, np.array(touch, dtype=float))
+
+
+def _counts(name: str, n: Any) -> tuple[int, int]:
+    """Two numbers of cells, at least one in all."""
+    counts = real_numbers(f"net: {name}", n)
+    whole = counts.shape == (2,) and (counts == np.round(counts)).all()
+    if not whole or counts.min() < 0 or counts.sum() < 1:
+        raise ValueError(
+            f"net: {name} must be two numbers of cells, against and along it, got {n!r}"
+        )
+    return int(counts[0]), int(counts[1])
+
+
+def _thread(
+    surface: Surface, start: ndarray, along: ndarray, cell: float, n: int
+) -> ndarray:
+    """Crossings of a geodesic of rods, shape (3, n + 1).
+
+    The change of the rods' direction is along the normal at their pin.
+    """
+    x, step = [start], along * cell
+    for _ in range(n):
+        x.append(_pinned(surface, x[-1], step, cell))
+        step = x[-1] - x[-2]
+    return np.array(x).T
+
+
+def _pinned(surface: Surface, x: ndarray, step: ndarray, cell: float) -> ndarray:
+    """The end of a rod on the surface in the plane of a direction and the normal."""
+    normal = surface.gradient(x[:, None])[:, 0]
+    normal = normal / np.linalg.norm(normal)
+    plane = np.array([step / np.linalg.norm(step), normal]).T
+    s = np.array([cell, 0.0])
+    for _ in range(_MOST):
+        end = x + plane @ s
+        away = end - x
+        gradient = surface.gradient(end[:, None])[:, 0]
+        slope = np.linalg.norm(gradient)
+        off = np.array(
+            [
+                surface.level(end[:, None])[0] / slope,
+                (away @ away - cell**2) / (2 * cell),
+            ]
+        )
+        if np.abs(off).max() <= _EXACT * cell:
+            return end
+        rows = np.array([gradient / slope, away / cell]) @ plane
+        if not np.isfinite(rows).all() or abs(np.linalg.det(rows)) < _FOLDED:
+            break
+        s = s - np.linalg.solve(rows, off)
+    place = np.round(x, 3).tolist()
+    raise ValueError(f"net: its first thread leaves the surface at {place}")
+
+
+def _quadrant(surface: Surface, warp: ndarray, weft: ndarray, cell: float) -> ndarray:
+    """Crossings of a quadrant from its two first threads, diagonal by diagonal."""
+    m, n = warp.shape[1], weft.shape[1]
+    x = np.full((3, m, n), np.nan)
+    x[:, :, 0], x[:, 0, :] = warp, weft
+    for diagonal in range(2, m + n - 1):
+        i = np.arange(max(1, diagonal - n + 1), min(m, diagonal))
+        j = diagonal - i
+        if i.size:
+            a, b, corner = x[:, i - 1, j], x[:, i, j - 1], x[:, i - 1, j - 1]
+            x[:, i, j] = _crossings(surface, a, b, corner, cell)
+    return x
+
+
+def _crossings(
+    surface: Surface, a: ndarray, b: ndarray, corner: ndarray, cell: float
+) -> ndarray:
+    """Points on a surface at the length of a cell from two points, shape (3, n).
+
+    Of the two that there are, the one across from ``corner``.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    x = a + b - corner
+    for _ in range(_MOST):
+        gradient, p, q = surface.gradient(x), x - a, x - b
+        slope = np.linalg.norm(gradient, axis=0)
+        off = np.array(
+            [
+                surface.level(x) / slope,
+                ((p * p).sum(axis=0) - cell**2) / (2 * cell),
+                ((q * q).sum(axis=0) - cell**2) / (2 * cell),
+            ]
+        )
+        if np.abs(off).max() <= _EXACT * cell:
+            break
+        rows = np.array([gradient / slope, p / cell, q / cell]).transpose(2, 0, 1)
+        with np.errstate(all="ignore"):  # what is not finite is caught
+            crossed = np.abs(np.linalg.det(rows)) > _FOLDED**2
+            if not crossed.all():
+                break
+            x = x - np.linalg.solve(rows, off.T[:, :, None])[:, :, 0].T
+    sine = np.linalg.norm(np.cross(x - a, x - b, axis=0), axis=0) / cell**2
+    across = (x - corner) * (a + b - 2 * corner)
+    found = (np.abs(off) <= _EXACT * cell).all(axis=0) & (sine > _FOLDED)
+    found &= across.sum(axis=0) > 0
+    if not found.all():
+        place = np.round(corner[:, np.flatnonzero(~found)[0]], 3).tolist()
+        raise ValueError(
+            f"net: the threads fold onto one another or leave the surface at {place}: "
+            "take fewer cells, or start elsewhere"
+        )
+    return x

@@ -1,0 +1,84 @@
+"""What a draped ply meets: contact pressure, bridging, and the risk of wrinkles."""
+
+import numpy as np
+from numpy import ndarray
+
+from ...body import Body
+from ..surface import Surface
+
+
+def contact_pressure(
+    ply: Body, surface: Surface, u: ndarray, t: float = 1.0
+) -> ndarray:
+    """Pressure of a surface on the nodes of a ply per current area, in N/mm².
+
+    It is that of a tool which fills the side on which φ is negative.  Where it is
+    negative such a tool would have to pull: there the ply bridges the tool.
+
+    Parameters
+    ----------
+    ply
+        The ply, all nodes of which are on the surface.
+    surface
+        The surface.
+    u, t
+        Displacement and load factor of a state.
+
+    Returns
+    -------
+    ndarray
+        Shape (n_nodes,).
+
+    Raises
+    ------
+    ValueError
+        If the ply has nodes in the middles of edges, whose forces are no pressures.
+    """
+    d = len(ply.nodal(u))
+    elements = ply.basis.element_dofs[::d] // d
+    if len(elements) != 4:
+        raise ValueError("contact pressure: only of quadrilaterals, not of Quadratic")
+    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    normal = surface.gradient(x)
+    normal = normal / np.linalg.norm(normal, axis=0)
+    force = (ply.nodal(ply.residual(u, t, True)) * normal).sum(axis=0)
+    # With all of the nodes of an element on the surface its diagonals give its area.
+    one, other = (
+        x[:, elements[2]] - x[:, elements[0]],
+        x[:, elements[3]] - x[:, elements[1]],
+    )
+    area = 0.5 * np.linalg.norm(np.cross(one, other, axis=0), axis=0)
+    shared = np.bincount(elements.ravel(), np.tile(area / 4, 4), len(force))
+    return force / shared
+
+
+def wrinkle_risk(ply: Body, u: ndarray, locking_angle: float | None = None) -> ndarray:
+    """Elements in which fibres may buckle in the plane of the ply.
+
+    An inextensible net buckles in its plane where the tension of a family is below −G,
+    with G the shear stiffness at rest (Rosen 1965).  With bending stiffness it stands
+    somewhat more.  Fibres that are compressed where the shear has locked are at risk
+    too.
+
+    Parameters
+    ----------
+    ply
+        The ply.
+    u
+        Displacement.
+    locking_angle
+        Shear angle in radians beyond which compression is a risk; none if not given.
+
+    Returns
+    -------
+    ndarray
+        Bool, shape (n_elements,), of the elements of ``ply.mesh``.
+    """
+    tension = ply.fibre_tension(u)
+    least = tension.min(axis=(0, 2))
+    angle = ply.shear_angle(u)
+    stiffness = ply.fabric.at().shear_law.tangent(np.zeros_like(angle))
+    at_risk = (tension < -stiffness).any(axis=(0, 2))
+    if locking_angle is not None:
+        at_risk |= (least < 0) & (np.abs(angle) > locking_angle).any(axis=1)
+    return at_risk

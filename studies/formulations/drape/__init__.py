@@ -1,0 +1,1 @@
+"""Draping on a sphere, a cylinder and a cone, against exact answers."""

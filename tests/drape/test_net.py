@@ -1,0 +1,108 @@
+"""Kinematic nets and exponential maps, against exact answers."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import drape
+from studies.formulations.drape.chebyshev import SIDE, SPHERE, shear_angle
+
+ANGLES = (0.3, 0.3 + np.pi / 2)
+CYLINDER = drape.Cylinder(60.0, (0, 0, -60))
+CONE = drape.Cone(0.4, (0, 0, 0), (1, 0, 0))
+
+
+def test_the_exact_net_has_the_shear_angles_of_the_literature():
+    z = np.array([0.25, 0.5, 0.75, 1.0])
+    X = SIDE * np.sqrt(z) * np.ones((2, 1))
+    expected = [14.2744, 28.2568, 41.6795, 54.3183]
+    np.testing.assert_allclose(np.degrees(shear_angle(X)), expected, atol=1e-4)
+
+
+def test_a_net_on_the_sphere_tends_to_the_chebyshev_net():
+    errors = []
+    for n in (16, 32):
+        net = drape.net(SPHERE, SIDE / n, (0, n), (0, n))
+        errors.append(np.abs(net.shear_angle() - shear_angle(net.centres())).max())
+    assert np.degrees(errors[1]) < 0.003  # asked at 64 cells: 0.1
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.2)
+    corner = net.positions[:, -1, -1] / SIDE
+    np.testing.assert_allclose(corner, [0.70662, 0.70662, -1.03700], atol=2e-4)
+
+
+def test_a_net_and_its_mirror_image_are_alike():
+    whole = drape.net(SPHERE, 5.0, (8, 8), (8, 8)).positions
+    np.testing.assert_allclose(whole[0], -whole[0][::-1], atol=1e-9)
+    np.testing.assert_allclose(whole[[1, 0, 2]], whole.swapaxes(1, 2), atol=1e-9)
+
+
+@pytest.mark.parametrize("angles", [(0.0, np.pi / 2), ANGLES])
+def test_a_net_on_a_cylinder_is_not_sheared(angles):
+    net = drape.net(CYLINDER, 4.0, (10, 15), (12, 20), angles=angles)
+    np.testing.assert_allclose(net.shear_angle(), 0.0, atol=1e-10)
+    for axis in (1, 2):
+        rods = np.linalg.norm(np.diff(net.positions, axis=axis), axis=0)
+        np.testing.assert_allclose(rods, 4.0, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("surface", "settings"),
+    [
+        (CONE, {"point": np.array([100.0, 0.0, 100 * np.tan(0.4)])}),
+        (CYLINDER, {"angles": (0.2, 1.4)}),
+        (CYLINDER, {"angles": (1.4, 0.2)}),
+    ],
+)
+def test_nets_on_developable_surfaces_tend_to_no_shear(surface, settings):
+    shear = [
+        np.abs(drape.net(surface, 60 / n, (n, n), (n, n), **settings).shear_angle())
+        for n in (10, 20)
+    ]
+    coarse, fine = (x.max() for x in shear)
+    assert fine < 5e-4
+    assert np.log2(coarse / fine) == pytest.approx(2, abs=0.3)
+
+
+def test_points_between_crossings_are_interpolated():
+    net = drape.net(SPHERE, 5.0, (4, 8), (3, 8), angles=ANGLES, touch=(0.0, 0.0))
+    flat = np.einsum("ij,jab->iab", net.directions, np.array(np.meshgrid(*net.along)))
+    x = net.at(flat.reshape(2, -1)).reshape(3, *flat.shape[1:])
+    np.testing.assert_allclose(x, net.positions.swapaxes(1, 2), atol=1e-9)
+    with pytest.raises(ValueError, match="the net reaches from"):
+        net.at(np.array([[100.0], [0.0]]))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((2.0, (0, 80), (0, 80)), "fold onto one another"),
+        ((0.0, (0, 8), (0, 8)), "cell must be a positive length"),
+        ((2.0, (0, 0.5), (0, 8)), "warp must be two numbers of cells"),
+        ((2.0, (0, 8), (0, 0)), "weft must be two numbers of cells"),
+    ],
+)
+def test_nets_that_do_not_exist_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=f"net: .*{message}"):
+        drape.net(SPHERE, *arguments)
+    with pytest.raises(ValueError, match="must not be parallel"):
+        drape.net(SPHERE, 1.0, (0, 1), (0, 1), angles=(0.3, 0.3))
+
+
+def test_the_exponential_map_keeps_lengths_and_directions():
+    X = np.random.default_rng(1).uniform(-90, 90, (2, 50))
+    r, angle = np.hypot(*X), np.arctan2(X[1], X[0])
+    across = SIDE * np.sin(r / SIDE)
+    expected = [
+        across * np.cos(angle),
+        across * np.sin(angle),
+        SIDE * np.cos(r / SIDE) - SIDE,
+    ]
+    np.testing.assert_allclose(drape.exponential_map(SPHERE, X), expected, atol=1e-4)
+
+
+def test_the_exponential_map_unrolls_a_cylinder():
+    X = np.random.default_rng(1).uniform(-90, 90, (2, 50))
+    x = drape.exponential_map(CYLINDER, X)
+    rolled = [60 * np.sin(X[0] / 60), X[1], 60 * np.cos(X[0] / 60) - 60]
+    np.testing.assert_allclose(x, rolled, atol=1e-3)
+    with pytest.raises(ValueError, match="normal to the surface"):
+        drape.exponential_map(SPHERE, X, first=(0, 0, 1))
