@@ -3,6 +3,8 @@
 import sys
 from pathlib import Path
 
+from docutils import nodes
+
 from skfem_textile import __version__
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -27,11 +29,30 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
-exclude_patterns = ["_build", "error-time", "speed", "paper", "stability"]
+# A folder with the name of a page holds tables, which that page includes.
+exclude_patterns = [
+    "_build",
+    *(page.stem for page in Path(__file__).parent.glob("*.md")),
+]
 
 sphinx_gallery_conf = gallery_build.CONFIGURATION
 
 html_theme = "furo"
 html_title = "skfem_textile"
 html_static_path = ["_static"]
-html_css_files = ["wide.css", "gallery.css"]
+html_css_files = ["wide.css", "narrow.css", "dark.css", "gallery.css"]
+
+_CODE = (nodes.literal, nodes.literal_block, nodes.raw)
+
+
+def join_percent_signs(app, document):
+    """Keep a number and its percent sign on one line."""
+    for text in list(document.findall(nodes.Text)):
+        if " %" in text and not isinstance(text.parent, _CODE):
+            joined = text.replace(" %", "\N{NO-BREAK SPACE}%")
+            text.parent.replace(text, nodes.Text(joined))
+
+
+def setup(app):
+    """Connect what this file adds to Sphinx."""
+    app.connect("doctree-read", join_percent_signs)
