@@ -29,6 +29,8 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
+# It makes a dash of the two before an option.
+smartquotes = False
 # A folder with the name of a page holds tables, which that page includes.
 exclude_patterns = [
     "_build",
