@@ -1,5 +1,6 @@
 """Sphinx configuration."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -45,10 +46,14 @@ html_static_path = ["_static"]
 html_css_files = ["wide.css", "narrow.css", "dark.css", "gallery.css"]
 
 _CODE = (nodes.literal, nodes.literal_block, nodes.raw)
+_NUMBER = re.compile(r"[-+<]? *\d[\d.]*(e[-+]?\d+)?( %)?")
 
 
-def join_percent_signs(app, document):
-    """Keep a number and its percent sign on one line."""
+def keep_numbers_whole(app, document):
+    """Keep a number on one line: its exponent in a table, its percent sign anywhere."""
+    for entry in document.findall(nodes.entry):
+        if all(_NUMBER.fullmatch(part) for part in entry.astext().split(", ")):
+            entry["classes"].append("number")
     for text in list(document.findall(nodes.Text)):
         if " %" in text and not isinstance(text.parent, _CODE):
             joined = text.replace(" %", "\N{NO-BREAK SPACE}%")
@@ -57,4 +62,4 @@ def join_percent_signs(app, document):
 
 def setup(app):
     """Connect what this file adds to Sphinx."""
-    app.connect("doctree-read", join_percent_signs)
+    app.connect("doctree-read", keep_numbers_whole)
