@@ -1,7 +1,10 @@
 """Sphinx configuration."""
 
+import re
 import sys
 from pathlib import Path
+
+from docutils import nodes
 
 from skfem_textile import __version__
 
@@ -27,11 +30,36 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
-exclude_patterns = ["_build", "error-time", "speed", "paper", "stability"]
+# It makes a dash of the two before an option.
+smartquotes = False
+# A folder with the name of a page holds tables, which that page includes.
+exclude_patterns = [
+    "_build",
+    *(page.stem for page in Path(__file__).parent.glob("*.md")),
+]
 
 sphinx_gallery_conf = gallery_build.CONFIGURATION
 
 html_theme = "furo"
 html_title = "skfem_textile"
 html_static_path = ["_static"]
-html_css_files = ["wide.css", "gallery.css"]
+html_css_files = ["wide.css", "narrow.css", "dark.css", "gallery.css"]
+
+_CODE = (nodes.literal, nodes.literal_block, nodes.raw)
+_NUMBER = re.compile(r"[-+<]? *\d[\d.]*(e[-+]?\d+)?( %)?")
+
+
+def keep_numbers_whole(app, document):
+    """Keep a number on one line: its exponent in a table, its percent sign anywhere."""
+    for entry in document.findall(nodes.entry):
+        if all(_NUMBER.fullmatch(part) for part in entry.astext().split(", ")):
+            entry["classes"].append("number")
+    for text in list(document.findall(nodes.Text)):
+        if " %" in text and not isinstance(text.parent, _CODE):
+            joined = text.replace(" %", "\N{NO-BREAK SPACE}%")
+            text.parent.replace(text, nodes.Text(joined))
+
+
+def setup(app):
+    """Connect what this file adds to Sphinx."""
+    app.connect("doctree-read", keep_numbers_whole)

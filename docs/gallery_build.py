@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from PIL import Image
 from sphinx_gallery.scrapers import figure_rst
 
 # Sphinx shows all that is logged; what runs say of their steps is not for its readers.
@@ -12,6 +13,9 @@ for name in ("skfem", "skfem_textile"):
     logging.getLogger(name).setLevel(logging.ERROR)
 
 _PICTURES = {".png", ".gif"}
+
+# A picture with more pixels across, 120 mm at 300 dots per inch, has the page's width.
+_COLUMN_WIDTH = 1417
 
 # What is shown after what; a script that is not named comes last.
 _SCRIPTS = {
@@ -58,7 +62,15 @@ def written_pictures(
     for file in sorted(found, key=lambda file: file.stat().st_mtime_ns):
         place = Path(next(block_vars["image_path_iterator"])).with_suffix(file.suffix)
         shown.append(str(shutil.move(file, place)))
-    return figure_rst(shown, gallery_conf["src_dir"])
+    return "".join(_picture(file, gallery_conf["src_dir"]) for file in shown)
+
+
+def _picture(file: str, source: str) -> str:
+    """Return the directive that shows a picture."""
+    text = str(figure_rst([file], source))
+    single = "sphx-glr-single-img"
+    wide = Image.open(file).width > _COLUMN_WIDTH
+    return text.replace(single, f"{single} page-wide") if wide else text
 
 
 def script_knows_its_file(

@@ -103,7 +103,7 @@ class Fit:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Of the bands: points less parameters, or curves less one."""
+        """Those of the bands, points less parameters, or curves less one."""
         if self.beyond_noise:
             assert self.singles is not None
             return len(self.singles) - 1
@@ -116,7 +116,7 @@ class Fit:
 
     @cached_property
     def systematic(self) -> ndarray:
-        """Of which curves neighbouring residuals hang together: no mere noise."""
+        """Whether neighbouring residuals of a curve hang together, which noise does not."""
         sizes = np.array([r.size for r in self.residuals])
         return self.correlations > _BELIEVED / np.sqrt(sizes)
 

@@ -116,7 +116,7 @@ class Specimen:
 
     @property
     def driven(self) -> ndarray:
-        """What drives the test: displacements, or angles where there are none."""
+        """Displacements, which drive the test, or angles where there are none."""
         return self.angle if self.displacement is None else self.displacement
 
     def turns_back(self, up_to: float | None) -> bool:

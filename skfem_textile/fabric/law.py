@@ -141,7 +141,7 @@ class BiaxialLaw(ABC):
 
     @property
     def domain(self) -> tuple[Any, Any]:
-        """The least and the largest strain for which the law holds: here all strains.
+        """The least and the largest strain for which the law holds, here all strains.
 
         Each is a number, or a pair for warp and weft.
         """

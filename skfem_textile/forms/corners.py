@@ -18,8 +18,8 @@ from skfem.helpers import grad
 from ..fabric import kinematics as kin
 from .form import Forms, deformation, once
 
-#: J₀, the area ratio det F below which a corner resists.  Chosen: fibres at right
-#: angles that do not stretch reach it at a shear angle of 85.4°
+#: J₀, the area ratio det F below which a corner resists.  It is chosen so that fibres
+#: at right angles that do not stretch reach it at a shear angle of 85.4°
 #: (cos 85.4° = 0.08), beyond the angles at which fabrics lock.
 RESISTING = 0.08
 

@@ -36,7 +36,7 @@ from .term import Contribution, Load, Memory, Role, Term, refuse_unsymmetric
 from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
 from .terms import FormTerm, Formulation, MatrixTerm
 
-#: What terms remember at a state: parameters and work, by the names of the terms.
+#: Parameters and work that terms remember at a state, by the names of the terms.
 Remembered: TypeAlias = Mapping[str, tuple[dict[str, ndarray], float]]
 
 

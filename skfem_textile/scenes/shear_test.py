@@ -99,7 +99,7 @@ class PictureFrame(ShearTest):
 
     @property
     def largest_angle(self) -> float:
-        """A right angle: the frame is closed."""
+        """A right angle, at which the frame is closed."""
         return np.pi / 2
 
     def shear_angle(self, displacement: ndarray) -> ndarray:
@@ -170,7 +170,7 @@ class BiasExtension(ShearTest):
 
     @property
     def largest_angle(self) -> float:
-        """π − 2θ: fibres lie along the pull."""
+        """π − 2θ, at which fibres lie along the pull."""
         return np.pi - 2 * self.inclination
 
     @property

@@ -38,8 +38,8 @@ def draw(rows: Sequence[tuple[Strip, Row]], folder: Path) -> None:
             }
             for title, pairs in panels.items()
         },
-        "Displacement along x at the top (mm)",
-        "Force on the right edge along x (N)",
+        "Displacement (mm)",
+        "Force (N)",
         folder / "load_curves.png",
     )
     plot.contact_sheet(

@@ -3,6 +3,7 @@ import logging
 
 import numpy as np
 import pytest
+from helpers import drawn_here
 
 from skfem_textile.solve.strategies import Newton
 from studies.__main__ import main
@@ -133,7 +134,7 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     ]
     monkeypatch.setattr(study, "all_cases", lambda: some)
     assert main(["laws", "--out", str(tmp_path)]) == 0
-    assert {p.name for p in tmp_path.iterdir()} == set(STUDY.files)
+    assert {p.name for p in tmp_path.iterdir()} == {*STUDY.files, *drawn_here(STUDY)}
     with open(tmp_path / "laws.csv") as file:
         lines = list(csv.DictReader(file))
     loads = [float(line["load"]) for line in lines]

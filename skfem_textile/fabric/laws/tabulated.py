@@ -137,7 +137,7 @@ class Tabulated(Drawn):
 
     @property
     def domain(self) -> tuple[float, float]:
-        """Where the law holds: the table's ends, or everywhere with extrapolation."""
+        """The ends of the table, or no ends with extrapolation."""
         return self.shown if self.extrapolation == "refuse" else (-np.inf, np.inf)
 
     @property
