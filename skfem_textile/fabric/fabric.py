@@ -185,6 +185,30 @@ class Fabric:
             for low, high in [domain_of(law)]
         )
 
+    def closest_end(self, strain: ndarray, angle: ndarray) -> str:
+        """Which law is closest to an end of its domain, in words; parameters as above.
+
+        Empty if every law holds everywhere.
+        """
+        names = "warp strain", "weft strain", "shear angle"
+        found = []
+        for name, law, x in zip(names, self.laws, (*strain, angle), strict=True):
+            for end, side in zip(domain_of(law), (-1, 1), strict=True):
+                ends = np.broadcast_to(end, x.shape)
+                at = np.argmin(side * (ends - x))
+                gap = side * (ends - x).flat[at]
+                if np.isfinite(gap):
+                    found.append((gap, name, x.flat[at], ends.flat[at]))
+        if not found:
+            return ""
+        _, name, value, end = min(found)
+        if name == names[-1]:
+            return (
+                f": the {name} is {np.degrees(value):.4g}°, and its law ends at "
+                f"{np.degrees(end):.4g}°"
+            )
+        return f": the {name} is {value:.3g}, and its law ends at {end:.3g}"
+
     def directions(
         self, x: ndarray, element: ndarray | None = None
     ) -> tuple[ndarray, ndarray]:

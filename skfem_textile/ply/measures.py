@@ -209,3 +209,7 @@ class Measures:
             return True
         fabric = self.fabric.at()
         return fabric.in_domain(self.law_strain(u), self.shear_angle(u))
+
+    def closest_end(self, u: ndarray) -> str:
+        """Which law is closest to an end of its domain, in words, or empty."""
+        return self.fabric.at().closest_end(self.law_strain(u), self.shear_angle(u))

@@ -287,7 +287,8 @@ def _in_domain(problem: Problem, u: ndarray, du: ndarray) -> ndarray:
             return du
         du = du / 2
     raise NoEquilibriumError(
-        "no increment stays where every law has a finite energy",
+        "no increment stays where every law has a finite energy"
+        + problem.ply.closest_end(u),
         advice="laws that hold further (odd=True for a table from 0 on), more steps, "
         "or a smaller load",
     )

@@ -15,6 +15,7 @@ from skfem_textile import (
     Ply,
     Quadratic,
     StepError,
+    Tabulated,
 )
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.rectangle import rectangle
@@ -45,6 +46,19 @@ def test_a_locking_angle_is_never_passed(formulation, pull):
         assert np.isfinite(list(state.energies.values())).all()
         assert np.abs(result.ply.shear_angle(state.u)).max() < 0.3
         assert state.verdict.stable
+
+
+@pytest.mark.parametrize(
+    ("odd", "said"),
+    [
+        (False, "the shear angle is 0°, and its law ends at 0°"),
+        (True, "and its law ends at 50°"),
+    ],
+)
+def test_a_message_tells_which_law_ends_and_where(odd, said):
+    shear = Tabulated(np.radians([0, 20, 40, 50]), [0, 0.02, 0.12, 0.9], odd=odd)
+    with pytest.raises(StepError, match=said):
+        pulled(*FORMULATIONS["macro"], 20.0, shear, 4, max_halvings=2).run()
 
 
 def test_a_locking_law_is_loaded_in_any_number_of_steps():
