@@ -178,6 +178,10 @@ class Body(Protocol):
         """Whether no law is asked beyond the domain that it states."""
         ...
 
+    def closest_end(self, u: ndarray) -> str:
+        """Which law is closest to an end of its domain, in words, or empty."""
+        ...
+
 
 class Supports(Protocol):
     """Conditions as fixed unknowns; see `Constraints`."""
