@@ -116,7 +116,7 @@ class Fit:
 
     @cached_property
     def systematic(self) -> ndarray:
-        """Whether neighbouring residuals of a curve hang together, which noise does not."""
+        """Whether neighbouring residuals of a curve hang together, unlike noise."""
         sizes = np.array([r.size for r in self.residuals])
         return self.correlations > _BELIEVED / np.sqrt(sizes)
 
