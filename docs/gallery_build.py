@@ -68,9 +68,8 @@ def written_pictures(
 def _picture(file: str, source: str) -> str:
     """Return the directive that shows a picture."""
     text = str(figure_rst([file], source))
-    single = "sphx-glr-single-img"
     wide = Image.open(file).width > _COLUMN_WIDTH
-    return text.replace(single, f"{single} page-wide") if wide else text
+    return text.replace("sphx-glr-single-img", "page-wide") if wide else text
 
 
 def script_knows_its_file(

@@ -88,6 +88,13 @@ def test_every_page_is_in_the_menu():
     assert pages - included - named == {"index"}
 
 
+def test_what_a_page_includes_is_no_page_of_its_own():
+    """The folder with the name of the page holds it, which Sphinx leaves out."""
+    for page in DOCS.rglob("*.md"):
+        for name in re.findall(r"^```\{include\} (\S+)", page.read_text(), re.M):
+            assert page.parent / name in (DOCS / page.stem).rglob("*.md")
+
+
 def test_the_version_to_cite_is_that_of_the_package():
     assert f"{{{skfem_textile.__version__}}}" in (DOCS / "cite.md").read_text()
 
