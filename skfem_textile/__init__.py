@@ -2,6 +2,7 @@
 
 from .cli import interruption as interruption  # isort: skip  # first: Ctrl-C
 
+from . import drape as drape
 from . import forms as forms
 from .fabric import (
     Asymmetric,
@@ -45,12 +46,11 @@ from .ply.term import Load, Memory, Term
 from .ply.terms import FormTerm, MatrixTerm, VectorTerm
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition, OnSurface, Surface
-from .solve.conditions import drape as drape
-from .solve.equilibrium import equilibrium_near
 from .solve.result import Result, StepError
 from .solve.states import Iteration, State, Verdict
 from .solve.stepper import LoadStepper
 from .solve.stepping.adaptive import AdaptiveResult, AdaptiveStepper, Round
+from .solve.stepping.equilibrium import equilibrium_near
 from .solve.strategies import Descent, Mixed, Newton
 
 __version__ = "0.2.0"

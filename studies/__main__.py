@@ -95,7 +95,7 @@ def _positive(text: str) -> int:
 def _run(study: Study[Any], options: argparse.Namespace) -> int:
     """Examine the cases and write the report, without cases that fail."""
     from skfem_textile.cli.results.result_folder import ResultFolder
-    from skfem_textile.sweep import SweepError
+    from skfem_textile.solve.sweep import SweepError
 
     if study.timed:  # before libraries of linear algebra are loaded
         os.environ.update(dict.fromkeys(_THREADS, "1"))
@@ -160,7 +160,7 @@ def _examine(
     rows_by_name: dict[str, list[Row]],
 ) -> None:
     """Add the rows of every case by its name; they are on file at once."""
-    from skfem_textile.sweep import sweep
+    from skfem_textile.solve.sweep import sweep
 
     kept.parent.mkdir(parents=True, exist_ok=True)
     workers = 1 if study.timed else min(options.workers, len(cases))

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..drape import TriangleMesh
 from ..mesh.checks import MeshError
 from ..mesh.user_input import printable
-from ..solve.conditions.drape import TriangleMesh
 from .reading import read_raw
 
 # Kinds of cells, and the corners of the triangles that they are cut into.

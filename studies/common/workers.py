@@ -4,7 +4,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from typing import Any
 
-from skfem_textile.sweep import WorkerProcesses
+from skfem_textile.solve.sweep import WorkerProcesses
 
 
 class InProcess(Executor):

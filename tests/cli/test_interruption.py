@@ -22,7 +22,7 @@ from skfem_textile.cli.output import OutputError
 from skfem_textile.cli.results.result_folder import ResultFolder
 from skfem_textile.io import write_fields, write_history
 from skfem_textile.scenes import strip
-from skfem_textile.sweep import WorkerProcesses
+from skfem_textile.solve.sweep import WorkerProcesses
 
 ROOT = Path(__file__).parents[2]
 COMMAND = sys.executable, "-X", "importtime", "-m", "skfem_textile", "run", "strip"

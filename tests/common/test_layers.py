@@ -40,10 +40,11 @@ LAYERS = {
     "ply.refinement": ("ply", "fabric", "mesh"),
     "solve": ("fabric", "mesh", "registration"),
     "solve.stepping.adaptive": ("solve", "ply.refinement", "ply"),
+    "solve.sweep": ("solve", "cli.output"),
+    "drape": ("solve", "mesh"),
     "scenes": ("solve", "ply", "fabric", "mesh", "registration"),
-    "io": ("solve", "fabric", "mesh"),
+    "io": ("drape", "solve", "fabric", "mesh"),
     "plot": ("io", "solve", "fabric", "mesh"),
-    "sweep": ("solve", "cli.output"),
     "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),
     "cli": (
         *("calibration", "plot", "io", "scenes", "solve.stepping.adaptive", "solve"),

@@ -3,7 +3,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from sweep_cases import process_pool
 
-from skfem_textile.sweep import WorkerProcesses
+from skfem_textile.solve.sweep import WorkerProcesses
 
 KINDS = {
     "threads": ThreadPoolExecutor,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from sweep_cases import lines, square
 
-from skfem_textile.sweep import sweep
+from skfem_textile.solve.sweep import sweep
 
 FOREIGN = "not what a sweep wrote"
 
@@ -187,7 +187,9 @@ def test_a_full_disk_is_told_and_the_next_sweep_goes_on(out, thread, monkeypatch
     results = sweep(square, range(3), thread, out=out)
     next(results)
     with monkeypatch.context() as patch:
-        patch.setattr("skfem_textile.sweep.results_file.open", full, raising=False)
+        patch.setattr(
+            "skfem_textile.solve.sweep.results_file.open", full, raising=False
+        )
         with pytest.raises(OSError, match=told):
             next(results)
     assert len(lines(out)) == 1

@@ -9,13 +9,13 @@ import pytest
 import sweep_cases
 from processes import is_alive, wait_until
 
-from skfem_textile.sweep import WorkerProcesses
+from skfem_textile.solve.sweep import WorkerProcesses
 
 ROOT = Path(__file__).parents[2]
 
 KILLED = """
 import os, time
-from skfem_textile.sweep import WorkerProcesses
+from skfem_textile.solve.sweep import WorkerProcesses
 
 if __name__ == "__main__":
     with WorkerProcesses(1) as executor:

@@ -21,7 +21,7 @@ from skfem_textile.cli.results.result_folder import ResultFolder
 from skfem_textile.io import DRAPED, FIELDS, write_draped, write_fields, write_history
 from skfem_textile.io import write_summary as write
 from skfem_textile.scenes import strip
-from skfem_textile.sweep import sweep
+from skfem_textile.solve.sweep import sweep
 
 from ..folders import visible_files
 from ..trial import WrongAnswerError, is_clear

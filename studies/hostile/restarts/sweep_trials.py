@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from skfem_textile.sweep import sweep
+from skfem_textile.solve.sweep import sweep
 
 from ..readers import sweep_file
 from ..trial import RIGHT, SILENT, Family, Finding, refused

@@ -11,11 +11,11 @@ import numpy as np
 from ....ply.finer import refuse_what_has_no_finer
 from ....ply.refinement import marked, refine, shear_angle_jumps
 from ...conditions import Conditions, Constraints
-from ...equilibrium import equilibrium_near
 from ...result import Result, StepError
 from ...states import ErrorEstimate, Iteration, NoEquilibriumError, State
 from ...stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
 from ...strategies import Strategy
+from ..equilibrium import equilibrium_near
 from ..error_estimate import (
     estimated_error,
     problem_at,

@@ -13,8 +13,8 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ....mesh.user_input import real_numbers
-from ..surface import Surface, onto
+from ..mesh.user_input import real_numbers
+from ..solve.conditions.surface import Surface, onto
 from .geodesics import tangents
 
 # Iterations of Newton's method at most to a crossing, and its error as a share of the

@@ -14,7 +14,7 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 from scipy.spatial import KDTree
 
-from ....mesh.checks import MeshError
+from ..mesh.checks import MeshError
 
 # Reach of the weights over the mean length of the edges.  Chosen: with a smaller one
 # points between vertices of long triangles have too few quadrics, with a larger one

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy import ndarray
 
-from ..surface import Surface, onto
+from ..solve.conditions.surface import Surface, onto
 
 # Steps of the classical Runge-Kutta method along a geodesic.  Chosen: on a sphere, over
 # a quarter of its circumference, it is off by 1e-7 of the radius, far less than a start

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy import ndarray
 
-from ...body import Body
-from ..surface import Surface
+from ..solve.body import Body
+from ..solve.conditions.surface import Surface
 
 
 def contact_pressure(

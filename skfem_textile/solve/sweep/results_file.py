@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from ..solve.checkpoint.lock import Lock
+from ..checkpoint.lock import Lock
 
 log = logging.getLogger(__name__)
 

@@ -5,13 +5,13 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy import ndarray
 
-from .body import Body
-from .conditions import Conditions, Constraints
-from .linear import ChosenSolver
-from .problem import Problem
-from .states import State
-from .stepping.equilibrium_search import EquilibriumSearch, Goal, strategy_of
-from .strategies import Strategy
+from ..body import Body
+from ..conditions import Conditions, Constraints
+from ..linear import ChosenSolver
+from ..problem import Problem
+from ..states import State
+from ..strategies import Strategy
+from .equilibrium_search import EquilibriumSearch, Goal, strategy_of
 
 
 def equilibrium_near(

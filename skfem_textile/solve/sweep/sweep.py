@@ -162,8 +162,8 @@ class _Calls(Generic[Case, Result]):
         if self.is_broken:
             message += (
                 f"; {type(self.executor).__name__} broke as a worker died: "
-                "skfem_textile.sweep.WorkerProcesses replaces it, and a sweep into "
-                "the same file resumes"
+                "skfem_textile.solve.sweep.WorkerProcesses replaces it, and a sweep "
+                "into the same file resumes"
             )
         return SweepError(message, self.failed)
 
