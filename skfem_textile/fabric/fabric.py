@@ -31,6 +31,9 @@ Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray] | Varied
 # Fibre families closer than this (radians) leave the fabric no second family.
 _PARALLEL = 1e-6
 
+# What is said where a law of shear ends at rest.
+_GO_ON = " (a table from 0 on needs odd=True, --shear-continuation odd)"
+
 
 #: A bending stiffness, or one for each element.
 BendingStiffness: TypeAlias = float | ndarray
@@ -205,7 +208,7 @@ class Fabric:
         if name == names[-1]:
             return (
                 f": the {name} is {np.degrees(value):.4g}°, and its law ends at "
-                f"{np.degrees(end):.4g}°"
+                f"{np.degrees(end):.4g}°{_GO_ON if end == 0 else ''}"
             )
         return f": the {name} is {value:.3g}, and its law ends at {end:.3g}"
 

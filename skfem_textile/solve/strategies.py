@@ -289,8 +289,7 @@ def _in_domain(problem: Problem, u: ndarray, du: ndarray) -> ndarray:
     raise NoEquilibriumError(
         "no increment stays where every law has a finite energy"
         + problem.ply.closest_end(u),
-        advice="laws that hold further (odd=True for a table from 0 on), more steps, "
-        "or a smaller load",
+        advice="laws that hold further, more steps, or a smaller load",
     )
 
 

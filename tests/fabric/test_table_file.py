@@ -22,6 +22,11 @@ def written(tmp_path, text):
             [0, np.pi],
             [0, 2],
         ),
+        (
+            "shear angle (deg),normalised shear force (N/mm)\n0,0\n60,3\n",
+            [0, np.pi / 3],
+            [0, 1.5],
+        ),
         ("fibre strain (-),tension (N/mm)\n-0.1,-1\n1e-2,2\n", [-0.1, 0.01], [-1, 2]),
         ("fibre strain (%),tension (kN/m)\n 0 , 0 \n2,5\n", [0, 0.02], [0, 5]),
     ],

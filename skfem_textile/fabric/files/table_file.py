@@ -18,8 +18,13 @@ _DEGREE = np.pi / 180
 #: How much units of an angle are in radians.
 ANGLE = {"deg": _DEGREE, "°": _DEGREE, "degrees": _DEGREE, "rad": 1.0, "radians": 1.0}
 _MOMENT = dict.fromkeys(("N mm/mm2", "N mm/mm²", "N·mm/mm²", "N/mm"), 1.0)
+# The shear force over the side of the frame, from which the moment is had by cos γ.
+_NORMALISED = "normalised shear force"
 _COLUMNS: dict[Resistance, tuple[dict[str, dict[str, float]], ...]] = {
-    "shear": ({"shear angle": ANGLE}, {"moment": _MOMENT, "shear moment": _MOMENT}),
+    "shear": (
+        {"shear angle": ANGLE},
+        {"moment": _MOMENT, "shear moment": _MOMENT, _NORMALISED: {"N/mm": 1.0}},
+    ),
     "tension": (
         {"fibre strain": {"-": 1.0, "1": 1.0, "%": 0.01}},
         {"tension": {"N/mm": 1.0, "kN/m": 1.0}},
@@ -81,7 +86,8 @@ def read_table(
 
     The first row names them, with their units in brackets: ``shear angle (deg),moment
     (N mm/mm2)``, the angle in ``deg`` or ``rad``; or ``fibre strain (-),tension
-    (N/mm)``, the strain as a number or in ``%``.
+    (N/mm)``, the strain as a number or in ``%``.  A ``normalised shear force (N/mm)``
+    F_n is read as the moment F_n cos γ (Cao et al. 2008).
 
     Parameters
     ----------
@@ -103,14 +109,15 @@ def read_table(
         If it cannot be read.
     """
     file, lines = read_lines(path)
-    units = _units(file, lines[0][1], of)
+    (x_unit, y_unit), normalised = _units(file, lines[0][1], of)
     numbers = [_numbers(file, *line) for line in lines[1:]]
     x, y = np.reshape(numbers, (-1, 2)).T
     try:
         refuse_bad_points(x, y, [line for line, _ in lines[1:]])
     except ValueError as error:
         raise ValueError(f"{file}, {error}") from None
-    return x * units[0], y * units[1]
+    x, y = x * x_unit, y * y_unit
+    return x, y * np.cos(x) if normalised else y
 
 
 def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[str]]]]:
@@ -149,8 +156,10 @@ def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[
     return file, lines
 
 
-def _units(file: str, header: list[str], of: Resistance | None) -> tuple[float, float]:
-    """How much the units of the two columns are."""
+def _units(
+    file: str, header: list[str], of: Resistance | None
+) -> tuple[tuple[float, float], bool]:
+    """How much the units of the two columns are; whether the force is normalised."""
     headings = [HEADING.fullmatch(cell) for cell in header]
     for kind in _COLUMNS if of is None else (of,):
         if len(headings) != 2:
@@ -160,7 +169,8 @@ def _units(file: str, header: list[str], of: Resistance | None) -> tuple[float, 
             for heading, names in zip(headings, _COLUMNS[kind], strict=True)
         ]
         if all(found):
-            return found[0], found[1]  # type: ignore[return-value]
+            normalised = headings[1][1].lower() == _NORMALISED  # type: ignore[index]
+            return (found[0], found[1]), normalised  # type: ignore[return-value]
     expected = " or ".join(repr(_LIKE[kind]) for kind in ([of] if of else _LIKE))
     raise ValueError(
         f"{file}, row 1: the header must be like {expected}, got "
