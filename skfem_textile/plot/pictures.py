@@ -213,7 +213,7 @@ def fibre_directions(
 
 def verdict(
     *runs: Result | StepError,
-    field: str | Field = "area_ratio",
+    field: str | Field | None = None,
     filename: str | os.PathLike[str] | None = None,
     plotter: "pv.Plotter | None" = None,
     state: int = -1,
@@ -230,13 +230,17 @@ def verdict(
         Results, and errors of runs that stopped.  Of an error the message is the title,
         the last good state is drawn, and the elements to blame are marked.
     field
-        Name in `FIELDS`, or a `Field` of one's own; by default the smallest area over
-        the initial area in each element, which is zero where an element folds.
+        Name in `FIELDS`, or a `Field` of one's own.  If not given, the shear angle or
+        fibre strain whose law ends where the first of the runs stopped that stopped at
+        the end of a law; else the smallest area over the initial area in each element,
+        which is zero where an element folds.
 
     Other parameters, returned value and errors as for `field`.
     """
     results = [run.result if isinstance(run, StepError) else run for run in runs]
     _, shapes, states = _chosen(results, (), state, filename)
+    ended = [run.quantity for run in runs if isinstance(run, StepError)]
+    field = field or next(filter(None, ended), "area_ratio")
     shown, scale = _on_one_scale(results, states, field_of(field), cmap, clim)
     row = []
     for run, shape, at, values in zip(runs, shapes, states, shown, strict=True):

@@ -200,12 +200,18 @@ class StepError(RuntimeError):
     elements
         Numbers of the elements where the last attempt failed; empty where no one
         place is to blame.
+    quantity
+        What is at the end of its law there, or past it: warp_strain, weft_strain or
+        shear_angle; empty where nothing is.
     """
 
-    def __init__(self, message: str, result: Result, elements: ndarray) -> None:
+    def __init__(
+        self, message: str, result: Result, elements: ndarray, quantity: str = ""
+    ) -> None:
         super().__init__(message)
         self.result = result
         self.elements = elements
+        self.quantity = quantity
 
     @classmethod
     def after(cls, error: Exception, result: Result) -> "StepError":
@@ -218,6 +224,7 @@ class StepError(RuntimeError):
             + (f"; try {advice}" if advice else ""),
             result,
             elements,
+            getattr(error, "quantity", ""),
         )
 
 
