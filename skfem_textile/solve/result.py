@@ -179,7 +179,7 @@ class Result:
         """A compact table of the states, evenly chosen where they are many."""
         lines = ["load factor      solves     energy fibre strain  min det F  stable"]
         chosen = np.linspace(0, len(self.states) - 1, _LINES).round().astype(int)
-        for i in np.unique(chosen):
+        for i in (chosen := np.unique(chosen)):
             state, verdict = self.states[i], self.states[i].verdict
             lines.append(
                 f"{state.load_factor:11.4f}{state.linear_solves:12}"
@@ -187,6 +187,8 @@ class Result:
                 f"{verdict.max_fibre_strain:13.2e}{verdict.min_det_F:11.3f}"
                 f"{'yes' if verdict.stable else 'no':>8}"
             )
+        if left_out := len(self.states) - len(chosen):
+            lines.append(f"          … {left_out} more states in between: see .states")
         return "\n".join([*lines, repr(self)[1:-1]])
 
 
