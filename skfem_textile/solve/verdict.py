@@ -280,7 +280,10 @@ def _cure(trial: Trial) -> str:
     """What to do about what the discretisation carries."""
     if "shear" not in trial.energies:
         return "the fabric has no shear stiffness, give it one"
-    return "take a finer mesh, or less stabilisation where it is a number"
+    return (
+        "take a finer mesh; if you gave the stabilisation as a number, give a smaller "
+        "one"
+    )
 
 
 def _corners(trial: Trial) -> None:
