@@ -120,8 +120,8 @@ class Result:
 
         ``estimated_load_error``, a share of the load, and
         ``estimated_shear_angle_error_deg`` tell what the mesh costs, as far as a finer
-        one shows it (`estimated_error`); they are None where ``error_estimate`` says
-        why.
+        one shows it (`estimated_error`).  ``error_estimate`` says how they were found;
+        where they are None it begins with "none: " and says why.
         """
         ply, u, verdict = self.ply, self.u, self.states[-1].verdict
         shares = self.states[-1].shares
@@ -154,19 +154,18 @@ class Result:
         }
 
     def _errors(self) -> dict[str, str | float | None]:
-        """The estimated error, and what there is to say of it."""
+        """The estimated error, and how it was found or why not."""
         error = self.estimated_error
-        found: dict[str, str | float | None] = {
+        angle = error.shear_angle
+        return {
             "estimated_load_error": error.load,
             "estimated_shear_angle_error_deg": (
-                None
-                if error.shear_angle is None
-                else float(np.degrees(error.shear_angle))
+                None if angle is None else float(np.degrees(angle))
+            ),
+            "error_estimate": (
+                f"none: {error.reason}" if error.reason else "by a finer mesh"
             ),
         }
-        if error.reason:
-            found["error_estimate"] = f"none: {error.reason}"
-        return found
 
     def __repr__(self) -> str:
         end = "converged" if self.converged else "stopped early"
