@@ -34,12 +34,42 @@ _PARALLEL = 1e-6
 # What is said where a law of shear ends at rest.
 _GO_ON = " (a table from 0 on needs odd=True, --shear-continuation odd)"
 
+# Share of where a law ends by which elements are as close to it as one.  Chosen:
+# half a degree at 50°, which a colour cannot tell.
+_AS_CLOSE = 0.01
 
 #: A bending stiffness, or one for each element.
 BendingStiffness: TypeAlias = float | ndarray
 
 #: A stiffness, one for each element, or a law.
 Stiffness: TypeAlias = float | ndarray | Law
+
+
+class LawEnd(NamedTuple):
+    """A law that is close to an end of its domain.
+
+    Attributes
+    ----------
+    quantity
+        Of what it is a law: warp_strain, weft_strain or shear_angle.
+    value, end
+        The value that is closest to the end, and the end; angles in radians.
+    elements
+        Numbers of the elements that are as close.
+    """
+
+    quantity: str
+    value: float
+    end: float
+    elements: ndarray
+
+    def __str__(self) -> str:
+        name, (value, end) = self.quantity.replace("_", " "), self[1:3]
+        shown = f"{value:.3g}", f"{end:.3g}"
+        if self.quantity == "shear_angle":
+            shown = f"{np.degrees(value):.4g}°", f"{np.degrees(end):.4g}°"
+        said = f"the {name} is {shown[0]}, and its law ends at {shown[1]}"
+        return said + (_GO_ON if self.quantity == "shear_angle" and end == 0 else "")
 
 
 class Family(NamedTuple):
@@ -188,29 +218,24 @@ class Fabric:
             for low, high in [domain_of(law)]
         )
 
-    def closest_end(self, strain: ndarray, angle: ndarray) -> str:
-        """Which law is closest to an end of its domain, in words; parameters as above.
+    def closest_end(self, strain: ndarray, angle: ndarray) -> LawEnd | None:
+        """The end of a law that is closest; parameters as above, (2, n_elements, n).
 
-        Empty if every law holds everywhere.
+        None if every law holds everywhere.
         """
-        names = "warp strain", "weft strain", "shear angle"
+        names = "warp_strain", "weft_strain", "shear_angle"
         found = []
         for name, law, x in zip(names, self.laws, (*strain, angle), strict=True):
             for end, side in zip(domain_of(law), (-1, 1), strict=True):
                 ends = np.broadcast_to(end, x.shape)
-                at = np.argmin(side * (ends - x))
-                gap = side * (ends - x).flat[at]
-                if np.isfinite(gap):
-                    found.append((gap, name, x.flat[at], ends.flat[at]))
-        if not found:
-            return ""
-        _, name, value, end = min(found)
-        if name == names[-1]:
-            return (
-                f": the {name} is {np.degrees(value):.4g}°, and its law ends at "
-                f"{np.degrees(end):.4g}°{_GO_ON if end == 0 else ''}"
-            )
-        return f": the {name} is {value:.3g}, and its law ends at {end:.3g}"
+                gaps = side * (ends - x)
+                at = int(np.argmin(gaps))
+                if np.isfinite(least := gaps.flat[at]):
+                    close = gaps <= least + _AS_CLOSE * np.abs(ends)
+                    elements = np.flatnonzero(close.any(axis=1))
+                    place = float(x.flat[at]), float(ends.flat[at]), elements
+                    found.append((least, LawEnd(name, *place)))
+        return min(found, key=lambda each: each[0])[1] if found else None
 
     def directions(
         self, x: ndarray, element: ndarray | None = None

@@ -10,6 +10,17 @@ from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt
 
 
+def word_of(x: float | None) -> str:
+    """A number as text with 12 significant digits; empty if it is none or not finite.
+
+    Examples
+    --------
+    >>> word_of(3.0000000000000004), word_of(1 / 3), word_of(None)
+    ('3', '0.333333333333', '')
+    """
+    return "" if x is None or not np.isfinite(x) else f"{x:.12g}"
+
+
 def from_words(words: list[bytes], dtype: Any) -> ndarray:
     """Convert words to numbers of a type, shape (n,).
 

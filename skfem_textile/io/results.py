@@ -17,6 +17,7 @@ from numpy import ndarray
 from ..solve.body import Body
 from ..solve.result import Result
 from .fields import cell_fields, on_users_elements, point_fields
+from .file_numbers import word_of
 
 #: Names of files that `write_fields` writes.
 FIELDS = ("step_[0-9]*.vtu", "steps.pvd", "own_step_[0-9]*.vtu", "own_steps.pvd")
@@ -104,12 +105,16 @@ def _write_state(
 
 
 def write_history(result: Result, path: str | os.PathLike[str]) -> None:
-    """Write the history of a run as CSV, one row per converged state."""
+    """Write the history of a run as CSV, one row per converged state.
+
+    Numbers have 12 significant digits; those of `Result.history` have all.
+    """
     rows = result.history()
     with _name_path(path), open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]))
         writer.writeheader()
-        writer.writerows(rows)
+        for row in rows:
+            writer.writerow({column: word_of(x) for column, x in row.items()})
 
 
 def write_summary(summary: Mapping[str, Any], path: str | os.PathLike[str]) -> None:

@@ -60,7 +60,8 @@ def field(
     field
         Name in `FIELDS`, or a `Field` of one's own.
     titles
-        One short title per result; their formulations if not given.
+        One short title per result.  If not given, what is drawn, with its unit; of
+        several results their formulations.
     filename
         Where to write a PNG with 300 dots per inch, or vectors: .svg, .pdf or .eps.
     plotter
@@ -113,7 +114,7 @@ def field(
     titles, shapes, states = _chosen(results, titles, state, filename)
     shown, scale = _on_one_scale(results, states, field_of(field), cmap, clim)
     row = [
-        Panel(title, shape, values, scale)
+        Panel(title or scale.label, shape, values, scale)
         for title, shape, values in zip(titles, shapes, shown, strict=True)
     ]
     legend = Legend(0, len(row), scale)
@@ -175,7 +176,13 @@ def contact_sheet(
     strains, strain = _strain_rows(results, titles, shapes, states)
     angles, shear = _on_one_scale(results, states, FIELDS["shear_angle"])
     rows = [
-        [warp, weft, Panel(f"Shear angle, {title}", warp.shape, values, shear)]
+        [
+            warp,
+            weft,
+            Panel(
+                _titled("Shear angle", title, "shear_angle"), warp.shape, values, shear
+            ),
+        ]
         for warp, weft, title, values in zip(*strains, titles, angles, strict=True)
     ]
     legends = [Legend(0, 2, strain), Legend(2, 3, shear)]
@@ -205,7 +212,7 @@ def fibre_directions(
         fields = cell_fields(result.ply, at.u)
         names = "warp_direction", "weft_direction"
         fibres = Fibres(*(shape.seen(fields[name]) for name in names))
-        row.append(Panel(title, shape, fibres=fibres))
+        row.append(Panel(title or "Fibre directions", shape, fibres=fibres))
     legend = Legend(0, len(row), keys=[("Warp", WARP), ("Weft", WEFT)])
     sheet = Sheet([row], [legend], extent(shapes), show_edges)
     return draw(sheet, filename, plotter, size)
@@ -213,7 +220,7 @@ def fibre_directions(
 
 def verdict(
     *runs: Result | StepError,
-    field: str | Field = "area_ratio",
+    field: str | Field | None = None,
     filename: str | os.PathLike[str] | None = None,
     plotter: "pv.Plotter | None" = None,
     state: int = -1,
@@ -230,13 +237,17 @@ def verdict(
         Results, and errors of runs that stopped.  Of an error the message is the title,
         the last good state is drawn, and the elements to blame are marked.
     field
-        Name in `FIELDS`, or a `Field` of one's own; by default the smallest area over
-        the initial area in each element, which is zero where an element folds.
+        Name in `FIELDS`, or a `Field` of one's own.  If not given, the shear angle or
+        fibre strain whose law ends where the first of the runs stopped that stopped at
+        the end of a law; else the smallest area over the initial area in each element,
+        which is zero where an element folds.
 
     Other parameters, returned value and errors as for `field`.
     """
     results = [run.result if isinstance(run, StepError) else run for run in runs]
     _, shapes, states = _chosen(results, (), state, filename)
+    ended = [run.quantity for run in runs if isinstance(run, StepError)]
+    field = field or next(filter(None, ended), "area_ratio")
     shown, scale = _on_one_scale(results, states, field_of(field), cmap, clim)
     row = []
     for run, shape, at, values in zip(runs, shapes, states, shown, strict=True):
@@ -276,7 +287,8 @@ def _chosen(
         picture_path(filename)
     if not results:
         raise ValueError("nothing to draw: give at least one result")
-    titles = titles or [result.ply.formulation.title for result in results]
+    several = [result.ply.formulation.title for result in results]
+    titles = titles or (several if len(results) > 1 else [""])
     if len(titles) != len(results):
         raise ValueError(f"{len(results)} results need as many titles: {len(titles)}")
     fewest = min(len(result.states) for result in results)
@@ -284,6 +296,11 @@ def _chosen(
         raise ValueError(f"there is no state {state}: a result has {fewest} states")
     states = [result.states[state] for result in results]
     return titles, shapes_of(results, states), states
+
+
+def _titled(name: str, title: str, field: str) -> str:
+    """The title of a panel: its name and the result; of one alone the field."""
+    return f"{name}, {title}" if title else FIELDS[field].label
 
 
 def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:
@@ -327,7 +344,7 @@ def _strain_rows(
     scale = Scale.of("Fibre strain (%)", found, cmap or both[0].cmap, clim)
     rows = [
         [
-            Panel(f"{family}, {title}", shape, values, scale)
+            Panel(_titled(family, title, _STRAINS[family]), shape, values, scale)
             for title, shape, values in zip(titles, shapes, row, strict=True)
         ]
         for family, row in zip(_STRAINS, shown, strict=True)

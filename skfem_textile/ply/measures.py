@@ -11,6 +11,7 @@ from skfem.helpers import ddot
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
+from ..fabric.fabric import LawEnd
 from ..mesh.bases import components, node_dofs
 from ..mesh.corners import Corners, sided
 
@@ -210,6 +211,6 @@ class Measures:
         fabric = self.fabric.at()
         return fabric.in_domain(self.law_strain(u), self.shear_angle(u))
 
-    def closest_end(self, u: ndarray) -> str:
-        """Which law is closest to an end of its domain, in words, or empty."""
+    def closest_end(self, u: ndarray) -> LawEnd | None:
+        """The end of a law that is closest; None if every law holds everywhere."""
         return self.fabric.at().closest_end(self.law_strain(u), self.shear_angle(u))

@@ -10,6 +10,7 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 
 if TYPE_CHECKING:
+    from ..fabric.fabric import LawEnd
     from ..mesh.pattern import Pattern
     from .conditions.surface_nodes import SurfaceNodes
 
@@ -178,8 +179,8 @@ class Body(Protocol):
         """Whether no law is asked beyond the domain that it states."""
         ...
 
-    def closest_end(self, u: ndarray) -> str:
-        """Which law is closest to an end of its domain, in words, or empty."""
+    def closest_end(self, u: ndarray) -> "LawEnd | None":
+        """The end of a law that is closest; None if every law holds everywhere."""
         ...
 
 

@@ -120,8 +120,8 @@ class Result:
 
         ``estimated_load_error``, a share of the load, and
         ``estimated_shear_angle_error_deg`` tell what the mesh costs, as far as a finer
-        one shows it (`estimated_error`); they are None where ``error_estimate`` says
-        why.
+        one shows it (`estimated_error`).  ``error_estimate`` says how they were found;
+        where they are None it begins with "none: " and says why.
         """
         ply, u, verdict = self.ply, self.u, self.states[-1].verdict
         shares = self.states[-1].shares
@@ -154,19 +154,18 @@ class Result:
         }
 
     def _errors(self) -> dict[str, str | float | None]:
-        """The estimated error, and what there is to say of it."""
+        """The estimated error, and how it was found or why not."""
         error = self.estimated_error
-        found: dict[str, str | float | None] = {
+        angle = error.shear_angle
+        return {
             "estimated_load_error": error.load,
             "estimated_shear_angle_error_deg": (
-                None
-                if error.shear_angle is None
-                else float(np.degrees(error.shear_angle))
+                None if angle is None else float(np.degrees(angle))
+            ),
+            "error_estimate": (
+                f"none: {error.reason}" if error.reason else "by a finer mesh"
             ),
         }
-        if error.reason:
-            found["error_estimate"] = f"none: {error.reason}"
-        return found
 
     def __repr__(self) -> str:
         end = "converged" if self.converged else "stopped early"
@@ -179,7 +178,7 @@ class Result:
         """A compact table of the states, evenly chosen where they are many."""
         lines = ["load factor      solves     energy fibre strain  min det F  stable"]
         chosen = np.linspace(0, len(self.states) - 1, _LINES).round().astype(int)
-        for i in np.unique(chosen):
+        for i in (chosen := np.unique(chosen)):
             state, verdict = self.states[i], self.states[i].verdict
             lines.append(
                 f"{state.load_factor:11.4f}{state.linear_solves:12}"
@@ -187,6 +186,8 @@ class Result:
                 f"{verdict.max_fibre_strain:13.2e}{verdict.min_det_F:11.3f}"
                 f"{'yes' if verdict.stable else 'no':>8}"
             )
+        if left_out := len(self.states) - len(chosen):
+            lines.append(f"          … {left_out} more states in between: see .states")
         return "\n".join([*lines, repr(self)[1:-1]])
 
 
@@ -200,12 +201,18 @@ class StepError(RuntimeError):
     elements
         Numbers of the elements where the last attempt failed; empty where no one
         place is to blame.
+    quantity
+        What is at the end of its law there, or past it: warp_strain, weft_strain or
+        shear_angle; empty where nothing is.
     """
 
-    def __init__(self, message: str, result: Result, elements: ndarray) -> None:
+    def __init__(
+        self, message: str, result: Result, elements: ndarray, quantity: str = ""
+    ) -> None:
         super().__init__(message)
         self.result = result
         self.elements = elements
+        self.quantity = quantity
 
     @classmethod
     def after(cls, error: Exception, result: Result) -> "StepError":
@@ -213,12 +220,21 @@ class StepError(RuntimeError):
         elements = getattr(error, "elements", np.empty(0, dtype=int))
         advice = getattr(error, "advice", "")
         return cls(
-            f"stopped at load factor {result.states[-1].load_factor:.6g}: {error}"
+            f"stopped at {_place(result.states[-1])}: {error}"
             + _among(elements)
             + (f"; try {advice}" if advice else ""),
             result,
             elements,
+            getattr(error, "quantity", ""),
         )
+
+
+def _place(state: State) -> str:
+    """The load factor of a state, and which condition has moved its nodes furthest."""
+    lengths = {k: float(np.linalg.norm(u)) for k, u in state.displacements.items()}
+    name = max(lengths, key=lengths.__getitem__, default="")
+    moved = f" ({name} moved by {lengths[name]:.4g} mm)" if lengths.get(name) else ""
+    return f"load factor {state.load_factor:.6g}{moved}"
 
 
 def _among(elements: ndarray) -> str:

@@ -16,12 +16,17 @@ class NoEquilibriumError(Exception):
         Numbers of the elements where it failed; empty where no one place is to blame.
     advice
         What to try.
+    quantity
+        What is at the end of its law, or past it: warp_strain, weft_strain or
+        shear_angle; empty where nothing is.
     """
 
-    def __init__(self, message: str, elements: Any = (), advice: str = "") -> None:
+    def __init__(
+        self, message: str, elements: Any = (), advice: str = "", quantity: str = ""
+    ) -> None:
         super().__init__(message)
         self.elements = np.asarray(elements, dtype=int)
-        self.advice = advice
+        self.advice, self.quantity = advice, quantity
 
 
 class Equilibrium(NamedTuple):

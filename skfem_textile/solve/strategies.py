@@ -286,10 +286,14 @@ def _in_domain(problem: Problem, u: ndarray, du: ndarray) -> ndarray:
         if problem.in_domain(u + du):
             return du
         du = du / 2
+    end = problem.ply.closest_end(u)
     raise NoEquilibriumError(
-        "no increment stays where every law has a finite energy"
-        + problem.ply.closest_end(u),
-        advice="laws that hold further, more steps, or a smaller load",
+        "even the shortest increment passes the end of a law"
+        + (f": {end}" if end else ""),
+        end.elements if end else (),
+        "a law that holds further (of a table: more points, or extrapolation=linear), "
+        "or a smaller load",
+        end.quantity if end else "",
     )
 
 

@@ -135,9 +135,12 @@ class Trial:
                     advice="a smaller load, or a law that is finite there",
                 )
         if not self.problem.in_domain(self.equilibrium.u):
+            end = self.problem.ply.closest_end(self.equilibrium.u)
             raise NoEquilibriumError(
-                "a law is asked beyond its domain",
-                advice="a smaller load, or a law that holds there",
+                "a law is asked beyond its domain" + (f": {end}" if end else ""),
+                end.elements if end else (),
+                "a smaller load, or a law that holds there",
+                end.quantity if end else "",
             )
         for name, check in CHECKS.items():
             try:
@@ -219,11 +222,13 @@ def _crease(trial: Trial) -> None:
 def _strain(trial: Trial) -> None:
     torn = np.flatnonzero(trial.problem.ply.past_peak(trial.equilibrium.u))
     if torn.size:
+        warp, weft = np.abs(trial.strains[:, torn]).max(axis=(1, 2))
         raise NoEquilibriumError(
             f"fibre strain up to {trial.strain[torn].max():.2g} in {torn.size} "
             "element(s), past the largest force of a fibre",
             torn,
-            advice="a smaller load",
+            "a smaller load",
+            "weft_strain" if weft > warp else "warp_strain",
         )
 
 
@@ -275,7 +280,10 @@ def _cure(trial: Trial) -> str:
     """What to do about what the discretisation carries."""
     if "shear" not in trial.energies:
         return "the fabric has no shear stiffness, give it one"
-    return "take a finer mesh, or less stabilisation where it is a number"
+    return (
+        "take a finer mesh; if you gave the stabilisation as a number, give a smaller "
+        "one"
+    )
 
 
 def _corners(trial: Trial) -> None:

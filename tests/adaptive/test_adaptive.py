@@ -94,7 +94,9 @@ def test_a_load_that_cannot_be_applied_ends_the_run_with_its_states(monkeypatch)
         return advance(stepper, t)
 
     monkeypatch.setattr(LoadStepper, "_advance", stuck)
-    with pytest.raises(StepError, match=r"stopped at load factor 0\.5: stuck") as told:
+    with pytest.raises(
+        StepError, match=r"stopped at load factor 0\.5 .*mm\): stuck"
+    ) as told:
         AdaptiveStepper(ply, scene.conditions, 0.05, 4).run()
     assert not told.value.result.converged
     assert not told.value.result.tolerance_met
@@ -202,9 +204,7 @@ def test_a_run_that_fails_on_a_finer_mesh_leaves_that_on_the_one_before(monkeypa
 
     monkeypatch.setattr(LoadStepper, "_advance", stuck)
     stepper = AdaptiveStepper(ply, scene.conditions, 0.04, 4)
-    said = (
-        r"on a finer mesh, of \d+ unknowns, the run stopped at load factor 0\.5: stuc"
-    )
+    said = r"on a finer mesh, of \d+ unknowns, the run stopped at .* 0\.5 .*: stuck"
     with pytest.raises(StepError, match=said) as told:
         stepper.run()
     result = told.value.result

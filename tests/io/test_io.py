@@ -323,6 +323,10 @@ def test_history_and_summary_are_written(tmp_path, result):
         "max_fibre_strain,mesh_fibre_strain,bottom_displacement_x,"
     )
     assert len(rows) == 3
+    for row, state in zip(rows, result.history(), strict=True):
+        written = [float(x) for x in row.split(",")]
+        np.testing.assert_allclose(written, list(state.values()), rtol=1e-11)
+        assert len(row.split(",")[-1].strip("-").replace(".", "")) <= 12
     write_summary(result.summary(), tmp_path / "summary.json")
     assert json.loads((tmp_path / "summary.json").read_text()) == result.summary()
 

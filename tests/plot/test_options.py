@@ -324,6 +324,17 @@ def test_a_refusal_shows_why_and_where(result, sheets):
     assert magenta.sum() > 1000
 
 
+@pytest.mark.parametrize("quantity", ["shear_angle", "weft_strain"])
+def test_where_a_law_ends_its_argument_is_shown(result, sheets, quantity):
+    error = StepError("stopped", result, np.array([3, 7]), quantity)
+    plot.verdict(result, error)
+    drawn = sheets[0][0]
+    assert drawn.legends[0].scale.label == plot.FIELDS[quantity].label
+    assert [panel.marked.tolist() for panel in drawn.panels] == [[], [3, 7]]
+    plot.verdict(error, field="displacement")
+    assert sheets[1][0].legends[0].scale.label == "Displacement (mm)"
+
+
 def test_small_refused_elements_have_rings(fine):
     _, shape, scale = fine
     panel = sheet.Panel("", shape, marked=np.array([100]))

@@ -234,6 +234,34 @@ def test_long_labels_of_load_curves_are_not_cut():
     assert 0 <= box.x0 < box.x1 <= figure.bbox.width
 
 
+def test_a_picture_of_one_result_names_what_it_shows_with_its_unit(
+    results, monkeypatch
+):
+    drawn = []
+    monkeypatch.setattr("skfem_textile.plot.pictures.draw", lambda *x: drawn.append(x))
+    one, moved = results[0], {"field": "displacement"}
+    for picture, how in (
+        (plot.field, moved),
+        (plot.fibre_strain, {}),
+        (plot.contact_sheet, {}),
+        (plot.fibre_directions, {}),
+    ):
+        picture(one, **how)
+        picture(one, titles=["mine"], **how)
+    plot.field(*results, **moved)
+    assert [[p.title for p in sheet.panels] for sheet, *_ in drawn] == [
+        ["Displacement (mm)"],
+        ["mine"],
+        ["Warp strain (%)", "Weft strain (%)"],
+        ["Warp, mine", "Weft, mine"],
+        ["Warp strain (%)", "Weft strain (%)", "Shear angle (°)"],
+        ["Warp, mine", "Weft, mine", "Shear angle, mine"],
+        ["Fibre directions"],
+        ["mine"],
+        [result.ply.formulation.title for result in results],
+    ]
+
+
 def test_titles_must_match(results):
     with pytest.raises(ValueError, match="2 results need as many titles: 1"):
         plot.fibre_strain(*results, titles=["one"])

@@ -55,7 +55,7 @@ def test_every_formulation_has_one(formulation, kind):
     summary = pulled(kind, formulation, across=8).summary()
     assert 0 < summary["estimated_load_error"] < 2
     assert 0 < summary["estimated_shear_angle_error_deg"] < 20
-    assert "error_estimate" not in summary
+    assert summary["error_estimate"] == "by a finer mesh"
 
 
 def test_it_changes_neither_ply_nor_states():

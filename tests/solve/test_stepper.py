@@ -105,11 +105,17 @@ def test_a_printed_result_is_a_table_of_its_states():
     result = LoadStepper(ply, conditions, steps=40).run()
     lines = str(result).splitlines()
     assert lines[0].split()[:2] == ["load", "factor"]
-    assert [line.split()[0] for line in lines[1:-1]] == [
+    assert [line.split()[0] for line in lines[1:-2]] == [
         f"{t:.4f}" for t in np.linspace(0, 1, 11)
     ]
-    assert all(line.endswith("yes") for line in lines[1:-1])
+    assert all(line.endswith("yes") for line in lines[1:-2])
+    assert lines[-2].split()[:3] == ["…", "30", "more"]
     assert "converged at load factor 1, 40 steps" in lines[-1]
+
+
+def test_a_printed_result_says_nothing_of_states_left_out_where_none_are():
+    ply, conditions = pulled(0.5)
+    assert "…" not in str(LoadStepper(ply, conditions, steps=10).run())
 
 
 def test_the_one_strain_of_the_table_is_the_one_that_the_law_sees():
@@ -159,7 +165,8 @@ def test_it_says_plainly_when_it_cannot_and_keeps_what_it_has():
     """A ply squeezed to nothing buckles, then folds: nothing is accepted past that."""
     ply, conditions = pulled(-1.5)
     with pytest.raises(
-        StepError, match=r"stopped at load factor 0\.\d+: no acceptable state at 0\."
+        StepError,
+        match=r"stopped at load factor 0\.\d+ \(.* mm\): no acceptable state at 0\.",
     ) as e:
         LoadStepper(ply, conditions, steps=4, max_halvings=1).run()
     result = e.value.result

@@ -59,9 +59,11 @@ def completed(curve: Curve, test: ShearTest | None) -> dict[str, ndarray]:
 
 
 def write_curve(curve: dict[str, ndarray], path: Path) -> None:
-    """Write the columns of a curve as CSV; a number that is not finite is left out."""
+    """Write the columns of a curve as CSV; see `word_of`."""
+    from ...io.file_numbers import word_of
+
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(curve)
         for row in zip(*(column.tolist() for column in curve.values()), strict=True):
-            writer.writerow([x if np.isfinite(x) else "" for x in row])
+            writer.writerow(map(word_of, row))

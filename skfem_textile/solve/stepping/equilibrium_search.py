@@ -153,10 +153,14 @@ class EquilibriumSearch:
                 altered = trial.equilibrium.altered
                 return Found(trial, altered, follows_path(strategy), settled=False)
         advice = next(iter(failures.values())).advice
+        told = max(
+            failures.values(), key=lambda f: (f.quantity != "", f.elements.size > 0)
+        )
         raise NoEquilibriumError(
             f"no acceptable state at {goal.load_factor:.6g}: {'; '.join(failures)}",
-            next((f.elements for f in failures.values() if f.elements.size), ()),
+            told.elements,
             advice if goal.load_factor else _AT_REST,
+            told.quantity,
         )
 
     def _trial_by(self, strategy: Strategy, goal: Goal) -> Trial:

@@ -1,6 +1,7 @@
 """Curves of tests in CSV files."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -27,7 +28,10 @@ def test_the_curve_of_a_run_is_such_a_curve(tmp_path):
     assert cli.main(["run", "bias_extension", "--out", str(out), *OUT]) == 0
     curve = read_test_curve(out / "curve.csv")
     summary = json.loads((out / "summary.json").read_text())
-    assert curve["force (N)"][-1] == summary["reaction_y"]
+    assert curve["force (N)"][-1] == float(f"{summary['reaction_y']:.12g}")
+    numbers = (out / "curve.csv").read_text().split("\n", 1)[1].replace("\n", ",")
+    digits = [re.sub(r"e.*|\D", "", x).strip("0") for x in numbers.split(",")]
+    assert max(map(len, digits)) == 12
     assert curve["angle (deg)"] == pytest.approx([0, 20, 40])
     moment = 0.5 * np.radians(curve["angle (deg)"])
     expected = moment / np.cos(np.radians(curve["angle (deg)"]))

@@ -225,7 +225,8 @@ class AdaptiveStepper:
             if self._rounds:
                 where = f"on a finer mesh, of {ply.basis.N} unknowns, "
                 raise self._unmet(f"{where}the run {error}") from None
-            raise StepError(str(error), self.result, error.elements) from None
+            blamed = error.elements, error.quantity
+            raise StepError(str(error), self.result, *blamed) from None
         self._stepper, self._estimate = stepper, None
         self._finish(ply, state, whole_path=True)
         return ply, state
