@@ -1,0 +1,264 @@
+"""A draped ply as elements in space: which point of it lies at a point of a tool."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from scipy.spatial import KDTree
+from skfem import ElementH1, ElementQuad1, ElementTriP1
+
+from ..fabric import kinematics as kin
+from ..solve.body import Body
+from .kinematic_net import Net
+
+# Iterations to the foot of a perpendicular on an element.  Chosen: from its centre the
+# foot is found to rounding in five where an element is bent by 30°.
+_ITERATIONS = 12
+
+# Share of the squares of an element's edges that keeps a step finite where an element
+# is bent so much that beyond its edges it has no area.
+_RIDGE = 1e-12
+
+# Share of its distance from an element by which the foot of a point may lie outside:
+# between two elements that meet at an angle, up to 50°, a point has no other foot.
+_BETWEEN = 0.5
+
+# Share of the longest edge that counts as on the edge of an element.
+_ON_EDGE = 1e-6
+
+# Largest distance of a point from the ply that lies at it, over the longest edge of the
+# ply.  The chord of an arc of 90° is 0.21 of its length away from the arc.
+_REACH = 0.25
+
+
+class Places(NamedTuple):
+    """Points of a sheet: element, −1 where there is none, and local coordinates.
+
+    ``distance`` is that in mm between the sheet and the point that was looked for, of
+    one without an element infinite.  Shapes (n,), (2, n) and (n,).
+    """
+
+    element: ndarray
+    local: ndarray
+    distance: ndarray
+
+    @property
+    def found(self) -> ndarray:
+        """Whether a point of the sheet lies there, shape (n,)."""
+        return self.element >= 0
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A ply in space with the place of each of its points in the flat ply.
+
+    Parameters
+    ----------
+    flat, positions
+        Nodes in the flat ply and in space in mm, shapes (2, n_nodes) and (3, n_nodes).
+    elements
+        Nodes of the elements, shape (3, n_elements) or (4, n_elements).
+    warp, weft
+        Unit directions of the fibres in the flat ply, shape (2, n_elements).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skfem_textile import drape
+    >>> sphere = drape.Sphere(100.0, (0, 0, -100))
+    >>> sheet = drape.Sheet.of_net(drape.net(sphere, 5.0, (0, 12), (0, 12)))
+    >>> places = sheet.at(np.array([[0.0, 0.0], [10.0, 200.0], [0.0, 0.0]]))
+    >>> places.found, sheet.flat_at(places)[:, 0].round(1)
+    (array([ True, False]), array([ 0., 10.]))
+    """
+
+    flat: ndarray
+    positions: ndarray
+    elements: ndarray
+    warp: ndarray
+    weft: ndarray
+
+    @classmethod
+    def of_ply(cls, ply: Body, u: ndarray) -> "Sheet":
+        """The sheet of a ply in space after a displacement.
+
+        Raises
+        ------
+        ValueError
+            If the ply is not in space.
+        """
+        moved = ply.nodal(u)
+        if len(moved) != 3:
+            raise ValueError("a sheet: the ply must be in space, Ply(..., dimension=3)")
+        mesh = ply.mesh
+        flat, moved = mesh.p, moved[:, : mesh.nvertices]
+        positions = np.pad(flat, ((0, 1), (0, 0))) + moved
+        shape = 2, mesh.nelements
+        warp, weft = (
+            np.broadcast_to(A[..., 0], shape) for A in ply.directions(ply.centre)
+        )
+        return cls(flat, positions, mesh.t, warp, weft)
+
+    @classmethod
+    def of_net(cls, net: Net) -> "Sheet":
+        """The sheet of a kinematic net, a quadrilateral for each of its cells."""
+        s, t = np.meshgrid(*net.along, indexing="ij")
+        flat = net.directions @ [s.ravel(), t.ravel()] + net.touch[:, None]
+        n = np.arange(s.size).reshape(s.shape)
+        corners = n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]
+        elements = np.array([corner.ravel() for corner in corners])
+        warp, weft = (
+            np.tile(a[:, None], (1, elements.shape[1])) for a in net.directions.T
+        )
+        return cls(flat, net.positions.reshape(3, -1), elements, warp, weft)
+
+    @property
+    def longest_edge(self) -> float:
+        """Length of the longest edge in space in mm."""
+        return float(edge_lengths(self.positions, self.elements).max())
+
+    @cached_property
+    def _tree(self) -> tuple[KDTree, ndarray]:
+        """Centres of the elements, and their radii about them."""
+        x = self.positions[:, self.elements]
+        centres = x.mean(axis=1)
+        radii = np.linalg.norm(x - centres[:, None], axis=0).max(axis=0)
+        return KDTree(centres.T), radii
+
+    def at(self, points: ndarray, reach: ndarray | float | None = None) -> Places:
+        """Points of the sheet that lie at points of a tool: feet of perpendiculars.
+
+        Parameters
+        ----------
+        points
+            In mm, shape (3, n).
+        reach
+            Largest distance from the sheet in mm, of all points or of each; a quarter
+            of the sheet's longest edge if not given.  Smaller than the thickness of a
+            tool whose other side is not draped.
+        """
+        n = points.shape[1]
+        reach = _REACH * self.longest_edge if reach is None else reach
+        most = np.broadcast_to(np.asarray(reach, dtype=float), n)
+        tree, radii = self._tree
+        near = tree.query_ball_point(points.T, radii.max() + most)
+        counts = np.array([len(found) for found in near], dtype=int)
+        point = np.repeat(np.arange(n), counts)
+        element = np.array([e for found in near for e in found], dtype=int)
+        local, away = self._feet(points[:, point], element)
+        distance = np.linalg.norm(away, axis=0)
+        outside = self._outside(local) * 2 * radii[element]
+        allowed = _ON_EDGE * self.longest_edge + _BETWEEN * distance
+        taken = (outside <= allowed) & (distance <= most[point])
+        # The nearest of each point is the last one written.
+        order = np.flatnonzero(taken)[np.argsort(-(distance + outside)[taken])]
+        chosen = np.full(n, -1)
+        chosen[point[order]] = order
+        places = Places(np.full(n, -1), np.full((2, n), np.nan), np.full(n, np.inf))
+        found, chosen = chosen >= 0, chosen[chosen >= 0]
+        places.element[found] = element[chosen]
+        places.local[:, found] = self._inside(local[:, chosen])
+        places.distance[found] = distance[chosen]
+        return places
+
+    def flat_at(self, places: Places) -> ndarray:
+        """Points in the flat ply in mm, shape (2, n); NaN where there is none."""
+        return self._interpolated(self.flat, places.element, places.local)
+
+    def fibres_at(self, places: Places) -> tuple[ndarray, ndarray, ndarray]:
+        """Unit directions of warp and weft, shape (3, n), and the shear angle, (n,).
+
+        The deformation gradient is interpolated between its means at the nodes, which
+        are of second order inside the ply.  NaN where there is no point.
+        """
+        F = self._interpolated(self._gradients, places.element, places.local)
+        A = [family[:, places.element] for family in (self.warp, self.weft)]
+        warp, weft = (kin.fibre(F, family) for family in A)
+        angle = kin.shear_angle(F, *A)
+        return unit(warp), unit(weft), angle
+
+    @cached_property
+    def _gradients(self) -> ndarray:
+        """Deformation gradient at each node, mean of its elements', (3, 2, n_nodes)."""
+        total, n = np.zeros((self.flat.shape[1], 3, 2)), self.elements.shape[1]
+        for node, corner in zip(self.elements, self._shape.doflocs, strict=True):
+            local = np.tile(corner[:, None], n)
+            x, X = (
+                self._slopes(of, np.arange(n), local).transpose(2, 0, 1)
+                for of in (self.positions, self.flat)
+            )
+            np.add.at(total, node, x @ np.linalg.inv(X))
+        count = np.bincount(self.elements.ravel(), minlength=len(total))
+        return (total / np.maximum(count, 1)[:, None, None]).transpose(1, 2, 0)
+
+    def _feet(self, points: ndarray, element: ndarray) -> tuple[ndarray, ndarray]:
+        """Feet of perpendiculars on elements, which may go beyond them.
+
+        Their local coordinates, and the points as seen from them.
+        """
+        centre = self._shape.doflocs.mean(axis=0)[:, None]
+        local = np.tile(centre, len(element))
+        for _ in range(_ITERATIONS):
+            away = points - self._interpolated(self.positions, element, local)
+            slopes = self._slopes(self.positions, element, local)
+            normal = np.einsum("ijn,ikn->njk", slopes, slopes)
+            size = np.trace(normal, axis1=1, axis2=2)
+            normal += _RIDGE * size[:, None, None] * np.eye(2)
+            right = np.einsum("ijn,in->nj", slopes, away)
+            step = np.linalg.solve(normal, right[:, :, None])[:, :, 0].T
+            # Far beyond its edges an element tells nothing.
+            local = np.clip(local + step, -1.0, 2.0)
+        return local, points - self._interpolated(self.positions, element, local)
+
+    def _outside(self, local: ndarray) -> ndarray:
+        """How far local coordinates are beyond an element, 0 inside it."""
+        beyond = np.maximum(-local, 0.0).max(axis=0, initial=0.0)
+        if len(self.elements) == 4:
+            return np.maximum(beyond, (local - 1).max(axis=0, initial=0.0))
+        return np.maximum(beyond, local.sum(axis=0) - 1)
+
+    def _inside(self, local: ndarray) -> ndarray:
+        """Local coordinates brought into an element."""
+        local = np.clip(local, 0.0, 1.0)
+        if len(self.elements) == 4:
+            return local
+        return local / np.maximum(local.sum(axis=0), 1.0)
+
+    def _interpolated(
+        self, values: ndarray, element: ndarray, local: ndarray
+    ) -> ndarray:
+        """Nodal values, shape (..., n_nodes), at local coordinates of elements."""
+        shares, _ = self._shapes(local)
+        nodes = self.elements[:, element]
+        return sum(N * values[..., node] for N, node in zip(shares, nodes, strict=True))
+
+    def _slopes(self, values: ndarray, element: ndarray, local: ndarray) -> ndarray:
+        """Derivatives of nodal vectors by local coordinates, shape (d, 2, n)."""
+        _, slopes = self._shapes(local)
+        nodes = self.elements[:, element]
+        return sum(
+            values[:, None, node] * dN for dN, node in zip(slopes, nodes, strict=True)
+        )
+
+    def _shapes(self, local: ndarray) -> tuple[list[ndarray], list[ndarray]]:
+        """Shape functions of the corners, (n,), and their derivatives, (2, n)."""
+        shapes = [self._shape.lbasis(local, i) for i in range(len(self.elements))]
+        return [N for N, _ in shapes], [dN for _, dN in shapes]
+
+    @property
+    def _shape(self) -> ElementH1:
+        """The element of scikit-fem, whose corners are ``doflocs``."""
+        return ElementQuad1() if len(self.elements) == 4 else ElementTriP1()
+
+
+def unit(v: ndarray) -> ndarray:
+    """Columns at length 1."""
+    return v / np.linalg.norm(v, axis=0)
+
+
+def edge_lengths(positions: ndarray, elements: ndarray) -> ndarray:
+    """Lengths of the edges of elements, shape (n_corners, n_elements)."""
+    x = positions[:, elements]
+    return np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
