@@ -2,6 +2,7 @@
 
 from .analytic import Cone, Cylinder, Plane, Sphere, Torus
 from .fibres_in_space import FibresInSpace, fibres_on_ply, fibres_on_tool
+from .flat_pattern import FlatPattern, flat_pattern
 from .geodesics import displacement, exponential_map
 from .height_field import Height, HeightField, double_dome
 from .kinematic_net import Net, net
@@ -14,6 +15,7 @@ __all__ = [
     "Cone",
     "Cylinder",
     "FibresInSpace",
+    "FlatPattern",
     "Height",
     "HeightField",
     "Net",
@@ -30,6 +32,7 @@ __all__ = [
     "exponential_map",
     "fibres_on_ply",
     "fibres_on_tool",
+    "flat_pattern",
     "net",
     "wrinkle_risk",
 ]

@@ -2,6 +2,7 @@
 
 from .decks.fabrics import OF_FABRICS, read_fabric, write_fabric
 from .draping.fibres import DRAPED, write_draped, write_fibres
+from .draping.flat_pattern import write_pattern
 from .draping.tools import read_surface, read_tool_mesh
 from .fibres import OF_DIRECTIONS, read_directions, write_directions
 from .reading import read_mesh
@@ -23,5 +24,6 @@ __all__ = [
     "write_fibres",
     "write_fields",
     "write_history",
+    "write_pattern",
     "write_summary",
 ]
