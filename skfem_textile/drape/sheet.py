@@ -143,7 +143,9 @@ class Sheet:
         reach = _REACH * self.longest_edge if reach is None else reach
         most = np.broadcast_to(np.asarray(reach, dtype=float), n)
         tree, radii = self._tree
-        near = tree.query_ball_point(points.T, radii.max() + most)
+        # The nearest point of the sheet is no further away than the nearest centre.
+        nearest, _ = tree.query(points.T)
+        near = tree.query_ball_point(points.T, radii.max() + np.minimum(most, nearest))
         counts = np.array([len(found) for found in near], dtype=int)
         point = np.repeat(np.arange(n), counts)
         element = np.array([e for found in near for e in found], dtype=int)
