@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 
 from ..mesh.user_input import real_numbers
 from ..solve.body import Body
-from .sheet import Sheet, unit
+from .elements import unit
+from .sheet import Sheet
 from .tool_mesh import ToolMesh
 
 # Angle in degrees between an axis and the normal of an element below which another axis

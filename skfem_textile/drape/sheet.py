@@ -7,19 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 from scipy.spatial import KDTree
-from skfem import ElementH1, ElementQuad1, ElementTriP1
 
 from ..fabric import kinematics as kin
 from ..solve.body import Body
+from .elements import Elements, boundary_edges, edge_lengths, unit
 from .kinematic_net import Net
-
-# Iterations to the foot of a perpendicular on an element.  Chosen: from its centre the
-# foot is found to rounding in five where an element is bent by 30°.
-_ITERATIONS = 12
-
-# Share of the squares of an element's edges that keeps a step finite where an element
-# is bent so much that beyond its edges it has no area.
-_RIDGE = 1e-12
 
 # Share of its distance from an element by which the foot of a point may lie outside:
 # between two elements that meet at an angle, up to 50°, a point has no other foot.
@@ -115,6 +107,10 @@ class Sheet:
         return cls(flat, net.positions.reshape(3, -1), elements, warp, weft)
 
     @property
+    def _elements(self) -> Elements:
+        return Elements(self.elements)
+
+    @property
     def longest_edge(self) -> float:
         """Length of the longest edge in space in mm."""
         return float(edge_lengths(self.positions, self.elements).max())
@@ -149,9 +145,9 @@ class Sheet:
         counts = np.array([len(found) for found in near], dtype=int)
         point = np.repeat(np.arange(n), counts)
         element = np.array([e for found in near for e in found], dtype=int)
-        local, away = self._feet(points[:, point], element)
+        local, away = self._elements.feet(self.positions, points[:, point], element)
         distance = np.linalg.norm(away, axis=0)
-        outside = self._outside(local) * 2 * radii[element]
+        outside = self._elements.outside(local) * 2 * radii[element]
         allowed = _ON_EDGE * self.longest_edge + _BETWEEN * distance
         taken = (outside <= allowed) & (distance <= most[point])
         # The nearest of each point is the last one written.
@@ -161,21 +157,21 @@ class Sheet:
         places = Places(np.full(n, -1), np.full((2, n), np.nan), np.full(n, np.inf))
         found, chosen = chosen >= 0, chosen[chosen >= 0]
         places.element[found] = element[chosen]
-        places.local[:, found] = self._inside(local[:, chosen])
+        places.local[:, found] = self._elements.inside(local[:, chosen])
         places.distance[found] = distance[chosen]
         return places
 
     def flat_at(self, places: Places) -> ndarray:
         """Points in the flat ply in mm, shape (2, n); NaN where there is none."""
-        return self._interpolated(self.flat, places.element, places.local)
+        return self._elements.between(self.flat, places.element, places.local)
 
     def fibres_at(self, places: Places) -> tuple[ndarray, ndarray, ndarray]:
         """Unit directions of warp and weft, shape (3, n), and the shear angle, (n,).
 
-        The deformation gradient is interpolated between its means at the nodes, which
-        are of second order inside the ply.  NaN where there is no point.
+        The deformation gradient is interpolated between nodes, where it is of second
+        order.  NaN where there is no point.
         """
-        F = self._interpolated(self._gradients, places.element, places.local)
+        F = self._elements.between(self._gradients, places.element, places.local)
         A = [family[:, places.element] for family in (self.warp, self.weft)]
         warp, weft = (kin.fibre(F, family) for family in A)
         angle = kin.shear_angle(F, *A)
@@ -183,84 +179,50 @@ class Sheet:
 
     @cached_property
     def _gradients(self) -> ndarray:
-        """Deformation gradient at each node, mean of its elements', (3, 2, n_nodes)."""
-        total, n = np.zeros((self.flat.shape[1], 3, 2)), self.elements.shape[1]
-        for node, corner in zip(self.elements, self._shape.doflocs, strict=True):
-            local = np.tile(corner[:, None], n)
-            x, X = (
-                self._slopes(of, np.arange(n), local).transpose(2, 0, 1)
-                for of in (self.positions, self.flat)
-            )
-            np.add.at(total, node, x @ np.linalg.inv(X))
-        count = np.bincount(self.elements.ravel(), minlength=len(total))
-        return (total / np.maximum(count, 1)[:, None, None]).transpose(1, 2, 0)
+        """Deformation gradient at each node, shape (3, 2, n_nodes).
 
-    def _feet(self, points: ndarray, element: ndarray) -> tuple[ndarray, ndarray]:
-        """Feet of perpendiculars on elements, which may go beyond them.
-
-        Their local coordinates, and the points as seen from them.
+        The mean of its elements'.  Along the edges of the ply that lags half an element
+        behind.  There, in the end in its corners, nodes are changed until the mean of
+        an element's nodes is the gradient at its centre, which is of second order.
         """
-        centre = self._shape.doflocs.mean(axis=0)[:, None]
-        local = np.tile(centre, len(element))
-        for _ in range(_ITERATIONS):
-            away = points - self._interpolated(self.positions, element, local)
-            slopes = self._slopes(self.positions, element, local)
-            normal = np.einsum("ijn,ikn->njk", slopes, slopes)
-            size = np.trace(normal, axis1=1, axis2=2)
-            normal += _RIDGE * size[:, None, None] * np.eye(2)
-            right = np.einsum("ijn,in->nj", slopes, away)
-            step = np.linalg.solve(normal, right[:, :, None])[:, :, 0].T
-            # Far beyond its edges an element tells nothing.
-            local = np.clip(local + step, -1.0, 2.0)
-        return local, points - self._interpolated(self.positions, element, local)
+        corners = self._elements.corners
+        at_corners = np.array([self._gradient_at(corner) for corner in corners])
+        nodes, _ = self._mean_at_nodes(at_corners, self.elements)
+        centre = self._gradient_at(corners.mean(axis=0))
+        left = np.zeros(len(nodes), dtype=bool)
+        left[boundary_edges([self.elements])] = True
+        while left.any():
+            n_left = left[self.elements].sum(axis=0)
+            least = n_left[n_left > 0].min()
+            elements = self.elements[:, n_left == least]
+            lag = centre[n_left == least] - nodes[elements].mean(axis=0)
+            lag = np.broadcast_to(
+                lag * (len(corners) / least), (len(corners), *lag.shape)
+            )
+            change, reached = self._mean_at_nodes(lag, elements)
+            nodes[left & reached] += change[left & reached]
+            left &= ~reached
+        return nodes.transpose(1, 2, 0)
 
-    def _outside(self, local: ndarray) -> ndarray:
-        """How far local coordinates are beyond an element, 0 inside it."""
-        beyond = np.maximum(-local, 0.0).max(axis=0, initial=0.0)
-        if len(self.elements) == 4:
-            return np.maximum(beyond, (local - 1).max(axis=0, initial=0.0))
-        return np.maximum(beyond, local.sum(axis=0) - 1)
-
-    def _inside(self, local: ndarray) -> ndarray:
-        """Local coordinates brought into an element."""
-        local = np.clip(local, 0.0, 1.0)
-        if len(self.elements) == 4:
-            return local
-        return local / np.maximum(local.sum(axis=0), 1.0)
-
-    def _interpolated(
-        self, values: ndarray, element: ndarray, local: ndarray
-    ) -> ndarray:
-        """Nodal values, shape (..., n_nodes), at local coordinates of elements."""
-        shares, _ = self._shapes(local)
-        nodes = self.elements[:, element]
-        return sum(N * values[..., node] for N, node in zip(shares, nodes, strict=True))
-
-    def _slopes(self, values: ndarray, element: ndarray, local: ndarray) -> ndarray:
-        """Derivatives of nodal vectors by local coordinates, shape (d, 2, n)."""
-        _, slopes = self._shapes(local)
-        nodes = self.elements[:, element]
-        return sum(
-            values[:, None, node] * dN for dN, node in zip(slopes, nodes, strict=True)
+    def _gradient_at(self, place: ndarray) -> ndarray:
+        """Deformation gradient at a place of each element, (n_elements, 3, 2)."""
+        n = self.elements.shape[1]
+        local = np.tile(place[:, None], n)
+        x, X = (
+            self._elements.slopes(of, np.arange(n), local).transpose(2, 0, 1)
+            for of in (self.positions, self.flat)
         )
+        return x @ np.linalg.inv(X)
 
-    def _shapes(self, local: ndarray) -> tuple[list[ndarray], list[ndarray]]:
-        """Shape functions of the corners, (n,), and their derivatives, (2, n)."""
-        shapes = [self._shape.lbasis(local, i) for i in range(len(self.elements))]
-        return [N for N, _ in shapes], [dN for _, dN in shapes]
+    def _mean_at_nodes(
+        self, at_corners: ndarray, elements: ndarray
+    ) -> tuple[ndarray, ndarray]:
+        """Means at nodes over some elements, and which nodes they have.
 
-    @property
-    def _shape(self) -> ElementH1:
-        """The element of scikit-fem, whose corners are ``doflocs``."""
-        return ElementQuad1() if len(self.elements) == 4 else ElementTriP1()
-
-
-def unit(v: ndarray) -> ndarray:
-    """Columns at length 1."""
-    return v / np.linalg.norm(v, axis=0)
-
-
-def edge_lengths(positions: ndarray, elements: ndarray) -> ndarray:
-    """Lengths of the edges of elements, shape (n_corners, n_elements)."""
-    x = positions[:, elements]
-    return np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
+        ``at_corners`` has the shape (n_corners, n_elements, ...).
+        """
+        n_nodes = self.flat.shape[1]
+        total = np.zeros((n_nodes, *at_corners.shape[2:]))
+        np.add.at(total, elements, at_corners)
+        count = np.bincount(elements.ravel(), minlength=n_nodes)
+        return total / np.maximum(count, 1)[:, None, None], count > 0

@@ -7,7 +7,7 @@ from numpy import ndarray
 
 from ..mesh.checks import MeshError
 from ..mesh.user_input import real_numbers
-from .sheet import edge_lengths, unit
+from .elements import boundary_edges, edge_lengths, unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,11 +87,7 @@ class ToolMesh:
         MeshError
             If there is no such edge, or more than two of them meet at a node.
         """
-        edges = np.hstack([_edges(cell) for cell in self.cells])
-        _, first, count = np.unique(
-            np.sort(edges, axis=0), axis=1, return_index=True, return_counts=True
-        )
-        start, end = edges[:, first[count == 1]]
+        start, end = boundary_edges(self.cells)
         if not start.size:
             raise MeshError("a tool: it is closed, and has no boundary to trim along")
         after = dict(zip(start.tolist(), end.tolist(), strict=True))
@@ -119,8 +115,3 @@ class ToolMesh:
 def curve_length(curve: ndarray) -> float:
     """Length of a closed polyline, shape (d, n)."""
     return float(np.linalg.norm(np.roll(curve, -1, axis=1) - curve, axis=0).sum())
-
-
-def _edges(cell: ndarray) -> ndarray:
-    """Edges in the sense of their elements, shape (2, n)."""
-    return np.array([cell.ravel(), np.roll(cell, -1, axis=0).ravel()])
