@@ -117,6 +117,20 @@ def test_elements_that_the_ply_does_not_reach_are_not_covered():
     assert np.isnan(fibres.angles_deg()).any(axis=0).sum() == (~inside).sum()
 
 
+def test_the_edge_of_the_ply_is_where_it_is_flat():
+    """Also for points above it, as those of a tool are above its chords."""
+    ply, u = on_cylinder(24)
+    sheet = drape.Sheet.of_ply(ply, u)
+    s = np.linspace(10, 90, 33)
+    for beyond, found in ((-0.02, True), (0.02, False)):
+        for X in ([s, 0 * s - beyond], [s, 0 * s + 100 + beyond]):
+            places = sheet.at(rolled(np.array(X)))
+            np.testing.assert_array_equal(places.found, found)
+    on_edge = sheet.at(rolled(np.array([s, 0 * s])))
+    assert on_edge.found.all()
+    assert on_edge.distance.max() > 0.005
+
+
 def test_the_other_side_of_a_thin_tool_takes_its_reach_to_leave_out():
     ply, u = on_cylinder()
     below = tool(lambda X: rolled(X) - [[0], [0], [0.8]], 10, 40, 6)
@@ -226,6 +240,8 @@ def test_files_hold_the_same_fibres_and_tell_where_there_are_none(tmp_path):
     names = ("warp_angle_deg", "weft_angle_deg", "shear_angle_deg")
     table = [[float(row[name] or "nan") for row in rows] for name in names]
     np.testing.assert_array_equal(table, angles)
+    left = [row for row in rows if row["covered"] == "0"]
+    assert {row[name] for row in left for name in names} == {""}
     assert [row["covered"] for row in rows] == [str(int(c)) for c in fibres.covered]
     with pytest.raises(ValueError, match="fibres are written to"):
         write_fibres(tmp_path / "fibres.txt", fibres)
