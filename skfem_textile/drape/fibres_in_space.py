@@ -9,16 +9,12 @@ from numpy.typing import ArrayLike
 from ..mesh.user_input import real_numbers
 from ..solve.body import Body
 from .elements import unit
-from .sheet import Sheet
+from .sheet import REACH, Sheet
 from .tool_mesh import ToolMesh
 
 # Angle in degrees between an axis and the normal of an element below which another axis
 # takes its place, as in Abaqus (Analysis User's Guide, "Conventions").
 _NORMAL_DEG = 0.1
-
-# Share of the longest edge of an element of the tool from which its centre may be away
-# from the ply, as in `sheet`.
-_SAG = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +107,7 @@ def fibres_on_tool(
     """
     along = _axis(axis)
     if reach is None:
-        most = _SAG * np.maximum(tool.longest_edges(), sheet.longest_edge)
+        most = REACH * np.maximum(tool.longest_edges(), sheet.longest_edge)
     elif real_numbers("fibres on a tool: reach", reach).shape or not 0 < reach < np.inf:
         raise ValueError(f"fibres on a tool: reach must be a length, got {reach!r}")
     else:

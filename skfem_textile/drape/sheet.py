@@ -20,9 +20,9 @@ _BETWEEN = 0.5
 # Share of the longest edge that counts as on the edge of an element.
 _ON_EDGE = 1e-6
 
-# Largest distance of a point from the ply that lies at it, over the longest edge of the
-# ply.  The chord of an arc of 90° is 0.21 of its length away from the arc.
-_REACH = 0.25
+#: Largest distance of a point from the ply that lies at it, over the longest edge of the
+#: ply.  The chord of an arc of 90° is 0.21 of its length away from the arc.
+REACH = 0.25
 
 
 class Places(NamedTuple):
@@ -136,7 +136,7 @@ class Sheet:
             tool whose other side is not draped.
         """
         n = points.shape[1]
-        reach = _REACH * self.longest_edge if reach is None else reach
+        reach = REACH * self.longest_edge if reach is None else reach
         most = np.broadcast_to(np.asarray(reach, dtype=float), n)
         tree, radii = self._tree
         # The nearest point of the sheet is no further away than the nearest centre.
