@@ -20,8 +20,8 @@ _BETWEEN = 0.5
 # Share of the longest edge that counts as on the edge of an element.
 _ON_EDGE = 1e-6
 
-#: Largest distance of a point from the ply that lies at it, over the longest edge of the
-#: ply.  The chord of an arc of 90° is 0.21 of its length away from the arc.
+#: Largest distance of a point from the ply that lies at it, over the longest edge.
+#: The chord of an arc of 90° is 0.21 of its length away from the arc.
 REACH = 0.25
 
 
