@@ -15,6 +15,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import KDTree
 
 from ..mesh.checks import MeshError
+from .tool_mesh import ToolMesh
 
 # Reach of the weights over the mean length of the edges.  Chosen: with a smaller one
 # points between vertices of long triangles have too few quadrics, with a larger one
@@ -76,7 +77,7 @@ class TriangleMesh:
 
     def __init__(self, vertices: ndarray, triangles: ndarray) -> None:
         vertices, triangles = _merged(vertices, triangles)
-        self._x = vertices.T
+        self._x, self._triangles = vertices.T, triangles
         self._tree = KDTree(self._x)
         edges = np.linalg.norm(
             self._x[triangles] - self._x[np.roll(triangles, 1, axis=0)], axis=2
@@ -84,6 +85,13 @@ class TriangleMesh:
         self._reach = _REACH * edges.mean()
         normals = _vertex_normals(self._x, triangles)
         self._frames, self._c = _fitted(self._x, normals, self._tree)
+
+    @property
+    def facets(self) -> ToolMesh:
+        """The triangles as elements of a tool, without those that have no area."""
+        a, b, c = self._x[self._triangles]
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        return ToolMesh(self._x.T, (self._triangles[:, area > 0],))
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""

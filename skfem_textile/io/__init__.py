@@ -1,16 +1,12 @@
 """Meshes, fibre directions and fabrics in and out, and results out."""
 
 from .decks.fabrics import OF_FABRICS, read_fabric, write_fabric
-from .fibres import (
-    DRAPED,
-    OF_DIRECTIONS,
-    read_directions,
-    write_directions,
-    write_draped,
-)
+from .draping.fibres import DRAPED, write_draped, write_fibres
+from .draping.flat_pattern import write_pattern
+from .draping.tools import read_surface, read_tool_mesh
+from .fibres import OF_DIRECTIONS, read_directions, write_directions
 from .reading import read_mesh
 from .results import FIELDS, write_fields, write_history, write_summary
-from .surfaces import read_surface
 
 __all__ = [
     "DRAPED",
@@ -21,10 +17,13 @@ __all__ = [
     "read_fabric",
     "read_mesh",
     "read_surface",
+    "read_tool_mesh",
     "write_directions",
     "write_draped",
     "write_fabric",
+    "write_fibres",
     "write_fields",
     "write_history",
+    "write_pattern",
     "write_summary",
 ]

@@ -2,6 +2,7 @@
 
 import csv
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,10 @@ from ..fabric.directions.per_element import FibreDirections
 from ..mesh.checks import MeshError
 from ..mesh.splitting import original_elements
 from ..mesh.user_input import excerpt, number_of_text, printable
-from ..solve.result import Result
 from . import vtu
 from .decks.orientations import KEYWORDS
 from .decks.orientations import read_directions as deck_directions
 from .decks.write_deck import deck_of
-from .fields import cell_fields, on_users_elements
-
-#: Names of files that `write_draped` writes.
-DRAPED = ("fibres.vtu", "fibres.csv", "fibres.inp")
 
 _VECTORS = ("warp_direction", "weft_direction")
 _ANGLES = ("warp_angle_deg", "weft_angle_deg")
@@ -172,8 +168,7 @@ def write_directions(
     elif suffix == ".csv":
         _write_csv(path, cells, points, directions)
     elif suffix == ".inp":
-        pair = directions.warp, directions.weft
-        path.write_text(deck_of(mesh, cells, points, *pair), encoding="utf-8")
+        path.write_text(_deck_of(mesh, cells, points, directions), encoding="utf-8")
     else:
         raise ValueError(f"{path}: directions are written to .vtu, .csv and .inp")
 
@@ -181,16 +176,14 @@ def write_directions(
 def _write_vtu(
     path: Path, cells: tuple[ndarray, ...], points: ndarray, directions: FibreDirections
 ) -> None:
-    pair = directions.warp, directions.weft
-    fields = dict(
-        zip(_VECTORS, (np.pad(v, ((0, 1), (0, 0))).T for v in pair), strict=True)
-    )
+    pair = _in_space(directions.warp), _in_space(directions.weft)
+    fields = dict(zip(_VECTORS, (v.T for v in pair), strict=True))
     fields |= dict(zip(_ANGLES, directions.angles_deg(), strict=True))
-    _write_cells(path, cells, np.pad(points, ((0, 1), (0, 0))), fields)
+    write_cells(path, cells, _in_space(points), fields)
 
 
-def _write_cells(
-    path: Path, cells: tuple[ndarray, ...], points: ndarray, fields: dict[str, ndarray]
+def write_cells(
+    path: Path, cells: Sequence[ndarray], points: ndarray, fields: dict[str, ndarray]
 ) -> None:
     """Write fields of cells whose corners are columns of points, shape (3, n)."""
     ends = np.cumsum([cell.shape[1] for cell in cells])[:-1]
@@ -213,33 +206,21 @@ def _write_csv(
         writer.writerows([i, *row] for i, row in enumerate(table.T.tolist(), 1))
 
 
-def write_draped(result: Result, folder: str | os.PathLike[str]) -> None:
-    """Write the fibres of the last state for the next analysis: VTU, CSV and Abaqus.
+def _deck_of(
+    mesh: Mesh, cells: tuple[ndarray, ...], points: ndarray, directions: FibreDirections
+) -> str:
+    pair = _in_space(directions.warp), _in_space(directions.weft)
+    normal = np.zeros_like(pair[0])
+    normal[2] = 1.0
+    n_nodes = 1 + max(cell.max() for cell in cells)
+    ends = {
+        name: np.unique(mesh.facets[:, np.asarray(edges)])
+        for name, edges in (mesh.boundaries or {}).items()
+    }
+    sets = {name: nodes[nodes < n_nodes] for name, nodes in ends.items()}
+    return deck_of(cells, _in_space(points), *pair, normal, sets)
 
-    Nodes are where they ended, and directions those of the deformed fibres in the
-    mean of each of the user's elements.
 
-    Parameters
-    ----------
-    result
-        The result.
-    folder
-        Where ``fibres.vtu``, ``fibres.csv`` and ``fibres.inp`` go; of a ply in space
-        the first alone.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be written.
-    """
-    ply = result.ply
-    fields = on_users_elements(ply, cell_fields(ply, result.u))
-    if len(moved := ply.nodal(result.u)) == 3:
-        points = np.pad(ply.mesh.p, ((0, 1), (0, 0))) + moved[:, : ply.mesh.nvertices]
-        vectors = {name: fields[name] for name in _VECTORS}
-        _write_cells(Path(folder) / DRAPED[0], ply.cells, points, vectors)
-        return
-    directions = FibreDirections(*(fields[name][:, :2].T for name in _VECTORS))
-    points = ply.mesh.p + ply.nodal(result.u)[:, : ply.mesh.nvertices]
-    for name in DRAPED:
-        write_directions(Path(folder) / name, ply.mesh, directions, points)
+def _in_space(x: ndarray) -> ndarray:
+    """Columns of vectors in the plane, in space."""
+    return np.pad(x, ((0, 1), (0, 0)))

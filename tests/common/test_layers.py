@@ -41,7 +41,7 @@ LAYERS = {
     "solve": ("fabric", "mesh", "registration"),
     "solve.stepping.adaptive": ("solve", "ply.refinement", "ply"),
     "solve.sweep": ("solve", "cli.output"),
-    "drape": ("solve", "mesh"),
+    "drape": ("solve", "fabric", "mesh"),
     "scenes": ("solve", "ply", "fabric", "mesh", "registration"),
     "io": ("drape", "solve", "fabric", "mesh"),
     "plot": ("io", "solve", "fabric", "mesh"),

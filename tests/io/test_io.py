@@ -20,11 +20,11 @@ from skfem_textile import (
 from skfem_textile.cli.results.result_folder import ResultFolder
 from skfem_textile.io import (
     read_mesh,
+    write_draped,
     write_fields,
     write_history,
     write_summary,
 )
-from skfem_textile.io.fibres import write_draped
 from skfem_textile.io.fields import cell_fields
 from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import strip
@@ -303,7 +303,8 @@ def test_a_ply_in_space_is_written_in_space(tmp_path):
     np.testing.assert_allclose(
         draped.cell_data["warp_direction"][0], last.cell_data["warp_direction"][0]
     )
-    assert not (tmp_path / "fibres.csv").exists()
+    rows = (tmp_path / "fibres.csv").read_text().splitlines()
+    assert len(rows) == 1 + ply.on_users_elements(np.ones(ply.mesh.nelements)).size
 
 
 def test_of_several_points_the_extreme_is_shown():

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from skfem_textile import Macro, OnePoint
 from skfem_textile.ply.terms import Formulation
 
+from .published import DRAPINGS
+
 FORMULATIONS: dict[str, Formulation] = {"macro": Macro(), "one point": OnePoint()}
 
 #: What a case may be.
-SPHERE, NET, ROLLED = "sphere", "net", "rolled"
+SPHERE, NET, ROLLED, PUBLISHED = "sphere", "net", "rolled", "published"
 
 
 @dataclass(frozen=True)
@@ -19,9 +21,10 @@ class Case:
     Attributes
     ----------
     kind
-        One of `SPHERE`, `NET` and `ROLLED`.
+        One of `SPHERE`, `NET`, `ROLLED` and `PUBLISHED`.
     parts
-        Parts of elements a side: macro-elements have two of them a side.
+        Parts of elements a side: macro-elements have two of them a side.  Of a
+        published net, how many cells a side take the place of one.
     formulation
         Name of `FORMULATIONS`.
     stretch, tension
@@ -29,7 +32,8 @@ class Case:
     distortion
         Largest move of nodes as a share of the element size.
     surface
-        How the sphere is given, analytic or as 5000 triangles; what a ply is rolled on.
+        How the sphere is given, analytic or as 5000 triangles; what a ply is rolled on;
+        which of the published drapings.
     start
         Exponential map or net.
     """
@@ -45,7 +49,9 @@ class Case:
 
     def __str__(self) -> str:
         words = [self.kind, f"{self.parts} parts"]
-        if self.kind != NET:
+        if self.kind == PUBLISHED:
+            words.append(self.surface)
+        elif self.kind != NET:
             words += [self.formulation, f"E={self.stretch:g}", f"q={self.tension:g}"]
             words += [f"moved {self.distortion:g}", self.surface, self.start]
         return ", ".join(words)
@@ -66,6 +72,9 @@ def all_cases() -> Iterator[Case]:
         yield Case(SPHERE, 32, name, tension=0.0)
     for parts in (16, 32, 64):
         yield Case(NET, parts)
+    for name in DRAPINGS:
+        for parts in (1, 2):
+            yield Case(PUBLISHED, parts, surface=name)
     for surface in ("cylinder, 0/90", "cylinder, ±45", "cone, 0/90"):
         for name in FORMULATIONS:
             for parts in (16, 32, 64):

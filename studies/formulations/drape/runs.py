@@ -22,8 +22,8 @@ from skfem_textile.solve.conditions import Conditions
 from skfem_textile.solve.states import NoEquilibriumError
 
 from ...study import Row
-from . import chebyshev
-from .cases import FORMULATIONS, NET, SPHERE, Case
+from . import chebyshev, published
+from .cases import FORMULATIONS, NET, PUBLISHED, SPHERE, Case
 
 _SHEAR = 0.1
 
@@ -36,6 +36,8 @@ def row_of(case: Case) -> Row:
     """The row of a case; one that finds no state says why."""
     if case.kind == NET:
         return _net(case.parts)
+    if case.kind == PUBLISHED:
+        return _published(case)
     ply, conditions, surface, start = (
         _on_sphere(case) if case.kind == SPHERE else _rolled(case)
     )
@@ -85,6 +87,18 @@ def _net(cells: int) -> Row:
     off = np.degrees(net.shear_angle() - chebyshev.shear_angle(net.centres()))
     rms = float(np.sqrt(np.mean(off**2)))
     return {"seconds": seconds, "largest": float(np.abs(off).max()), "rms": rms}
+
+
+def _published(case: Case) -> Row:
+    began = process_time()
+    shear, off = published.differences(case.surface, case.parts)
+    return {
+        "seconds": process_time() - began,
+        "cells": " × ".join(map(str, shear.shape)),
+        "largest": float(np.abs(off).max()),
+        "mean": float(np.abs(off).mean()),
+        "largest_shear": float(shear.max()),
+    }
 
 
 def _cells(case: Case) -> int:

@@ -6,13 +6,20 @@ from ...common.tables import csv_table
 from ...study import Row, Study
 from .cases import Case, all_cases
 from .runs import row_of
-from .tables import nets, other_drapes, refinement, rolled
+from .tables import nets, other_drapes, published_nets, refinement, rolled
 
 
 class Drape(Study[Case]):
     """Every case once, on one thread."""
 
-    files = ("drape.csv", "refinement.md", "other.md", "nets.md", "rolled.md")
+    files = (
+        "drape.csv",
+        "refinement.md",
+        "other.md",
+        "nets.md",
+        "published.md",
+        "rolled.md",
+    )
     timed = True
 
     def cases(self, options: argparse.Namespace) -> list[Case]:
@@ -35,6 +42,7 @@ class Drape(Study[Case]):
             "refinement.md": refinement(rows),
             "other.md": other_drapes(rows),
             "nets.md": nets(rows),
+            "published.md": published_nets(rows),
             "rolled.md": rolled(rows),
         }
 

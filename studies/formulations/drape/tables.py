@@ -5,7 +5,7 @@ from dataclasses import fields
 
 from ...common.tables import markdown_table
 from ...study import Row
-from .cases import NET, ROLLED, SPHERE, Case
+from .cases import NET, PUBLISHED, ROLLED, SPHERE, Case
 
 _DEFAULTS = {
     field.name: field.default
@@ -96,6 +96,22 @@ def nets(rows: Sequence[Row]) -> str:
             f"{row['seconds']:.1f}",
         ]
         for row in _of(rows, NET)
+    ]
+    return markdown_table(head, lines)
+
+
+def published_nets(rows: Sequence[Row]) -> str:
+    """Differences of nets against those by a published method."""
+    head = (
+        *("draping", "cells", "largest shear angle in °"),
+        *("largest difference in °", "mean difference in °"),
+    )
+    lines = [
+        [
+            *(row["surface"], row["cells"], f"{row['largest_shear']:.1f}"),
+            *(f"{row['largest']:.3f}", f"{row['mean']:.4f}"),
+        ]
+        for row in _of(rows, PUBLISHED)
     ]
     return markdown_table(head, lines)
 

@@ -1,0 +1,166 @@
+"""Fibres of a draped ply in elements: those of a tool's mesh, or the ply's own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from ..mesh.user_input import real_numbers
+from ..solve.body import Body
+from .elements import unit
+from .sheet import REACH, Sheet
+from .tool_mesh import ToolMesh
+
+# Angle in degrees between an axis and the normal of an element below which another axis
+# takes its place, as in Abaqus (Analysis User's Guide, "Conventions").
+_NORMAL_DEG = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class FibresInSpace:
+    """Directions of warp and weft in the planes of elements in space.
+
+    Attributes
+    ----------
+    mesh
+        The elements.
+    normal
+        Unit normals of the elements, shape (3, n_elements).
+    warp, weft
+        Unit directions of the fibres in the planes of the elements, (3, n_elements);
+        NaN where the ply does not reach.
+    shear_angle
+        Γ in radians, shape (n_elements,); NaN where the ply does not reach.
+    axis
+        What the angles are counted from, projected into the plane of each element,
+        shape (3,).
+    """
+
+    mesh: ToolMesh
+    normal: ndarray
+    warp: ndarray
+    weft: ndarray
+    shear_angle: ndarray
+    axis: ndarray
+
+    @property
+    def covered(self) -> ndarray:
+        """Whether the ply lies on an element, shape (n_elements,)."""
+        return np.isfinite(self.shear_angle)
+
+    def reference(self) -> ndarray:
+        """The axis projected into the planes of the elements, unit, (3, n_elements).
+
+        Where the axis is within 0.1° of the normal that is the projection of z, or of x
+        if the axis is z itself.
+        """
+        axis = unit(self.axis)
+        other = np.array([1.0, 0, 0] if abs(axis[2]) > 0.5 else [0, 0, 1.0])
+        along, instead = (
+            a[:, None] - self.normal * (a @ self.normal) for a in (axis, other)
+        )
+        normal = np.linalg.norm(along, axis=0) < np.sin(np.radians(_NORMAL_DEG))
+        return unit(np.where(normal, instead, along))
+
+    def angles_deg(self) -> tuple[ndarray, ndarray]:
+        """Angles of warp and weft to the reference in degrees, in (−180, 180].
+
+        Anticlockwise seen from the side to which the normals point.
+        """
+        x = self.reference()
+        y = np.cross(self.normal, x, axis=0)
+        warp, weft = (
+            np.degrees(np.arctan2((y * v).sum(axis=0) + 0.0, (x * v).sum(axis=0)))
+            for v in (self.warp, self.weft)
+        )
+        return warp, weft
+
+
+def fibres_on_tool(
+    sheet: Sheet,
+    tool: ToolMesh,
+    axis: ArrayLike = (1.0, 0.0, 0.0),
+    reach: float | None = None,
+) -> FibresInSpace:
+    """The fibres of a draped ply in each element of a tool.
+
+    They are those of the point of the ply that lies at the centre of the element.
+
+    Parameters
+    ----------
+    sheet
+        The draped ply.
+    tool
+        The elements of the tool.
+    axis
+        What angles are counted from, projected into the plane of each element.
+    reach
+        Largest distance in mm between an element's centre and the ply on it; a quarter
+        of the longer of the ply's longest edge and the element's, if not given.  Take
+        less than the thickness of a tool whose other side is not draped.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not valid, or the ply lies on no element.
+    """
+    along = _axis(axis)
+    if reach is None:
+        most = REACH * np.maximum(tool.longest_edges(), sheet.longest_edge)
+    elif real_numbers("fibres on a tool: reach", reach).shape or not 0 < reach < np.inf:
+        raise ValueError(f"fibres on a tool: reach must be a length, got {reach!r}")
+    else:
+        most = np.full(tool.n_elements, float(reach))
+    places = sheet.at(tool.centres(), most)
+    if not places.found.any():
+        raise ValueError("fibres on a tool: the ply lies on none of its elements")
+    warp, weft, angle = sheet.fibres_at(places)
+    normal = tool.normals()
+    warp, weft = (_in_plane(v, normal) for v in (warp, weft))
+    return FibresInSpace(tool, normal, warp, weft, angle, along)
+
+
+def fibres_on_ply(
+    ply: Body, u: ndarray, axis: ArrayLike = (1.0, 0.0, 0.0)
+) -> FibresInSpace:
+    """The fibres in each of the user's elements of a displaced ply in space.
+
+    Directions and shear angles are means over the element.  Normals point to the side
+    that is up in the flat ply.
+
+    Parameters
+    ----------
+    ply
+        The ply.
+    u
+        Displacement.
+    axis
+        What angles are counted from, projected into the plane of each element.
+
+    Raises
+    ------
+    ValueError
+        If the ply is not in space, or the axis is no direction.
+    """
+    along, sheet = _axis(axis), Sheet.of_ply(ply, u)
+    n_nodes = 1 + max(cell.max() for cell in ply.cells)
+    mesh = ToolMesh(sheet.positions[:, :n_nodes], tuple(ply.cells))
+    normal = unit(ply.on_users_elements(unit(ply.normals(u))))
+    directions = ply.fibre_direction(u, ply.centre)[..., 0]
+    warp, weft = (_in_plane(ply.on_users_elements(a), normal) for a in directions)
+    angle = ply.on_users_elements(ply.shear_angle(u, ply.centre)[:, 0])
+    return FibresInSpace(mesh, normal, warp, weft, angle, along)
+
+
+def _axis(axis: ArrayLike) -> ndarray:
+    """A direction of the user."""
+    given = real_numbers("fibres in space: axis", axis)
+    if given.shape != (3,) or not np.isfinite(given).all() or not given.any():
+        raise ValueError(f"fibres in space: axis must be a direction, got {axis!r}")
+    return given
+
+
+def _in_plane(v: ndarray, normal: ndarray) -> ndarray:
+    """Unit vectors of v without its part along the normal."""
+    return unit(v - normal * (v * normal).sum(axis=0))

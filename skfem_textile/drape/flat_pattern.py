@@ -1,0 +1,122 @@
+"""The flat pattern of a trimmed part: what to cut from the flat ply."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from ..mesh.user_input import real_numbers
+from .sheet import Sheet
+from .tool_mesh import curve_length
+
+# Distance of points between two of a curve, over the ply's longest edge.  Chosen: the
+# pattern has bends where the ply has nodes, and no finer ones.
+_SPACING = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class FlatPattern:
+    """A closed outline in the flat ply, and where it is on the tool.
+
+    Attributes
+    ----------
+    outline
+        Points in the flat ply in mm, shape (2, n), the first not repeated.
+    on_tool
+        The same points in space in mm, shape (3, n).
+    warp, weft
+        Unit directions of the fibres in the flat ply there, shape (2, n).
+    """
+
+    outline: ndarray
+    on_tool: ndarray
+    warp: ndarray
+    weft: ndarray
+
+    @property
+    def length(self) -> float:
+        """Length of the outline in mm."""
+        return curve_length(self.outline)
+
+    @property
+    def area(self) -> float:
+        """Area inside the outline in mm²."""
+        (x, y), (x_next, y_next) = self.outline, np.roll(self.outline, -1, axis=1)
+        return 0.5 * abs(float((x * y_next - x_next * y).sum()))
+
+
+def flat_pattern(
+    sheet: Sheet, curve: ArrayLike, spacing: float | None = None
+) -> FlatPattern:
+    """The outline in the flat ply of a curve that trims the part on the tool.
+
+    Parameters
+    ----------
+    sheet
+        The draped ply.
+    curve
+        Points of a closed curve on the tool in mm, shape (3, n); a curve of
+        `ToolMesh.boundary`, for one.
+    spacing
+        Largest distance of points in mm.  Where points of the curve are further apart
+        there are others between them, on the straight line, which must stay near the
+        ply.  Half of the ply's longest edge if not given.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not valid, or the ply does not lie on a point of the curve.
+
+    Examples
+    --------
+    A circle at the polar angle 0.5 of a sphere of the radius 100 mm, cut from a net:
+
+    >>> import numpy as np
+    >>> from skfem_textile import drape
+    >>> sphere = drape.Sphere(100.0, (0, 0, -100))
+    >>> sheet = drape.Sheet.of_net(drape.net(sphere, 2.0, (30, 30), (30, 30)))
+    >>> t = np.linspace(0, 2 * np.pi, 90, endpoint=False)
+    >>> x, y = 100 * np.sin(0.5) * np.array([np.cos(t), np.sin(t)])
+    >>> pattern = drape.flat_pattern(sheet, [x, y, 0 * t + 100 * np.cos(0.5) - 100])
+    >>> round(pattern.length), round(pattern.area)
+    (311, 7695)
+    """
+    points = _closed(curve)
+    if spacing is None:
+        spacing = _SPACING * sheet.longest_edge
+    elif real_numbers("flat pattern: spacing", spacing).shape or not spacing > 0:
+        raise ValueError(f"flat pattern: spacing must be a length, got {spacing!r}")
+    points = _spaced(points, spacing)
+    places = sheet.at(points)
+    if not places.found.all():
+        off = np.flatnonzero(~places.found)
+        place = np.round(points[:, off[0]], 3).tolist()
+        raise ValueError(
+            f"flat pattern: the ply does not lie on {off.size} of {points.shape[1]} "
+            f"points of the curve, the first at {place}: lay a larger ply, trim "
+            "inside it, or give more points of the curve"
+        )
+    warp, weft = (A[:, places.element] for A in (sheet.warp, sheet.weft))
+    return FlatPattern(sheet.flat_at(places), points, warp, weft)
+
+
+def _closed(curve: ArrayLike) -> ndarray:
+    """Points of a closed curve, none of them twice in a row."""
+    points = real_numbers("flat pattern: curve", curve)
+    if points.ndim != 2 or len(points) != 3 or not np.isfinite(points).all():
+        raise ValueError("flat pattern: curve must be finite points, shape (3, n)")
+    points = points[:, (points != np.roll(points, -1, axis=1)).any(axis=0)]
+    if points.shape[1] < 3:
+        raise ValueError("flat pattern: curve must have three points at least")
+    return points
+
+
+def _spaced(points: ndarray, spacing: float) -> ndarray:
+    """A closed curve with points at most a spacing apart."""
+    after = np.roll(points, -1, axis=1)
+    counts = np.ceil(np.linalg.norm(after - points, axis=0) / spacing).astype(int)
+    start = np.repeat(np.arange(len(counts)), counts)
+    number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = number / counts[start]
+    return points[:, start] + share * (after - points)[:, start]

@@ -1,0 +1,228 @@
+"""A draped ply as elements in space: which point of it lies at a point of a tool."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from scipy.spatial import KDTree
+
+from ..fabric import kinematics as kin
+from ..solve.body import Body
+from .elements import Elements, boundary_edges, edge_lengths, unit
+from .kinematic_net import Net
+
+# Share of its distance from an element by which the foot of a point may lie outside:
+# between two elements that meet at an angle, up to 50°, a point has no other foot.
+_BETWEEN = 0.5
+
+# Share of the longest edge that counts as on the edge of an element.
+_ON_EDGE = 1e-6
+
+#: Largest distance of a point from the ply that lies at it, over the longest edge.
+#: The chord of an arc of 90° is 0.21 of its length away from the arc.
+REACH = 0.25
+
+
+class Places(NamedTuple):
+    """Points of a sheet: element, −1 where there is none, and local coordinates.
+
+    ``distance`` is that in mm between the sheet and the point that was looked for, of
+    one without an element infinite.  Shapes (n,), (2, n) and (n,).
+    """
+
+    element: ndarray
+    local: ndarray
+    distance: ndarray
+
+    @property
+    def found(self) -> ndarray:
+        """Whether a point of the sheet lies there, shape (n,)."""
+        return self.element >= 0
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A ply in space with the place of each of its points in the flat ply.
+
+    Parameters
+    ----------
+    flat, positions
+        Nodes in the flat ply and in space in mm, shapes (2, n_nodes) and (3, n_nodes).
+    elements
+        Nodes of the elements, shape (3, n_elements) or (4, n_elements).
+    warp, weft
+        Unit directions of the fibres in the flat ply, shape (2, n_elements).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skfem_textile import drape
+    >>> sphere = drape.Sphere(100.0, (0, 0, -100))
+    >>> sheet = drape.Sheet.of_net(drape.net(sphere, 5.0, (0, 12), (0, 12)))
+    >>> places = sheet.at(np.array([[0.0, 0.0], [10.0, 200.0], [0.0, 0.0]]))
+    >>> places.found, sheet.flat_at(places)[:, 0].round(1)
+    (array([ True, False]), array([ 0., 10.]))
+    """
+
+    flat: ndarray
+    positions: ndarray
+    elements: ndarray
+    warp: ndarray
+    weft: ndarray
+
+    @classmethod
+    def of_ply(cls, ply: Body, u: ndarray) -> "Sheet":
+        """The sheet of a ply in space after a displacement.
+
+        Raises
+        ------
+        ValueError
+            If the ply is not in space.
+        """
+        moved = ply.nodal(u)
+        if len(moved) != 3:
+            raise ValueError("a sheet: the ply must be in space, Ply(..., dimension=3)")
+        mesh = ply.mesh
+        flat, moved = mesh.p, moved[:, : mesh.nvertices]
+        positions = np.pad(flat, ((0, 1), (0, 0))) + moved
+        shape = 2, mesh.nelements
+        warp, weft = (
+            np.broadcast_to(A[..., 0], shape) for A in ply.directions(ply.centre)
+        )
+        return cls(flat, positions, mesh.t, warp, weft)
+
+    @classmethod
+    def of_net(cls, net: Net) -> "Sheet":
+        """The sheet of a kinematic net, a quadrilateral for each of its cells."""
+        s, t = np.meshgrid(*net.along, indexing="ij")
+        flat = net.directions @ [s.ravel(), t.ravel()] + net.touch[:, None]
+        n = np.arange(s.size).reshape(s.shape)
+        corners = n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]
+        elements = np.array([corner.ravel() for corner in corners])
+        warp, weft = (
+            np.tile(a[:, None], (1, elements.shape[1])) for a in net.directions.T
+        )
+        return cls(flat, net.positions.reshape(3, -1), elements, warp, weft)
+
+    @property
+    def _elements(self) -> Elements:
+        return Elements(self.elements)
+
+    @property
+    def longest_edge(self) -> float:
+        """Length of the longest edge in space in mm."""
+        return float(edge_lengths(self.positions, self.elements).max())
+
+    @cached_property
+    def _tree(self) -> tuple[KDTree, ndarray]:
+        """Centres of the elements, and their radii about them."""
+        x = self.positions[:, self.elements]
+        centres = x.mean(axis=1)
+        radii = np.linalg.norm(x - centres[:, None], axis=0).max(axis=0)
+        return KDTree(centres.T), radii
+
+    def at(self, points: ndarray, reach: ndarray | float | None = None) -> Places:
+        """Points of the sheet that lie at points of a tool: feet of perpendiculars.
+
+        Parameters
+        ----------
+        points
+            In mm, shape (3, n).
+        reach
+            Largest distance from the sheet in mm, of all points or of each; a quarter
+            of the sheet's longest edge if not given.  Smaller than the thickness of a
+            tool whose other side is not draped.
+        """
+        n = points.shape[1]
+        reach = REACH * self.longest_edge if reach is None else reach
+        most = np.broadcast_to(np.asarray(reach, dtype=float), n)
+        tree, radii = self._tree
+        # The nearest point of the sheet is no further away than the nearest centre.
+        nearest, _ = tree.query(points.T)
+        near = tree.query_ball_point(points.T, radii.max() + np.minimum(most, nearest))
+        counts = np.array([len(found) for found in near], dtype=int)
+        point = np.repeat(np.arange(n), counts)
+        element = np.array([e for found in near for e in found], dtype=int)
+        local, away = self._elements.feet(self.positions, points[:, point], element)
+        distance = np.linalg.norm(away, axis=0)
+        outside = self._elements.outside(local) * 2 * radii[element]
+        allowed = _ON_EDGE * self.longest_edge + _BETWEEN * distance
+        taken = (outside <= allowed) & (distance <= most[point])
+        # The nearest of each point is the last one written.
+        order = np.flatnonzero(taken)[np.argsort(-(distance + outside)[taken])]
+        chosen = np.full(n, -1)
+        chosen[point[order]] = order
+        places = Places(np.full(n, -1), np.full((2, n), np.nan), np.full(n, np.inf))
+        found, chosen = chosen >= 0, chosen[chosen >= 0]
+        places.element[found] = element[chosen]
+        places.local[:, found] = self._elements.inside(local[:, chosen])
+        places.distance[found] = distance[chosen]
+        return places
+
+    def flat_at(self, places: Places) -> ndarray:
+        """Points in the flat ply in mm, shape (2, n); NaN where there is none."""
+        return self._elements.between(self.flat, places.element, places.local)
+
+    def fibres_at(self, places: Places) -> tuple[ndarray, ndarray, ndarray]:
+        """Unit directions of warp and weft, shape (3, n), and the shear angle, (n,).
+
+        The deformation gradient is interpolated between nodes, where it is of second
+        order.  NaN where there is no point.
+        """
+        F = self._elements.between(self._gradients, places.element, places.local)
+        A = [family[:, places.element] for family in (self.warp, self.weft)]
+        warp, weft = (kin.fibre(F, family) for family in A)
+        angle = kin.shear_angle(F, *A)
+        return unit(warp), unit(weft), angle
+
+    @cached_property
+    def _gradients(self) -> ndarray:
+        """Deformation gradient at each node, shape (3, 2, n_nodes).
+
+        The mean of its elements'.  Along the edges of the ply that lags half an element
+        behind.  There, in the end in its corners, nodes are changed until the mean of
+        an element's nodes is the gradient at its centre, which is of second order.
+        """
+        corners = self._elements.corners
+        at_corners = np.array([self._gradient_at(corner) for corner in corners])
+        nodes, _ = self._mean_at_nodes(at_corners, self.elements)
+        centre = self._gradient_at(corners.mean(axis=0))
+        left = np.zeros(len(nodes), dtype=bool)
+        left[boundary_edges([self.elements])] = True
+        while left.any():
+            n_left = left[self.elements].sum(axis=0)
+            least = n_left[n_left > 0].min()
+            elements = self.elements[:, n_left == least]
+            lag = centre[n_left == least] - nodes[elements].mean(axis=0)
+            lag = np.broadcast_to(
+                lag * (len(corners) / least), (len(corners), *lag.shape)
+            )
+            change, reached = self._mean_at_nodes(lag, elements)
+            nodes[left & reached] += change[left & reached]
+            left &= ~reached
+        return nodes.transpose(1, 2, 0)
+
+    def _gradient_at(self, place: ndarray) -> ndarray:
+        """Deformation gradient at a place of each element, (n_elements, 3, 2)."""
+        n = self.elements.shape[1]
+        local = np.tile(place[:, None], n)
+        x, X = (
+            self._elements.slopes(of, np.arange(n), local).transpose(2, 0, 1)
+            for of in (self.positions, self.flat)
+        )
+        return x @ np.linalg.inv(X)
+
+    def _mean_at_nodes(
+        self, at_corners: ndarray, elements: ndarray
+    ) -> tuple[ndarray, ndarray]:
+        """Means at nodes over some elements, and which nodes they have.
+
+        ``at_corners`` has the shape (n_corners, n_elements, ...).
+        """
+        n_nodes = self.flat.shape[1]
+        total = np.zeros((n_nodes, *at_corners.shape[2:]))
+        np.add.at(total, elements, at_corners)
+        count = np.bincount(elements.ravel(), minlength=n_nodes)
+        return total / np.maximum(count, 1)[:, None, None], count > 0

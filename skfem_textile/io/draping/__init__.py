@@ -1,0 +1,1 @@
+"""Tools in, and draped fibres and flat patterns out."""

@@ -1,0 +1,214 @@
+"""Flat patterns of trimmed parts, against exact answers."""
+
+import csv
+import sys
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from scipy.interpolate import RegularGridInterpolator
+from skfem import MeshQuad
+
+from skfem_textile import Fabric, MeshError, Ply, drape, equilibrium_near
+from skfem_textile.io import write_pattern
+from studies.formulations.drape import chebyshev
+from studies.formulations.drape.cases import FORMULATIONS
+
+RADIUS = 60.0
+
+
+def rolled(X):
+    """Points of the flat ply on a cylinder, whose axis is y."""
+    angle = X[0] / RADIUS
+    return np.array([RADIUS * np.sin(angle), X[1], RADIUS * (np.cos(angle) - 1)])
+
+
+def on_cylinder(n):
+    """A ply of 100 mm × 100 mm with its nodes on the cylinder, warp at 0.4."""
+    mesh = MeshQuad.init_tensor(*2 * [np.linspace(0, 100, n + 1)])
+    warp, weft = (np.cos(0.4), np.sin(0.4)), (-np.sin(0.4), np.cos(0.4))
+    ply = Ply(mesh, Fabric(1e4, 0.1, warp, weft), dimension=3)
+    u = drape.displacement(ply.nodes, rolled(ply.nodes))
+    return drape.Sheet.of_ply(ply, u)
+
+
+def circle(n, middle=50.0, radius=30.0):
+    t = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    return middle + radius * np.array([np.cos(t), np.sin(t)])
+
+
+def test_the_pattern_on_a_cylinder_is_the_unrolled_curve():
+    """Exactly at nodes, and with third order between them, where chords are."""
+    square = np.array([[25.0, 75.0, 75.0, 25.0], [25.0, 25.0, 75.0, 75.0]])
+    pattern = drape.flat_pattern(on_cylinder(12), rolled(square), spacing=1e3)
+    np.testing.assert_allclose(pattern.outline, square, atol=1e-9)
+    assert pattern.length == pytest.approx(200)
+    assert pattern.area == pytest.approx(2500)
+    off = []
+    for n in (6, 12):
+        pattern = drape.flat_pattern(on_cylinder(n), rolled(circle(720)), spacing=9.0)
+        off.append(np.abs(pattern.outline - circle(720)).max())
+    assert off[1] < 3e-3
+    assert np.log2(off[0] / off[1]) == pytest.approx(3, abs=0.3)
+
+
+def test_length_and_area_of_the_pattern_of_a_circle():
+    pattern = drape.flat_pattern(on_cylinder(24), rolled(circle(720)))
+    assert pattern.length == pytest.approx(2 * np.pi * 30, rel=1e-5)
+    assert pattern.area == pytest.approx(np.pi * 900, rel=2e-5)
+
+
+def exact_on_sphere(X):
+    n = 200
+    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
+    s = np.linspace(0, chebyshev.SIDE, n + 1)
+    place = RegularGridInterpolator((s, s), np.moveaxis(net.positions, 0, -1), "cubic")
+    return place(X.T).T
+
+
+def test_the_pattern_on_a_sphere_is_that_of_the_exact_net():
+    """Of a ply that was draped, and of a net."""
+    drawn = circle(360)
+    curve = exact_on_sphere(drawn)
+    ply, conditions, start = chebyshev.problem(FORMULATIONS["macro"], 16)
+    u = equilibrium_near(ply, conditions, start).u
+    off = []
+    for n in (16, 32):
+        net = drape.net(chebyshev.SPHERE, 100 / n, (0, n), (0, n))
+        pattern = drape.flat_pattern(drape.Sheet.of_net(net), curve)
+        off.append(np.abs(pattern.outline - drawn).max())
+    assert off[1] < 0.02
+    assert np.log2(off[0] / off[1]) == pytest.approx(2, abs=0.3)
+    pattern = drape.flat_pattern(drape.Sheet.of_ply(ply, u), curve)
+    assert np.abs(pattern.outline - drawn).max() < 0.02
+
+
+def test_a_curve_with_few_points_gets_others_between_them():
+    """On the ply below the straight line, in a plane through the cylinder's normals."""
+    few, sheet = rolled(circle(16)), on_cylinder(24)
+    pattern = drape.flat_pattern(sheet, few, spacing=1.0)
+    steps = np.linalg.norm(np.diff(pattern.on_tool, axis=1), axis=0)
+    assert steps.max() <= 1.0 + 1e-12
+    assert pattern.outline.shape[1] > 180
+    assert pattern.area == pytest.approx(0.5 * 16 * 900 * np.sin(np.pi / 8), rel=2e-3)
+    repeated = np.column_stack([few, few[:, :1]])
+    again = drape.flat_pattern(sheet, repeated, spacing=1.0)
+    np.testing.assert_array_equal(again.outline, pattern.outline)
+    with pytest.raises(ValueError, match="give more points"):
+        drape.flat_pattern(sheet, few[:, ::4])
+
+
+def holed_tool():
+    """Elements of the rolled square from 20 to 80 mm without those in its middle."""
+    s = np.linspace(20, 80, 13)
+    mesh = MeshQuad.init_tensor(s, s)
+    t = mesh.t[::-1]
+    centres = mesh.p[:, t].mean(axis=1)
+    t = t[:, (np.abs(centres - 50) > 10).any(axis=0)]
+    return drape.ToolMesh(rolled(mesh.p), (t,))
+
+
+def test_the_boundary_of_a_tool_is_its_outline_and_its_holes():
+    sheet = on_cylinder(20)
+    outer, hole = (drape.flat_pattern(sheet, c) for c in holed_tool().boundary())
+    assert outer.area == pytest.approx(3600, rel=1e-4)
+    assert hole.area == pytest.approx(400, rel=1e-4)
+    assert outer.length == pytest.approx(240, rel=1e-4)
+
+
+def test_a_closed_tool_has_no_boundary():
+    t = np.array([[0, 0, 0, 1], [1, 2, 3, 3], [2, 3, 1, 2]])
+    points = np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    with pytest.raises(MeshError, match="no boundary"):
+        drape.ToolMesh(points, (t,)).boundary()
+
+
+@pytest.mark.parametrize(
+    ("curve", "spacing", "message"),
+    [
+        (rolled(circle(60, 80.0)), None, r"does not lie on \d+ of \d+ points"),
+        (rolled(circle(60)) * 1000, None, r"does not lie on \d+ of \d+ points"),
+        (circle(60), None, r"shape \(3, n\)"),
+        (np.full((3, 9), np.nan), None, "finite points"),
+        (np.ones((3, 9)), None, "three points at least"),
+        (rolled(circle(60)), 0.0, "spacing must be a length"),
+        (rolled(circle(60)), np.nan, "spacing must be a length"),
+    ],
+)
+def test_bad_curves_are_refused_in_one_line(curve, spacing, message):
+    with pytest.raises(ValueError, match=message) as error:
+        drape.flat_pattern(on_cylinder(12), curve, spacing)
+    assert "\n" not in str(error.value)
+
+
+@pytest.fixture(scope="module")
+def patterns():
+    sheet = on_cylinder(20)
+    return [drape.flat_pattern(sheet, c) for c in holed_tool().boundary()]
+
+
+def test_a_csv_has_outline_lengths_fibres_and_points_on_the_tool(tmp_path, patterns):
+    write_pattern(tmp_path / "pattern.csv", patterns)
+    with open(tmp_path / "pattern.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    for number, pattern in enumerate(patterns, 1):
+        own = [row for row in rows if row["curve"] == str(number)]
+        for names, values in (
+            (("x", "y"), pattern.outline),
+            (("tool_x", "tool_y", "tool_z"), pattern.on_tool),
+        ):
+            table = [[float(row[name]) for row in own] for name in names]
+            np.testing.assert_array_equal(table, values)
+        last = np.linalg.norm(pattern.outline[:, -1] - pattern.outline[:, 0])
+        assert float(own[-1]["along"]) + last == pytest.approx(pattern.length)
+        angle = [float(row["weft_angle_deg"]) for row in own]
+        np.testing.assert_allclose(angle, 90 + np.degrees(0.4))
+    write_pattern(tmp_path / "one.csv", patterns[0])
+    assert (tmp_path / "one.csv").read_text().count("\n") == 1 + len(
+        patterns[0].outline.T
+    )
+
+
+def test_a_svg_is_of_full_size(tmp_path, patterns):
+    write_pattern(tmp_path / "pattern.svg", patterns)
+    root = ElementTree.parse(tmp_path / "pattern.svg").getroot()
+    box = [float(x) for x in root.get("viewBox").split()]
+    assert root.get("width") == f"{box[2]:g}mm"
+    name = "{http://www.w3.org/2000/svg}"
+    polygons = root.findall(f"{name}polygon")
+    for polygon, pattern in zip(polygons, patterns, strict=True):
+        points = [p.split(",") for p in polygon.get("points").split()]
+        x, y = np.array(points, dtype=float).T
+        np.testing.assert_allclose([x, -y], pattern.outline, atol=1e-3)
+    warp = root.find(f"{name}line")
+    ends = [float(warp.get(key)) for key in ("x1", "y1", "x2", "y2")]
+    turn = np.arctan2(-(ends[3] - ends[1]), ends[2] - ends[0])
+    assert turn == pytest.approx(0.4, abs=1e-3)
+
+
+def test_a_dxf_has_outlines_and_fibres_on_layers_of_their_own(tmp_path, patterns):
+    ezdxf = pytest.importorskip("ezdxf")
+    write_pattern(tmp_path / "pattern.dxf", patterns)
+    drawing = ezdxf.readfile(tmp_path / "pattern.dxf")
+    assert drawing.units == 4  # mm
+    lines = list(drawing.modelspace().query("LWPOLYLINE[layer=='CUT']"))
+    for line, pattern in zip(lines, patterns, strict=True):
+        assert line.closed
+        points = np.array([p[:2] for p in line.get_points()]).T
+        np.testing.assert_array_equal(points, pattern.outline)
+    (warp,) = drawing.modelspace().query("LINE[layer=='WARP']")
+    along = warp.dxf.end - warp.dxf.start
+    assert np.arctan2(along.y, along.x) == pytest.approx(0.4)
+
+
+def test_a_dxf_without_its_package_is_refused_in_one_line(
+    tmp_path, patterns, monkeypatch
+):
+    monkeypatch.setitem(sys.modules, "ezdxf", None)
+    with pytest.raises(ImportError, match=r"a \.dxf needs ezdxf"):
+        write_pattern(tmp_path / "pattern.dxf", patterns)
+    with pytest.raises(ValueError, match="patterns are written to"):
+        write_pattern(tmp_path / "pattern.txt", patterns)
+    with pytest.raises(ValueError, match="no pattern to write"):
+        write_pattern(tmp_path / "pattern.svg", [])
+    assert list(tmp_path.iterdir()) == []

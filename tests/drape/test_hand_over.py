@@ -1,0 +1,293 @@
+"""Fibres of a draped ply in the elements of a tool, against exact answers."""
+
+import csv
+
+import meshio
+import numpy as np
+import pytest
+from scipy.interpolate import RegularGridInterpolator
+from skfem import MeshQuad, MeshTri
+
+from skfem_textile import Fabric, MeshError, Ply, Quadratic, drape
+from skfem_textile.io import read_tool_mesh, write_fibres
+from studies.formulations.drape import chebyshev
+
+RADIUS = 60.0
+CYLINDER = drape.Cylinder(RADIUS, (0, 0, -RADIUS))
+
+
+def rolled(X):
+    """Points of the flat ply on the cylinder, whose axis is y."""
+    angle = X[0] / RADIUS
+    return np.array([RADIUS * np.sin(angle), X[1], RADIUS * (np.cos(angle) - 1)])
+
+
+def on_cylinder(n=24, turn=0.0, mesh=MeshQuad):
+    """A ply of 100 mm × 100 mm rolled onto the cylinder, warp turned against x."""
+    mesh = mesh.init_tensor(*2 * [np.linspace(0, 100, n + 1)])
+    c, s = np.cos(turn), np.sin(turn)
+    fabric = Fabric(1e4, 0.1, warp=(c, s), weft=(-s, c))
+    formulation = Quadratic() if isinstance(mesh, MeshTri) else None
+    given = () if formulation is None else (formulation,)
+    ply = Ply(mesh, fabric, *given, dimension=3)
+    return ply, drape.displacement(ply.nodes, rolled(ply.nodes))
+
+
+def tool(place, low, high, n, quads=True):
+    """A tool whose points are ``place`` of a regular grid of the flat ply."""
+    s = np.linspace(low, high, n + 1)
+    mesh = MeshQuad.init_tensor(s, s)
+    t = mesh.t[::-1]  # init_tensor goes clockwise
+    x = place(mesh.p)
+    return drape.ToolMesh(x, (t,) if quads else (t[:3], t[[0, 2, 3]]))
+
+
+@pytest.mark.parametrize("quads", [True, False])
+@pytest.mark.parametrize("mesh", [MeshQuad, MeshTri])
+def test_fibres_on_a_cylinder_keep_their_angle_to_its_axis(mesh, quads):
+    """But for chords in place of arcs, an error of second order."""
+    part, off = tool(rolled, 10, 90, 17, quads), []
+    for n in (12, 24):
+        ply, u = on_cylinder(n, 0.4, mesh)
+        fibres = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), part, (0, 1, 0))
+        assert fibres.covered.all()
+        angles = np.array(fibres.angles_deg()) - np.degrees([[0.4 - np.pi / 2], [0.4]])
+        off.append(np.abs([*angles, np.degrees(fibres.shear_angle)]).max())
+        for v in (fibres.warp, fibres.weft):
+            np.testing.assert_allclose((v * fibres.normal).sum(axis=0), 0, atol=1e-12)
+            np.testing.assert_allclose(np.linalg.norm(v, axis=0), 1)
+    assert off[1] < 0.1
+    assert np.log2(off[0] / off[1]) == pytest.approx(2, abs=0.3)
+
+
+def test_fibres_along_and_around_a_cylinder_are_exact():
+    ply, u = on_cylinder()
+    fibres = drape.fibres_on_tool(
+        drape.Sheet.of_ply(ply, u), tool(rolled, 10, 90, 17), (0, 1, 0)
+    )
+    warp, weft = fibres.angles_deg()
+    np.testing.assert_allclose(warp, -90, atol=1e-8)
+    np.testing.assert_allclose(weft, 0, atol=1e-8)
+    np.testing.assert_allclose(fibres.shear_angle, 0, atol=1e-10)
+
+
+def exact_on_sphere(X):
+    """Positions of points of the flat ply in the Chebyshev net."""
+    n = 200
+    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
+    s = np.linspace(0, chebyshev.SIDE, n + 1)
+    place = RegularGridInterpolator((s, s), np.moveaxis(net.positions, 0, -1), "cubic")
+    return place(X.T).T
+
+
+def in_plane(v, normal):
+    v = v - normal * (v * normal).sum(axis=0)
+    return v / np.linalg.norm(v, axis=0)
+
+
+def test_fibres_on_a_sphere_tend_to_those_of_the_exact_net():
+    """In the planes of the tool's elements, up to the edges, and the shear angle."""
+    part = tool(exact_on_sphere, 0, 100, 30)
+    s = np.linspace(0, 100, 31)
+    X = np.array(np.meshgrid(*2 * [0.5 * (s[1:] + s[:-1])], indexing="ij"))
+    X = X.reshape(2, -1)
+    exact = [in_plane(f(X.T).T, part.normals()) for f in chebyshev._directions()]
+    off = []
+    for n in (8, 16):
+        net = drape.net(chebyshev.SPHERE, 100 / n, (0, n), (0, n))
+        fibres = drape.fibres_on_tool(drape.Sheet.of_net(net), part)
+        turned = [
+            np.degrees(np.arccos(np.minimum((a * b).sum(axis=0), 1)))
+            for a, b in zip((fibres.warp, fibres.weft), exact, strict=True)
+        ]
+        sheared = np.degrees(fibres.shear_angle - chebyshev.shear_angle(X))
+        off.append([np.max(turned), np.abs(sheared).max()])
+    assert max(off[1]) < 0.05
+    assert (np.log2(np.divide(*off)) > 1.7).all()
+
+
+def test_elements_that_the_ply_does_not_reach_are_not_covered():
+    ply, u = on_cylinder()
+    part = tool(rolled, 40, 140, 20)
+    fibres = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), part)
+    s = np.linspace(40, 140, 21)
+    s = 0.5 * (s[1:] + s[:-1])
+    inside = (np.array(np.meshgrid(s, s)) < 100).all(axis=0)
+    np.testing.assert_array_equal(fibres.covered, inside.ravel())
+    assert np.isnan(fibres.angles_deg()).any(axis=0).sum() == (~inside).sum()
+
+
+def test_the_edge_of_the_ply_is_where_it_is_flat():
+    """Also for points above it, as those of a tool are above its chords."""
+    ply, u = on_cylinder(24)
+    sheet = drape.Sheet.of_ply(ply, u)
+    s = np.linspace(10, 90, 33)
+    for beyond, found in ((-0.02, True), (0.02, False)):
+        for X in ([s, 0 * s - beyond], [s, 0 * s + 100 + beyond]):
+            places = sheet.at(rolled(np.array(X)))
+            np.testing.assert_array_equal(places.found, found)
+    on_edge = sheet.at(rolled(np.array([s, 0 * s])))
+    assert on_edge.found.all()
+    assert on_edge.distance.max() > 0.005
+
+
+def test_the_other_side_of_a_thin_tool_takes_its_reach_to_leave_out():
+    ply, u = on_cylinder()
+    below = tool(lambda X: rolled(X) - [[0], [0], [0.8]], 10, 40, 6)
+    sheet = drape.Sheet.of_ply(ply, u)
+    assert drape.fibres_on_tool(sheet, below).covered.all()
+    with pytest.raises(ValueError, match="on none of its elements"):
+        drape.fibres_on_tool(sheet, below, reach=0.4)
+
+
+def test_where_the_axis_is_the_normal_another_takes_its_place():
+    flat = tool(lambda X: np.pad(X, ((0, 1), (0, 0))), 0, 10, 4)
+    net = drape.net(drape.Plane(), 5.0, (1, 4), (1, 4))
+    sheet = drape.Sheet.of_net(net)
+    for axis, expected in (((0, 0, 1), 0.0), ((0, 1, 0), -90.0), ((5, 0, 0), 0.0)):
+        warp, weft = drape.fibres_on_tool(sheet, flat, axis).angles_deg()
+        np.testing.assert_allclose(warp, expected, atol=1e-9)
+        np.testing.assert_allclose(weft, expected + 90, atol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3])
+def test_any_point_of_a_sheet_is_found_again(share):
+    """On quadrilaterals that are long, distorted and bent, and between their edges."""
+    random = np.random.default_rng(3)
+    s, t = np.linspace(0, 100, 31), np.linspace(0, 100, 7)
+    mesh = MeshQuad.init_tensor(s, t)
+    inner = ((mesh.p > 0) & (mesh.p < 100)).all(axis=0)
+    moves = random.uniform(-1, 1, mesh.p.shape) * share * inner
+    flat = mesh.p + moves * np.array([[100 / 30], [100 / 6]])
+    n = mesh.nelements
+    fibres = np.tile([[1.0], [0.0]], n), np.tile([[0.0], [1.0]], n)
+    surface = drape.Torus(80.0, 30.0, (0, 0, -30.0))
+    x = drape.exponential_map(surface, 0.3 * flat, point=(80.0, 0.0, 0.0))
+    sheet = drape.Sheet(flat, x, mesh.t, *fibres)
+    element = random.integers(0, n, 500)
+    local = random.uniform(0, 1, (2, 500))
+    local[:, :100] = np.round(local[:, :100])
+    places = drape.Places(element, local, np.zeros(500))
+    at = sheet._elements.between(x, element, local)
+    found = sheet.at(at)
+    assert found.found.all()
+    np.testing.assert_allclose(found.distance, 0, atol=1e-9)
+    np.testing.assert_allclose(sheet.flat_at(found), sheet.flat_at(places), atol=1e-6)
+
+
+def test_a_tool_is_read_in_the_order_of_its_file(tmp_path):
+    part = tool(rolled, 10, 90, 5)
+    cells = [("triangle", part.cells[0][:3].T), ("quad", part.cells[0].T)]
+    meshio.Mesh(part.points.T, cells).write(tmp_path / "tool.vtu")
+    read = read_tool_mesh(tmp_path / "tool.vtu")
+    assert [cell.shape for cell in read.cells] == [(3, 25), (4, 25)]
+    np.testing.assert_array_equal(read.cells[1], part.cells[0])
+    with pytest.raises(MeshError, match=r"none\.stl: no such file"):
+        read_tool_mesh(tmp_path / "none.stl")
+
+
+def test_the_facets_of_a_smooth_surface_are_its_triangles():
+    part = tool(rolled, 0, 90, 6, quads=False)
+    surface = drape.TriangleMesh(part.points, part.triangles())
+    normals = surface.facets.normals()
+    assert surface.facets.n_elements == part.n_elements == 72
+    np.testing.assert_allclose(
+        sorted(normals[2].round(9)), sorted(part.normals()[2].round(9))
+    )
+
+
+@pytest.mark.parametrize(
+    ("points", "cells", "message"),
+    [
+        (np.zeros((2, 3)), (np.zeros((3, 1), int),), "shape"),
+        (np.zeros((3, 3)), (), "no triangles or quadrilaterals"),
+        (np.eye(3), (np.array([[0], [1], [7]]),), "a node that is not there"),
+        (np.eye(3), (np.array([[0], [1], [1]]),), "element 1 has no area"),
+        (np.full((3, 3), np.nan), (np.array([[0], [1], [2]]),), "must be finite"),
+    ],
+)
+def test_bad_tools_are_refused_in_one_line(points, cells, message):
+    with pytest.raises(MeshError, match=message) as error:
+        drape.ToolMesh(points, cells)
+    assert "\n" not in str(error.value)
+
+
+def test_bad_arguments_are_refused():
+    ply, u = on_cylinder(4)
+    sheet, part = drape.Sheet.of_ply(ply, u), tool(rolled, 10, 90, 3)
+    with pytest.raises(ValueError, match="axis must be a direction"):
+        drape.fibres_on_tool(sheet, part, (0, 0, 0))
+    with pytest.raises(ValueError, match="reach must be a length"):
+        drape.fibres_on_tool(sheet, part, reach=-1.0)
+    flat = Ply(MeshQuad(), Fabric(1.0))
+    with pytest.raises(ValueError, match="must be in space"):
+        drape.fibres_on_ply(flat, flat.basis.zeros())
+
+
+def test_files_hold_the_same_fibres_and_tell_where_there_are_none(tmp_path):
+    ply, u = on_cylinder(12, 0.3)
+    part = tool(rolled, 60, 120, 8)
+    fibres = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), part, (0, 1, 0))
+    for suffix in ("vtu", "csv", "inp"):
+        write_fibres(tmp_path / f"fibres.{suffix}", fibres)
+    angles = np.array([*fibres.angles_deg(), np.degrees(fibres.shear_angle)])
+    cells = meshio.read(tmp_path / "fibres.vtu").cell_data
+    np.testing.assert_array_equal(cells["warp_direction"][0], fibres.warp.T)
+    np.testing.assert_array_equal(cells["weft_angle_deg"][0], angles[1])
+    np.testing.assert_array_equal(cells["covered"][0], fibres.covered)
+    with open(tmp_path / "fibres.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    names = ("warp_angle_deg", "weft_angle_deg", "shear_angle_deg")
+    table = [[float(row[name] or "nan") for row in rows] for name in names]
+    np.testing.assert_array_equal(table, angles)
+    left = [row for row in rows if row["covered"] == "0"]
+    assert {row[name] for row in left for name in names} == {""}
+    assert [row["covered"] for row in rows] == [str(int(c)) for c in fibres.covered]
+    with pytest.raises(ValueError, match="fibres are written to"):
+        write_fibres(tmp_path / "fibres.txt", fibres)
+
+
+def orientation(lines, name):
+    """Points a and b of each element in a deck, by its number."""
+    start = lines.index(
+        f"*DISTRIBUTION, NAME={name}_AXES, LOCATION=ELEMENT, TABLE=AXES"
+    )
+    found = {}
+    for line in lines[start + 2 :]:
+        if line.startswith("*") or not line:
+            break
+        number, *values = line.split(",")
+        found[int(number)] = np.array(values, dtype=float).reshape(2, 3)
+    return found
+
+
+def test_a_deck_has_both_axes_of_each_element_in_space(tmp_path):
+    ply, u = on_cylinder(12, 0.3)
+    part = tool(rolled, 60, 120, 8)
+    fibres = drape.fibres_on_tool(drape.Sheet.of_ply(ply, u), part)
+    write_fibres(tmp_path / "fibres.inp", fibres)
+    lines = (tmp_path / "fibres.inp").read_text().splitlines()
+    for name, family in (("WARP", fibres.warp), ("WEFT", fibres.weft)):
+        axes = orientation(lines, name)
+        assert list(axes) == (1 + np.flatnonzero(fibres.covered)).tolist()
+        for number, (a, b) in axes.items():
+            np.testing.assert_array_equal(a, family[:, number - 1])
+            normal = np.cross(a, b)
+            np.testing.assert_allclose(normal, fibres.normal[:, number - 1], atol=1e-12)
+    left = lines[lines.index("*ELSET, ELSET=NOT_COVERED") + 1 :]
+    first = [int(word) for word in left[0].split(",")]
+    assert first == (1 + np.flatnonzero(~fibres.covered))[:16].tolist()
+    read = read_tool_mesh(tmp_path / "fibres.inp")
+    np.testing.assert_array_equal(read.points, part.points)
+    np.testing.assert_array_equal(read.cells[0], part.cells[0])
+
+
+def test_on_the_ply_itself_fibres_are_in_the_users_elements(tmp_path):
+    """Angles are seen from the side that is up in the flat ply."""
+    ply, u = on_cylinder(12, 0.3)
+    fibres = drape.fibres_on_ply(ply, u, (0, 1, 0))
+    assert fibres.mesh.n_elements == 144
+    warp, weft = fibres.angles_deg()
+    np.testing.assert_allclose(warp, np.degrees(0.3) - 90, atol=0.05)
+    np.testing.assert_allclose(weft, np.degrees(0.3), atol=0.05)
+    assert (fibres.normal[2] > 0).mean() > 0.9
