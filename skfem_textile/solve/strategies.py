@@ -100,7 +100,10 @@ class Mixed:
             f = problem.residual(u)
             if not near and problem.unbalanced(f, u) <= _NEAR * np.abs(f).max():
                 near = True
-                f = problem.residual(u) if problem.settle(u) else f
+                # On a surface its forces are so large that this is early: tensions at
+                # u are not yet what they will be, but predicted ones are.
+                known = tension if problem.surfaces else None
+                f = problem.residual(u) if problem.settle(u, known) else f
             yield Iterate(tangent, u, f)
             tangent = definite(problem, u, tension, contact)
             du = self._shortened(problem, tangent.increment(f, u, fixed_values))

@@ -116,6 +116,13 @@ def test_the_chebyshev_net_is_found_in_a_few_solves(formulation, bounds, cells):
     assert state.verdict.stable
 
 
+def test_a_coarse_mesh_takes_no_more_solves():
+    """Its stiffnesses are those of predicted tensions, so that none is found again."""
+    ply, conditions, start = chebyshev.problem(Macro(), 4)
+    state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
+    assert state.linear_solves <= 8
+
+
 def test_a_net_is_as_good_a_start():
     ply, conditions, _ = chebyshev.problem(OnePoint(), 16)
     net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / 16, (0, 16), (0, 16))
