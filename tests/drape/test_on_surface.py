@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers import wobble
-from skfem import MeshQuad
+from skfem import MeshQuad, MeshTri
 
 from skfem_textile import (
     AdaptiveStepper,
@@ -321,10 +321,25 @@ def test_conditions_across_a_surface_are_refused():
         equilibrium_near(ply, conditions, start)
 
 
-def test_contact_pressure_needs_quadrilaterals():
-    ply = Ply(MeshQuad().refined(1), Fabric(1e4, 1.0), Quadratic(), dimension=3)
-    with pytest.raises(ValueError, match="only of quadrilaterals"):
-        drape.contact_pressure(ply, drape.Plane(), ply.basis.zeros())
+@pytest.mark.parametrize("formulation", [Macro(), Quadratic(80.0), OnePoint()])
+def test_triangles_press_as_quadrilaterals_do(formulation):
+    """A cylinder presses by q/R whatever the elements; all forces add up to it."""
+    s, (q, radius) = np.linspace(0, 60, 13), (1.0, 60.0)
+    end = 60.0 / radius
+    loads = [
+        Traction("right", (q * np.cos(end), 0, -q * np.sin(end))),
+        Traction("top", (0.0, q, 0.0)),
+    ]
+    mesh = MeshTri.init_tensor(s, s).with_defaults()
+    ply = Ply(mesh, Fabric(1e5, 0.1), formulation, loads, dimension=3)
+    cylinder = drape.Cylinder(radius, (0, 0, -radius))
+    conditions = {"on": OnSurface(cylinder)} | SYMMETRY
+    start = drape.displacement(ply.nodes, drape.exponential_map(cylinder, ply.nodes))
+    warn_only = "stabilisation", "deviation"
+    state = equilibrium_near(ply, conditions, start, warn_only=warn_only)
+    pressure = drape.contact_pressure(ply, cylinder, state.u)
+    inner = (ply.nodes[0] > 4.0) & (ply.nodes[0] < 56.0)
+    np.testing.assert_allclose(pressure[inner], q / radius, rtol=0.02)
 
 
 def test_wrinkle_risk_starts_at_the_shear_stiffness():
