@@ -233,7 +233,7 @@ def _first_tangent(problem: Problem, start: Start) -> Tangent:
         return definite(problem, start.u, tension)
     size = _FIRST_TENSION_ON_SURFACE if problem.surfaces else _FIRST_TENSION
     first = np.full_like(tension, size)
-    return Tangent(problem, start.u, first, contact=_no_contact(problem))
+    return Tangent(problem, start.u, first, contact=no_contact(problem))
 
 
 def definite(
@@ -257,7 +257,7 @@ def definite(
     ]
     if problem.in_space:
         least = 0.0, _FIRST_TENSION
-        untouched = _no_contact(problem)
+        untouched = no_contact(problem)
         attempts += [(np.maximum(tension, x), True, untouched) for x in least]
     for number, attempt in enumerate(attempts, start=1):
         try:
@@ -272,7 +272,7 @@ def definite(
     return tangent
 
 
-def _no_contact(problem: Problem) -> ndarray | None:
+def no_contact(problem: Problem) -> ndarray | None:
     """Multipliers 0 for nodes on surfaces; None where there are none."""
     return np.zeros(len(problem.surfaces.nodes)) if problem.surfaces else None
 
