@@ -27,7 +27,8 @@ from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.problem import Problem, Tangent
 from skfem_textile.solve.states import NoEquilibriumError
-from skfem_textile.solve.stepping.error_estimate import estimated_error
+from skfem_textile.solve.stepping import error_estimate
+from skfem_textile.solve.stepping.error_estimate import estimated_error, problem_at
 from studies.formulations.drape import chebyshev
 
 SADDLE = drape.HeightField(
@@ -388,6 +389,17 @@ def test_the_error_is_estimated_on_a_surface(formulation):
     error = of_constant_angles(ply, state.u)
     assert 0.8 * error < found.shear_angle < 1.6 * error
     assert found.load < 0.1
+
+
+def test_the_estimate_is_of_a_finer_ply_on_the_surface():
+    ply, conditions, start = chebyshev.problem(OnePoint(), 4)
+    state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
+    finer = ply.finer()
+    fine = problem_at(finer.ply, conditions, "superlu", 1.0)
+    carried, tension = finer.carry(state.u)
+    assert not fine.surfaces.are_on(carried, 1.0)
+    u, _ = error_estimate._moved(fine, carried, tension, np.zeros(2))
+    assert fine.surfaces.are_on(u, 1.0)
 
 
 def test_a_run_to_a_tolerance_refines_on_a_surface():
