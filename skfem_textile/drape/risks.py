@@ -3,6 +3,7 @@
 import numpy as np
 from numpy import ndarray
 
+from ..mesh.splitting.hats import hat_functions
 from ..solve.body import Body
 from ..solve.conditions.surface import Surface
 
@@ -27,29 +28,21 @@ def contact_pressure(
     Returns
     -------
     ndarray
-        Shape (n_nodes,).
-
-    Raises
-    ------
-    ValueError
-        If the ply has nodes in the middles of edges, whose forces are no pressures.
+        Shape (n_nodes,).  It is linear between the corners of the user's elements, and
+        does the work of the forces on all motions that are.
     """
-    d = len(ply.nodal(u))
-    elements = ply.basis.element_dofs[::d] // d
-    if len(elements) != 4:
-        raise ValueError("contact pressure: only of quadrilaterals, not of Quadratic")
+    corners, n = ply.mesh.t, ply.mesh.p.shape[1]
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
     normal = surface.gradient(x)
     normal = normal / np.linalg.norm(normal, axis=0)
     force = (ply.nodal(ply.residual(u, t, True)) * normal).sum(axis=0)
-    # With all of the nodes of an element on the surface its diagonals give its area.
-    one, other = (
-        x[:, elements[2]] - x[:, elements[0]],
-        x[:, elements[3]] - x[:, elements[1]],
-    )
-    area = 0.5 * np.linalg.norm(np.cross(one, other, axis=0), axis=0)
-    shared = np.bincount(elements.ravel(), np.tile(area / 4, 4), len(force))
-    return force / shared
+    # With all of the corners of an element on the surface they give its area.
+    sides = x[:, corners[2]] - x[:, corners[0]], x[:, corners[-1]] - x[:, corners[1]]
+    area = 0.5 * np.linalg.norm(np.cross(*sides, axis=0), axis=0)
+    share = np.tile(area / len(corners), len(corners))
+    shared = np.bincount(corners.ravel(), share, n)
+    hats = hat_functions(ply.mesh, len(force))
+    return ((hats @ force) / (hats[:, :n] @ shared)) @ hats
 
 
 def wrinkle_risk(ply: Body, u: ndarray, locking_angle: float | None = None) -> ndarray:

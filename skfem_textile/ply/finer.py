@@ -11,7 +11,7 @@ from skfem import Mesh, MeshQuad, MeshTri
 from ..fabric.regions import fabric_on
 from ..mesh.bases import node_dofs
 from ..mesh.named_nodes import named_nodes, with_named_nodes
-from ..mesh.splitting.edges import edges_of
+from ..mesh.splitting.hats import hat_functions
 from ..mesh.splitting.quadrilaterals import split
 from ..mesh.splitting.refined_triangles import refine_triangles
 
@@ -38,13 +38,7 @@ class FinerMesh:
         They are those at the nodes before, shape (..., n_before), and between them
         linear along edges, and their mean in the middle of elements.
         """
-        if isinstance(self.mesh, MeshTri):
-            return np.hstack([values, values[:, self.mesh.facets].mean(axis=1)])
-        parts: Any = self.mesh
-        cells = parts.cells
-        pairs, _ = edges_of(cells)
-        centres = [values[:, cell].mean(axis=1) for cell in cells]
-        return np.hstack([values, values[:, pairs].mean(axis=1), *centres])[:, :n_nodes]
+        return np.asarray(values @ hat_functions(self.mesh, n_nodes))
 
 
 def finer_mesh(mesh: Mesh) -> FinerMesh:

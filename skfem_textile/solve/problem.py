@@ -152,8 +152,15 @@ class Problem:
         """Nodal forces of the loads."""
         return self.ply.load(u, self.load_factor)
 
-    def settle(self, u: ndarray) -> bool:
+    def settle(self, u: ndarray, tension: ndarray | None = None) -> bool:
         """Hold the stiffnesses at ``u`` in place of others, if that changes the energy.
+
+        Parameters
+        ----------
+        u
+            Displacement.
+        tension
+            Fibre tensions that take the place of those at ``u``, if given.
 
         Returns
         -------
@@ -164,7 +171,7 @@ class Problem:
             return False
         ply = self.ply
         held, (before, _) = ply.remembered, self.energies(u)
-        if ply.settle(u):
+        if ply.settle(u, tension):
             after, _ = self.energies(u)
             energy = sum(before.values())
             if abs(sum(after.values()) - energy) > _NEARLY_SETTLED * abs(energy):

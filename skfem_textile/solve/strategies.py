@@ -100,7 +100,10 @@ class Mixed:
             f = problem.residual(u)
             if not near and problem.unbalanced(f, u) <= _NEAR * np.abs(f).max():
                 near = True
-                f = problem.residual(u) if problem.settle(u) else f
+                # On a surface its forces are so large that this is early: tensions at
+                # u are not yet what they will be, but predicted ones are.
+                known = tension if problem.surfaces else None
+                f = problem.residual(u) if problem.settle(u, known) else f
             yield Iterate(tangent, u, f)
             tangent = definite(problem, u, tension, contact)
             du = self._shortened(problem, tangent.increment(f, u, fixed_values))
@@ -230,7 +233,7 @@ def _first_tangent(problem: Problem, start: Start) -> Tangent:
         return definite(problem, start.u, tension)
     size = _FIRST_TENSION_ON_SURFACE if problem.surfaces else _FIRST_TENSION
     first = np.full_like(tension, size)
-    return Tangent(problem, start.u, first, contact=_no_contact(problem))
+    return Tangent(problem, start.u, first, contact=no_contact(problem))
 
 
 def definite(
@@ -254,7 +257,7 @@ def definite(
     ]
     if problem.in_space:
         least = 0.0, _FIRST_TENSION
-        untouched = _no_contact(problem)
+        untouched = no_contact(problem)
         attempts += [(np.maximum(tension, x), True, untouched) for x in least]
     for number, attempt in enumerate(attempts, start=1):
         try:
@@ -269,7 +272,7 @@ def definite(
     return tangent
 
 
-def _no_contact(problem: Problem) -> ndarray | None:
+def no_contact(problem: Problem) -> ndarray | None:
     """Multipliers 0 for nodes on surfaces; None where there are none."""
     return np.zeros(len(problem.surfaces.nodes)) if problem.surfaces else None
 

@@ -12,11 +12,11 @@ import numpy as np
 from numpy import ndarray
 
 from ..body import Body
-from ..conditions import Conditions, Constraints, OnSurface
+from ..conditions import Conditions, Constraints
 from ..linear import solver_named
 from ..problem import Problem, Tangent
 from ..states import ErrorEstimate, NoEquilibriumError, State
-from ..strategies import definite
+from ..strategies import definite, no_contact
 from .work import change_of, refuse_round_off, work
 
 #: Error of the shear angle over the change that halved elements make, and error of the
@@ -132,10 +132,12 @@ def _moved(
     """
     ply, constraints = problem.ply, problem.constraints
     values, last = constraints.fixed_values(problem.load_factor), before
+    contact = no_contact(problem)
+    u = problem.moved(u, np.zeros_like(u))
     for number in range(_MOST_INCREMENTS):
         if not problem.in_domain(u):
             raise NoEquilibriumError("an increment to it is past the end of a law")
-        tangent, f = definite(problem, u, tension), problem.residual(u)
+        tangent, f = definite(problem, u, tension, contact), problem.residual(u)
         if number == 0:
             du = tangent.increment(f, u, values)
         else:
@@ -146,10 +148,10 @@ def _moved(
             if not np.isfinite(now).all():
                 raise NoEquilibriumError("its load is not finite")
             if calm or moved <= _SETTLED * change:
-                return u + du, now
+                return problem.moved(u, du), now
             last = now
-        tension = ply.geometric_tension(u, du)
-        u = u + du
+        tension, contact = ply.geometric_tension(u, du), tangent.contact(f, du)
+        u = problem.moved(u, du)
         if number == 0:
             ply.settle(u, tension)
     share = moved / np.abs(before).sum()
@@ -159,18 +161,12 @@ def _moved(
 
 
 def refuse_single_nodes(ply: Body, conditions: Conditions) -> None:
-    """Refuse conditions on nodes of the mesh that would be on more of a finer one.
-
-    And conditions on surfaces, off which a finer mesh lies at first.
-    """
+    """Refuse conditions on nodes of the mesh that would be on more of a finer one."""
     named = getattr(ply.mesh, "named_nodes", {})
     for name, condition in conditions.items():
-        if isinstance(condition, OnSurface):
-            raise ValueError(
-                f"condition {name!r} is on a surface, where no error is estimated"
-            )
         where: Any = condition.where
-        if callable(where) or (isinstance(where, str) and where not in named):
+        by_name = isinstance(where, str) and where not in named
+        if where is None or callable(where) or by_name:
             continue
         nodes = condition.nodes(name, ply.basis)
         if np.isin(ply.mesh.facets, nodes).all(axis=0).any():

@@ -301,7 +301,8 @@ def _refuse_what_cannot_be_refined(ply: "Ply", conditions: Conditions) -> None:
     refuse_single_nodes(ply, conditions)
     n_vertices = ply.users_mesh.nvertices
     for name, condition in conditions.items():
-        by_number = not (callable(condition.where) or isinstance(condition.where, str))
+        where = condition.where
+        by_number = not (where is None or callable(where) or isinstance(where, str))
         if by_number and condition.nodes(name, ply.basis).max() >= n_vertices:
             raise ValueError(
                 f"condition {name!r} is on nodes by number that are no vertices of the "

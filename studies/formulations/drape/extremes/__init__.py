@@ -1,0 +1,1 @@
+"""Stiff and extreme drapes: which end right, which are refused, and which are wrong."""
