@@ -2,11 +2,11 @@
 
 from ..registration import SceneRegistration, registered
 from .bias_extension import bias_extension
-from .buckling import buckling
-from .cantilever import cantilever
 from .case import Case
 from .picture_frame import picture_frame
 from .scene import Scene
+from .space.buckling import buckling
+from .space.cantilever import cantilever
 from .specimen import specimen
 from .strip import strip
 from .trellis import trellis

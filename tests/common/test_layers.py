@@ -139,11 +139,11 @@ def registries(package):
 
 
 def registering(package):
-    """Modules of a package's folder that register something."""
+    """Modules of a package's folder, and of those in it, that register something."""
     return {
         module
         for module in MODULES
-        if module.rpartition(".")[0] == package
+        if module.startswith(f"{package}.")
         and any(
             isinstance(node, ast.Assign) and ast.unparse(node.targets) == "REGISTRATION"
             for node in tree(module).body

@@ -1,0 +1,1 @@
+"""Scenes of strips in space."""
