@@ -4,7 +4,7 @@ from .analytic import Cone, Cylinder, Plane, Sphere, Torus
 from .geodesics import displacement, exponential_map
 from .height_field import Height, HeightField, double_dome
 from .kinematic_net import Net, net
-from .risks import contact_pressure, wrinkle_risk
+from .risks import bridging, contact_pressure, wrinkle_risk
 from .triangle_mesh import TriangleMesh
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "Sphere",
     "Torus",
     "TriangleMesh",
+    "bridging",
     "contact_pressure",
     "displacement",
     "double_dome",

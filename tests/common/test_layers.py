@@ -42,7 +42,7 @@ LAYERS = {
     "solve.stepping.adaptive": ("solve", "ply.refinement", "ply"),
     "solve.sweep": ("solve", "cli.output"),
     "drape": ("solve", "mesh"),
-    "scenes": ("solve", "ply", "fabric", "mesh", "registration"),
+    "scenes": ("drape", "solve", "ply", "fabric", "mesh", "registration"),
     "io": ("drape", "solve", "fabric", "mesh"),
     "plot": ("io", "solve", "fabric", "mesh"),
     "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),

@@ -1,1 +1,1 @@
-"""Scenes of strips in space."""
+"""Scenes in space: strips, and plies that are laid on tools."""
