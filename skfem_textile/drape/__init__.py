@@ -5,6 +5,7 @@ from .geodesics import displacement, exponential_map
 from .height_field import Height, HeightField, double_dome
 from .kinematic_net import Net, net
 from .risks import bridging, contact_pressure, wrinkle_risk
+from .tessellation import triangles_on
 from .triangle_mesh import TriangleMesh
 
 __all__ = [
@@ -23,5 +24,6 @@ __all__ = [
     "double_dome",
     "exponential_map",
     "net",
+    "triangles_on",
     "wrinkle_risk",
 ]

@@ -44,7 +44,7 @@ LAYERS = {
     "drape": ("solve", "mesh"),
     "scenes": ("drape", "solve", "ply", "fabric", "mesh", "registration"),
     "io": ("drape", "solve", "fabric", "mesh"),
-    "plot": ("io", "solve", "fabric", "mesh"),
+    "plot": ("io", "drape", "solve", "fabric", "mesh"),
     "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),
     "cli": (
         *("calibration", "plot", "io", "scenes", "solve.stepping.adaptive", "solve"),
