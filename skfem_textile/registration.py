@@ -180,7 +180,7 @@ def registered(package: str, kind: type[_Kind]) -> dict[str, _Kind]:
     Parameters
     ----------
     package
-        Name of the package, all of whose modules are imported.
+        Name of the package, all modules of which and of its folders are imported.
     kind
         The class of the registrations.
 
@@ -190,8 +190,9 @@ def registered(package: str, kind: type[_Kind]) -> dict[str, _Kind]:
         If two modules register the same name.
     """
     found: dict[str, _Kind] = {}
-    for module in pkgutil.iter_modules(sys.modules[package].__path__):
-        imported = import_module(f"{package}.{module.name}")
+    path = sys.modules[package].__path__
+    for module in pkgutil.walk_packages(path, f"{package}."):
+        imported = import_module(module.name)
         registration = getattr(imported, "REGISTRATION", None)
         if not isinstance(registration, kind):
             continue

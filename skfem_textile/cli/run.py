@@ -30,7 +30,10 @@ if TYPE_CHECKING:
     from .progress import Stepper
 
 # Every picture that a run may draw.
-_PICTURES = (*pictures.PICTURES, *pictures.OF_SHEAR_TESTS, pictures.REFUSED)
+_PICTURES = (
+    *(*pictures.PICTURES, *pictures.OF_SHEAR_TESTS),
+    *(pictures.DRAPED, pictures.REFUSED),
+)
 
 
 def run(

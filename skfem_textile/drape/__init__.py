@@ -6,8 +6,9 @@ from .flat_pattern import FlatPattern, flat_pattern
 from .geodesics import displacement, exponential_map
 from .height_field import Height, HeightField, double_dome
 from .kinematic_net import Net, net
-from .risks import contact_pressure, wrinkle_risk
+from .risks import bridging, contact_pressure, wrinkle_risk
 from .sheet import Places, Sheet
+from .tessellation import triangles_on
 from .tool_mesh import ToolMesh
 from .triangle_mesh import TriangleMesh
 
@@ -26,6 +27,7 @@ __all__ = [
     "ToolMesh",
     "Torus",
     "TriangleMesh",
+    "bridging",
     "contact_pressure",
     "displacement",
     "double_dome",
@@ -34,5 +36,6 @@ __all__ = [
     "fibres_on_tool",
     "flat_pattern",
     "net",
+    "triangles_on",
     "wrinkle_risk",
 ]

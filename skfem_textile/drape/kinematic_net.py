@@ -34,7 +34,7 @@ class Net:
     ----------
     positions
         Of the crossings in mm, shape (3, n_warp + 1, n_weft + 1): the second axis goes
-        along the warp.
+        along the warp.  NaN for those that were not laid.
     along
         Coordinates of the crossings along warp and weft in the flat ply in mm.
     directions
@@ -80,6 +80,29 @@ class Net:
         ValueError
             If a point is outside the net.
         """
+        return self._between(self.positions, X)
+
+    def tangents(self, X: ndarray) -> ndarray:
+        """Unit vectors along warp and weft at points of the flat ply, shape (2, 3, n).
+
+        They are differences over two cells, linear between the crossings.
+
+        Parameters
+        ----------
+        X
+            Points in mm, shape (2, n), a cell or more within the net.
+
+        Raises
+        ------
+        ValueError
+            If a point is outside the net.
+        """
+        along = (np.gradient(self.positions, axis=axis) for axis in (1, 2))
+        found = np.array([self._between(tangent, X) for tangent in along])
+        return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+    def _between(self, x: ndarray, X: ndarray) -> ndarray:
+        """Values at points, bilinear between those at the crossings, shape (3, n)."""
         coordinates = np.linalg.solve(self.directions, X - self.touch[:, None])
         cell, share = [], []
         for s, at in zip(coordinates, self.along, strict=True):
@@ -92,7 +115,7 @@ class Net:
                 )
             cell.append(np.clip(np.floor(place).astype(int), 0, len(at) - 2))
             share.append(place - cell[-1])
-        (i, j), (p, q), x = cell, share, self.positions
+        (i, j), (p, q) = cell, share
         return (
             (1 - p) * (1 - q) * x[:, i, j]
             + p * (1 - q) * x[:, i + 1, j]
@@ -111,6 +134,7 @@ def net(
     touch: tuple[float, float] = (0.0, 0.0),
     point: ArrayLike | None = None,
     first: ArrayLike = (1.0, 0.0, 0.0),
+    over: ndarray | None = None,
 ) -> Net:
     """Lay a net on a surface.
 
@@ -130,6 +154,9 @@ def net(
         Where that is in space; (x, y, 0) of the ``touch`` if not given.
     first
         Direction in space of the ply's x there.
+    over
+        Points of the flat ply in mm, shape (2, n), up to which the net is laid; the
+        crossings beyond all of them are left out.  If not given, all are laid.
 
     Raises
     ------
@@ -168,9 +195,16 @@ def net(
         ]
         for a, n in zip(families.T, counts, strict=True)
     ]
+    ends = None
+    if over is not None:
+        ends = np.linalg.solve(flat, over - np.array(touch)[:, None]) / cell
     for i, warp_sign in enumerate((-1, 1)):
         for j, weft_sign in enumerate((-1, 1)):
-            quadrant = _quadrant(surface, ways[0][i], ways[1][j], float(cell))
+            wanted = np.ones((counts[0][i] + 1, counts[1][j] + 1), dtype=bool)
+            if ends is not None:
+                wanted = _up_to(ends * ([warp_sign], [weft_sign]), wanted.shape)
+            threads = ways[0][i], ways[1][j]
+            quadrant = _quadrant(surface, *threads, float(cell), wanted)
             rows = zero[0] + warp_sign * np.arange(counts[0][i] + 1)
             columns = zero[1] + weft_sign * np.arange(counts[1][j] + 1)
             x[:, rows[:, None], columns] = quadrant
@@ -230,13 +264,27 @@ def _pinned(surface: Surface, x: ndarray, step: ndarray, cell: float) -> ndarray
     raise ValueError(f"net: its first thread leaves the surface at {place}")
 
 
-def _quadrant(surface: Surface, warp: ndarray, weft: ndarray, cell: float) -> ndarray:
+def _up_to(ends: ndarray, shape: tuple[int, int]) -> ndarray:
+    """Crossings of a quadrant of which a point lies beyond, or in the cell before."""
+    last = np.ceil(ends - _EXACT).astype(int)
+    last = last[:, (last >= 0).all(axis=0)]
+    wanted = np.zeros(shape, dtype=bool)
+    wanted[tuple(np.minimum(last, np.array(shape)[:, None] - 1))] = True
+    for axis in (0, 1):
+        wanted = np.flip(np.logical_or.accumulate(np.flip(wanted, axis), axis), axis)
+    return wanted
+
+
+def _quadrant(
+    surface: Surface, warp: ndarray, weft: ndarray, cell: float, wanted: ndarray
+) -> ndarray:
     """Crossings of a quadrant from its two first threads, diagonal by diagonal."""
     m, n = warp.shape[1], weft.shape[1]
     x = np.full((3, m, n), np.nan)
     x[:, :, 0], x[:, 0, :] = warp, weft
     for diagonal in range(2, m + n - 1):
         i = np.arange(max(1, diagonal - n + 1), min(m, diagonal))
+        i = i[wanted[i, diagonal - i]]
         j = diagonal - i
         if i.size:
             a, b, corner = x[:, i - 1, j], x[:, i, j - 1], x[:, i - 1, j - 1]

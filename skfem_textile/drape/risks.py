@@ -45,6 +45,24 @@ def contact_pressure(
     return ((hats @ force) / (hats[:, :n] @ shared)) @ hats
 
 
+def bridging(ply: Body, pressure: ndarray) -> ndarray:
+    """Elements on which the surface would have to pull in the mean of their nodes.
+
+    Parameters
+    ----------
+    ply
+        The ply.
+    pressure
+        Contact pressure at its nodes, as of `contact_pressure`.
+
+    Returns
+    -------
+    ndarray
+        Bool, shape (n_elements,), of the elements of ``ply.mesh``.
+    """
+    return np.asarray(pressure[ply.mesh.t].mean(axis=0) < 0)
+
+
 def wrinkle_risk(ply: Body, u: ndarray, locking_angle: float | None = None) -> ndarray:
     """Elements in which fibres may buckle in the plane of the ply.
 

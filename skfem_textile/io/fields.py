@@ -3,7 +3,9 @@
 import numpy as np
 from numpy import ndarray
 
+from ..drape import bridging, contact_pressure, wrinkle_risk
 from ..solve.body import Body
+from ..solve.conditions import Surface
 
 
 def point_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
@@ -34,6 +36,27 @@ def cell_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
         fields[f"{family}_tension"] = _extreme(tension[i])
         fields[f"{family}_direction"] = _in_space(direction[i])
     return fields
+
+
+def fields_on_tool(
+    ply: Body, surface: Surface, u: ndarray, t: float
+) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
+    """Fields of a ply that lies on a surface, of its vertices and of its elements.
+
+    Pressures are left out where the elements have nodes in the middles of their edges.
+
+    Returns
+    -------
+    tuple
+        Of the vertices ``contact_pressure`` (N/mm²), of the elements ``wrinkle_risk``
+        and ``bridging``, 1 where there is some.
+    """
+    of_elements = {"wrinkle_risk": wrinkle_risk(ply, u).astype(float)}
+    if len(ply.mesh.t) != 4:
+        return {}, of_elements
+    pressure = contact_pressure(ply, surface, u, t)
+    of_elements["bridging"] = bridging(ply, pressure).astype(float)
+    return {"contact_pressure": pressure}, of_elements
 
 
 def on_users_elements(ply: Body, fields: dict[str, ndarray]) -> dict[str, ndarray]:

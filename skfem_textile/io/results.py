@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -16,7 +17,8 @@ from numpy import ndarray
 
 from ..solve.body import Body
 from ..solve.result import Result
-from .fields import cell_fields, on_users_elements, point_fields
+from ..solve.states import State
+from .fields import cell_fields, fields_on_tool, on_users_elements, point_fields
 from .file_numbers import word_of
 
 #: Names of files that `write_fields` writes.
@@ -39,8 +41,8 @@ def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
 
     The points are those of the undeformed ply: a viewer that warps them by
     ``displacement`` shows the deformed one.  Fields are those of `point_fields` and
-    `cell_fields`.  The .pvd file lists the steps by load factor; ParaView opens it as
-    one series.
+    `cell_fields`, of a ply on a tool those of `fields_on_tool` too.  The .pvd file
+    lists the steps by load factor; ParaView opens it as one series.
     If the ply has split or cut the user's elements there is a second series,
     ``own_steps.pvd``, with the mean of each field over them.  Steps that the folder
     already holds are removed.
@@ -52,12 +54,10 @@ def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
             for stale in folder.glob(pattern):
                 stale.unlink()
         ply, mesh = result.ply, result.ply.mesh
-        _write_series(result, folder, "", [mesh.t], lambda u: cell_fields(ply, u))
+        _write_series(result, folder, "", [mesh.t], lambda fields: fields)
         if sum(cell.shape[1] for cell in ply.cells) < mesh.nelements:
-            _write_series(
-                *(result, folder, "own_", ply.cells),
-                lambda u: on_users_elements(ply, cell_fields(ply, u)),
-            )
+            of_users = partial(on_users_elements, ply)
+            _write_series(result, folder, "own_", ply.cells, of_users)
 
 
 def _write_series(
@@ -65,30 +65,44 @@ def _write_series(
     folder: Path,
     prefix: str,
     cells: Sequence[ndarray],
-    fields: Callable[[ndarray], dict[str, ndarray]],
+    on_cells: Callable[[dict[str, ndarray]], dict[str, ndarray]],
 ) -> None:
     """Write a file per state, and the .pvd file that lists them."""
     series = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(series, "Collection")
     for i, state in enumerate(result.states):
         name = f"{prefix}step_{i:04d}.vtu"
-        _write_state(result.ply, state.u, folder / name, cells, fields(state.u))
+        points, fields = _fields(result, state)
+        _write_state(result.ply, folder / name, cells, points, on_cells(fields))
         ElementTree.SubElement(
             collection, "DataSet", timestep=repr(state.load_factor), file=name
         )
     ElementTree.ElementTree(series).write(folder / f"{prefix}steps.pvd")
 
 
+def _fields(
+    result: Result, state: State
+) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
+    """Fields of the vertices and of the elements in a state."""
+    ply, u, t = result.ply, state.u, state.load_factor
+    points, cells = point_fields(ply, u), cell_fields(ply, u)
+    surface = result.tool(t)
+    if surface is not None:
+        on_points, on_cells = fields_on_tool(ply, surface, u, t)
+        points, cells = points | on_points, cells | on_cells
+    return points, cells
+
+
 def _write_state(
     ply: Body,
-    u: ndarray,
     path: Path,
     cells: Sequence[ndarray],
+    points: dict[str, ndarray],
     fields: dict[str, ndarray],
 ) -> None:
     # The vertices of the cells: not those that came with the split.
     n = 1 + max(cell.max() for cell in cells)
-    points = {k: v[:n] for k, v in point_fields(ply, u).items()}
+    points = {k: v[:n] for k, v in points.items()}
     ends = np.cumsum([cell.shape[1] for cell in cells])[:-1]
     by_block: dict[str, Any] = {k: np.split(v, ends) for k, v in fields.items()}
     meshio.Mesh(

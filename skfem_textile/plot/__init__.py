@@ -4,6 +4,7 @@ try:
     from .animation import animation
     from .before import mesh_and_fibres
     from .curves import curves
+    from .draped import draped
     from .fields import FIELDS, Field
     from .pictures import (
         contact_sheet,
@@ -24,6 +25,7 @@ __all__ = [
     "animation",
     "contact_sheet",
     "curves",
+    "draped",
     "fibre_directions",
     "fibre_strain",
     "field",

@@ -88,6 +88,8 @@ def places_of_fibres(shape: Shape, scale: float) -> tuple[ndarray, ndarray, ndar
         (n,).
     """
     centres, sides, spacing = shape.centres, shape.sides, _SPACING / scale
+    if shape.tool:  # elements shrink towards its flanks: all have them, or none
+        sides = np.full_like(sides, sides.mean())
     large = np.flatnonzero(sides * scale >= _OWN)
     grid = _grid_over(centres, spacing)
     element = holding(shape, grid)
@@ -95,6 +97,7 @@ def places_of_fibres(shape: Shape, scale: float) -> tuple[ndarray, ndarray, ndar
     if large.size:
         inside &= KDTree(centres[large]).query(grid)[0] >= _NEAREST * spacing
     grid, element = grid[inside], element[inside]
+    grid[:, 2] = centres[element, 2]
     return (
         np.vstack([centres[large], grid]),
         np.concatenate([large, element]),

@@ -15,6 +15,7 @@ from .fields import FIELDS, Field, field_of, reach, values_of
 from .lines import REFUSED, WARP, WEFT
 from .picture_files import picture_path
 from .sheet import Fibres, Legend, Panel, Scale, Shape, Sheet, extent, in_perspective
+from .tools import tool_under
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -306,12 +307,16 @@ def _titled(name: str, title: str, field: str) -> str:
 def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:
     """The plies of results in a state each, with straight edges between the vertices.
 
-    In perspective if one of them is in space.
+    In perspective if one of them is in space, and with the tools on which they lie.
     """
-    pairs = zip(results, states, strict=True)
-    moved = [(result.ply.mesh, result.ply.nodal(at.u)) for result, at in pairs]
-    shapes = [Shape.of(mesh, u) for mesh, u in moved]
-    return in_perspective(shapes) if any(len(u) == 3 for _, u in moved) else shapes
+    shapes = []
+    for result, at in zip(results, states, strict=True):
+        shape = Shape.of(result.ply.mesh, result.ply.nodal(at.u))
+        if surface := result.tool(at.load_factor):
+            shape = shape._replace(tool=tool_under(shape.points, surface))
+        shapes.append(shape)
+    in_space = any(len(result.ply.nodal(result.u)) == 3 for result in results)
+    return in_perspective(shapes) if in_space else shapes
 
 
 def _on_one_scale(

@@ -17,9 +17,21 @@ _LEAST_EXTENT = 1e-8
 _MOST_INTERVALS, _FINE_INTERVALS, _ROUND = 6, 20, [1, 2, 2.5, 4, 5, 10]
 
 
-# From where a ply in space is seen: azimuth and elevation of the eye in degrees, and
-# its distance over half the diagonal of what it sees.  Chosen by eye.
-_VIEW, _DISTANCE = (-60.0, 25.0), 4.0
+# From where a ply in space is seen, and one on a tool, whose quarter has x, y > 0:
+# azimuth and elevation of the eye in degrees, and its distance over half the diagonal
+# of what it sees.  Chosen by eye.
+_VIEW, _VIEW_OF_TOOL, _DISTANCE = (-60.0, 25.0), (60.0, 38.0), 4.0
+
+# How far a tool is behind the ply on it, as a share of half that diagonal.
+_BEHIND = 0.02
+
+
+class Tool(NamedTuple):
+    """Triangles of a tool: corners (n, 3), their numbers (3, m), and a grey of each."""
+
+    points: ndarray
+    triangles: ndarray
+    shades: ndarray
 
 
 class Shape(NamedTuple):
@@ -34,11 +46,14 @@ class Shape(NamedTuple):
     frames
         In perspective what becomes of vectors at the centres of the elements, shape
         (n_elements, 3, 3); None seen from above.
+    tool
+        The tool on which they lie, in perspective alone.
     """
 
     points: ndarray
     cells: tuple[ndarray, ...]
     frames: ndarray | None = None
+    tool: Tool | None = None
 
     @classmethod
     def of(cls, mesh: Mesh, u: ndarray) -> "Shape":
@@ -205,6 +220,15 @@ class Sheet(NamedTuple):
         return [panel for row in self.rows for panel in row]
 
 
+def eye_axes(on_tool: bool) -> ndarray:
+    """Rows to the right, up and to the eye that sees plies in space, or on a tool."""
+    azimuth, elevation = np.radians(_VIEW_OF_TOOL if on_tool else _VIEW)
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    near = np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    near[2] = np.sin(elevation)
+    return np.array([right, np.cross(near, right), near])
+
+
 def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
     """Shapes in space as an eye sees them, all from the same place.
 
@@ -212,12 +236,8 @@ def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
     they are as far away as the middle of all, and how much nearer to the eye they are.
     """
     low, high = extent(shapes)
+    axes = eye_axes(any(shape.tool for shape in shapes))
     middle, distance = 0.5 * (low + high), _DISTANCE * 0.5 * np.linalg.norm(high - low)
-    azimuth, elevation = np.radians(_VIEW)
-    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    near = np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    near[2] = np.sin(elevation)
-    axes = np.array([right, np.cross(near, right), near])
 
     def enlarged(places: ndarray) -> tuple[ndarray, ndarray]:
         """Places along the axes, and by how much they are seen larger."""
@@ -231,13 +251,20 @@ def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
         frames = np.repeat(axes[None], len(centres), axis=0)
         frames[:, :2] *= larger[:, None, None]
         shift = centres[:, :2] * (larger**2 / distance)[:, None]
-        frames[:, :2] += shift[:, :, None] * near
-        return Shape(points, shape.cells, frames)
+        frames[:, :2] += shift[:, :, None] * axes[2]
+        return Shape(points, shape.cells, frames, shape.tool and behind(shape.tool))
+
+    def behind(tool: Tool) -> Tool:
+        points, larger = enlarged(tool.points)
+        points[:, :2] *= larger[:, None]
+        points[:, 2] -= _BEHIND * distance / _DISTANCE
+        return tool._replace(points=points)
 
     return [of(shape) for shape in shapes]
 
 
 def extent(shapes: Sequence[Shape]) -> tuple[ndarray, ndarray]:
     """The least and the largest coordinates of shapes, each of shape (3,)."""
-    points = np.vstack([shape.points for shape in shapes])
+    tools = [shape.tool.points for shape in shapes if shape.tool]
+    points = np.vstack([*(shape.points for shape in shapes), *tools])
     return points.min(axis=0), points.max(axis=0)

@@ -2,11 +2,15 @@
 
 from ..registration import SceneRegistration, registered
 from .bias_extension import bias_extension
-from .buckling import buckling
-from .cantilever import cantilever
 from .case import Case
 from .picture_frame import picture_frame
 from .scene import Scene
+from .space.buckling import buckling
+from .space.cantilever import cantilever
+from .space.cylinder import cylinder
+from .space.double_dome import double_dome
+from .space.hemisphere import hemisphere
+from .space.saddle import saddle
 from .specimen import specimen
 from .strip import strip
 from .trellis import trellis
@@ -21,7 +25,11 @@ __all__ = [
     "bias_extension",
     "buckling",
     "cantilever",
+    "cylinder",
+    "double_dome",
+    "hemisphere",
     "picture_frame",
+    "saddle",
     "specimen",
     "strip",
     "trellis",

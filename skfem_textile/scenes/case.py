@@ -64,8 +64,9 @@ class Case:
             As from `Ply`.
         """
         scene = self.scene
+        loads = *scene.loads, *scene.loads_of(self.fabric), *self.loads
         return Ply(
-            *(scene.mesh, self.fabric, self.formulation, (*scene.loads, *self.loads)),
+            *(scene.mesh, self.fabric, self.formulation, loads),
             dimension=scene.dimension,
             fibre_ends=scene.fibre_ends,
         )

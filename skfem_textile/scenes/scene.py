@@ -1,6 +1,6 @@
 """A scene: geometry, conditions and exact answer of one problem."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -9,9 +9,10 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ..fabric import Fabric, Law, is_zero
-from ..solve.conditions import Condition
+from ..solve.conditions import Condition, OnSurface
 from ..solve.result import Result
 from ..solve.states import State
+from .common.on_tool import on_tool
 from .shear_test import BiasTest, FrameTest
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class Scene:
     warp, weft
         Fibre directions.
     conditions
-        Displacement conditions by name.
+        Conditions by name.
     driven
         Name of the condition whose nodes have the reported reaction.
     displacement
@@ -71,6 +72,8 @@ class Scene:
     reacting
         Name of the condition whose nodes have the reported reaction, where it is not
         the driven one.
+    loads_of
+        Further loads, which depend on the fabric.
     figures
         Further figures of a result, beside exact ones.
     """
@@ -79,7 +82,7 @@ class Scene:
     mesh: Mesh
     warp: tuple[float, float]
     weft: tuple[float, float]
-    conditions: dict[str, Condition]
+    conditions: Mapping[str, Condition | OnSurface]
     driven: str
     displacement: ExactField = field(default_factory=lambda: unknown)
     shear_angle: ExactField = field(default_factory=lambda: unknown)
@@ -92,6 +95,7 @@ class Scene:
     fibre_ends: "Mapping[str, FibreEnd]" = field(default_factory=dict)
     loads: "tuple[Load, ...]" = ()
     reacting: str = ""
+    loads_of: "Callable[[Fabric], Sequence[Load]]" = lambda fabric: ()
     figures: Callable[[Result], Mapping[str, float]] = lambda result: {}
 
     def rotated(self, angle: float) -> "Scene":
@@ -120,7 +124,11 @@ class Scene:
             mesh=replace(self.mesh, doflocs=Q @ self.mesh.p),
             warp=tuple(Q @ self.warp),
             weft=tuple(Q @ self.weft),
-            conditions={k: c.turned(Q) for k, c in self.conditions.items()},
+            conditions={
+                k: c.turned(Q)
+                for k, c in self.conditions.items()
+                if isinstance(c, Condition)  # on a surface plies in space alone are
+            },
             displacement=lambda X, t: Q @ displacement(Q.T @ X, t),
             shear_angle=lambda X, t: shear_angle(Q.T @ X, t),
             rotation=self.rotation + angle,
@@ -198,7 +206,8 @@ class Scene:
 
         If the exact answer holds on the mesh, the summary has ``load_over_exact``,
         ``displacement_error_...`` and ``shear_angle_error_...``.  If something limits
-        them, the sentence ``exact_answer`` says what.
+        them, the sentence ``exact_answer`` says what.  Of a ply on a tool it has what
+        `on_tool` finds.
         """
         state = result.states[-1]
         reaction = self.reaction(state).tolist()
@@ -210,6 +219,7 @@ class Scene:
             **{f"reaction_share_of_{k}": v for k, v in carried.items()},
             **self._load_over_exact(result, reaction[1]),
             **self.errors(result),
+            **on_tool(result),
             **({} if self.misfit else self.figures(result)),
             **({"exact_answer": f"none: {self.misfit}"} if self.misfit else {}),
         }

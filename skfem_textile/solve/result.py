@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -10,6 +11,9 @@ from numpy import ndarray
 from .body import Body
 from .linear.solver import Choice
 from .states import ErrorEstimate, State
+
+if TYPE_CHECKING:
+    from .conditions import OnSurface, Surface
 
 # States that a printed result lists at most.
 _LINES = 11
@@ -44,6 +48,8 @@ class Result:
         to find the fastest solver.
     solver
         Name of the linear solver, and why it was chosen.
+    surfaces
+        The conditions that keep nodes on surfaces, by name.
     estimate
         Finds the estimated error of a state of the ply.
     """
@@ -59,12 +65,20 @@ class Result:
     assembly_time_s: float
     solve_time_s: float
     solver: Choice
+    surfaces: "Mapping[str, OnSurface]"
     estimate: Callable[[State], ErrorEstimate]
 
     @property
     def path_resolved(self) -> bool:
         """Whether no step gave reason to doubt that more steps lead to the same end."""
         return not self.unresolved
+
+    def tool(self, t: float) -> "Surface | None":
+        """The surface on which all nodes lie at a load factor, or None."""
+        for name, condition in self.surfaces.items():
+            if condition.where is None:
+                return condition.at(name, t)
+        return None
 
     @property
     def u(self) -> ndarray:

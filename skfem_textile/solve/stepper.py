@@ -13,7 +13,7 @@ from scipy.sparse import csc_matrix
 
 from .body import Body
 from .checkpoint import Checkpoint, CheckpointError, Progress, Replay, Saved
-from .conditions import Conditions, Constraints
+from .conditions import Conditions, Constraints, OnSurface
 from .linear import ChosenSolver
 from .linear.solver import Clock
 from .problem import Problem, tangent_at
@@ -199,6 +199,11 @@ class LoadStepper:
             assembly_time_s=clock.seconds["assembly"],
             solve_time_s=clock.seconds["solve"],
             solver=solver,
+            surfaces={
+                name: condition
+                for name, condition in self._conditions.items()
+                if isinstance(condition, OnSurface)
+            },
             estimate=partial(estimated_error, *place),
         )
 

@@ -42,9 +42,9 @@ LAYERS = {
     "solve.stepping.adaptive": ("solve", "ply.refinement", "ply"),
     "solve.sweep": ("solve", "cli.output"),
     "drape": ("solve", "fabric", "mesh"),
-    "scenes": ("solve", "ply", "fabric", "mesh", "registration"),
+    "scenes": ("drape", "solve", "ply", "fabric", "mesh", "registration"),
     "io": ("drape", "solve", "fabric", "mesh"),
-    "plot": ("io", "solve", "fabric", "mesh"),
+    "plot": ("io", "drape", "solve", "fabric", "mesh"),
     "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),
     "cli": (
         *("calibration", "plot", "io", "scenes", "solve.stepping.adaptive", "solve"),
@@ -139,11 +139,11 @@ def registries(package):
 
 
 def registering(package):
-    """Modules of a package's folder that register something."""
+    """Modules of a package's folder, and of those in it, that register something."""
     return {
         module
         for module in MODULES
-        if module.rpartition(".")[0] == package
+        if module.startswith(f"{package}.")
         and any(
             isinstance(node, ast.Assign) and ast.unparse(node.targets) == "REGISTRATION"
             for node in tree(module).body

@@ -20,6 +20,9 @@ PICTURES = (
 #: Files of the further pictures of a shear test.
 OF_SHEAR_TESTS = ("load_by_angle.png", "normalised_load.png")
 
+#: File of the further picture of a ply on a tool.
+DRAPED = "draped.png"
+
 #: File of the picture of a run that stopped early.
 REFUSED = "refused.png"
 
@@ -49,6 +52,10 @@ def draw(
     ):
         with held():
             picture(result, filename=folder / name)
+    on_tool = result.tool(result.states[-1].load_factor) is not None
+    if on_tool and len(result.ply.mesh.t) == 4:
+        with held():
+            plot.draped(result, filename=folder / DRAPED)
     if stopped:
         with held():
             plot.verdict(run, filename=folder / REFUSED)

@@ -6,6 +6,7 @@ Lines of a ply in space that faces hide are drawn all the same.
 import matplotlib as mpl
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
@@ -14,7 +15,7 @@ from numpy import ndarray
 
 from ..layout import KEY, POINT, Bar, Layout, Place, Writing, font_file
 from ..lines import PLY, lines_of
-from ..sheet import Sheet
+from ..sheet import Panel, Sheet
 
 # Width in points of the edge that closes the gaps that viewers leave between polygons.
 _SEAM = 0.4
@@ -45,27 +46,20 @@ def figure_of(sheet: Sheet, layout: Layout) -> Figure:
 
 
 def _draw_panel(page: mpl.axes.Axes, place: Place, sheet: Sheet) -> None:
-    panel, shape = place.panel, place.panel.shape
+    panel = place.panel
     scale = place.scale_of(sheet.extent)
     middle = 0.5 * (sheet.extent[0] + sheet.extent[1])
 
     def on_page(points: ndarray) -> ndarray:
         return place.middle + scale * (points - middle)[..., :2]
 
-    first = 0
-    for cell in shape.cells:
-        # Far ones first, so that near ones hide them.
-        order = np.argsort(shape.points[cell].mean(axis=0)[:, 2], kind="stable")
-        corners = shape.points[cell[:, order].T]
-        faces = PolyCollection(list(on_page(corners)), linewidths=_SEAM)
-        if panel.scale is None or panel.values is None:
-            faces.set(facecolors=PLY, edgecolors=PLY)
-        else:
-            faces.set(array=panel.values[first : first + cell.shape[1]][order])
-            faces.set(cmap=panel.scale.colours, edgecolors="face")
-            faces.set_clim(panel.scale.low, panel.scale.high)
-        first += cell.shape[1]
-        page.add_collection(faces, autolim=False)
+    faces, colours = _faces(panel)
+    order = np.argsort([face[:, 2].mean() for face in faces], kind="stable")
+    polygons = PolyCollection(  # far ones first, so that near ones hide them
+        [on_page(faces[i]) for i in order], facecolors=colours[order], edgecolors="face"
+    )
+    polygons.set_linewidth(_SEAM)
+    page.add_collection(polygons, autolim=False)
     for ends, colour, width in lines_of(panel, scale, sheet.show_edges):
         lines = LineCollection(
             list(on_page(ends)),
@@ -74,6 +68,23 @@ def _draw_panel(page: mpl.axes.Axes, place: Place, sheet: Sheet) -> None:
             capstyle="round",
         )
         page.add_collection(lines, autolim=False)
+
+
+def _faces(panel: Panel) -> tuple[list[ndarray], ndarray]:
+    """Corners and colours of elements and of triangles of their tool."""
+    shape, scale = panel.shape, panel.scale
+    faces = [face for cell in shape.cells for face in shape.points[cell.T]]
+    if scale is None or panel.values is None:
+        colours = np.tile(to_rgba(PLY), (len(faces), 1))
+    else:
+        colours = scale.colours((panel.values - scale.low) / (scale.high - scale.low))
+    if tool := shape.tool:
+        faces += list(tool.points[tool.triangles.T])
+        greys = np.repeat(tool.shades[:, None], 3, axis=1)
+        colours = np.vstack(
+            [colours, np.pad(greys, ((0, 0), (0, 1)), constant_values=1)]
+        )
+    return faces, colours
 
 
 def _draw_bar(page: mpl.axes.Axes, bar: Bar) -> None:

@@ -30,8 +30,9 @@ _COLOURS = 256
 # Width in mm of the line of a key.
 _STROKE = 0.5
 
-# Distance in mm of lines from what they are drawn in front of.
-_LIFT = 0.1
+# Distance in mm of lines from what they are drawn in front of, and on a tool, where
+# elements are inclined.
+_LIFT, _LIFT_ON_TOOL = 0.1, 1.0
 
 
 class Frame(NamedTuple):
@@ -121,14 +122,19 @@ def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
 def _draw_place(plotter: pv.Plotter, place: Place, sheet: Sheet, frame: Frame) -> None:
     """Draw a panel into the active renderer and point its camera."""
     panel, scale = place.panel, place.scale_of(sheet.extent)
-    grid = _grid(panel)
     look = {"color": PLY} if panel.scale is None else _in_colours(panel)
-    plotter.add_mesh(
-        grid, lighting=False, show_scalar_bar=False, reset_camera=False, **look
-    )
+    meshes = [(_grid(panel.shape.points, panel.shape.cells), look)]
+    if tool := panel.shape.tool:
+        greys = {"scalars": tool.shades, "clim": (0.0, 1.0), "cmap": "gray"}
+        meshes.append((_grid(tool.points, (tool.triangles,)), greys))
+    for grid, look in meshes:
+        plotter.add_mesh(
+            grid, lighting=False, show_scalar_bar=False, reset_camera=False, **look
+        )
+    lift = (_LIFT_ON_TOOL if panel.shape.tool else _LIFT) / scale
     for i, lines in enumerate(lines_of(panel, scale, sheet.show_edges), start=1):
         ends, colour, width = lines
-        in_front = ends.reshape(-1, 3) + np.array([0.0, 0.0, i * _LIFT / scale])
+        in_front = ends.reshape(-1, 3) + np.array([0.0, 0.0, i * lift])
         plotter.add_mesh(
             pv.line_segments_from_points(in_front),
             color=colour,
@@ -157,12 +163,11 @@ def _point_camera(
     plotter.renderer.reset_camera_clipping_range()
 
 
-def _grid(panel: Panel) -> pv.UnstructuredGrid:
-    cells = panel.shape.cells
+def _grid(points: ndarray, cells: tuple[ndarray, ...]) -> pv.UnstructuredGrid:
     rows = [np.pad(cell, ((1, 0), (0, 0)), constant_values=len(cell)) for cell in cells]
     kinds = [np.full(cell.shape[1], _CELLS[len(cell)]) for cell in cells]
     listed = np.concatenate([row.T.ravel() for row in rows])
-    return pv.UnstructuredGrid(listed, np.concatenate(kinds), panel.shape.points)
+    return pv.UnstructuredGrid(listed, np.concatenate(kinds), points)
 
 
 def _in_colours(panel: Panel) -> dict[str, Any]:

@@ -11,14 +11,14 @@ from functools import partial
 import numpy as np
 from skfem import Mesh
 
-from ..mesh.checks import MeshError, check_mesh, with_edges
-from ..ply.loads import BodyForce
-from ..registration import Option, SceneRegistration
-from ..solve.conditions import Condition
-from ..solve.result import Result
-from .common.elastica import hanging, peirce
-from .rectangle import misfit, rectangle
-from .scene import Scene
+from ...ply.loads import BodyForce
+from ...registration import Option, SceneRegistration
+from ...solve.conditions import Condition
+from ...solve.result import Result
+from ..common.elastica import hanging, peirce
+from ..rectangle import misfit
+from ..scene import Scene
+from .strip_with_ends import ENDS, strip_with_ends
 
 #: Width of the strip in mm, that of ASTM D1388.
 WIDTH = 25.0
@@ -55,14 +55,7 @@ def cantilever(
     for name, number in (("length", length), ("weight", weight)):
         if not 0 < number < np.inf:
             raise ValueError(f"the {name} must be positive, got {number:g}")
-    if isinstance(mesh, str):
-        mesh = rectangle(length, WIDTH, size, mesh, jitter, seed)
-    else:
-        check_mesh(mesh)
-        mesh = with_edges(mesh)
-    for name in ("left", "right"):
-        if name not in mesh.boundaries:
-            raise MeshError(f"cantilever: the mesh has no straight {name} edge")
+    mesh = strip_with_ends("cantilever", mesh, (length, WIDTH), size, jitter, seed)
     overhang = float(np.ptp(mesh.p[0]))
     return Scene(
         name="cantilever",
@@ -79,7 +72,7 @@ def cantilever(
         fibre_ends={"left": "clamped"},
         loads=(BodyForce((0.0, 0.0, -weight), name="weight"),),
         figures=partial(figures, length=overhang, weight=weight),
-        misfit=misfit(mesh, ("left", "right")),
+        misfit=misfit(mesh, ENDS),
     )
 
 

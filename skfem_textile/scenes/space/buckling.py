@@ -10,14 +10,14 @@ from functools import partial
 import numpy as np
 from skfem import Mesh
 
-from ..mesh.checks import MeshError, check_mesh, with_edges
-from ..ply.loads import BodyForce
-from ..registration import Option, SceneRegistration
-from ..solve.conditions import Condition
-from ..solve.result import Result
-from .common.elastica import buckled
-from .rectangle import misfit, rectangle
-from .scene import Scene
+from ...ply.loads import BodyForce
+from ...registration import Option, SceneRegistration
+from ...solve.conditions import Condition
+from ...solve.result import Result
+from ..common.elastica import buckled
+from ..rectangle import misfit
+from ..scene import Scene
+from .strip_with_ends import ENDS, strip_with_ends
 
 #: Length and width of the strip in mm.
 LENGTH, WIDTH = 100.0, 25.0
@@ -56,14 +56,7 @@ def buckling(
         raise ValueError(f"the shortening must be between 0 and 1, got {shortening:g}")
     if not np.isfinite(push):
         raise ValueError(f"the push must be a finite number, got {push:g}")
-    if isinstance(mesh, str):
-        mesh = rectangle(LENGTH, WIDTH, size, mesh, jitter, seed)
-    else:
-        check_mesh(mesh)
-        mesh = with_edges(mesh)
-    for name in ("left", "right"):
-        if name not in mesh.boundaries:
-            raise MeshError(f"buckling: the mesh has no straight {name} edge")
+    mesh = strip_with_ends("buckling", mesh, (LENGTH, WIDTH), size, jitter, seed)
     length, width = np.ptp(mesh.p, axis=1).tolist()
     return Scene(
         name="buckling",
@@ -78,7 +71,7 @@ def buckling(
         dimension=3,
         loads=(BodyForce((0.0, 0.0, push), factor=1.0, name="push"),) if push else (),
         figures=partial(figures, length=length, width=width, shortening=shortening),
-        misfit=misfit(mesh, ("left", "right")),
+        misfit=misfit(mesh, ENDS),
     )
 
 

@@ -1,0 +1,89 @@
+"""The picture of plies on tools: shear, risks and contact pressure."""
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..io.fields import fields_on_tool
+from ..solve.result import Result
+from ..solve.states import State
+from .drawing import draw
+from .fields import FIELDS, reach, values_of
+from .layout import PAGE
+from .lines import REFUSED
+from .pictures import shapes_of
+from .sheet import Legend, Panel, Scale, Sheet, extent
+
+if TYPE_CHECKING:
+    import pyvista as pv
+    from matplotlib.figure import Figure
+
+# What is marked is drawn in this colour, and named so.
+_RISK = [("Fibres may wrinkle", REFUSED)]
+
+
+def draped(
+    *results: Result,
+    filename: str | os.PathLike[str] | None = None,
+    plotter: "pv.Plotter | None" = None,
+    state: int = -1,
+    show_edges: bool | None = None,
+    size: float | tuple[float, float] | None = None,
+) -> "pv.Plotter | Figure":
+    """Shear angle and contact pressure of plies on tools, a row for each.
+
+    Elements in which fibres may wrinkle are marked on the shear angle.  A pressure
+    below zero is a pull: there the ply bridges the tool.
+
+    Parameters
+    ----------
+    *results
+        Results of runs of plies that lie on tools, with elements of four nodes.
+    filename, plotter, state, show_edges, size
+        As for `field`; 174 mm wide if no size is given.
+
+    Returns
+    -------
+    pyvista.Plotter or matplotlib.figure.Figure
+        As `field`.
+
+    Raises
+    ------
+    ImportError, RuntimeError, FileNotFoundError
+        As `field`.
+    ValueError
+        As `field`, or if a ply is on no tool or its elements have other nodes.
+    """
+    found = [_found(result, result.states[state]) for result in results]
+    shapes = shapes_of(results, [result.states[state] for result in results])
+    shear, pressure = FIELDS["shear_angle"], "Contact pressure (N/mm²)"
+    angles = [
+        values_of(shear, result.ply, result.states[state].u) for result in results
+    ]
+    scale = Scale.of(shear.label, reach(angles, shear.symmetric), shear.cmap, None)
+    pressures = [one for one, _ in found]
+    of_pressure = Scale.of(pressure, reach(pressures, True), "RdBu_r", None)
+    rows = [
+        [
+            Panel("Shear angle", shape, angle, scale, marked=at_risk),
+            Panel("Contact pressure", shape, pressed, of_pressure),
+        ]
+        for shape, angle, (pressed, at_risk) in zip(shapes, angles, found, strict=True)
+    ]
+    keys = _RISK if any(at_risk.size for _, at_risk in found) else []
+    legends = [Legend(0, 1, scale, keys), Legend(1, 2, of_pressure)]
+    sheet = Sheet(rows, legends, extent(shapes), show_edges)
+    return draw(sheet, filename, plotter, size or (None if plotter else PAGE))
+
+
+def _found(result: Result, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Contact pressure of elements, and numbers of those at risk of wrinkles."""
+    ply, surface = result.ply, result.tool(state.load_factor)
+    if surface is None:
+        raise ValueError("a ply is on no tool: it needs a condition OnSurface")
+    points, cells = fields_on_tool(ply, surface, state.u, state.load_factor)
+    if not points:
+        raise ValueError("there are no contact pressures on quadratic triangles")
+    pressure = points["contact_pressure"][ply.mesh.t].mean(axis=0)
+    return pressure, np.flatnonzero(cells["wrinkle_risk"])

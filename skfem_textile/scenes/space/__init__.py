@@ -1,0 +1,1 @@
+"""Scenes in space: strips, and plies that are laid on tools."""

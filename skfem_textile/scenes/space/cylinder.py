@@ -1,0 +1,55 @@
+"""Scene `cylinder`: a ply on a cylinder, which shears no ply."""
+
+from typing import Unpack
+
+import numpy as np
+
+from ...drape import Cylinder
+from ...registration import SceneRegistration
+from ..scene import Scene
+from .laid import DEFAULTS, LaidPly, from_options, laid, options
+from .laid import radius as radius_option
+
+#: Radius of the cylinder and sides of the ply in mm.
+RADIUS, WIDTH, HEIGHT = 100.0, 180.0, 180.0
+
+
+def cylinder(radius: float = RADIUS, **ply: Unpack[LaidPly]) -> Scene:
+    """A ply on a cylinder, its axis along y below the origin.
+
+    The exact answer, for fibres at any angle: nothing shears.
+
+    Parameters
+    ----------
+    radius
+        Radius in mm.
+    **ply
+        As of `laid`.
+
+    Raises
+    ------
+    ValueError
+        As from `laid`, or if the radius is not positive.
+    """
+    return laid(
+        "cylinder",
+        Cylinder(radius, (0.0, 0.0, -radius)),
+        **ply,
+        exact=lambda X, t: np.zeros(X.shape[1]),
+        off_exact=lambda X: "",
+    )
+
+
+REGISTRATION = SceneRegistration(
+    name="cylinder",
+    description="a ply on a cylinder, which shears no ply",
+    build=from_options(cylinder),
+    size=(16, 16),
+    jitter=0.0,
+    defaults=DEFAULTS,
+    options=(
+        radius_option(RADIUS, "radius of the cylinder"),
+        *options(WIDTH, HEIGHT),
+    ),
+    rank=9,
+)

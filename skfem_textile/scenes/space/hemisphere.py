@@ -1,0 +1,83 @@
+"""Scene `hemisphere`: a ply on a sphere, whose Chebyshev net is known."""
+
+from functools import partial
+from typing import Unpack
+
+import numpy as np
+from numpy import ndarray
+
+from ...drape import Sphere
+from ...registration import SceneRegistration
+from ..common import chebyshev
+from ..scene import Scene
+from .laid import DEFAULTS, LaidPly, from_options, laid, options
+from .laid import radius as radius_option
+
+#: Radius of the sphere and sides of the ply in mm.
+RADIUS, WIDTH, HEIGHT = 100.0, 180.0, 180.0
+
+# Share of the ply's width, and of an eighth of a turn, that counts as none.
+_OFF = 1e-6
+
+
+def hemisphere(radius: float = RADIUS, **ply: Unpack[LaidPly]) -> Scene:
+    """A ply on a sphere, its pole at the origin.
+
+    Where the ply is symmetric about the fibres through the pole these are great
+    circles, and the exact answer is the Chebyshev net: with fibres along the sides, or
+    at 45° to the sides of a square.
+
+    Parameters
+    ----------
+    radius
+        Radius in mm.
+    **ply
+        As of `laid`.
+
+    Raises
+    ------
+    ValueError
+        As from `laid`, or if the radius is not positive.
+    """
+    fibres = ply.get("fibres", 0.0)
+    return laid(
+        "hemisphere",
+        Sphere(radius, (0.0, 0.0, -radius)),
+        **ply,
+        exact=lambda X, t: chebyshev.shear_angle(_threads(X, fibres, radius / t)),
+        off_exact=partial(_off_exact, fibres=fibres, radius=radius),
+    )
+
+
+def _threads(X: ndarray, fibres: float, radius: float) -> ndarray:
+    """uv/R² of the lengths u and v along the threads of points of the flat ply."""
+    c, s = np.cos(fibres), np.sin(fibres)
+    return (c * X[0] + s * X[1]) * (c * X[1] - s * X[0]) / radius**2
+
+
+def _off_exact(X: ndarray, fibres: float, radius: float) -> str:
+    """Why the Chebyshev net is not the answer; empty if it is."""
+    eighths = fibres / (np.pi / 4)
+    if abs(eighths - round(eighths)) > _OFF:
+        return "the net is known of fibres along the sides or at 45 degrees to them"
+    width, height = np.ptp(X, axis=1)
+    if round(eighths) % 2 and abs(width - height) > _OFF * width:
+        return "with fibres at 45 degrees to the sides the net is known of a square"
+    if np.abs(_threads(X, fibres, radius)).max() > chebyshev.FOLD:
+        return "the net folds within the ply"
+    return ""
+
+
+REGISTRATION = SceneRegistration(
+    name="hemisphere",
+    description="a ply on a sphere",
+    build=from_options(hemisphere),
+    size=(16, 16),
+    jitter=0.0,
+    defaults=DEFAULTS,
+    options=(
+        radius_option(RADIUS, "radius of the sphere"),
+        *options(WIDTH, HEIGHT),
+    ),
+    rank=8,
+)

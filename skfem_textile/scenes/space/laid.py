@@ -1,0 +1,251 @@
+"""A ply that is laid on a tool, which grows out of its plane.
+
+The tool touches the ply at its middle, the origin.  A quarter of the ply is enough
+where tool and fibres have planes of symmetry, with fibres along the sides or at 45° to
+them.  Otherwise the whole ply is held at its middle: a node near it stays where
+geodesics lay it, and a node on its x axis does not turn around it.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Literal, TypeAlias, TypedDict, get_args
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh
+
+from ...drape import exponential_map
+from ...fabric import Fabric
+from ...mesh.checks import MeshError, check_mesh, with_edges
+from ...ply.term import Load
+from ...registration import Option, angle
+from ...solve.conditions import Condition, OnSurface
+from ...solve.conditions.surface import Surface
+from ...solve.result import Result
+from ..rectangle import misfit, rectangle
+from ..scene import Scene, unknown
+from .edge_tension import EdgeTension
+
+Part: TypeAlias = Literal["quarter", "whole"]
+
+PARTS: tuple[str, ...] = get_args(Part)
+
+#: Sides in planes of symmetry, and their normals.
+_SYMMETRY = {"left": (0.0, None, None), "bottom": (None, 0.0, None)}
+
+# Angle in radians, and share of the ply, that count as none.
+_OFF = 1e-6
+
+#: Values of options that are others than of other scenes: a fabric that shears easily.
+DEFAULTS = {"shear-stiffness": 0.1, "steps": 4}
+
+
+class LaidPly(TypedDict, total=False):
+    """What all plies that are laid have; `laid` says what each is."""
+
+    mesh: str | Mesh
+    size: tuple[int, int]
+    jitter: float
+    seed: int
+    fibres: float
+    width: float
+    height: float
+    tension: float
+    part: Part | None
+
+
+def laid(
+    name: str,
+    surface: Surface,
+    *,
+    mesh: str | Mesh = "irregular",
+    size: tuple[int, int] = (16, 16),
+    jitter: float = 0.0,
+    seed: int = 1,
+    fibres: float = 0.0,
+    width: float = 180.0,
+    height: float = 180.0,
+    tension: float = 2.0,
+    part: Part | None = None,
+    exact: Callable[[ndarray, float], ndarray] = unknown,
+    off_exact: Callable[[ndarray], str] = lambda X: "no exact answer is known",
+) -> Scene:
+    """The scene of a ply on a tool.
+
+    Parameters
+    ----------
+    name
+        Name of the scene.
+    surface
+        The tool, which touches the plane z = 0 at the origin and is symmetric about the
+        planes x = 0 and y = 0.
+    mesh
+        A mesh of the ply with its middle at the origin, or of its quarter with the
+        lower left corner there; or the kind of `rectangle` to make.
+    size, jitter, seed
+        As for `rectangle`, of what is computed.
+    fibres
+        Inclination of the warp in radians; the weft is at right angles to it.
+    width, height
+        Sides of the whole ply in mm, where its mesh is made.
+    tension
+        Tension in N/mm on free edges along the fibres, see `EdgeTension`.
+    part
+        What is computed; a quarter if not given where the fibres allow it.
+    exact
+        Exact shear angle ``(X, t) -> (n,)`` in radians, `unknown` if it is.
+    off_exact
+        Why it does not hold for a ply with given nodes, (2, n); empty if it does.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid or does not fit, a number is not positive, or the part
+        does not go with the fibres.
+    """
+    _refuse_numbers(name, width, height, tension, fibres)
+    symmetric = abs(fibres / (np.pi / 4) - round(fibres / (np.pi / 4))) < _OFF
+    if part == "quarter" and not symmetric:
+        raise ValueError(
+            f"{name}: fibres at {np.degrees(fibres):g} degrees have no planes of "
+            "symmetry: take the whole ply"
+        )
+    part = part or ("quarter" if symmetric else "whole")
+    share, held = (0.5, tuple(_SYMMETRY)) if part == "quarter" else (1.0, ())
+    angles = fibres, fibres + np.pi / 2
+    on_tool = OnSurface(surface)
+    if isinstance(mesh, str):
+        sides = share * width, share * height
+        flat = rectangle(*sides, size, mesh, jitter, seed, *angles)
+        if part == "whole":
+            flat = flat.translated((-0.5 * width, -0.5 * height))
+    else:
+        check_mesh(mesh)
+        flat = with_edges(mesh)
+    held_at = _in_planes(name, flat) if held else _at_middle(name, flat, on_tool)
+
+    def edge_tension(fabric: Fabric) -> Sequence[Load]:
+        law = fabric.shear_law if fabric.at() is fabric else None
+        return [EdgeTension(on_tool, tension, angles, law, held)] if tension else []
+
+    c, s = float(np.cos(fibres)), float(np.sin(fibres))
+    return Scene(
+        name=name,
+        mesh=flat,
+        warp=(c, s),
+        weft=(-s, c),
+        conditions={"tool": on_tool, **held_at},
+        driven="tool",
+        shear_angle=exact,
+        dimension=3,
+        fibre_ends=dict.fromkeys(held, "mirror"),
+        loads_of=edge_tension,
+        figures=partial(shear_errors, exact=exact),
+        misfit=misfit(flat, held) or off_exact(flat.p),
+    )
+
+
+def shear_errors(
+    result: Result, exact: Callable[[ndarray, float], ndarray]
+) -> dict[str, float]:
+    """How far shear angles at the centres of elements are from exact ones."""
+    ply, t = result.ply, result.states[-1].load_factor
+    X = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+    expected = exact(X, t)
+    off = np.degrees(ply.shear_angle(result.u, ply.centre)[:, 0] - expected)
+    area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
+    return {
+        "exact_max_shear_angle_deg": float(np.degrees(np.abs(expected).max())),
+        "shear_angle_error_max_deg": float(np.abs(off).max()),
+        "shear_angle_error_rms_deg": float(np.sqrt(np.average(off**2, weights=area))),
+    }
+
+
+def _refuse_numbers(
+    name: str, width: float, height: float, tension: float, fibres: float
+) -> None:
+    for what, side in (("width", width), ("height", height)):
+        if not 0 < side < np.inf:
+            raise ValueError(f"{name}: the {what} must be positive, got {side:g}")
+    if not 0 <= tension < np.inf:
+        raise ValueError(
+            f"{name}: the edge tension must be 0 or positive, got {tension:g}"
+        )
+    if not np.isfinite(fibres):
+        raise ValueError(f"{name}: the fibres must have a finite angle, got {fibres:g}")
+
+
+def _in_planes(name: str, mesh: Mesh) -> dict[str, Condition]:
+    """Conditions of a quarter on its planes of symmetry."""
+    for side in _SYMMETRY:
+        if side not in mesh.boundaries:
+            raise MeshError(
+                f"{name}: the mesh of a quarter has no straight {side} edge"
+            )
+    if np.abs(mesh.p.min(axis=1)).max() > _OFF * np.ptp(mesh.p):
+        raise MeshError(
+            f"{name}: the lower left corner of a quarter must be at the origin; of a "
+            "whole ply say --part whole"
+        )
+    return {side: Condition(side, value) for side, value in _SYMMETRY.items()}
+
+
+def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition]:
+    """Conditions that hold a whole ply at its middle."""
+    low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
+    if (low >= 0).any() or (high <= 0).any():
+        raise MeshError(f"{name}: the origin must be inside the mesh of a whole ply")
+
+    def nearest(place: tuple[float, float]) -> ndarray:
+        return np.array([np.hypot(*(mesh.p - np.array(place)[:, None])).argmin()])
+
+    def moves(axis: int) -> Callable[[ndarray, float], ndarray]:
+        return lambda X, t: exponential_map(on_tool.at("tool", t), X)[axis] - X[axis]
+
+    middle, beside = nearest((0.0, 0.0)), nearest((0.5 * float(high[0]), 0.0))
+    x, y = np.eye(3)[:2]
+    return {
+        "middle_x": Condition(middle, moves(0), direction=x),
+        "middle_y": Condition(middle, moves(1), direction=y),
+        "turn": Condition(beside, moves(1), direction=y),
+    }
+
+
+def options(width: float, height: float) -> tuple[Option, ...]:
+    """The options of every ply that is laid, with the sides of the ply."""
+    return (
+        angle("fibres", 0.0, "inclination of the warp; the weft is at right angles"),
+        _length("width", width, "of the whole ply along x, where its mesh is made"),
+        _length("height", height, "of the whole ply along y, where its mesh is made"),
+        Option(
+            name="tension",
+            help="tension on free edges along the fibres; 0 for edges without",
+            default=2.0,
+            read=float,
+            unit="N_per_mm",
+        ),
+        Option(
+            name="part",
+            help="what is computed (default: quarter with fibres along the sides or at "
+            "45 degrees to them, else whole)",
+            choices=PARTS,
+        ),
+    )
+
+
+def radius(default: float, what: str) -> Option:
+    """The option of a tool's radius."""
+    return _length("radius", default, what)
+
+
+def _length(name: str, default: float, what: str) -> Option:
+    return Option(name=name, help=what, default=default, read=float, unit="mm")
+
+
+def from_options(build: Callable[..., Scene]) -> Callable[..., Scene]:
+    """What builds a scene of options, whose angle is in degrees."""
+
+    def built(*, fibres: float, **others: Any) -> Scene:
+        return build(fibres=float(np.radians(fibres)), **others)
+
+    return built
