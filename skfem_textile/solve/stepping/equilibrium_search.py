@@ -27,10 +27,10 @@ _SETTLED = 0.0025
 # coarse quadratic triangles at 60 degrees of shear it is half.
 _TIMES = 4
 
-# The shortest step to balance at rest, as a share of what is not balanced.  With longer
-# ones heavy cantilevers leave their path; with a shorter one a ply that has no path
-# from rest takes longer until it is taken as it comes.
-_SHORTEST_AT_REST = 2.0**-6
+# The shortest step to balance at rest, as a share of what is not balanced: of a ply
+# that is stable there, and of another.  With longer ones heavy cantilevers with little
+# bending stiffness are refused; with shorter ones a refusal takes longer.
+_SHORTEST_AT_REST = 2.0**-12, 2.0**-6
 
 
 class Goal(NamedTuple):
@@ -144,8 +144,9 @@ class EquilibriumSearch:
 
         What is not balanced at rest, such as a constant weight, is held at first, and
         let go in steps that shrink where the way is hard.  Prescribed displacements
-        grow with it.  What the shortest step cannot let go is let go at once, by
-        whatever way the iteration takes.
+        grow with it.  A ply that is not stable at rest may have no path from there:
+        what the shortest step cannot let go is then let go at once, by whatever way
+        the iteration takes.
 
         Parameters
         ----------
@@ -161,6 +162,8 @@ class EquilibriumSearch:
         """
         unbalanced, u, tangent = start.f, start.u, start.tangent
         done, step, most, altered, followed = 0.0, 1.0, float(MOST_ALTERED), 0, True
+        stable = tangent is not None and tangent.negative_pivots == 0
+        shortest = _SHORTEST_AT_REST[0 if stable else 1]
         while True:
             share = min(1.0, done + step)
             held = (1.0 - share) * unbalanced
@@ -169,10 +172,10 @@ class EquilibriumSearch:
             try:
                 found = self(goal)
             except NoEquilibriumError:
-                if most == np.inf:
-                    raise
                 step /= 2
-                if step < _SHORTEST_AT_REST:
+                if step < shortest:
+                    if stable or most == np.inf:
+                        raise
                     step, most = 1.0, np.inf
                 continue
             altered = max(altered, found.altered)
