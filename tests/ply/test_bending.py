@@ -97,7 +97,7 @@ def test_quadratic_triangles_are_of_second_order_too(degrees):
         np.abs(plate(square(n, 0.2), degrees, Quadratic(), on_sides)).max()
         for n in (8, 16)
     )
-    assert fine < 0.025
+    assert fine < 0.012
     assert coarse / fine > 3
 
 

@@ -40,13 +40,13 @@ def bending_matrix(
     mesh: Mesh = basis.mesh
     held = {kind: _facets(mesh, ends, kind) for kind in FIBRE_ENDS}
     free = np.setdiff1d(mesh.boundary_facets(), np.concatenate([*held.values()]))
-    clamped, mirrors = (end_edges(mesh, A, held[kind]) for kind in FIBRE_ENDS)
+    facets = free, held["clamped"], held["mirror"]
+    at_free, clamped, mirrors = (end_edges(mesh, A, of_kind) for of_kind in facets)
     d = components(basis)
     if isinstance(basis.elem.elem, ElementQuad1):  # type: ignore[attr-defined]
-        edges = end_edges(mesh, A, free), mirrors
-        K = matrix_of_quadrilaterals(mesh, A, D, *edges, d)
+        K = matrix_of_quadrilaterals(mesh, A, D, at_free, mirrors, d)
     else:
-        K = matrix_of_triangles(mesh, A, D, clamped, mirrors, d)
+        K = matrix_of_triangles(mesh, A, D, at_free, clamped, mirrors, d)
     return csr_matrix((K + K.T) / 2)
 
 
