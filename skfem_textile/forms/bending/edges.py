@@ -35,8 +35,8 @@ class EndEdges:
         return (self.A * self.N).sum(axis=0)
 
 
-def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
-    """Those of some boundary edges that fibres do not follow.
+def boundary_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
+    """Some boundary edges, with the directions of fibres there.
 
     Parameters
     ----------
@@ -53,6 +53,11 @@ def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
     elements = mesh.f2t[0, facets]
     out = ends.mean(axis=1) - mesh.p[:, mesh.t[:, elements]].mean(axis=1)
     N = N * np.sign((N * out).sum(axis=0))
-    at_edges = A[:, elements]
-    meets = np.abs((at_edges * N).sum(axis=0)) > _ALONG
-    return EndEdges(facets[meets], at_edges[:, meets], N[:, meets])
+    return EndEdges(facets, A[:, elements], N)
+
+
+def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
+    """Those of `boundary_edges` that fibres do not follow; the same parameters."""
+    edges = boundary_edges(mesh, A, facets)
+    meets = np.abs(edges.across) > _ALONG
+    return EndEdges(facets[meets], edges.A[:, meets], edges.N[:, meets])

@@ -1,4 +1,4 @@
-"""The matrix of the bending energy of one fibre family."""
+"""The matrices of the bending energy of one fibre family, and of twist."""
 
 from collections.abc import Mapping
 from typing import Literal, TypeAlias, get_args
@@ -10,7 +10,7 @@ from skfem import ElementQuad1, Mesh
 from skfem.assembly.basis import AbstractBasis
 
 from ...mesh.bases import components
-from .edges import end_edges
+from .edges import EndEdges, boundary_edges, end_edges
 from .quadrilaterals import matrix_of_quadrilaterals
 from .triangles import matrix_of_triangles
 
@@ -42,11 +42,46 @@ def bending_matrix(
     free = np.setdiff1d(mesh.boundary_facets(), np.concatenate([*held.values()]))
     facets = free, held["clamped"], held["mirror"]
     at_free, clamped, mirrors = (end_edges(mesh, A, of_kind) for of_kind in facets)
+    return _matrix(basis, (A, A), D, at_free, clamped, mirrors)
+
+
+def twist_matrix(
+    basis: AbstractBasis, A: ndarray, B: ndarray, D: ndarray
+) -> csr_matrix:
+    """The matrix K of ½ u·K·u = ½ ∫ D |τ|² in N/mm, with the twist τ = ∇∇x : A⊗B.
+
+    Of directions at right angles, z = c x y has the twist c.
+
+    Parameters
+    ----------
+    basis
+        As of `bending_matrix`.
+    A, B
+        Unit directions of both families in each element, shape (2, n_elements).
+    D
+        Twist stiffness per width of ply in N·mm in each element, shape (n_elements,).
+    """
+    mesh: Mesh = basis.mesh
+    edges = boundary_edges(mesh, A, mesh.boundary_facets())
+    none = EndEdges(edges.facets[:0], edges.A[:, :0], edges.N[:, :0])
+    return _matrix(basis, (A, B), D, edges, none, none)
+
+
+def _matrix(
+    basis: AbstractBasis,
+    along: tuple[ndarray, ndarray],
+    D: ndarray,
+    free: EndEdges,
+    clamped: EndEdges,
+    mirrors: EndEdges,
+) -> csr_matrix:
+    """The matrix of ½ ∫ D |∇∇x : A⊗B|² for the directions (A, B) of ``along``."""
+    mesh: Mesh = basis.mesh
     d = components(basis)
     if isinstance(basis.elem.elem, ElementQuad1):  # type: ignore[attr-defined]
-        K = matrix_of_quadrilaterals(mesh, A, D, at_free, mirrors, d)
+        K = matrix_of_quadrilaterals(mesh, along, D, free, mirrors, d)
     else:
-        K = matrix_of_triangles(mesh, A, D, at_free, clamped, mirrors, d)
+        K = matrix_of_triangles(mesh, along, D, free, clamped, mirrors, d)
     return csr_matrix((K + K.T) / 2)
 
 

@@ -34,7 +34,12 @@ _NONE = 1e-9
 
 
 def matrix_of_quadrilaterals(
-    mesh: Any, A: ndarray, D: ndarray, free: EndEdges, mirrors: EndEdges, d: int
+    mesh: Any,
+    along: tuple[ndarray, ndarray],
+    D: ndarray,
+    free: EndEdges,
+    mirrors: EndEdges,
+    d: int,
 ) -> Any:
     """The matrix of the bending energy.
 
@@ -42,7 +47,9 @@ def matrix_of_quadrilaterals(
     ----------
     mesh
         A `skfem.MeshQuad`.
-    A, D
+    along
+        Unit directions (A, B) in each element: the same for bending.
+    D
         As of `bending_matrix`.
     free, mirrors
         Edges where fibres end freely, and those on planes of symmetry.
@@ -52,9 +59,10 @@ def matrix_of_quadrilaterals(
     basis = CellBasis(mesh, ElementQuad1(), intorder=3)
     overlap, stiffness = (asm(_PRODUCT, basis, D=x[:, None]) for x in (D * 0 + 1, D))
     area, D_area = (np.asarray(x.sum(axis=1)).ravel() for x in (overlap, stiffness))
-    L = asm(_ALONG_FIBRES, basis, A=A[:, :, None])
-    if np.ptp(A, axis=1).any():
-        L = L - _of_jumps(mesh, A)
+    A, B = along
+    L = asm(_ALONG_FIBRES, basis, A=A[:, :, None], B=B[:, :, None])
+    if np.ptp(along, axis=2).any():
+        L = L - _of_jumps(mesh, A, B)
     if mirrors.facets.size:
         edges = FacetBasis(mesh, ElementQuad1(), facets=mirrors.facets, intorder=3)
         L = L - asm(_EVEN, edges, A=mirrors.A[:, :, None])
@@ -73,7 +81,8 @@ def _PRODUCT(u, v, w):
 
 @BilinearForm
 def _ALONG_FIBRES(u, v, w):
-    return dot(w["A"], grad(u)) * dot(w["A"], grad(v))
+    of_u, of_v = ([dot(w[k], grad(x)) for k in "AB"] for x in (u, v))
+    return 0.5 * (of_u[0] * of_v[1] + of_u[1] * of_v[0])
 
 
 @BilinearForm
@@ -88,15 +97,19 @@ def _OF_JUMP(u, v, w):
     return 0.5 * v * dot(w["jump"], grad(u))
 
 
-def _of_jumps(mesh: Any, A: ndarray) -> Any:
-    """∮ φ_i [(A·N) A]·{∇φ_j} over interior edges; [] is the jump of directions."""
+def _of_jumps(mesh: Any, A: ndarray, B: ndarray) -> Any:
+    """∮ φ_i ½ [(A·N) B + (B·N) A]·{∇φ_j} over interior edges; [] is the jump."""
     sides = [
         InteriorFacetBasis(mesh, ElementQuad1(), intorder=3, side=side)
         for side in (0, 1)
     ]
     n = np.asarray(sides[0].normals)
-    one, other = (A[:, side.tind, None] for side in sides)
-    jump = dot(one, n) * one - dot(other, n) * other
+    one, other = (
+        0.5 * (dot(a, n) * b + dot(b, n) * a)
+        for side in sides
+        for a, b in [(A[:, side.tind, None], B[:, side.tind, None])]
+    )
+    jump = one - other
     return sum(asm(_OF_JUMP, side, sides[0], jump=jump) for side in sides)
 
 

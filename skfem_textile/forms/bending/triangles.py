@@ -37,7 +37,7 @@ _JUMPS = 0.2
 
 def matrix_of_triangles(
     mesh: Any,
-    A: ndarray,
+    along: tuple[ndarray, ndarray],
     D: ndarray,
     free: EndEdges,
     clamped: EndEdges,
@@ -50,7 +50,9 @@ def matrix_of_triangles(
     ----------
     mesh
         A `skfem.MeshTri`.
-    A, D
+    along
+        Unit directions (A, B) in each element: the same for bending.
+    D
         As of `bending_matrix`.
     free, clamped, mirrors
         Edges where fibres end freely, where they keep their direction, and those on
@@ -61,10 +63,11 @@ def matrix_of_triangles(
     (a, b), (c, e) = (mesh.p[:, mesh.t[i]] - mesh.p[:, mesh.t[0]] for i in (1, 2))
     area = 0.5 * np.abs(a * e - b * c)
     every: Any = identity(d)
-    K, curvature = _of_jumps(mesh, A, D, area), _inside(mesh, A)
+    K, curvature = _of_jumps(mesh, along, D, area), _inside(mesh, along)
     for edges in (free, mirrors):
         if edges.facets.size:
-            curvature = curvature + _through(mesh, edges, edges.A * edges.across)
+            B = along[1][:, mesh.f2t[0, edges.facets]]
+            curvature = curvature + _through(mesh, edges, B * edges.across)
     if clamped.facets.size:
         K = K + _held(mesh, clamped, clamped.A * clamped.across, D, area)
     K, curvature = kron(K, every), kron(curvature, every)
@@ -97,16 +100,16 @@ def _sides(mesh: Any, element: Any) -> list[InteriorFacetBasis]:
     return [InteriorFacetBasis(mesh, element, intorder=2, side=i) for i in (0, 1)]
 
 
-def _inside(mesh: Any, A: ndarray) -> Any:
-    """∮ (A·n)(A·{∇u}) over the edges of each triangle that are inside the ply."""
+def _inside(mesh: Any, along: tuple[ndarray, ndarray]) -> Any:
+    """∮ (A·n)(B·{∇u}) over the edges of each triangle that are inside the ply."""
     slopes, triangles = (
         _sides(mesh, element()) for element in (ElementTriP2, ElementTriP0)
     )
     n = np.asarray(slopes[0].normals)
     found: Any = 0.0
     for sign, own in zip((1, -1), triangles, strict=True):
-        along = A[:, own.tind, None]
-        slope = 0.5 * sign * dot(along, n) * along
+        A, B = (direction[:, own.tind, None] for direction in along)
+        slope = 0.5 * sign * dot(A, n) * B
         found = found + sum(asm(_FLUX, side, own, slope=slope) for side in slopes)
     return found
 
@@ -120,12 +123,16 @@ def _through(mesh: Any, edges: EndEdges, slope: ndarray) -> Any:
     return asm(_FLUX, slopes, triangles, slope=slope[:, :, None])
 
 
-def _of_jumps(mesh: Any, A: ndarray, D: ndarray, area: ndarray) -> Any:
+def _of_jumps(
+    mesh: Any, along: tuple[ndarray, ndarray], D: ndarray, area: ndarray
+) -> Any:
     """What meets jumps of the slope between triangles."""
     sides = _sides(mesh, ElementTriP2())
     n, length = np.asarray(sides[0].normals), sides[0].dx.sum(axis=1)[:, None]
+    A, B = ([dot(x[:, side.tind, None], n) for side in sides] for x in along)
     most = np.max(
-        [D[s.tind, None] * dot(A[:, s.tind, None], n) ** 4 for s in sides], axis=0
+        [D[s.tind, None] * (a * b) ** 2 for s, a, b in zip(sides, A, B, strict=True)],
+        axis=0,
     )
     least = 0.75 * length * sum(1 / area[side.tind, None] for side in sides)
     return sum(

@@ -8,13 +8,13 @@ from scipy.sparse import csr_matrix
 from skfem import CellBasis, Mesh
 
 from ...fabric import Fabric
-from ...forms.bending import FIBRE_ENDS, FibreEnd, bending_matrix
+from ...forms.bending import FIBRE_ENDS, FibreEnd, bending_matrix, twist_matrix
 
 
 def bending_stiffness(
     basis: CellBasis, fabric: Fabric, ends: Mapping[str, FibreEnd]
 ) -> csr_matrix:
-    """The matrix K of ½ u·K·u = ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|²) in N/mm.
+    """The matrix K of ½ u·K·u = ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|² + D_t |τ|²) in N/mm.
 
     Parameters
     ----------
@@ -27,13 +27,19 @@ def bending_stiffness(
     """
     mesh = basis.mesh
     centres = mesh.p[:, mesh.t].mean(axis=1)[:, :, None]
-    numbers = np.arange(mesh.nelements)
+    warp, weft = (
+        np.broadcast_to(A, centres.shape)[..., 0] for A in fabric.directions(centres)
+    )
+    *bending, twist = (
+        np.broadcast_to(D, mesh.nelements).astype(float)
+        for D in (*fabric.bending, fabric.twist)
+    )
     K: Any = 0.0
-    for A, D in zip(fabric.directions(centres), fabric.bending, strict=True):
-        if np.any(D):
-            along = np.broadcast_to(A, centres.shape)[..., 0]
-            stiffness = np.broadcast_to(D, numbers.shape).astype(float)
-            K = K + bending_matrix(basis, along, stiffness, ends)
+    for A, D in zip((warp, weft), bending, strict=True):
+        if D.any():
+            K = K + bending_matrix(basis, A, D, ends)
+    if twist.any():
+        K = K + twist_matrix(basis, warp, weft, twist)
     return csr_matrix(K)
 
 
