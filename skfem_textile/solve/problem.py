@@ -184,7 +184,7 @@ class Problem:
 
     def forces_of(self, start: Start) -> ndarray:
         """Nodal forces at the start of an iteration, its load that of this problem."""
-        return self.residual(start.u) if self.ply.further_terms else start.f
+        return self.residual(start.u) if self.ply.follows_load_factor else start.f
 
     def at(self, load_factor: float) -> "Problem":
         """The same problem, on the same clock, at another load factor."""

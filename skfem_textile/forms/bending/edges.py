@@ -1,9 +1,11 @@
 """Boundary edges at which fibres end, and how they are held there."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy import ndarray
+from scipy.sparse import csr_matrix
 from skfem import Mesh
 
 # Fibres at a smaller angle (radians) to a boundary do not end there.  A larger angle
@@ -33,6 +35,40 @@ class EndEdges:
     def across(self) -> ndarray:
         """A·N, shape (n,)."""
         return (self.A * self.N).sum(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Clamps:
+    """Boundary edges at which fibres keep their direction, or turn as they are told.
+
+    Attributes
+    ----------
+    edges
+        The edges.
+    turned
+        What prescribes A·∇u (A·N) there, shape (n, 2 m): of each of m clamps that
+        turn by R the columns of R − I that belong to x and y at rest, as unknowns.
+    """
+
+    edges: EndEdges
+    turned: csr_matrix
+
+
+def clamps(edges: EndEdges, turning: Sequence[ndarray]) -> Clamps:
+    """Clamped edges, and which of them turn.
+
+    Parameters
+    ----------
+    edges
+        The edges.
+    turning
+        Numbers of the edges of each clamp that turns.
+    """
+    columns = [
+        np.isin(edges.facets, facets) * (edges.A * edges.across) for facets in turning
+    ]
+    shape = edges.facets.size, 2 * len(turning)
+    return Clamps(edges, csr_matrix(np.reshape(columns, shape[::-1]).T))
 
 
 def boundary_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from scipy.sparse import block_diag, csr_matrix, diags, identity, kron
+from scipy.sparse import block_diag, csr_matrix, diags, hstack, identity, kron
 from skfem import (
     BilinearForm,
     CellBasis,
@@ -27,7 +27,7 @@ from skfem import (
 )
 from skfem.helpers import dot, grad
 
-from .edges import EndEdges
+from .edges import Clamps, EndEdges
 
 # Eigenvalues of sums of N⊗N that count as zero.
 _NONE = 1e-9
@@ -38,6 +38,7 @@ def matrix_of_quadrilaterals(
     along: tuple[ndarray, ndarray],
     D: ndarray,
     free: EndEdges,
+    clamped: Clamps,
     mirrors: EndEdges,
     d: int,
 ) -> Any:
@@ -51,8 +52,9 @@ def matrix_of_quadrilaterals(
         Unit directions (A, B) in each element: the same for bending.
     D
         As of `bending_matrix`.
-    free, mirrors
-        Edges where fibres end freely, and those on planes of symmetry.
+    free, clamped, mirrors
+        Edges where fibres end freely, where they are clamped, and those on planes of
+        symmetry.
     d
         Components of the displacement.
     """
@@ -66,6 +68,7 @@ def matrix_of_quadrilaterals(
     if mirrors.facets.size:
         edges = FacetBasis(mesh, ElementQuad1(), facets=mirrors.facets, intorder=3)
         L = L - asm(_EVEN, edges, A=mirrors.A[:, :, None])
+    L = hstack([L, -_prescribed(mesh, clamped)], format="csr")
     left_out = _left_out(mesh, free, mirrors, d)
     weights = _weights(overlap, area, left_out) * (D_area / area**3)[:, None, None]
     if not mirrors.facets.size:
@@ -111,6 +114,16 @@ def _of_jumps(mesh: Any, A: ndarray, B: ndarray) -> Any:
     )
     jump = one - other
     return sum(asm(_OF_JUMP, side, sides[0], jump=jump) for side in sides)
+
+
+def _prescribed(mesh: Any, clamped: Clamps) -> csr_matrix:
+    """∮ φ_i (A·N) A·∇u over clamps, by what turns them."""
+    ends = mesh.facets[:, clamped.edges.facets]
+    half = 0.5 * np.hypot(*(mesh.p[:, ends[1]] - mesh.p[:, ends[0]]))
+    columns = np.tile(np.arange(len(half)), 2)
+    shape = mesh.nvertices, len(half)
+    to_nodes = csr_matrix((np.tile(half, 2), (ends.ravel(), columns)), shape=shape)
+    return to_nodes @ clamped.turned
 
 
 def _left_out(mesh: Any, free: EndEdges, mirrors: EndEdges, d: int) -> ndarray:

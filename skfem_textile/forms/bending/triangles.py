@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from scipy.sparse import diags, identity, kron
+from scipy.sparse import block_diag, csr_matrix, diags, hstack, identity, kron
 from skfem import (
     BilinearForm,
     ElementTriP0,
@@ -26,7 +26,7 @@ from skfem import (
 )
 from skfem.helpers import dot, grad
 
-from .edges import EndEdges
+from .edges import Clamps, EndEdges
 
 # σ over the least with which an interior penalty alone makes the energy positive on
 # every mesh: ¾ |f| (1/|K⁺| + 1/|K⁻|) inside and 3 |f|/|K| on the boundary, as a
@@ -40,7 +40,7 @@ def matrix_of_triangles(
     along: tuple[ndarray, ndarray],
     D: ndarray,
     free: EndEdges,
-    clamped: EndEdges,
+    clamped: Clamps,
     mirrors: EndEdges,
     d: int,
 ) -> Any:
@@ -68,16 +68,29 @@ def matrix_of_triangles(
         if edges.facets.size:
             B = along[1][:, mesh.f2t[0, edges.facets]]
             curvature = curvature + _through(mesh, edges, B * edges.across)
-    if clamped.facets.size:
-        K = K + _held(mesh, clamped, clamped.A * clamped.across, D, area)
+    facets = clamped.edges.facets
+    length = np.hypot(
+        *(mesh.p[:, mesh.facets[1, facets]] - mesh.p[:, mesh.facets[0, facets]])
+    )
+    shape = mesh.nelements, facets.size
+    places = mesh.f2t[0, facets], np.arange(facets.size)
+    prescribed = csr_matrix((length, places), shape=shape) @ clamped.turned
+    curvature = hstack([curvature, prescribed])
+    turned = prescribed.shape[1]
+    K = block_diag([K, csr_matrix((turned, turned))])
+    if facets.size:
+        slope = clamped.edges.A * clamped.edges.across
+        K = K + _held(mesh, clamped.edges, slope, D, area, clamped.turned)
     K, curvature = kron(K, every), kron(curvature, every)
     for normal in np.unique(mirrors.N.round(9), axis=1).T:
         own = np.abs(mirrors.N - normal[:, None]).max(axis=0) < 1e-8
         edges = EndEdges(mirrors.facets[own], mirrors.A[:, own], mirrors.N[:, own])
         N, across = np.pad(normal, (0, d - 2)), edges.N * edges.across**2
         even = np.eye(d) - np.outer(N, N)
-        curvature = curvature - kron(_through(mesh, edges, across), even)
-        K = K + kron(_held(mesh, edges, across, D, area), even)
+        none = csr_matrix((edges.facets.size, turned))
+        through = hstack([_through(mesh, edges, across), prescribed * 0])
+        curvature = curvature - kron(through, even)
+        K = K + kron(_held(mesh, edges, across, D, area, none), even)
     return K + curvature.T @ kron(diags(D / area), every) @ curvature
 
 
@@ -89,11 +102,6 @@ def _FLUX(u, v, w):
 @BilinearForm
 def _JUMP(u, v, w):
     return w["stiffness"] * dot(w.n, grad(u)) * dot(w.n, grad(v))
-
-
-@BilinearForm
-def _SLOPE(u, v, w):
-    return w["stiffness"] * dot(w["slope"], grad(u)) * dot(w["slope"], grad(v))
 
 
 def _sides(mesh: Any, element: Any) -> list[InteriorFacetBasis]:
@@ -142,9 +150,26 @@ def _of_jumps(
     )
 
 
-def _held(mesh: Any, edges: EndEdges, slope: ndarray, D: ndarray, area: ndarray) -> Any:
-    """What holds a slope along boundary edges."""
+def _held(
+    mesh: Any,
+    edges: EndEdges,
+    slope: ndarray,
+    D: ndarray,
+    area: ndarray,
+    turned: csr_matrix,
+) -> Any:
+    """What holds a slope along boundary edges, where turned that of the clamp."""
     basis = FacetBasis(mesh, ElementTriP2(), facets=edges.facets, intorder=2)
-    least = 3 * basis.dx.sum(axis=1) / area[basis.tind]
-    stiffness = (_JUMPS * least * D[basis.tind])[:, None]
-    return asm(_SLOPE, basis, slope=slope[:, :, None], stiffness=stiffness)
+    slopes = np.array(
+        [dot(slope[:, :, None], np.asarray(phi[0].grad)) for phi in basis.basis]
+    )
+    n_points = slopes.shape[2]
+    columns = np.broadcast_to(basis.element_dofs[:, :, None], slopes.shape)
+    rows = np.broadcast_to(
+        np.arange(slopes[0].size).reshape(slopes[0].shape), slopes.shape
+    )
+    shape = slopes[0].size, basis.N
+    at_points = csr_matrix((slopes.ravel(), (rows.ravel(), columns.ravel())), shape)
+    off = hstack([at_points, -kron(turned, np.ones((n_points, 1)))])
+    least = 3 * basis.dx.sum(axis=1) / area[basis.tind] * D[basis.tind]
+    return off.T @ diags((_JUMPS * least[:, None] * basis.dx).ravel()) @ off
