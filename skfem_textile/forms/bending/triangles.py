@@ -11,6 +11,7 @@ on a plane of symmetry ∂u/∂n of what is even.  Free ends have the slopes of 
 triangles.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -62,36 +63,36 @@ def matrix_of_triangles(
     """
     (a, b), (c, e) = (mesh.p[:, mesh.t[i]] - mesh.p[:, mesh.t[0]] for i in (1, 2))
     area = 0.5 * np.abs(a * e - b * c)
-    every: Any = identity(d)
-    K, curvature = _of_jumps(mesh, along, D, area), _inside(mesh, along)
+    curvature = hstack([_inside(mesh, along), _prescribed(mesh, clamped)])
+    n_turned = curvature.shape[1] - mesh.nvertices - mesh.nfacets
+
+    def through(edges: EndEdges, slope: ndarray) -> Any:
+        none = csr_matrix((mesh.nelements, n_turned))
+        return hstack([_through(mesh, edges, slope), none])
+
     for edges in (free, mirrors):
-        if edges.facets.size:
-            B = along[1][:, mesh.f2t[0, edges.facets]]
-            curvature = curvature + _through(mesh, edges, B * edges.across)
-    facets = clamped.edges.facets
-    length = np.hypot(
-        *(mesh.p[:, mesh.facets[1, facets]] - mesh.p[:, mesh.facets[0, facets]])
-    )
-    shape = mesh.nelements, facets.size
-    places = mesh.f2t[0, facets], np.arange(facets.size)
-    prescribed = csr_matrix((length, places), shape=shape) @ clamped.turned
-    curvature = hstack([curvature, prescribed])
-    turned = prescribed.shape[1]
-    K = block_diag([K, csr_matrix((turned, turned))])
-    if facets.size:
-        slope = clamped.edges.A * clamped.edges.across
-        K = K + _held(mesh, clamped.edges, slope, D, area, clamped.turned)
+        B = along[1][:, mesh.f2t[0, edges.facets]]
+        curvature = curvature + through(edges, B * edges.across)
+    slope = clamped.edges.A * clamped.edges.across
+    K = block_diag([_of_jumps(mesh, along, D, area), csr_matrix((n_turned, n_turned))])
+    K = K + _held(mesh, clamped.edges, slope, D, area, clamped.turned)
+    every: Any = identity(d)
     K, curvature = kron(K, every), kron(curvature, every)
+    for edges, even in _planes(mirrors, d):
+        slope = edges.N * edges.across**2
+        none = csr_matrix((edges.facets.size, n_turned))
+        curvature = curvature - kron(through(edges, slope), even)
+        K = K + kron(_held(mesh, edges, slope, D, area, none), even)
+    return K + curvature.T @ kron(diags(D / area), every) @ curvature
+
+
+def _planes(mirrors: EndEdges, d: int) -> Iterator[tuple[EndEdges, ndarray]]:
+    """The edges on each plane of symmetry, and the projector on what is even there."""
     for normal in np.unique(mirrors.N.round(9), axis=1).T:
         own = np.abs(mirrors.N - normal[:, None]).max(axis=0) < 1e-8
         edges = EndEdges(mirrors.facets[own], mirrors.A[:, own], mirrors.N[:, own])
-        N, across = np.pad(normal, (0, d - 2)), edges.N * edges.across**2
-        even = np.eye(d) - np.outer(N, N)
-        none = csr_matrix((edges.facets.size, turned))
-        through = hstack([_through(mesh, edges, across), prescribed * 0])
-        curvature = curvature - kron(through, even)
-        K = K + kron(_held(mesh, edges, across, D, area, none), even)
-    return K + curvature.T @ kron(diags(D / area), every) @ curvature
+        N = np.pad(normal, (0, d - 2))
+        yield edges, np.eye(d) - np.outer(N, N)
 
 
 @BilinearForm
@@ -122,8 +123,20 @@ def _inside(mesh: Any, along: tuple[ndarray, ndarray]) -> Any:
     return found
 
 
+def _prescribed(mesh: Any, clamped: Clamps) -> csr_matrix:
+    """∮ (A·n) A·∇u over clamps, of each triangle, by what turns them."""
+    facets = clamped.edges.facets
+    ends = mesh.p[:, mesh.facets[:, facets]]
+    length = np.hypot(*(ends[:, 1] - ends[:, 0]))
+    places = mesh.f2t[0, facets], np.arange(facets.size)
+    of_triangles = csr_matrix((length, places), (mesh.nelements, facets.size))
+    return of_triangles @ clamped.turned
+
+
 def _through(mesh: Any, edges: EndEdges, slope: ndarray) -> Any:
     """∮ slope·∇u over edges of the boundary, of each triangle."""
+    if not edges.facets.size:
+        return csr_matrix((mesh.nelements, mesh.nvertices + mesh.nfacets))
     slopes, triangles = (
         FacetBasis(mesh, element(), facets=edges.facets, intorder=2)
         for element in (ElementTriP2, ElementTriP0)
@@ -159,15 +172,17 @@ def _held(
     turned: csr_matrix,
 ) -> Any:
     """What holds a slope along boundary edges, where turned that of the clamp."""
+    if not edges.facets.size:
+        n = mesh.nvertices + mesh.nfacets + turned.shape[1]
+        return csr_matrix((n, n))
     basis = FacetBasis(mesh, ElementTriP2(), facets=edges.facets, intorder=2)
     slopes = np.array(
         [dot(slope[:, :, None], np.asarray(phi[0].grad)) for phi in basis.basis]
     )
     n_points = slopes.shape[2]
     columns = np.broadcast_to(basis.element_dofs[:, :, None], slopes.shape)
-    rows = np.broadcast_to(
-        np.arange(slopes[0].size).reshape(slopes[0].shape), slopes.shape
-    )
+    points = np.arange(slopes[0].size).reshape(slopes[0].shape)
+    rows = np.broadcast_to(points, slopes.shape)
     shape = slopes[0].size, basis.N
     at_points = csr_matrix((slopes.ravel(), (rows.ravel(), columns.ravel())), shape)
     off = hstack([at_points, -kron(turned, np.ones((n_points, 1)))])
