@@ -38,7 +38,7 @@ _GO_ON = " (a table from 0 on needs odd=True, --shear-continuation odd)"
 # half a degree at 50°, which a colour cannot tell.
 _AS_CLOSE = 0.01
 
-#: A bending stiffness, or one for each element.
+#: A stiffness against bending or twist, or one for each element.
 BendingStiffness: TypeAlias = float | ndarray
 
 #: A stiffness, one for each element, or a law.
@@ -104,6 +104,10 @@ class Fabric:
         Bending stiffness of each family per width of ply in N·mm, a pair (warp, weft):
         each a number or one for each element, shape (n_elements,).  Fibres bend one by
         one, in space and in the plane.
+    twist
+        Twist stiffness D_t of the ply in N·mm, a number or one for each element.  The
+        energy per area is ½ D_t |τ|², where τ is the second derivative of the position
+        along warp and weft, once each: ½ D_t c² of z = c x y with fibres along x and y.
 
     Raises
     ------
@@ -123,10 +127,12 @@ class Fabric:
     warp: Direction = (1.0, 0.0)
     weft: Direction = (0.0, 1.0)
     bending: tuple[BendingStiffness, BendingStiffness] = (0.0, 0.0)
+    twist: BendingStiffness = 0.0
 
     def __post_init__(self) -> None:
         _ = self.families, self.shear_law
         object.__setattr__(self, "bending", _bending(self.bending))
+        object.__setattr__(self, "twist", _stiffness("twist", self.twist))
         if any(hasattr(f.direction, "region") for f in self.families):
             return  # each of the fabrics that it is made of is valid
         given = [f for f in self.families if not callable(f.direction)]
@@ -187,13 +193,14 @@ class Fabric:
             warp=self.warp,
             weft=self.weft,
             bending=self.bending,
+            twist=self.twist,
         )
         return other
 
     @property
     def bends(self) -> bool:
-        """Whether fibres resist bending somewhere."""
-        return any(np.any(D) for D in self.bending)
+        """Whether fibres resist bending somewhere, or the ply resists twist."""
+        return any(np.any(D) for D in (*self.bending, self.twist))
 
     @cached_property
     def unbounded(self) -> bool:
@@ -288,16 +295,19 @@ def _bending(given: Any) -> tuple[BendingStiffness, BendingStiffness]:
         raise ValueError(
             f"bending must be a pair (warp, weft) of stiffnesses in N·mm, not {given!r}"
         )
-    pair = []
-    for name, one in zip(("warp", "weft"), given, strict=True):
-        D = real_numbers(f"bending of {name}", one)
-        if D.ndim > 1 or not (np.isfinite(D) & (D >= 0)).all():
-            raise ValueError(
-                f"bending of {name} must be a finite number >= 0, or one for each "
-                f"element, in N·mm; got {one}"
-            )
-        pair.append(D if D.ndim else float(D))
-    return pair[0], pair[1]
+    warp, weft = given
+    return _stiffness("bending of warp", warp), _stiffness("bending of weft", weft)
+
+
+def _stiffness(name: str, given: Any) -> BendingStiffness:
+    """A stiffness against bending or twist, refused if it is none."""
+    D = real_numbers(name, given)
+    if D.ndim > 1 or not (np.isfinite(D) & (D >= 0)).all():
+        raise ValueError(
+            f"{name} must be a finite number >= 0, or one for each element, in N·mm; "
+            f"got {given}"
+        )
+    return D if D.ndim else float(D)
 
 
 def unit_vectors(

@@ -205,11 +205,12 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
         _on_elements(f"bending of {f.name}", D, parent)
         for f, D in zip(fabric.families, fabric.bending, strict=True)
     )
-    return Fabric(tension, shear, warp, weft, (of_warp, of_weft))
+    twist = _on_elements("twist", fabric.twist, parent)
+    return Fabric(tension, shear, warp, weft, (of_warp, of_weft), twist)
 
 
 def _on_elements(name: str, D: Any, parent: ndarray) -> Any:
-    """A bending stiffness of the user's elements as one of each element of a mesh."""
+    """A stiffness of the user's elements as one of each element of a mesh."""
     n = np.size(D)
     if np.ndim(D) == 0 or n == len(parent):
         return D
@@ -274,33 +275,35 @@ def fabric_of_regions(
         )
     all_families = [fabric.families for fabric in fabrics.values()]
     warp, weft = zip(*all_families, strict=True)
+    of_warp, of_weft, twist = _bending(fabrics, region, parent)
     return Fabric(
         tension=_tensions([fabric.tensions for fabric in fabrics.values()], region),
         shear=RegionalLaw([fabric.shear_law for fabric in fabrics.values()], region),
         warp=RegionalDirection([family.direction for family in warp], region),
         weft=RegionalDirection([family.direction for family in weft], region),
-        bending=_bending(fabrics, region, parent),
+        bending=(of_warp, of_weft),
+        twist=twist,
     )
 
 
 def _bending(
     fabrics: Mapping[str, Fabric], region: ndarray, parent: ndarray | None
-) -> tuple[Any, Any]:
-    """Bending stiffnesses of warp and weft in each element."""
+) -> tuple[Any, Any, Any]:
+    """Stiffnesses against bending of warp and weft and against twist, by element."""
     if not any(fabric.bends for fabric in fabrics.values()):
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     parent = np.arange(len(region)) if parent is None else parent
     every = np.array(
         [
             [
                 np.broadcast_to(_on_elements("bending", D, parent), region.shape)
-                for D in fabric.bending
+                for D in (*fabric.bending, fabric.twist)
             ]
             for fabric in fabrics.values()
         ]
     )
-    warp, weft = np.take_along_axis(every, region[None, None], axis=0)[0]
-    return warp, weft
+    warp, weft, twist = np.take_along_axis(every, region[None, None], axis=0)[0]
+    return warp, weft, twist
 
 
 def _tensions(

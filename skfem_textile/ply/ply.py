@@ -30,7 +30,7 @@ from .kernels.element_groups import Parameters
 from .kernels.kernel import ShearKernel
 from .measures import Measures
 from .memory import HeldStiffness
-from .own_terms.bending import bending_stiffness, checked_ends
+from .own_terms.bending import bending_term, checked_ends
 from .own_terms.corners import CornerTerm, corner_stiffness
 from .term import Contribution, Load, Memory, Role, Term, refuse_unsymmetric
 from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
@@ -66,7 +66,9 @@ class Ply(Measures):
     fibre_ends
         How fibres that resist bending are held where they end, by the names of
         boundaries: ``clamped`` keeps their direction at rest, ``mirror`` stands for a
-        plane of symmetry.  Elsewhere they end freely, as in hinges.
+        plane of symmetry.  A function of the load factor is a clamp that turns: it
+        gives the axis times the angle in radians, shape (3,), and in the plane the
+        angle.  Elsewhere they end freely, as in hinges.
 
     Attributes
     ----------
@@ -176,8 +178,7 @@ class Ply(Measures):
         if (kappa := corner_stiffness(fabric, basis)) > 0:
             terms.append(CornerTerm(kappa, basis, self.corners))
         if fabric.bends:
-            K = bending_stiffness(basis, fabric, self.fibre_ends)
-            terms.append(MatrixTerm("bending", K))
+            terms.append(bending_term(basis, fabric, self.fibre_ends))
         of_fibres = self._tension.basis if self._tension else basis
         return terms + self.formulation.stabilising_terms(of_fibres, fabric)
 
@@ -403,6 +404,11 @@ class Ply(Measures):
     def further_terms_as_given(self) -> tuple[Term | Load, ...]:
         """The same, loads as they were given and not as terms on the ply's basis."""
         return self._further
+
+    @property
+    def follows_load_factor(self) -> bool:
+        """Whether the energy may change with the load factor."""
+        return bool(self.further_terms) or any(map(callable, self.fibre_ends.values()))
 
     @property
     def roles(self) -> dict[str, Role]:

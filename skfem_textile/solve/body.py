@@ -64,6 +64,11 @@ class Body(Protocol):
         """Terms beside those of fabric and formulation, loads among them."""
         ...
 
+    @property
+    def follows_load_factor(self) -> bool:
+        """Whether the energy may change with the load factor."""
+        ...
+
     def energies(self, u: ndarray, t: float) -> dict[str, float]:
         """Energy of each term in N·mm, by the name of the term."""
         ...

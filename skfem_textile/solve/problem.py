@@ -92,6 +92,8 @@ class Problem:
         Load factor.
     corners_resist
         Whether corners resist; not on the way to a state in which all are open.
+    held
+        Forces in N that act beside the loads: what is not let go yet at rest.
     converged
         Share of the largest force that an equilibrium may leave unbalanced.
     holds_stiffness, remembers_path
@@ -110,6 +112,7 @@ class Problem:
         self.ply = ply
         self.load_factor = 0.0
         self.corners_resist = True
+        self.held: ndarray | float = 0.0
         self.constraints = constraints
         self._solver = solver
         self.clock = Clock()
@@ -134,12 +137,13 @@ class Problem:
     def energy(self, u: ndarray) -> float:
         """Energy, potential of loads included, on the clock."""
         arguments = u, self.load_factor, self.corners_resist
-        return self.clock.time("assembly", self.ply.energy, *arguments)
+        energy = self.clock.time("assembly", self.ply.energy, *arguments)
+        return energy - float(np.sum(self.held * u))
 
     def residual(self, u: ndarray) -> ndarray:
         """Nodal forces, internal ones less loads, on the clock."""
         arguments = u, self.load_factor, self.corners_resist
-        return self.clock.time("assembly", self.ply.residual, *arguments)
+        return self.clock.time("assembly", self.ply.residual, *arguments) - self.held
 
     def energies(self, u: ndarray) -> tuple[dict[str, float], dict[str, float]]:
         """Energies of the terms by name, and potentials of the loads, on the clock."""
@@ -150,7 +154,7 @@ class Problem:
 
     def load(self, u: ndarray) -> ndarray:
         """Nodal forces of the loads."""
-        return self.ply.load(u, self.load_factor)
+        return self.ply.load(u, self.load_factor) + self.held
 
     def settle(self, u: ndarray, tension: ndarray | None = None) -> bool:
         """Hold the stiffnesses at ``u`` in place of others, if that changes the energy.
@@ -187,13 +191,20 @@ class Problem:
 
     def forces_of(self, start: Start) -> ndarray:
         """Nodal forces at the start of an iteration, its load that of this problem."""
-        return self.residual(start.u) if self.ply.further_terms else start.f
+        return self.residual(start.u) if self.ply.follows_load_factor else start.f
 
     def at(self, load_factor: float) -> "Problem":
         """The same problem, on the same clock, at another load factor."""
         _ = self.system  # that both share it
         other = copy(self)
         other.load_factor = load_factor
+        return other
+
+    def holding(self, held: ndarray | float) -> "Problem":
+        """The same problem, on the same clock, under forces beside the loads."""
+        _ = self.system  # that both share it
+        other = copy(self)
+        other.held = held
         return other
 
     def without_corners(self) -> "Problem":

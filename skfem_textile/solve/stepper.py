@@ -28,7 +28,7 @@ from .stepping.equilibrium_search import (
 )
 from .stepping.error_estimate import estimated_error
 from .stepping.limit import is_known, limit_error, load_growth, loads_grow
-from .stepping.load_path import LoadPath
+from .stepping.load_path import MOST_ALTERED, LoadPath
 from .stepping.step_length import StepLength
 from .strategies import Strategy
 from .verdict import Trial
@@ -126,8 +126,6 @@ class LoadStepper:
         self._follows = any(map(follows_path, chosen))
         # Loads that grow may jump to another equilibrium: there work must agree.
         self._loaded = self._follows and loads_grow(ply, self.load_factors)
-        at_rest = ply.load(ply.basis.zeros(), 0.0)
-        self._loaded_at_rest = self._follows and bool(np.any(at_rest))
         refusing = {"work"} if self._loaded else set()
         self._search = EquilibriumSearch(
             self.problem, chosen, frozenset(warn_only) - refusing, self._tell
@@ -265,8 +263,13 @@ class LoadStepper:
             self._keep(state, trial)
         else:
             self._states = [state]  # until the ply is in balance
-            self._start = problem.start(u, tangent)
-            self._advance(0.0)
+            found = self._search.at_rest(problem.start(u, tangent), values)
+            state = self._state(0.0, found.trial)
+            hard = found.altered > MOST_ALTERED or not found.followed_path
+            if hard or not found.settled or self._depends_on_steps(state):
+                self._path.mark(0.0)
+            self._states = []
+            self._keep(state, found.trial)
 
     def _go_on(self, saved: Saved, last: Trial) -> None:
         """Take up a run where its checkpoint ends."""
@@ -327,9 +330,8 @@ class LoadStepper:
         except ValueError as error:
             raise StepError.after(error, self.result) from None
         start, step = self._start, t - self._states[-1].load_factor
-        loaded = self._loaded if t else self._loaded_at_rest
-        most_altered = self._path.most_altered(step, t, loaded)
-        goal = Goal(t, step, values, start, start if step else None, most_altered)
+        most_altered = self._path.most_altered(step, t, self._loaded)
+        goal = Goal(t, step, values, start, start, most_altered)
         trial, altered, followed_path, is_settled, solves_again = self._search(goal)
         state = self._state(t, trial)
         if self._path.must_repeat(step, state, altered, followed_path):
@@ -337,8 +339,6 @@ class LoadStepper:
             return False
         if not is_settled or self._depends_on_steps(state):
             self._path.mark(t)
-        if step == 0:
-            self._states = []
         self._path.reached(state)
         self._length.after(state.linear_solves - solves_again)
         self._keep(state, trial)

@@ -99,13 +99,13 @@ class Trial:
     def of_move(self) -> tuple[float, tuple[float, float]]:
         """Rise of the energy and `works` of the move alone, the load factor held.
 
-        In N·mm.  The energy of further terms may change with the load factor too.
+        In N·mm.  The energy may change with the load factor too.
         """
         problem, start, works = self.problem, self.start, self.works
         if start is None:
             return 0.0, works
         before = start.energies
-        if problem.ply.further_terms:
+        if problem.ply.follows_load_factor:
             before, _ = problem.energies(start.u)
             f = problem.residual(start.u) + problem.load(start.u)
             works = float(f @ self.move), works[1]

@@ -212,7 +212,7 @@ def test_the_written_case_has_every_default(tmp_path):
             "pretension_N_per_mm": 0.0,
         },
         "shear": {"law": "linear", "stiffness_N_per_mm": 1.0},
-        "bending": {"warp_N_mm": 0.0, "weft_N_mm": 0.0},
+        "bending": {"warp_N_mm": 0.0, "weft_N_mm": 0.0, "twist_N_mm": 0.0},
         "formulation": {"name": "macro", "cs_N_per_mm": 10.0},
         "loads": {"force_N": {}},
         "stepping": {

@@ -1,11 +1,13 @@
-"""Laws that end at a pole, fibres in tension at rest: nothing is silently wrong."""
+"""Laws that end at a pole, tension and loads at rest: nothing is silently wrong."""
 
 import numpy as np
 import pytest
 from helpers import Locking, Pretensioned
+from scipy.optimize import brentq
 from skfem import MeshQuad
 
 from skfem_textile import (
+    BodyForce,
     Condition,
     Fabric,
     Full,
@@ -18,6 +20,7 @@ from skfem_textile import (
     Tabulated,
 )
 from skfem_textile.mesh.splitting import cut, split
+from skfem_textile.scenes.common.elastica import hanging
 from skfem_textile.scenes.rectangle import rectangle
 
 
@@ -180,3 +183,65 @@ def test_a_ply_that_buckles_at_rest_has_no_resolved_path():
     result = LoadStepper(ply, held, 1).run()
     assert np.abs(result.states[0].u).max() > 0.1
     assert not result.path_resolved
+
+
+def strip(fabric, formulation, weight, factor, **ends):
+    """A strip on an irregular mesh, 32 element edges long after any split."""
+    halves = 2 if isinstance(formulation, Macro) else 1
+    size = 32 // halves, 2 // halves
+    mesh = rectangle(100.0, 20.0, size, "irregular", 0.25, 1)
+    load = BodyForce((0.0, 0.0, -weight), factor)
+    return Ply(mesh, fabric, formulation, [load], dimension=3, fibre_ends=ends)
+
+
+@pytest.mark.parametrize(
+    "formulation", [OnePoint(), Macro()], ids=["one point", "macro"]
+)
+@pytest.mark.parametrize("weight", [8.0, 30.0, 100.0])
+def test_a_heavy_cantilever_hangs_down_under_a_weight_that_is_there_at_rest(
+    formulation, weight
+):
+    """On the path of the weight, and not by a way round."""
+    fabric = Fabric(1e4, 0.1, bending=(10.0, 10.0))
+    per_area = weight * 10.0 / 100.0**3
+    ply = strip(fabric, formulation, per_area, 1.0, left="clamped")
+    result = LoadStepper(ply, {"left": Condition("left")}, 1).run()
+    tip = ply.nodes[0] > 100.0 - 1e-9
+    exact = hanging(weight)
+    for state in result.states:
+        x, _, z = ply.nodal(state.u)[:, tip].mean(axis=1) / 100.0
+        off = np.hypot(1 + x - exact.x[-1], z - exact.z[-1])
+        assert off < 3e-3
+    assert [state.load_factor for state in result.states] == [0.0, 1.0]
+    assert result.path_resolved
+    assert result.linear_solves == sum(s.linear_solves for s in result.states)
+
+
+@pytest.mark.parametrize(
+    "formulation", [OnePoint(), Macro()], ids=["one point", "macro"]
+)
+def test_an_irregular_flat_sheet_without_bending_stiffness_sags_to_a_catenary(
+    formulation,
+):
+    """At rest nothing resists its weight to first order."""
+    weight, span = 1e-3, 0.8
+    ply = strip(Fabric(1e4, 1.0), formulation, weight, 1.0)
+    conditions = {
+        "left": Condition("left"),
+        "right": Condition("right", ((span - 1) * 100.0, 0.0, 0.0)),
+    }
+    result = LoadStepper(ply, conditions, 4).run()
+    c = brentq(lambda c: 2 * c * np.sinh(span / 2 / c) - 1, 0.05, 10.0)
+    sag = c * (np.cosh(span / 2 / c) - 1)
+    pull = result.states[-1].reactions["right"][0] / (weight * 20.0 * 100.0)
+    assert pull == pytest.approx(c, rel=0.01)
+    assert -ply.nodal(result.u)[2].min() / 100.0 == pytest.approx(sag, rel=0.01)
+    assert result.states[0].verdict.stable
+
+
+def test_a_weight_that_nothing_carries_is_refused_at_rest():
+    fabric = Fabric(1e4, 0.1, bending=(10.0, 10.0))
+    ply = strip(fabric, OnePoint(), 1e-4, 1.0)
+    held = {"left": Condition("left", (0.0, 0.0, None))}
+    with pytest.raises(StepError, match=r"at load factor 0: .*at rest"):
+        LoadStepper(ply, held, 1).run()

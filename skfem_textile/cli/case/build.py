@@ -135,9 +135,9 @@ def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str,
 
 def _fabric(scene: Scene, values: Mapping[str, Any], fibres: Any) -> Fabric:
     warp, weft = fibres
-    of_warp, of_weft = (values[option.key] for option in BENDING.options)
+    of_warp, of_weft, twist = (values[option.key] for option in BENDING.options)
     laws = _tension(values), _law("shear", values)
-    return Fabric(*laws, warp, weft, (of_warp, of_weft))
+    return Fabric(*laws, warp, weft, (of_warp, of_weft), twist)
 
 
 def _force(scene: Scene, name: str, total: tuple[float, ...]) -> Force:

@@ -18,19 +18,24 @@ PREFIXES: dict[Resistance, str] = {"tension": "fibre-", "shear": "shear-"}
 #: Entries of laws within the table of the tension.
 OF_WEFT, IN_COMPRESSION = "weft_tension", "tension_in_compression"
 
-#: Bending stiffnesses of both families, which a region may have of its own.
+#: Stiffnesses against bending of both families and against twist, which a region may
+#: have of its own.
 BENDING = Table(
     "bending",
     tuple(
         Option(
-            name=f"bending-{family}",
-            help=f"bending stiffness of the {family} per width of ply",
+            name=f"bending-{name}",
+            help=f"{what} per width of ply",
             default=0.0,
             read=float,
             metavar="D",
             unit="N_mm",
         )
-        for family in ("warp", "weft")
+        for name, what in (
+            ("warp", "bending stiffness of the warp"),
+            ("weft", "bending stiffness of the weft"),
+            ("twist", "twist stiffness"),
+        )
     ),
     prefix="bending-",
 )

@@ -28,8 +28,8 @@ from ..regions import RegionalDirection, RegionalLaw, RegionalTensions
 
 _FORMAT = "skfem_textile fabric 1"
 
-# Parts of a fabric in its file, and what it has where fibres resist bending.
-_PARTS, _BENDING = ("tension", "shear", "warp", "weft"), "bending"
+# Parts of a fabric in its file, and those that it has where it bends or twists.
+_PARTS, _BENDS = ("tension", "shear", "warp", "weft"), ("bending", "twist")
 
 _LAWS: tuple[type[Any], ...] = (
     *(Linear, Sin2, Polynomial, Locking, Tabulated, TangentShear),
@@ -121,7 +121,7 @@ def fabric_text(fabric: Fabric) -> str:
     parts = {"tension": tension, "shear": fabric.shear_law}
     parts |= {family.name: family.direction for family in fabric.families}
     if fabric.bends:
-        parts[_BENDING] = fabric.bending
+        parts |= {name: getattr(fabric, name) for name in _BENDS}
     encoded = {name: _encoded(name, part) for name, part in parts.items()}
     return _text({"format": _FORMAT} | encoded)
 
@@ -137,17 +137,16 @@ def fabric_of_text(content: bytes) -> Fabric:
     found = _content(content)
     if not isinstance(found, Mapping) or found.get("format") != _FORMAT:
         raise ValueError(f"it does not state the format {_FORMAT!r}")
-    if set(found) - {"format", _BENDING} != set(_PARTS):
+    if set(found) - {"format", *_BENDS} != set(_PARTS):
         raise ValueError(
-            f"it must have {', '.join(_PARTS)}, it may have {_BENDING}, and nothing "
-            "else"
+            f"it must have {', '.join(_PARTS)}, it may have {' and '.join(_BENDS)}, "
+            "and nothing else"
         )
     return _described("fabric", lambda: _fabric(found))
 
 
 def _fabric(found: Mapping[str, Any]) -> Fabric:
-    names = (*_PARTS, _BENDING) if _BENDING in found else _PARTS
-    decoded = {name: _decoded(found[name]) for name in names}
+    decoded = {name: _decoded(found[name]) for name in found if name != "format"}
     tension = found["tension"]
     if isinstance(tension, Mapping) and "kind" not in tension:
         if set(tension) != {"warp", "weft"}:

@@ -5,6 +5,6 @@ linear in the displacement, turns with a rotation in space, and vanishes at rest
 where fibres are curved in the plane at rest.
 """
 
-from .matrix import FIBRE_ENDS, FibreEnd, bending_matrix
+from .matrix import FIBRE_ENDS, FibreEnd, Turning, bending_matrix, twist_matrix
 
-__all__ = ["FIBRE_ENDS", "FibreEnd", "bending_matrix"]
+__all__ = ["FIBRE_ENDS", "FibreEnd", "Turning", "bending_matrix", "twist_matrix"]

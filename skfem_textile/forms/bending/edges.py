@@ -1,9 +1,11 @@
 """Boundary edges at which fibres end, and how they are held there."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy import ndarray
+from scipy.sparse import csr_matrix
 from skfem import Mesh
 
 # Fibres at a smaller angle (radians) to a boundary do not end there.  A larger angle
@@ -35,8 +37,42 @@ class EndEdges:
         return (self.A * self.N).sum(axis=0)
 
 
-def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
-    """Those of some boundary edges that fibres do not follow.
+@dataclass(frozen=True, eq=False)
+class Clamps:
+    """Boundary edges at which fibres keep their direction, or turn as they are told.
+
+    Attributes
+    ----------
+    edges
+        The edges.
+    turned
+        What prescribes A·∇u (A·N) there, shape (n, 2 m): of each of m clamps that
+        turn by R the columns of R − I that belong to x and y at rest, as unknowns.
+    """
+
+    edges: EndEdges
+    turned: csr_matrix
+
+
+def clamps(edges: EndEdges, turning: Sequence[ndarray]) -> Clamps:
+    """Clamped edges, and which of them turn.
+
+    Parameters
+    ----------
+    edges
+        The edges.
+    turning
+        Numbers of the edges of each clamp that turns.
+    """
+    columns = [
+        np.isin(edges.facets, facets) * (edges.A * edges.across) for facets in turning
+    ]
+    shape = edges.facets.size, 2 * len(turning)
+    return Clamps(edges, csr_matrix(np.reshape(columns, shape[::-1]).T))
+
+
+def boundary_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
+    """Some boundary edges, with the directions of fibres there.
 
     Parameters
     ----------
@@ -53,6 +89,11 @@ def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
     elements = mesh.f2t[0, facets]
     out = ends.mean(axis=1) - mesh.p[:, mesh.t[:, elements]].mean(axis=1)
     N = N * np.sign((N * out).sum(axis=0))
-    at_edges = A[:, elements]
-    meets = np.abs((at_edges * N).sum(axis=0)) > _ALONG
-    return EndEdges(facets[meets], at_edges[:, meets], N[:, meets])
+    return EndEdges(facets, A[:, elements], N)
+
+
+def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
+    """Those of `boundary_edges` that fibres do not follow; the same parameters."""
+    edges = boundary_edges(mesh, A, facets)
+    meets = np.abs(edges.across) > _ALONG
+    return EndEdges(facets[meets], edges.A[:, meets], edges.N[:, meets])

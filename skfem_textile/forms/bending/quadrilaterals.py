@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from scipy.sparse import block_diag, csr_matrix, diags, identity, kron
+from scipy.sparse import block_diag, csr_matrix, diags, hstack, identity, kron
 from skfem import (
     BilinearForm,
     CellBasis,
@@ -27,14 +27,20 @@ from skfem import (
 )
 from skfem.helpers import dot, grad
 
-from .edges import EndEdges
+from .edges import Clamps, EndEdges
 
 # Eigenvalues of sums of N⊗N that count as zero.
 _NONE = 1e-9
 
 
 def matrix_of_quadrilaterals(
-    mesh: Any, A: ndarray, D: ndarray, free: EndEdges, mirrors: EndEdges, d: int
+    mesh: Any,
+    along: tuple[ndarray, ndarray],
+    D: ndarray,
+    free: EndEdges,
+    clamped: Clamps,
+    mirrors: EndEdges,
+    d: int,
 ) -> Any:
     """The matrix of the bending energy.
 
@@ -42,22 +48,27 @@ def matrix_of_quadrilaterals(
     ----------
     mesh
         A `skfem.MeshQuad`.
-    A, D
+    along
+        Unit directions (A, B) in each element: the same for bending.
+    D
         As of `bending_matrix`.
-    free, mirrors
-        Edges where fibres end freely, and those on planes of symmetry.
+    free, clamped, mirrors
+        Edges where fibres end freely, where they are clamped, and those on planes of
+        symmetry.
     d
         Components of the displacement.
     """
     basis = CellBasis(mesh, ElementQuad1(), intorder=3)
     overlap, stiffness = (asm(_PRODUCT, basis, D=x[:, None]) for x in (D * 0 + 1, D))
     area, D_area = (np.asarray(x.sum(axis=1)).ravel() for x in (overlap, stiffness))
-    L = asm(_ALONG_FIBRES, basis, A=A[:, :, None])
-    if np.ptp(A, axis=1).any():
-        L = L - _of_jumps(mesh, A)
+    A, B = along
+    L = asm(_ALONG_FIBRES, basis, A=A[:, :, None], B=B[:, :, None])
+    if np.ptp(along, axis=2).any():
+        L = L - _of_jumps(mesh, A, B)
     if mirrors.facets.size:
         edges = FacetBasis(mesh, ElementQuad1(), facets=mirrors.facets, intorder=3)
         L = L - asm(_EVEN, edges, A=mirrors.A[:, :, None])
+    L = hstack([L, -_prescribed(mesh, clamped)], format="csr")
     left_out = _left_out(mesh, free, mirrors, d)
     weights = _weights(overlap, area, left_out) * (D_area / area**3)[:, None, None]
     if not mirrors.facets.size:
@@ -73,7 +84,8 @@ def _PRODUCT(u, v, w):
 
 @BilinearForm
 def _ALONG_FIBRES(u, v, w):
-    return dot(w["A"], grad(u)) * dot(w["A"], grad(v))
+    of_u, of_v = ([dot(w[k], grad(x)) for k in "AB"] for x in (u, v))
+    return 0.5 * (of_u[0] * of_v[1] + of_u[1] * of_v[0])
 
 
 @BilinearForm
@@ -88,16 +100,30 @@ def _OF_JUMP(u, v, w):
     return 0.5 * v * dot(w["jump"], grad(u))
 
 
-def _of_jumps(mesh: Any, A: ndarray) -> Any:
-    """∮ φ_i [(A·N) A]·{∇φ_j} over interior edges; [] is the jump of directions."""
+def _of_jumps(mesh: Any, A: ndarray, B: ndarray) -> Any:
+    """∮ φ_i ½ [(A·N) B + (B·N) A]·{∇φ_j} over interior edges; [] is the jump."""
     sides = [
         InteriorFacetBasis(mesh, ElementQuad1(), intorder=3, side=side)
         for side in (0, 1)
     ]
     n = np.asarray(sides[0].normals)
-    one, other = (A[:, side.tind, None] for side in sides)
-    jump = dot(one, n) * one - dot(other, n) * other
+    one, other = (
+        0.5 * (dot(a, n) * b + dot(b, n) * a)
+        for side in sides
+        for a, b in [(A[:, side.tind, None], B[:, side.tind, None])]
+    )
+    jump = one - other
     return sum(asm(_OF_JUMP, side, sides[0], jump=jump) for side in sides)
+
+
+def _prescribed(mesh: Any, clamped: Clamps) -> csr_matrix:
+    """∮ φ_i (A·N) A·∇u over clamps, by what turns them."""
+    ends = mesh.facets[:, clamped.edges.facets]
+    half = 0.5 * np.hypot(*(mesh.p[:, ends[1]] - mesh.p[:, ends[0]]))
+    columns = np.tile(np.arange(len(half)), 2)
+    shape = mesh.nvertices, len(half)
+    to_nodes = csr_matrix((np.tile(half, 2), (ends.ravel(), columns)), shape=shape)
+    return to_nodes @ clamped.turned
 
 
 def _left_out(mesh: Any, free: EndEdges, mirrors: EndEdges, d: int) -> ndarray:

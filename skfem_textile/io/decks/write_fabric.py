@@ -32,7 +32,7 @@ def material_of(fabric: Fabric, thickness: float, name: str) -> str:
     if not isinstance(fabric.tensions, TwoLaws):
         raise ValueError("*FABRIC has no law of both fibre strains; write a .json")
     if fabric.bends:
-        raise ValueError("*FABRIC has no bending stiffness; write a .json")
+        raise ValueError("*FABRIC has no bending or twist stiffness; write a .json")
     if fabric.at() is not fabric:
         raise ValueError("*FABRIC is the same in every element; write a .json")
     lines = [f"*MATERIAL, NAME={name}", "*FABRIC"]

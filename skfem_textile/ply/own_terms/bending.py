@@ -1,20 +1,85 @@
-"""What makes the term of fibres that resist bending."""
+"""The term of fibres that resist bending."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
+from scipy.linalg import expm
 from scipy.sparse import csr_matrix
 from skfem import CellBasis, Mesh
 
 from ...fabric import Fabric
-from ...forms.bending import FIBRE_ENDS, FibreEnd, bending_matrix
+from ...forms.bending import (
+    FIBRE_ENDS,
+    FibreEnd,
+    Turning,
+    bending_matrix,
+    twist_matrix,
+)
+from ...mesh.bases import components
+from ...mesh.user_input import call_user_function, real_numbers
+from ..terms import MatrixTerm
 
 
-def bending_stiffness(
+@dataclass(frozen=True, eq=False)
+class BendingTerm(MatrixTerm):
+    """The term ½ v·K·v, whose clamps may turn; v as of `bending_matrix`.
+
+    Parameters
+    ----------
+    name, matrix
+        As of `MatrixTerm`, the matrix that of the displacement alone.
+    whole
+        K.
+    turning
+        Clamps that turn, by the names of boundaries.
+    """
+
+    whole: csr_matrix = field(kw_only=True)
+    turning: Mapping[str, Turning] = field(kw_only=True)
+
+    def energy(self, u: ndarray, t: float) -> float:
+        """½ v·K·v."""
+        v = self._with_turns(u, t)
+        return 0.5 * float(v @ (self.whole @ v))
+
+    def residual(self, u: ndarray, t: float) -> ndarray:
+        """K·v at the displacement."""
+        return (self.whole @ self._with_turns(u, t))[: len(u)]
+
+    def _with_turns(self, u: ndarray, t: float) -> ndarray:
+        n = self.whole.shape[0] - len(u)
+        if not n:
+            return u
+        d = n // (2 * len(self.turning))
+        every = (turn_of(name, end, t, d) for name, end in self.turning.items())
+        changes = [(R - np.eye(d))[:, :2].T.ravel() for R in every]
+        return np.concatenate([u, *changes])
+
+
+def turn_of(name: str, end: Turning, t: float, d: int) -> ndarray:
+    """The rotation of a clamp at the load factor t, shape (d, d).
+
+    Raises
+    ------
+    ValueError
+        If it is no finite vector in space, or no finite angle in the plane.
+    """
+    subject = f"fibre_ends: the turn of {name!r}"
+    angle = real_numbers(subject, call_user_function(subject, end, t))
+    if angle.shape != ((3,) if d == 3 else ()) or not np.isfinite(angle).all():
+        kind = "a vector of 3 angles" if d == 3 else "an angle"
+        raise ValueError(f"{subject} must be {kind} in radians, got {angle} at {t:g}")
+    axis = angle if d == 3 else np.array([0.0, 0.0, angle])
+    return expm(np.cross(np.eye(3), axis))[:d, :d]
+
+
+def bending_term(
     basis: CellBasis, fabric: Fabric, ends: Mapping[str, FibreEnd]
-) -> csr_matrix:
-    """The matrix K of ½ u·K·u = ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|²) in N/mm.
+) -> BendingTerm:
+    """The term of ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|² + D_t |τ|²).
 
     Parameters
     ----------
@@ -27,14 +92,28 @@ def bending_stiffness(
     """
     mesh = basis.mesh
     centres = mesh.p[:, mesh.t].mean(axis=1)[:, :, None]
-    numbers = np.arange(mesh.nelements)
+    warp, weft = (
+        np.broadcast_to(A, centres.shape)[..., 0] for A in fabric.directions(centres)
+    )
+    *bending, twist = (
+        np.broadcast_to(D, mesh.nelements).astype(float)
+        for D in (*fabric.bending, fabric.twist)
+    )
     K: Any = 0.0
-    for A, D in zip(fabric.directions(centres), fabric.bending, strict=True):
-        if np.any(D):
-            along = np.broadcast_to(A, centres.shape)[..., 0]
-            stiffness = np.broadcast_to(D, numbers.shape).astype(float)
-            K = K + bending_matrix(basis, along, stiffness, ends)
-    return csr_matrix(K)
+    for A, D in zip((warp, weft), bending, strict=True):
+        if D.any():
+            K = K + bending_matrix(basis, A, D, ends)
+    turning = {name: end for name, end in ends.items() if callable(end)}
+    if twist.any():
+        of_twist = twist_matrix(basis, warp, weft, twist)
+        n = basis.N + 2 * len(turning) * components(basis)
+        of_twist.resize(n, n)
+        K = K + of_twist
+    whole = csr_matrix(K)
+    matrix = whole[: basis.N, : basis.N]
+    term = BendingTerm("bending", matrix, whole=whole, turning=turning)
+    term.energy(basis.zeros(), 0.0)  # refuses turns that are none
+    return term
 
 
 def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd]:
@@ -57,9 +136,10 @@ def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd
             raise ValueError(
                 f"fibre_ends: the mesh has no boundary {name!r} (it has: {names})"
             )
-        if end not in FIBRE_ENDS:
+        if end not in FIBRE_ENDS and not callable(end):
             raise ValueError(
-                f"fibre_ends: {name!r} must be {' or '.join(FIBRE_ENDS)}, not {end!r}"
+                f"fibre_ends: {name!r} must be {', '.join(FIBRE_ENDS)} or a function "
+                f"of the load factor that turns a clamp, not {end!r}"
             )
         edges = np.unique(boundaries[name])
         if not np.isin(edges, mesh.boundary_facets()).all():

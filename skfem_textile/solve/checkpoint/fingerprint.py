@@ -55,7 +55,7 @@ def arrays(ply: Body, constraints: Supports, steps: int) -> dict[str, ndarray]:
         "surfaces": surfaces.levels(1.0) if surfaces else np.empty(0),
         **{
             f"{name} forces at {t}": forces
-            for t in (PROBED if ply.further_terms else (1.0,))
+            for t in (PROBED if ply.follows_load_factor else (1.0,))
             for name, forces in ply.residuals(probe, t).items()
         },
     }

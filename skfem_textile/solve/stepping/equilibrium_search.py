@@ -27,6 +27,11 @@ _SETTLED = 0.0025
 # coarse quadratic triangles at 60 degrees of shear it is half.
 _TIMES = 4
 
+# The shortest step to balance at rest, as a share of what is not balanced: of a ply
+# that is stable there, and of another.  With longer ones heavy cantilevers with little
+# bending stiffness are refused; with shorter ones a refusal takes longer.
+_SHORTEST_AT_REST = 2.0**-12, 2.0**-6
+
 
 class Goal(NamedTuple):
     """What to reach, and from where.
@@ -42,6 +47,8 @@ class Goal(NamedTuple):
     most_altered
         How many tangents may be altered on the way; if not any number, only strategies
         that follow the path are tried.
+    held
+        Forces beside the loads, as of `Problem`.
     """
 
     load_factor: float
@@ -50,6 +57,7 @@ class Goal(NamedTuple):
     start: Start
     before: Start | None
     most_altered: float = np.inf
+    held: ndarray | float = 0.0
 
 
 class Found(NamedTuple):
@@ -131,6 +139,52 @@ class EquilibriumSearch:
             found = Found(again.trial, altered, followed_path, settled=False)
         return found._replace(solves_again=clock.solves - before)
 
+    def at_rest(self, start: Start, fixed_values: ndarray) -> Found:
+        """The state at the load factor 0 of a ply that is not in balance there.
+
+        What is not balanced at rest, such as a constant weight, is held at first, and
+        let go in steps that shrink where the way is hard.  Prescribed displacements
+        grow with it.  A ply that is not stable at rest may have no path from there:
+        what the shortest step cannot let go is then let go at once, by whatever way
+        the iteration takes.
+
+        Parameters
+        ----------
+        start
+            The undeformed ply.
+        fixed_values
+            Values of the fixed unknowns at the load factor 0.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If there is no acceptable state.
+        """
+        unbalanced, u, tangent = start.f, start.u, start.tangent
+        done, step, most, altered, followed = 0.0, 1.0, float(MOST_ALTERED), 0, True
+        stable = tangent is not None and tangent.negative_pivots == 0
+        shortest = _SHORTEST_AT_REST[0 if stable else 1]
+        while True:
+            share = min(1.0, done + step)
+            held = (1.0 - share) * unbalanced
+            begin = self.problem.holding(held).start(u, tangent)
+            goal = Goal(0.0, 0.0, share * fixed_values, begin, None, most, held)
+            try:
+                found = self(goal)
+            except NoEquilibriumError:
+                step /= 2
+                if step < shortest:
+                    if stable or most == np.inf:
+                        raise
+                    step, most = 1.0, np.inf
+                continue
+            altered = max(altered, found.altered)
+            followed = followed and found.followed_path
+            if share == 1.0:
+                return found._replace(altered=altered, followed_path=followed)
+            last = found.trial.next_start()
+            u, tangent, done, step = last.u, last.tangent, share, 2 * step
+
     def _first(self, goal: Goal) -> Found:
         """The state that the first strategy finds which finds any.
 
@@ -168,7 +222,7 @@ class EquilibriumSearch:
 
         On the way to a state in which all corners are open none resists: it is shorter.
         """
-        problem = self.problem.at(goal.load_factor)
+        problem = self.problem.at(goal.load_factor).holding(goal.held)
         if strategy is self.strategies[0] and problem.ply.corners_open(goal.start.u):
             open_corners = problem.without_corners()
             equilibrium = self._balanced(open_corners, strategy, goal)

@@ -2,38 +2,77 @@
 
 import os
 from collections.abc import Sequence
+from typing import Any
 
-from ...common.figures import colour_of, figure_of, marker_of
+from matplotlib.lines import Line2D
+
+from ...common.figures import colour_of, figure_of, legend, marker_of
 from ...study import Row
+from .problems import CANTILEVERS
+
+# Markers of a formulation grow, so that lines on each other are all seen.
+_FORMULATIONS = "quadratic", "one point", "macro"
+_SIZES = 5, 5, 10
 
 
 def draw_errors(rows: Sequence[Row], filename: str | os.PathLike[str]) -> None:
     """Errors of cantilevers and of plates over the number of element edges."""
-    with figure_of((9.6, 4.2), filename) as figure:
-        tips, plates = figure.subplots(1, 2, sharey=True)
-        kinds = (
-            (tips, "cantilever", ("formulation", "load"), "{0}, {1}"),
-            (plates, "plate", ("formulation", "degrees", "jitter"), "{0}, {1}°"),
-        )
-        for axes, part, keys, label in kinds:
-            own = [row for row in rows if row["part"] == part and "off_z" in row]
-            for i, kind in enumerate(
-                dict.fromkeys(tuple(row[key] for key in keys) for row in own)
-            ):
-                line = [row for row in own if tuple(row[k] for k in keys) == kind]
-                moved = ", nodes moved" if part == "plate" and kind[2] else ""
-                axes.loglog(
-                    [row["n"] for row in line],
-                    [abs(row["off_z"]) for row in line],
-                    marker=marker_of(i),
-                    color=colour_of(i),
-                    label=label.format(*kind) + moved,
-                )
-            axes.set(xlabel="Element edges along the side")
+    panels: list[tuple[str, dict[str, Any]]] = [
+        *((f"Cantilever, {load}", {"load": load}) for load in CANTILEVERS),
+        *((f"Plate, fibres at {angle}°", {"degrees": angle}) for angle in (0, 45)),
+    ]
+    with figure_of((9.6, 3.2), filename) as figure:
+        for axes, (title, kind) in zip(
+            figure.subplots(1, len(panels), sharey=True), panels, strict=True
+        ):
+            own = [
+                row
+                for row in rows
+                if row["part"] in ("cantilever", "plate")
+                and kind.items() <= row.items()
+                and "off_z" in row
+            ]
+            for formulation in _FORMULATIONS:
+                for moved in (False, True):
+                    _draw(axes, own, formulation, moved)
+            _second_order(axes)
+            axes.set_title(title, fontsize=9)
+            axes.set(xlabel="Edges", xscale="log", yscale="log")
+            axes.set_xlim(7, 37)
             axes.set_xticks([8, 16, 32], ["8", "16", "32"])
             axes.minorticks_off()
             axes.grid(alpha=0.3)
-            if own:
-                axes.legend(frameon=False, fontsize=7)
-        tips.set(ylabel="Error", title="Height of the tip over the length")
-        plates.set(title="Deflection over the largest")
+        figure.axes[0].set_ylabel("Error")
+        handles = [
+            Line2D([], [], **_style(name, False), label=name) for name in _FORMULATIONS
+        ]
+        plain = {"color": "black", "lw": 1}
+        handles.append(Line2D([], [], **plain, ls="--", label="nodes moved by 20 %"))
+        handles.append(Line2D([], [], color="0.6", ls=":", label="second order"))
+        legend(figure, handles, columns=len(handles))
+
+
+def _style(formulation: str, moved: bool) -> dict[str, Any]:
+    i = _FORMULATIONS.index(formulation)
+    return {
+        "color": colour_of(i),
+        "marker": marker_of(i),
+        "markersize": _SIZES[i],
+        "markerfacecolor": "none",
+        "ls": "--" if moved else "-",
+    }
+
+
+def _draw(axes: Any, rows: Sequence[Row], formulation: str, moved: bool) -> None:
+    line = [
+        row
+        for row in rows
+        if row["formulation"] == formulation and bool(row["jitter"]) == moved
+    ]
+    if line:
+        errors = [abs(row["off_z"]) for row in line]
+        axes.plot([row["n"] for row in line], errors, **_style(formulation, moved))
+
+
+def _second_order(axes: Any) -> None:
+    axes.plot([8, 32], [4e-3, 4e-3 / 16], color="0.6", ls=":")

@@ -87,8 +87,15 @@ class Space(Study[Case]):
             ),
             *_every(
                 "buckling",
+                where=["in plane"],
+                n=[32, 64, 128, 256],
+                formulation=["macro"],
+                D=[0.0],
+            ),
+            *_every(
+                "buckling",
                 where=["out of plane"],
-                n=[8, 16],
+                n=[8, 16, 32],
                 formulation=every,
                 D=[0.1, 10.0, 1000.0],
             ),

@@ -56,8 +56,9 @@ def plates(rows: Sequence[Row]) -> str:
 
 def buckling(rows: Sequence[Row]) -> str:
     """Errors of critical tensions."""
-    head = ["buckles", "formulation", "D, N·mm", "exact, N/mm", "8 edges", "16 edges"]
     found = _of(rows, "buckling")
+    edges = sorted({row["n"] for row in found})
+    head = ["buckles", "formulation", "D, N·mm", "exact, N/mm"]
     kinds = dict.fromkeys((row["where"], row["formulation"], row["D"]) for row in found)
     lines = []
     for kind in kinds:
@@ -65,9 +66,9 @@ def buckling(rows: Sequence[Row]) -> str:
         errors = {row["n"]: _share(row["off_x"]) for row in own}
         exact = f"{own[0]['exact']:.4g}"
         where, formulation, D = kind
-        ends = [errors.get(n, "-") for n in (8, 16)]
+        ends = [errors.get(n, "-") for n in edges]
         lines.append([where, formulation, f"{D:g}", exact, *ends])
-    return markdown_table(head, lines)
+    return markdown_table([*head, *(f"{n} edges" for n in edges)], lines)
 
 
 def modes(rows: Sequence[Row]) -> str:

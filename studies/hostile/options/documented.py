@@ -159,6 +159,7 @@ _LOADED = {
     "fibre-pretension": Option(float, 0.0),
     "bending-warp": Option(float, 0.0),
     "bending-weft": Option(float, 0.0),
+    "bending-twist": Option(float, 0.0),
     "force": Option(_force, [], "", "all"),
     "rotate": Option(_degrees, 0.0),
     "test-curve": Option(str, None),

@@ -42,7 +42,7 @@ def may_be_refused(line: RunLine) -> bool:
     v = line.values
     names = (
         *("fibre-stiffness", "shear-stiffness", "bending-warp", "bending-weft"),
-        *("cs", "deviation"),
+        *("bending-twist", "cs", "deviation"),
     )
     if v["fibre-pretension"]:  # which the law may not reach
         return True
@@ -119,7 +119,8 @@ def _refuse_mesh(line: RunLine) -> None:
 
 
 def _refuse_numbers(v: dict[str, Any]) -> None:
-    for name in ("fibre-stiffness", "shear-stiffness", "bending-warp", "bending-weft"):
+    of_bending = "bending-warp", "bending-weft", "bending-twist"
+    for name in ("fibre-stiffness", "shear-stiffness", *of_bending):
         _refuse_stiffness(v[name])
     if v["fibre-stiffness"] == v["shear-stiffness"] == 0:
         raise UnreadableError("no stiffness")
