@@ -27,7 +27,13 @@ from .stepping.equilibrium_search import (
     strategy_of,
 )
 from .stepping.error_estimate import estimated_error
-from .stepping.limit import is_known, limit_error, load_growth, loads_grow
+from .stepping.limit import (
+    is_known,
+    limit_error,
+    load_growth,
+    loads_grow,
+    nothing_drives,
+)
 from .stepping.load_path import MOST_ALTERED, LoadPath
 from .stepping.step_length import StepLength
 from .strategies import Strategy
@@ -38,6 +44,11 @@ log = logging.getLogger(__name__)
 #: What a step tries and which checks only warn, unless told otherwise.
 DEFAULT_STRATEGIES = "mixed", "descent"
 DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners"
+
+_NOTHING_DRIVES = (
+    "nothing will move: no condition prescribes a displacement other than zero, and "
+    "there is no load; look at the displacements of the conditions"
+)
 
 
 class LoadStepper:
@@ -261,6 +272,8 @@ class LoadStepper:
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
             self._keep(state, trial)
+            if nothing_drives(problem, self.load_factors, tolerance):
+                log.warning(_NOTHING_DRIVES)
         else:
             self._states = [state]  # until the ply is in balance
             found = self._search.at_rest(problem.start(u, tangent), values)

@@ -93,7 +93,7 @@ class Mixed:
         if problem.in_space:
             du = self._shortened(problem, du)
         while True:
-            du = _in_domain(problem, u, du)
+            du = within_laws(problem, u, du)
             tension = problem.ply.geometric_tension(u, du)
             contact = tangent.contact(f, du)
             u = problem.moved(u, du)
@@ -133,7 +133,7 @@ class Descent:
         u, tangent = start.u, _first_tangent(problem, start)
         du = tangent.increment(problem.forces_of(start), u, fixed_values)
         du = du + self.imperfection * problem.element_size * tangent.softest()
-        u = problem.moved(u, _in_domain(problem, u, du))
+        u = problem.moved(u, within_laws(problem, u, du))
         while True:
             f = problem.residual(u)
             yield Iterate(tangent, u, f)
@@ -158,7 +158,7 @@ class Newton:
         if tangent is None or problem.surfaces:  # which move with the load factor
             tangent = Tangent(problem, u)
         while True:
-            du = _in_domain(problem, u, tangent.increment(f, u, fixed_values))
+            du = within_laws(problem, u, tangent.increment(f, u, fixed_values))
             u = problem.moved(u, du)
             f = problem.residual(u)
             yield Iterate(tangent, u, f)
@@ -277,7 +277,7 @@ def no_contact(problem: Problem) -> ndarray | None:
     return np.zeros(len(problem.surfaces.nodes)) if problem.surfaces else None
 
 
-def _in_domain(problem: Problem, u: ndarray, du: ndarray) -> ndarray:
+def within_laws(problem: Problem, u: ndarray, du: ndarray) -> ndarray:
     """The increment, halved until every law has a value.
 
     Raises

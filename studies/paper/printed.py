@@ -115,24 +115,25 @@ def report() -> dict[str, list[dict]]:
 
 
 def table() -> str:
-    """Systems and slips as Markdown tables."""
-    lines = []
+    """Equations, systems and slips as Markdown tables."""
+    equations, solutions = [], []
     for s in systems():
+        which = f"{s.mesh}, {s.points}, {s.element} along {s.direction}"
+        solutions.append([which, s.rank, _solution(s), s.conclusion])
         for i, row in enumerate(s.rows):
             printed, off = "-", "-"
             if s.printed.size:
                 printed = _equation(s, s.printed[i])
                 off = f"{np.abs(s.difference[i]).max():.1e}"
                 off += f", after a factor {s.factor:g}" if s.factor != 1 else ""
-            which = s.mesh, s.points, s.element, s.direction, s.equations[i]
-            computed = printed, _equation(s, row), off, s.rank, _solution(s)
-            lines.append([*which, *computed, s.conclusion])
-    head = [
-        *("mesh", "points", "element", "along", "paper", "printed", "computed"),
-        *("difference", "rank", "solution", "paper's conclusion"),
-    ]
-    slip_head = ["where", "printed", "correct", "computed"]
-    return markdown_table(head, lines) + "\n" + markdown_table(slip_head, slips())
+            computed = printed, _equation(s, row), off
+            equations.append([which, s.equations[i], *computed])
+    tables = {
+        ("system", "paper", "printed", "computed", "difference"): equations,
+        ("system", "rank", "solution", "paper's conclusion"): solutions,
+        ("where", "printed", "correct", "computed"): slips(),
+    }
+    return "\n".join(markdown_table(list(head), x) for head, x in tables.items())
 
 
 def _equation(system: PrintedSystem, row: ndarray) -> str:

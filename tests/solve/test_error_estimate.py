@@ -19,6 +19,7 @@ from skfem_textile import (
 )
 from skfem_textile.mesh.named_nodes import with_named_nodes
 from skfem_textile.scenes import bias_extension, picture_frame
+from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.stepping import error_estimate
 
 MACRO = Macro()
@@ -177,7 +178,19 @@ def test_it_is_told_where_a_finer_mesh_leaves_the_law():
     end = 1.001 * np.abs(plain.ply.shear_angle(plain.states[-1].u)).max()
     law = Tabulated([0.0, end], [0.0, 0.5 * end], odd=True)
     summary = pulled(across=4, shear=law).summary()
-    assert "an increment to it is past the end of a law" in summary["error_estimate"]
+    assert "this state is past the end of a law there" in summary["error_estimate"]
+
+
+@pytest.mark.parametrize(("formulation", "pull"), [(MACRO, 15.5), (OnePoint(), 15.0)])
+def test_where_increments_reach_the_end_of_a_law_they_are_shortened(formulation, pull):
+    """The estimate is near what half the element size changes."""
+    angles, moments = np.radians([0, 20, 40, 50]), [0, 0.02, 0.12, 0.9]
+    fabric = Fabric(7e3, Tabulated(angles, moments, odd=True), (1, 1), (-1, 1))
+    ply = Ply(rectangle(50, 100, (6, 12), "delaunay"), fabric, formulation)
+    held = {"clamp": Condition("bottom"), "pull": Condition("top", (0.0, pull))}
+    coarse, fine = (LoadStepper(p, held, 6).run() for p in (ply, ply.finer().ply))
+    force, finer = (r.states[-1].reactions["pull"][1] for r in (coarse, fine))
+    assert 0.5 < coarse.estimated_error.load / abs(force / finer - 1) < 3
 
 
 def test_a_load_that_is_round_off_has_no_error():

@@ -5,7 +5,8 @@ from itertools import count
 
 import numpy as np
 import pytest
-from helpers import distorted
+from helpers import Pretensioned, distorted
+from scipy.sparse import identity
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -13,6 +14,7 @@ from skfem_textile import (
     Condition,
     Descent,
     Fabric,
+    Force,
     Full,
     LoadStepper,
     Macro,
@@ -21,6 +23,7 @@ from skfem_textile import (
     OnePoint,
     Ply,
     StepError,
+    Term,
 )
 from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import bias_extension, strip
@@ -116,6 +119,56 @@ def test_a_printed_result_is_a_table_of_its_states():
 def test_a_printed_result_says_nothing_of_states_left_out_where_none_are():
     ply, conditions = pulled(0.5)
     assert "…" not in str(LoadStepper(ply, conditions, steps=10).run())
+
+
+class Grip(Term):
+    """A term of one's own that pulls all nodes to a place which moves with t."""
+
+    def __init__(self, name, role):
+        self.name, self.role = name, role
+
+    def energy(self, u, t):
+        return 0.5e-3 * float(((u - 0.01 * t) ** 2).sum())
+
+    def residual(self, u, t):
+        return 1e-3 * (u - 0.01 * t)
+
+    def tangent(self, u, t):
+        return 1e-3 * identity(len(u), format="csr")
+
+
+@pytest.fixture
+def sheet():
+    """A way to run a square whose bottom is clamped, with further arguments."""
+
+    def run(top, fabric=None, terms=(), held=None):
+        mesh = MeshQuad().refined(2).with_defaults()
+        ply = Ply(mesh, fabric or Fabric(10.0, 1.0), Full(), terms)
+        conditions = held or {"bottom": Condition("bottom"), "top": top}
+        return LoadStepper(ply, conditions, 2).run()
+
+    return run
+
+
+@pytest.mark.parametrize("top", [(0.0, 0.0), lambda X, t: 0 * X])
+def test_a_run_in_which_nothing_moves_says_so_once(sheet, caplog, top):
+    result = sheet(Condition("top", top))
+    assert not np.any(result.u)
+    (record,) = caplog.records
+    assert record.levelname == "WARNING"
+    assert record.message.startswith("nothing will move: no condition prescribes")
+
+
+def test_what_drives_a_run_is_not_taken_for_nothing(sheet, caplog):
+    """Motions there and back, loads, tension at rest, a term of one's own."""
+    clamp = Condition("top")
+    there_and_back = Condition("top", lambda X, t: 0.04 * t * (1 - t) + 0 * X)
+    sheet(there_and_back)
+    sheet(clamp, terms=[BodyForce((0.0, 1e-3))])
+    sheet(clamp, terms=[Force("top", (0.0, 1e-3))])  # the reaction tells of it
+    sheet(clamp, Fabric(Pretensioned(10.0, 0.1), 1.0))
+    sheet(clamp, terms=[Grip("grip", "internal")])
+    assert "nothing will move" not in caplog.text
 
 
 def test_the_one_strain_of_the_table_is_the_one_that_the_law_sees():

@@ -60,7 +60,7 @@ def completed(curve: Curve, test: ShearTest | None) -> dict[str, ndarray]:
 
 def write_curve(curve: dict[str, ndarray], path: Path) -> None:
     """Write the columns of a curve as CSV; see `word_of`."""
-    from ...io.file_numbers import word_of
+    from ...io.file_numbers import word_of  # loads meshio
 
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)

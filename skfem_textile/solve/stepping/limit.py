@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..body import PROBED, Body
+from ..problem import Problem
 from ..states import NoEquilibriumError, State
 
 # How well a limit load is to be known, as a share of it.  Half of it takes about
@@ -37,6 +38,30 @@ def loads_grow(ply: Body, load_factors: Sequence[float]) -> bool:
     at_rest = ply.load(u, 0.0)
     return any(
         not np.array_equal(ply.load(u, t), at_rest) for t in (*PROBED, *load_factors)
+    )
+
+
+def nothing_drives(
+    problem: Problem, load_factors: Sequence[float], tolerance: float
+) -> bool:
+    """Whether the ply at rest is in equilibrium at every load factor.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    load_factors
+        Load factors of the run.
+    tolerance
+        Force in N from which on a nodal force counts, be its node held or free.
+    """
+    if problem.surfaces or any(
+        np.any(problem.constraints.fixed_values(t)) for t in load_factors
+    ):
+        return False
+    rest = problem.ply.basis.zeros()
+    return all(
+        np.abs(problem.at(t).residual(rest)).max() <= tolerance for t in load_factors
     )
 
 
