@@ -4,7 +4,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from .sheet import Lines, Panel, Shape
+from .sheet import Lines, Panel, Shape, Tool
 
 # Chosen by eye, in mm on the picture, as all sizes and colours below.  The least side
 # of an element that has fibres of its own; elsewhere they stand on a square grid of
@@ -24,6 +24,9 @@ _CANDIDATES = 8
 # The least mean side of elements whose edges are drawn, and the widths of the edges and
 # of the outline of the ply.
 _LEAST_SIDE, _EDGE, _OUTLINE = 1.3, 0.1, 0.2
+
+# Depth behind a tool, as a share of its own, from which the tool hides a line.
+_HIDDEN = 0.05
 
 # Marks of elements: the width of their lines, and the radius of the rings around
 # elements that are smaller.
@@ -64,6 +67,16 @@ def lines_of(panel: Panel, scale: float, show_edges: bool | None) -> list[Lines]
     if panel.marked.size:
         drawn.append(Lines(_marks(panel, scale), REFUSED, _MARK))
     return drawn
+
+
+def in_front_of_tool(ends: ndarray, tool: Tool | None) -> ndarray:
+    """The lines that a tool does not hide, shape (n, 2, 3)."""
+    if tool is None or not len(ends):
+        return ends
+    centres, middles = tool.centres, ends.mean(axis=1)
+    near = KDTree(centres[:, :2]).query(middles[:, :2], _CANDIDATES)[1]
+    allowed = _HIDDEN * np.ptp(centres[:, 2])
+    return ends[centres[near, 2].max(axis=1) <= middles[:, 2] + allowed]
 
 
 def _along(shape: Shape, vectors: ndarray, scale: float) -> ndarray:

@@ -13,9 +13,9 @@ from ..solve.states import State
 from .drawing import draw
 from .fields import FIELDS, Field, field_of, reach, values_of
 from .lines import REFUSED, WARP, WEFT
+from .on_tools.under_ply import tool_under
 from .picture_files import picture_path
 from .sheet import Fibres, Legend, Panel, Scale, Shape, Sheet, extent, in_perspective
-from .tools import tool_under
 
 if TYPE_CHECKING:
     import pyvista as pv

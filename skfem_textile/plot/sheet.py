@@ -33,6 +33,11 @@ class Tool(NamedTuple):
     triangles: ndarray
     shades: ndarray
 
+    @property
+    def centres(self) -> ndarray:
+        """The mean of the corners of each triangle, shape (m, 3)."""
+        return np.asarray(self.points[self.triangles].mean(axis=0))
+
 
 class Shape(NamedTuple):
     """Elements with straight edges.

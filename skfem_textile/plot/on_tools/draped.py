@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..io.fields import fields_on_tool
-from ..solve.result import Result
-from ..solve.states import State
-from .drawing import draw
-from .fields import FIELDS, reach, values_of
-from .layout import PAGE
-from .lines import REFUSED
-from .pictures import shapes_of
-from .sheet import Legend, Panel, Scale, Sheet, extent
+from ...io.fields import fields_on_tool
+from ...solve.result import Result
+from ...solve.states import State
+from ..drawing import draw
+from ..fields import FIELDS, reach, values_of
+from ..layout import PAGE
+from ..lines import REFUSED
+from ..pictures import shapes_of
+from ..sheet import Legend, Panel, Scale, Sheet, extent
 
 if TYPE_CHECKING:
     import pyvista as pv
