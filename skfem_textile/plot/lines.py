@@ -29,8 +29,8 @@ _LEAST_SIDE, _EDGE, _OUTLINE = 1.3, 0.1, 0.2
 _HIDDEN = 0.05
 
 # Marks of elements: the width of their lines, and the radius of the rings around
-# elements that are smaller.
-_MARK, _RING, _CORNERS = 0.45, 1.6, 24
+# elements that are smaller, and at most so many.
+_MARK, _RING, _CORNERS, _FEW = 0.45, 1.6, 24, 12
 
 #: Colours of a ply without colours, of edges on it and elsewhere, and of outlines.
 PLY = "#F4F4F4"
@@ -146,9 +146,9 @@ def _grid_over(points: ndarray, spacing: float) -> ndarray:
 
 
 def _marks(panel: Panel, scale: float) -> ndarray:
-    """The edges of the marked elements, and rings around those that are small."""
-    edges = panel.shape.edges_of(panel.marked)
-    if panel.shape.sides.mean() * scale > _RING:
+    """The outline of the marked elements, and rings around a few that are small."""
+    edges = panel.shape.outline_of(panel.marked)
+    if panel.marked.size > _FEW or panel.shape.sides.mean() * scale > _RING:
         return edges
     centres = panel.shape.centres[panel.marked]
     turn = np.linspace(0, 2 * np.pi, _CORNERS + 1)

@@ -111,8 +111,8 @@ def field(
     >>> figure = plot.field(result, field="displacement", filename="moved.pdf")
     ... # doctest: +SKIP
     """
-    titles, shapes, states = _chosen(results, titles, state, filename)
-    shown, scale = _on_one_scale(results, states, field_of(field), cmap, clim)
+    titles, shapes, states = chosen(results, titles, state, filename)
+    shown, scale = on_one_scale(results, states, field_of(field), cmap, clim)
     row = [
         Panel(title, shape, values, scale)
         for title, shape, values in zip(titles, shapes, shown, strict=True)
@@ -149,7 +149,7 @@ def fibre_strain(
 
     Parameters, returned value and errors as for `field`.
     """
-    titles, shapes, states = _chosen(results, titles, state, filename)
+    titles, shapes, states = chosen(results, titles, state, filename)
     rows, scale = _strain_rows(results, titles, shapes, states, cmap, clim)
     low, high = extent(shapes)
     if len(results) == 1 and high[1] - low[1] > high[0] - low[0]:
@@ -172,9 +172,9 @@ def contact_sheet(
 
     Parameters, returned value and errors as for `field`.
     """
-    titles, shapes, states = _chosen(results, titles, state, filename)
+    titles, shapes, states = chosen(results, titles, state, filename)
     strains, strain = _strain_rows(results, titles, shapes, states)
-    angles, shear = _on_one_scale(results, states, FIELDS["shear_angle"])
+    angles, shear = on_one_scale(results, states, FIELDS["shear_angle"])
     rows = [
         [warp, weft, Panel(f"Shear angle, {title}", warp.shape, values, shear)]
         for warp, weft, title, values in zip(*strains, titles, angles, strict=True)
@@ -200,7 +200,7 @@ def fibre_directions(
 
     Parameters, returned value and errors as for `field`.
     """
-    titles, shapes, states = _chosen(results, titles, state, filename)
+    titles, shapes, states = chosen(results, titles, state, filename)
     row = []
     for result, title, shape, at in zip(results, titles, shapes, states, strict=True):
         fields = cell_fields(result.ply, at.u)
@@ -237,8 +237,8 @@ def verdict(
     Other parameters, returned value and errors as for `field`.
     """
     results = [run.result if isinstance(run, StepError) else run for run in runs]
-    _, shapes, states = _chosen(results, (), state, filename)
-    shown, scale = _on_one_scale(results, states, field_of(field), cmap, clim)
+    _, shapes, states = chosen(results, (), state, filename)
+    shown, scale = on_one_scale(results, states, field_of(field), cmap, clim)
     row = []
     for run, shape, at, values in zip(runs, shapes, states, shown, strict=True):
         refused = isinstance(run, StepError)
@@ -266,7 +266,7 @@ def _words(state: State) -> str:
     )
 
 
-def _chosen(
+def chosen(
     results: Sequence[Result],
     titles: Sequence[str],
     state: int,
@@ -302,7 +302,7 @@ def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]
     return in_perspective(shapes) if in_space else shapes
 
 
-def _on_one_scale(
+def on_one_scale(
     results: Sequence[Result],
     states: Sequence[State],
     field: Field,
