@@ -30,7 +30,7 @@ _SCRIPTS = {
         "two_fabrics",
     ),
     "meshes": ("hole", "gmsh_mesh", "from_abaqus", "along_fibres"),
-    "loads": ("loads", "limit_load", "hanging_sheet", "pressure"),
+    "loads": ("loads", "limit_load", "hanging_sheet", "pressure", "double_dome"),
     "runs": ("sweep", "to_a_tolerance"),
 }
 

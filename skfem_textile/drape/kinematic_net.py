@@ -265,9 +265,9 @@ def _pinned(surface: Surface, x: ndarray, step: ndarray, cell: float) -> ndarray
 
 
 def _up_to(ends: ndarray, shape: tuple[int, int]) -> ndarray:
-    """Crossings of a quadrant of which a point lies beyond, or in the cell before."""
-    last = np.ceil(ends - _EXACT).astype(int)
-    last = last[:, (last >= 0).all(axis=0)]
+    """Crossings of a quadrant that lie before a point, or around its cell."""
+    last = np.floor(ends + _EXACT).astype(int) + 1
+    last = last[:, (last > 0).all(axis=0)]
     wanted = np.zeros(shape, dtype=bool)
     wanted[tuple(np.minimum(last, np.array(shape)[:, None] - 1))] = True
     for axis in (0, 1):

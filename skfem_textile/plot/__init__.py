@@ -4,8 +4,8 @@ try:
     from .animation import animation
     from .before import mesh_and_fibres
     from .curves import curves
-    from .draped import draped
     from .fields import FIELDS, Field
+    from .on_tools.draped import draped
     from .pictures import (
         contact_sheet,
         fibre_directions,

@@ -64,15 +64,12 @@ def animation(
         for state, shape, each in zip(states, shapes, values, strict=True)
     ]
     layouts = [lay_out(sheet, size) for sheet in sheets]
-    plotter = new_plotter(layouts[0], _DOTS)
     frames = []
     for sheet, layout in zip(sheets, layouts, strict=True):
-        plotter.clear_actors()
-        for renderer in plotter.renderers:
-            renderer.RemoveAllViewProps()
+        plotter = new_plotter(layout, _DOTS)  # one that drew before loses its text
         pyvista_renderer().draw_new(plotter, sheet, layout)
         frames.append(Image.fromarray(pixels(plotter)))
-    plotter.close()
+        plotter.close()
     first, *others = [frame.quantize(dither=Image.Dither.NONE) for frame in frames]
     write(
         path,

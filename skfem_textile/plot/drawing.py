@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .layout import PRINTED, Layout, default_width, lay_out
-from .offscreen import require_offscreen
 from .picture_files import is_vector, picture_path, save, save_pixels
+from .renderers.offscreen import require_offscreen
 from .sheet import Sheet
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from .sheet import Lines, Panel, Shape
+from .sheet import Lines, Panel, Shape, Tool
 
 # Chosen by eye, in mm on the picture, as all sizes and colours below.  The least side
 # of an element that has fibres of its own; elsewhere they stand on a square grid of
@@ -25,9 +25,12 @@ _CANDIDATES = 8
 # of the outline of the ply.
 _LEAST_SIDE, _EDGE, _OUTLINE = 1.3, 0.1, 0.2
 
+# Depth behind a tool, as a share of its own, from which the tool hides a line.
+_HIDDEN = 0.05
+
 # Marks of elements: the width of their lines, and the radius of the rings around
-# elements that are smaller.
-_MARK, _RING, _CORNERS = 0.45, 1.6, 24
+# elements that are smaller, and at most so many.
+_MARK, _RING, _CORNERS, _FEW = 0.45, 1.6, 24, 12
 
 #: Colours of a ply without colours, of edges on it and elsewhere, and of outlines.
 PLY = "#F4F4F4"
@@ -64,6 +67,16 @@ def lines_of(panel: Panel, scale: float, show_edges: bool | None) -> list[Lines]
     if panel.marked.size:
         drawn.append(Lines(_marks(panel, scale), REFUSED, _MARK))
     return drawn
+
+
+def in_front_of_tool(ends: ndarray, tool: Tool | None) -> ndarray:
+    """The lines that a tool does not hide, shape (n, 2, 3)."""
+    if tool is None or not len(ends):
+        return ends
+    centres, middles = tool.centres, ends.mean(axis=1)
+    near = KDTree(centres[:, :2]).query(middles[:, :2], _CANDIDATES)[1]
+    allowed = _HIDDEN * np.ptp(centres[:, 2])
+    return ends[centres[near, 2].max(axis=1) <= middles[:, 2] + allowed]
 
 
 def _along(shape: Shape, vectors: ndarray, scale: float) -> ndarray:
@@ -133,9 +146,9 @@ def _grid_over(points: ndarray, spacing: float) -> ndarray:
 
 
 def _marks(panel: Panel, scale: float) -> ndarray:
-    """The edges of the marked elements, and rings around those that are small."""
-    edges = panel.shape.edges_of(panel.marked)
-    if panel.shape.sides.mean() * scale > _RING:
+    """The outline of the marked elements, and rings around a few that are small."""
+    edges = panel.shape.outline_of(panel.marked)
+    if panel.marked.size > _FEW or panel.shape.sides.mean() * scale > _RING:
         return edges
     centres = panel.shape.centres[panel.marked]
     turn = np.linspace(0, 2 * np.pi, _CORNERS + 1)

@@ -13,9 +13,9 @@ from ..solve.states import State
 from .drawing import draw
 from .fields import FIELDS, Field, field_of, reach, values_of
 from .lines import REFUSED, WARP, WEFT
+from .on_tools.under_ply import tool_under
 from .picture_files import picture_path
 from .sheet import Fibres, Legend, Panel, Scale, Shape, Sheet, extent, in_perspective
-from .tools import tool_under
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -112,8 +112,8 @@ def field(
     >>> figure = plot.field(result, field="displacement", filename="moved.pdf")
     ... # doctest: +SKIP
     """
-    titles, shapes, states = _chosen(results, titles, state, filename)
-    shown, scale = _on_one_scale(results, states, field_of(field), cmap, clim)
+    titles, shapes, states = chosen(results, titles, state, filename)
+    shown, scale = on_one_scale(results, states, field_of(field), cmap, clim)
     row = [
         Panel(title or scale.label, shape, values, scale)
         for title, shape, values in zip(titles, shapes, shown, strict=True)
@@ -150,7 +150,7 @@ def fibre_strain(
 
     Parameters, returned value and errors as for `field`.
     """
-    titles, shapes, states = _chosen(results, titles, state, filename)
+    titles, shapes, states = chosen(results, titles, state, filename)
     rows, scale = _strain_rows(results, titles, shapes, states, cmap, clim)
     low, high = extent(shapes)
     if len(results) == 1 and high[1] - low[1] > high[0] - low[0]:
@@ -173,9 +173,9 @@ def contact_sheet(
 
     Parameters, returned value and errors as for `field`.
     """
-    titles, shapes, states = _chosen(results, titles, state, filename)
+    titles, shapes, states = chosen(results, titles, state, filename)
     strains, strain = _strain_rows(results, titles, shapes, states)
-    angles, shear = _on_one_scale(results, states, FIELDS["shear_angle"])
+    angles, shear = on_one_scale(results, states, FIELDS["shear_angle"])
     rows = [
         [
             warp,
@@ -207,7 +207,7 @@ def fibre_directions(
 
     Parameters, returned value and errors as for `field`.
     """
-    titles, shapes, states = _chosen(results, titles, state, filename)
+    titles, shapes, states = chosen(results, titles, state, filename)
     row = []
     for result, title, shape, at in zip(results, titles, shapes, states, strict=True):
         fields = cell_fields(result.ply, at.u)
@@ -246,10 +246,10 @@ def verdict(
     Other parameters, returned value and errors as for `field`.
     """
     results = [run.result if isinstance(run, StepError) else run for run in runs]
-    _, shapes, states = _chosen(results, (), state, filename)
+    _, shapes, states = chosen(results, (), state, filename)
     ended = [run.quantity for run in runs if isinstance(run, StepError)]
     field = field or next(filter(None, ended), "area_ratio")
-    shown, scale = _on_one_scale(results, states, field_of(field), cmap, clim)
+    shown, scale = on_one_scale(results, states, field_of(field), cmap, clim)
     row = []
     for run, shape, at, values in zip(runs, shapes, states, shown, strict=True):
         refused = isinstance(run, StepError)
@@ -277,7 +277,7 @@ def _words(state: State) -> str:
     )
 
 
-def _chosen(
+def chosen(
     results: Sequence[Result],
     titles: Sequence[str],
     state: int,
@@ -319,7 +319,7 @@ def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]
     return in_perspective(shapes) if in_space else shapes
 
 
-def _on_one_scale(
+def on_one_scale(
     results: Sequence[Result],
     states: Sequence[State],
     field: Field,

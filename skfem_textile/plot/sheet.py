@@ -33,6 +33,11 @@ class Tool(NamedTuple):
     triangles: ndarray
     shades: ndarray
 
+    @property
+    def centres(self) -> ndarray:
+        """The mean of the corners of each triangle, shape (m, 3)."""
+        return np.asarray(self.points[self.triangles].mean(axis=0))
+
 
 class Shape(NamedTuple):
     """Elements with straight edges.
@@ -90,14 +95,14 @@ class Shape(NamedTuple):
         edges, count = np.unique(np.sort(both, axis=0), axis=1, return_counts=True)
         return self.points[edges[:, count == 1] if outer else edges].swapaxes(0, 1)
 
-    def edges_of(self, elements: ndarray) -> ndarray:
-        """Ends of the edges of some elements, shape (n_edges, 2, 3)."""
+    def outline_of(self, elements: ndarray) -> ndarray:
+        """Ends of the outer edges of some elements, shape (n_edges, 2, 3)."""
         chosen, first = [], 0
         for cell in self.cells:
             inside = (elements >= first) & (elements < first + cell.shape[1])
             chosen.append(cell[:, elements[inside] - first])
             first += cell.shape[1]
-        return Shape(self.points, tuple(chosen)).edges(outer=False)
+        return Shape(self.points, tuple(chosen)).edges(outer=True)
 
 
 class Scale(NamedTuple):

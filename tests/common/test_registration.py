@@ -24,7 +24,9 @@ def package(tmp_path, monkeypatch):
     __import__("registering")
 
     def add(module, text):
-        (folder / f"{module}.py").write_text(text)
+        file = folder / f"{module}.py"
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(text)
 
     yield add
     for name in [name for name in sys.modules if name.startswith("registering")]:
@@ -37,6 +39,13 @@ def test_modules_register_in_the_order_of_their_ranks(package):
     package("c", "REGISTRATION = 'of another kind'")
     package("d", "")
     assert list(registered("registering", Registration)) == ["first", "last"]
+
+
+def test_modules_in_folders_register_too(package):
+    package("a", ONE.format("one", 1))
+    package("inner/__init__", "")
+    package("inner/b", ONE.format("two", 0))
+    assert list(registered("registering", Registration)) == ["two", "one"]
 
 
 def test_a_name_is_registered_once(package):
@@ -54,6 +63,7 @@ def test_a_name_is_registered_once(package):
             [
                 *("strip", "picture_frame", "trellis", "bias_extension", "specimen"),
                 *("cantilever", "buckling"),
+                *("hemisphere", "cylinder", "double_dome", "saddle"),
             ],
         ),
         (

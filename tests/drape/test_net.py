@@ -106,3 +106,42 @@ def test_the_exponential_map_unrolls_a_cylinder():
     np.testing.assert_allclose(x, rolled, atol=1e-3)
     with pytest.raises(ValueError, match="normal to the surface"):
         drape.exponential_map(SPHERE, X, first=(0, 0, 1))
+
+
+def test_a_net_is_laid_up_to_the_points_that_are_given_alone():
+    """Whole, this one folds: beyond the ply threads cross at no angle."""
+    sphere, half = drape.Sphere(100.0, (0, 0, -100)), np.pi / 4
+    side = np.linspace(-75, 75, 31)
+    ply = np.array(np.meshgrid(side, side)).reshape(2, -1)
+    counts = (60, 60), (60, 60)
+    angles = {"angles": (half, half + np.pi / 2)}
+    laid = drape.net(sphere, 2.5, *counts, **angles, over=ply)
+    assert np.isnan(laid.positions).any()
+    part = drape.net(sphere, 2.5, (20, 20), (20, 20), **angles)
+    inner = np.s_[:, 40:81, 40:81]
+    shared = np.isfinite(laid.positions[inner])
+    assert shared[:, 20].all()
+    np.testing.assert_array_equal(laid.positions[inner][shared], part.positions[shared])
+    assert np.isfinite(laid.at(ply)).all()
+    with pytest.raises(ValueError, match="threads fold"):
+        drape.net(sphere, 2.5, *counts, **angles)
+
+
+def test_tangents_of_a_net_are_those_of_its_threads():
+    """On a cylinder a thread is a helix; they are off by the square of a cell."""
+    angle, errors = 0.4, []
+    X = np.array([[31.0, 7.3, -22.0], [12.0, -9.1, 15.5]])
+    for cell in (4.0, 2.0):
+        n = int(80 / cell)
+        net = drape.net(
+            drape.Cylinder(50.0, (0, 0, -50)),
+            *(cell, (n, n), (n, n)),
+            angles=(angle, angle + np.pi / 2),
+        )
+        turn, c, s = X[0] / 50, np.cos(angle), np.sin(angle)
+        around = np.array([np.cos(turn), 0 * turn, -np.sin(turn)])
+        along = np.array([[0.0], [1.0], [0.0]])
+        exact = np.array([c * around + s * along, -s * around + c * along])
+        errors.append(np.abs(net.tangents(X) - exact).max())
+    assert errors[1] < 1e-3
+    assert errors[0] / errors[1] > 3

@@ -149,3 +149,29 @@ def test_bad_surfaces_are_refused(tmp_path):
     empty.write_text("nothing")
     with pytest.raises(MeshError, match=r"empty\.stl"):
         read_surface(empty)
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [
+        drape.Plane((0, 0, 0.3), (1, 2, 5)),
+        drape.Sphere(0.8, (0.1, 0, 0)),
+        drape.Torus(0.6, 0.25),
+    ],
+)
+def test_triangles_on_a_surface_cover_it(surface):
+    """As closed surfaces without gaps, and on it."""
+    x, t = drape.triangles_on(surface, np.full(3, -1.0), np.full(3, 1.0), 24)
+    np.testing.assert_allclose(surface.level(x), 0.0, atol=1e-6)
+    edges = np.sort(np.hstack([t[[0, 1]], t[[1, 2]], t[[2, 0]]]), axis=0)
+    pairs, count = np.unique(edges, axis=1, return_counts=True)
+    assert count.max() == 2
+    outer = x[:, pairs[:, count == 1].ravel()]
+    assert (np.abs(outer).max(axis=0) > 0.95).all()  # at the box alone
+
+
+def test_a_surface_beside_the_box_has_no_triangles_there():
+    sphere = drape.Sphere(1.0, (9, 9, 9))
+    x, t = drape.triangles_on(sphere, np.full(3, -1.0), np.full(3, 1.0), 8)
+    assert x.shape == (3, 0)
+    assert t.shape == (3, 0)

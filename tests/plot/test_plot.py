@@ -18,7 +18,7 @@ Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
 pictures = pytest.importorskip("skfem_textile.plot.pictures")
 Shape = pytest.importorskip("skfem_textile.plot.sheet").Shape
-offscreen = pytest.importorskip("skfem_textile.plot.offscreen")
+offscreen = pytest.importorskip("skfem_textile.plot.renderers.offscreen")
 curves = pytest.importorskip("skfem_textile.plot.curves").curves
 COLOURS = pytest.importorskip("skfem_textile.plot.curves").COLOURS
 
@@ -128,8 +128,8 @@ def test_vectors_turn_with_a_ply_in_perspective(arch):
 
 def test_vectors_of_a_ply_in_space_are_drawn_from_far_to_near(arch, tmp_path):
     figure = plot.field(arch, field="displacement", filename=tmp_path / "x.svg")
-    faces = next(c for c in figure.axes[0].collections if c.get_array() is not None)
-    assert len(faces.get_array()) == arch.ply.mesh.nelements
+    faces = figure.axes[0].collections[0]
+    assert len(faces.get_facecolors()) == arch.ply.mesh.nelements
     plot.fibre_directions(arch, filename=tmp_path / "y.png")
     plot.animation(arch, tmp_path / "z.gif")
 
@@ -204,10 +204,16 @@ def test_fibres_are_drawn_along_their_directions(results):
 
 
 def test_an_animation_has_a_frame_per_state(results, tmp_path):
+    """Each with its title, which lies above the ply, and with the scale below."""
     plot.animation(results[0], tmp_path / "motion.gif")
     assert [p.name for p in tmp_path.iterdir()] == ["motion.gif"]
     with Image.open(tmp_path / "motion.gif") as moving:
         assert moving.n_frames == len(results[0].states)
+        for frame in range(moving.n_frames):
+            moving.seek(frame)
+            shown = np.asarray(moving.convert("L"))
+            assert (shown[:30] < 100).any()
+            assert (shown[-70:] < 100).any()
 
 
 def test_load_curves_carry_their_labels(tmp_path):

@@ -40,6 +40,7 @@ REPORT = "report.html"
 _PICTURES = {
     "refused.png": "The last good state, and where the next step was refused",
     "shear_angle.png": "Shear angle at the last load factor",
+    "draped.png": "Shear angle and contact pressure on the tool",
     "fibre_strain.png": "Fibre strain at the last load factor",
     "fibre_directions.png": "Fibre directions at the last load factor",
     "animation.gif": "The shear angle as the load grows",

@@ -1,6 +1,7 @@
 """Pictures of plies as vectors, drawn by matplotlib.
 
-Lines of a ply in space that faces hide are drawn all the same.
+Lines of a ply in space that faces hide are drawn all the same, unless a tool hides
+them.
 """
 
 import matplotlib as mpl
@@ -14,7 +15,7 @@ from matplotlib.patches import Polygon, Rectangle
 from numpy import ndarray
 
 from ..layout import KEY, POINT, Bar, Layout, Place, Writing, font_file
-from ..lines import PLY, lines_of
+from ..lines import PLY, in_front_of_tool, lines_of
 from ..sheet import Panel, Sheet
 
 # Width in points of the edge that closes the gaps that viewers leave between polygons.
@@ -53,16 +54,16 @@ def _draw_panel(page: mpl.axes.Axes, place: Place, sheet: Sheet) -> None:
     def on_page(points: ndarray) -> ndarray:
         return place.middle + scale * (points - middle)[..., :2]
 
-    faces, colours = _faces(panel)
-    order = np.argsort([face[:, 2].mean() for face in faces], kind="stable")
+    faces, colours, depths = _faces(panel)
+    order = np.argsort(depths, kind="stable")
     polygons = PolyCollection(  # far ones first, so that near ones hide them
         [on_page(faces[i]) for i in order], facecolors=colours[order], edgecolors="face"
     )
-    polygons.set_linewidth(_SEAM)
+    polygons.set(linewidth=_SEAM, joinstyle="round")
     page.add_collection(polygons, autolim=False)
     for ends, colour, width in lines_of(panel, scale, sheet.show_edges):
         lines = LineCollection(
-            list(on_page(ends)),
+            list(on_page(in_front_of_tool(ends, panel.shape.tool))),
             colors=colour,
             linewidths=width / POINT,
             capstyle="round",
@@ -70,21 +71,23 @@ def _draw_panel(page: mpl.axes.Axes, place: Place, sheet: Sheet) -> None:
         page.add_collection(lines, autolim=False)
 
 
-def _faces(panel: Panel) -> tuple[list[ndarray], ndarray]:
-    """Corners and colours of elements and of triangles of their tool."""
+def _faces(panel: Panel) -> tuple[list[ndarray], ndarray, ndarray]:
+    """Corners, colours and depths of elements and of triangles of their tool."""
     shape, scale = panel.shape, panel.scale
     faces = [face for cell in shape.cells for face in shape.points[cell.T]]
     if scale is None or panel.values is None:
         colours = np.tile(to_rgba(PLY), (len(faces), 1))
     else:
         colours = scale.colours((panel.values - scale.low) / (scale.high - scale.low))
+    depths = shape.centres[:, 2]
     if tool := shape.tool:
         faces += list(tool.points[tool.triangles.T])
-        greys = np.repeat(tool.shades[:, None], 3, axis=1)
-        colours = np.vstack(
-            [colours, np.pad(greys, ((0, 0), (0, 1)), constant_values=1)]
-        )
-    return faces, colours
+        greys = np.ones((len(tool.shades), 4))
+        greys[:, :3] = tool.shades[:, None]
+        colours = np.vstack([colours, greys])
+        behind = tool.centres[:, 2] - shape.sides.max()  # of what lies on it
+        depths = np.concatenate([depths, behind])
+    return faces, colours, depths
 
 
 def _draw_bar(page: mpl.axes.Axes, bar: Bar) -> None:

@@ -3,6 +3,7 @@
 from typing import Unpack
 
 import numpy as np
+from skfem import Mesh
 
 from ...drape import Cylinder
 from ...registration import SceneRegistration
@@ -14,7 +15,11 @@ from .laid import radius as radius_option
 RADIUS, WIDTH, HEIGHT = 100.0, 180.0, 180.0
 
 
-def cylinder(radius: float = RADIUS, **ply: Unpack[LaidPly]) -> Scene:
+def cylinder(
+    mesh: str | Mesh = "irregular",
+    radius: float = RADIUS,
+    **ply: Unpack[LaidPly],
+) -> Scene:
     """A ply on a cylinder, its axis along y below the origin.
 
     The exact answer, for fibres at any angle: nothing shears.
@@ -23,7 +28,7 @@ def cylinder(radius: float = RADIUS, **ply: Unpack[LaidPly]) -> Scene:
     ----------
     radius
         Radius in mm.
-    **ply
+    mesh, **ply
         As of `laid`.
 
     Raises
@@ -34,6 +39,7 @@ def cylinder(radius: float = RADIUS, **ply: Unpack[LaidPly]) -> Scene:
     return laid(
         "cylinder",
         Cylinder(radius, (0.0, 0.0, -radius)),
+        mesh,
         **ply,
         exact=lambda X, t: np.zeros(X.shape[1]),
         off_exact=lambda X: "",

@@ -2,6 +2,8 @@
 
 from typing import Unpack
 
+from skfem import Mesh
+
 from ...drape import double_dome as tool
 from ...registration import SceneRegistration
 from ..scene import Scene
@@ -11,12 +13,12 @@ from .laid import DEFAULTS, LaidPly, from_options, laid, options
 WIDTH, HEIGHT = 470.0, 270.0
 
 
-def double_dome(**ply: Unpack[LaidPly]) -> Scene:
+def double_dome(mesh: str | Mesh = "irregular", **ply: Unpack[LaidPly]) -> Scene:
     """A ply on `skfem_textile.drape.double_dome`, its long side along x.
 
     Parameters
     ----------
-    **ply
+    mesh, **ply
         As of `laid`.
 
     Raises
@@ -25,7 +27,7 @@ def double_dome(**ply: Unpack[LaidPly]) -> Scene:
         As from `laid`.
     """
     given: LaidPly = {"size": (32, 18), "width": WIDTH, "height": HEIGHT, **ply}
-    return laid("double_dome", tool(), **given)
+    return laid("double_dome", tool(), mesh, **given)
 
 
 REGISTRATION = SceneRegistration(

@@ -5,6 +5,7 @@ from typing import Unpack
 
 import numpy as np
 from numpy import ndarray
+from skfem import Mesh
 
 from ...drape import Sphere
 from ...registration import SceneRegistration
@@ -20,7 +21,11 @@ RADIUS, WIDTH, HEIGHT = 100.0, 180.0, 180.0
 _OFF = 1e-6
 
 
-def hemisphere(radius: float = RADIUS, **ply: Unpack[LaidPly]) -> Scene:
+def hemisphere(
+    mesh: str | Mesh = "irregular",
+    radius: float = RADIUS,
+    **ply: Unpack[LaidPly],
+) -> Scene:
     """A ply on a sphere, its pole at the origin.
 
     Where the ply is symmetric about the fibres through the pole these are great
@@ -31,7 +36,7 @@ def hemisphere(radius: float = RADIUS, **ply: Unpack[LaidPly]) -> Scene:
     ----------
     radius
         Radius in mm.
-    **ply
+    mesh, **ply
         As of `laid`.
 
     Raises
@@ -43,8 +48,9 @@ def hemisphere(radius: float = RADIUS, **ply: Unpack[LaidPly]) -> Scene:
     return laid(
         "hemisphere",
         Sphere(radius, (0.0, 0.0, -radius)),
+        mesh,
         **ply,
-        exact=lambda X, t: chebyshev.shear_angle(_threads(X, fibres, radius / t)),
+        exact=lambda X, t: chebyshev.shear_angle(t * t * _threads(X, fibres, radius)),
         off_exact=partial(_off_exact, fibres=fibres, radius=radius),
     )
 

@@ -43,7 +43,6 @@ DEFAULTS = {"shear-stiffness": 0.1, "steps": 4}
 class LaidPly(TypedDict, total=False):
     """What all plies that are laid have; `laid` says what each is."""
 
-    mesh: str | Mesh
     size: tuple[int, int]
     jitter: float
     seed: int
@@ -57,8 +56,8 @@ class LaidPly(TypedDict, total=False):
 def laid(
     name: str,
     surface: Surface,
+    mesh: str | Mesh,
     *,
-    mesh: str | Mesh = "irregular",
     size: tuple[int, int] = (16, 16),
     jitter: float = 0.0,
     seed: int = 1,

@@ -4,6 +4,7 @@ from typing import Unpack
 
 import numpy as np
 from numpy import ndarray
+from skfem import Mesh
 
 from ...drape import Height, HeightField
 from ...registration import SceneRegistration
@@ -15,14 +16,18 @@ from .laid import radius as radius_option
 RADIUS, WIDTH, HEIGHT = 150.0, 180.0, 180.0
 
 
-def saddle(radius: float = RADIUS, **ply: Unpack[LaidPly]) -> Scene:
+def saddle(
+    mesh: str | Mesh = "irregular",
+    radius: float = RADIUS,
+    **ply: Unpack[LaidPly],
+) -> Scene:
     """A ply on a saddle that is hollow along x and bulges along y.
 
     Parameters
     ----------
     radius
         Radius R of both curvatures in the middle, in mm.
-    **ply
+    mesh, **ply
         As of `laid`.
 
     Raises
@@ -38,7 +43,7 @@ def saddle(radius: float = RADIUS, **ply: Unpack[LaidPly]) -> Scene:
         h = 0.5 * (x * x - y * y) / radius
         return Height(h, x / radius, -y / radius, curved, zero, -curved)
 
-    return laid("saddle", HeightField(height), **ply)
+    return laid("saddle", HeightField(height), mesh, **ply)
 
 
 REGISTRATION = SceneRegistration(

@@ -11,12 +11,12 @@ from functools import cache
 
 import numpy as np
 from numpy import ndarray
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline, RegularGridInterpolator
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, OnSurface, Ply, Traction, drape
 from skfem_textile.ply.terms import Formulation
+from skfem_textile.scenes.common import chebyshev
 
 #: Radius of the sphere and side of the quarter ply in mm.
 RADIUS = SIDE = 100.0
@@ -28,25 +28,10 @@ SPHERE = drape.Sphere(RADIUS, (0.0, 0.0, -RADIUS))
 # are off by 1e-5, which moves the answer by less than a thousandth of a degree.
 _CELLS = 256
 
-# Where the series ω = π/2 − z takes over from the differential equation.
-_SERIES = 1e-6
-
-
-@cache
-def _omega() -> Callable:
-    start = [np.pi / 2 - _SERIES, -1.0]
-
-    def slope(z: float, y: ndarray) -> list[float]:
-        return [y[1], -(y[1] + np.sin(y[0])) / z]
-
-    settings = {"rtol": 1e-12, "atol": 1e-13, "dense_output": True}
-    return solve_ivp(slope, (_SERIES, 1.9), start, **settings).sol
-
 
 def shear_angle(X: ndarray) -> ndarray:
     """Shear angle in radians of points of the flat ply, shape (2, ...)."""
-    z = np.maximum(X[0] * X[1] / RADIUS**2, _SERIES)
-    return np.pi / 2 - _omega()(z.ravel())[0].reshape(z.shape)
+    return chebyshev.shear_angle(X[0] * X[1] / RADIUS**2)
 
 
 @cache

@@ -77,7 +77,7 @@ def test_the_load_is_drawn_over_the_displacement_of_the_driven_edge(
 
 def test_without_gl_everything_else_is_written(tmp_path, capsys, monkeypatch):
     pytest.importorskip("pyvista")
-    offscreen = pytest.importorskip("skfem_textile.plot.offscreen")
+    offscreen = pytest.importorskip("skfem_textile.plot.renderers.offscreen")
     monkeypatch.setattr(offscreen, "_can_draw", lambda environment: False)
     offscreen.require_offscreen.cache_clear()
     try:

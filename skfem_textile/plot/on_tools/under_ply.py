@@ -3,9 +3,9 @@
 import numpy as np
 from numpy import ndarray
 
-from ..drape import triangles_on
-from ..solve.conditions import Surface
-from .sheet import Tool, eye_axes
+from ...drape import triangles_on
+from ...solve.conditions import Surface
+from ..sheet import Tool, eye_axes
 
 # Chosen by eye: how far a tool is drawn beyond the ply, over the diagonal of the ply's
 # box; cubes along the longest side of that box; the darkest and the lightest grey; and

@@ -1,19 +1,20 @@
 """The picture of plies on tools: shear, risks and contact pressure."""
 
 import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..io.fields import fields_on_tool
-from ..solve.result import Result
-from ..solve.states import State
-from .drawing import draw
-from .fields import FIELDS, reach, values_of
-from .layout import PAGE
-from .lines import REFUSED
-from .pictures import shapes_of
-from .sheet import Legend, Panel, Scale, Sheet, extent
+from ...io.fields import fields_on_tool
+from ...solve.result import Result
+from ...solve.states import State
+from ..drawing import draw
+from ..fields import FIELDS, reach
+from ..layout import PAGE
+from ..lines import REFUSED
+from ..pictures import chosen, on_one_scale
+from ..sheet import Legend, Panel, Scale, Sheet, extent
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -25,6 +26,7 @@ _RISK = [("Fibres may wrinkle", REFUSED)]
 
 def draped(
     *results: Result,
+    titles: Sequence[str] = (),
     filename: str | os.PathLike[str] | None = None,
     plotter: "pv.Plotter | None" = None,
     state: int = -1,
@@ -40,7 +42,7 @@ def draped(
     ----------
     *results
         Results of runs of plies that lie on tools, with elements of four nodes.
-    filename, plotter, state, show_edges, size
+    titles, filename, plotter, state, show_edges, size
         As for `field`; 174 mm wide if no size is given.
 
     Returns
@@ -55,24 +57,24 @@ def draped(
     ValueError
         As `field`, or if a ply is on no tool or its elements have other nodes.
     """
-    found = [_found(result, result.states[state]) for result in results]
-    shapes = shapes_of(results, [result.states[state] for result in results])
-    shear, pressure = FIELDS["shear_angle"], "Contact pressure (N/mm²)"
-    angles = [
-        values_of(shear, result.ply, result.states[state].u) for result in results
-    ]
-    scale = Scale.of(shear.label, reach(angles, shear.symmetric), shear.cmap, None)
-    pressures = [one for one, _ in found]
-    of_pressure = Scale.of(pressure, reach(pressures, True), "RdBu_r", None)
+    titles, shapes, states = chosen(results, titles, state, filename)
+    pairs = list(zip(results, states, strict=True))
+    found = [_found(result, at) for result, at in pairs]
+    angles, shear = on_one_scale(results, states, FIELDS["shear_angle"])
+    pressures = [pressure for pressure, _ in found]
+    label = "Contact pressure (N/mm²)"
+    scale = Scale.of(label, reach(pressures, symmetric=True), "RdBu_r", None)
     rows = [
         [
-            Panel("Shear angle", shape, angle, scale, marked=at_risk),
-            Panel("Contact pressure", shape, pressed, of_pressure),
+            Panel(f"Shear angle, {title}", shape, angle, shear, marked=at_risk),
+            Panel(f"Contact pressure, {title}", shape, pressure, scale),
         ]
-        for shape, angle, (pressed, at_risk) in zip(shapes, angles, found, strict=True)
+        for title, shape, angle, (pressure, at_risk) in zip(
+            titles, shapes, angles, found, strict=True
+        )
     ]
     keys = _RISK if any(at_risk.size for _, at_risk in found) else []
-    legends = [Legend(0, 1, scale, keys), Legend(1, 2, of_pressure)]
+    legends = [Legend(0, 1, shear, keys), Legend(1, 2, scale)]
     sheet = Sheet(rows, legends, extent(shapes), show_edges)
     return draw(sheet, filename, plotter, size or (None if plotter else PAGE))
 

@@ -1,0 +1,1 @@
+"""Plies on tools: the tool under them, and what they meet."""

@@ -1,0 +1,235 @@
+"""The scenes of plies on tools, from Python and the command line."""
+
+import json
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import Fabric, Locking, MeshError, Quadratic, drape
+from skfem_textile.cli import main as cli
+from skfem_textile.io import write_fabric
+from skfem_textile.scenes import (
+    Case,
+    cylinder,
+    double_dome,
+    hemisphere,
+    saddle,
+)
+from skfem_textile.scenes.rectangle import rectangle
+
+meshio = pytest.importorskip("meshio")
+
+
+def run(scene, steps=2, fabric=None, **more):
+    fabric = fabric or Fabric(1e4, 0.1, scene.warp, scene.weft)
+    case = Case(scene=scene, fabric=fabric, steps=steps, **more)
+    result = case.run()
+    return result, case.summary(result)
+
+
+def degrees(angle):
+    return float(np.radians(angle))
+
+
+@pytest.mark.parametrize("fibres", [0, 45])
+def test_a_hemisphere_has_its_chebyshev_net(fibres):
+    errors = []
+    for n in (4, 8):
+        _, found = run(hemisphere(size=(n, n), fibres=degrees(fibres)))
+        assert found["converged"]
+        assert found["wrinkle_risk_share_of_area"] == 0
+        assert "exact_answer" not in found
+        errors.append(found["shear_angle_error_rms_deg"])
+    assert errors[1] < 0.05
+    assert errors[0] / errors[1] > 2.5
+
+
+@pytest.mark.parametrize("build", [hemisphere, saddle])
+@pytest.mark.parametrize("fibres", [0, 45])
+def test_a_quarter_is_a_quarter_of_the_whole(build, fibres):
+    (quarter, one), (whole, other) = (
+        run(build(size=(n, n), fibres=degrees(fibres), part=part))
+        for part, n in (("quarter", 4), ("whole", 8))
+    )
+    assert whole.ply.mesh.nelements == 4 * quarter.ply.mesh.nelements
+    assert one["max_shear_angle_deg"] == pytest.approx(
+        other["max_shear_angle_deg"], rel=1e-4
+    )
+    assert one["max_contact_pressure_N_per_mm2"] == pytest.approx(
+        other["max_contact_pressure_N_per_mm2"], rel=0.02
+    )
+    assert 4 * one["energy"] == pytest.approx(other["energy"], rel=1e-3)
+
+
+def test_fibres_at_any_angle_are_in_equilibrium_on_a_sphere():
+    """Without planes of symmetry: pressures are those of the tensions."""
+    result, found = run(hemisphere(size=(12, 12), fibres=degrees(30)), steps=3)
+    assert "45 degrees" in found["exact_answer"]
+    ply, u = result.ply, result.u
+    assert np.ptp(ply.nodes, axis=1) == pytest.approx([180, 180])
+    inner = (np.abs(ply.mesh.p[:, ply.mesh.t]) < 80).all(axis=(0, 1))
+    tension = ply.fibre_tension(u).mean(axis=2).sum(axis=0)
+    exact = tension / 100 / np.cos(ply.shear_angle(u, ply.centre)[:, 0])
+    pressure = drape.contact_pressure(ply, result.tool(1.0), u)
+    of_elements = pressure[ply.mesh.t].mean(axis=0)
+    assert of_elements[inner].sum() == pytest.approx(exact[inner].sum(), rel=0.02)
+
+
+@pytest.mark.parametrize(("fibres", "most"), [(0, 1e-8), (20, 0.1), (45, 0.1)])
+def test_a_cylinder_shears_no_ply(fibres, most):
+    _, found = run(cylinder(size=(8, 8), fibres=degrees(fibres)))
+    assert found["exact_max_shear_angle_deg"] == 0
+    assert found["shear_angle_error_max_deg"] < most
+    assert found["max_contact_pressure_N_per_mm2"] == pytest.approx(0.02, rel=0.05)
+
+
+def test_a_saddle_is_bridged_where_warp_and_weft_change_places():
+    """Exchanged, x and y turn the saddle upside down."""
+    result, found = run(saddle(size=(6, 6)))
+    pressure = drape.contact_pressure(result.ply, result.tool(1.0), result.u)
+    assert pressure.max() == pytest.approx(-pressure.min(), rel=1e-3)
+    assert 0.3 < found["bridging_share_of_area"] < 0.6
+    assert found["exact_answer"] == "none: no exact answer is known"
+
+
+def test_where_the_shear_is_largest_is_told_on_the_tool():
+    _, found = run(hemisphere(size=(6, 6)))
+    x = np.array([found[f"max_shear_angle_at_{axis}_mm"] for axis in "xyz"])
+    assert np.linalg.norm(x - (0, 0, -100)) == pytest.approx(100, rel=1e-2)
+    assert x[0] == pytest.approx(x[1], abs=1e-3)
+    assert x[0] > 50
+
+
+def test_without_tension_and_bending_the_summary_says_that_it_is_no_net():
+    _, free = run(hemisphere(size=(4, 4), tension=0.0))
+    assert "the state is not the net" in free["not_the_net"]
+    _, pulled = run(hemisphere(size=(4, 4)))
+    assert "not_the_net" not in pulled
+    scene = hemisphere(size=(4, 4), tension=0.0)
+    _, bent = run(scene, fabric=Fabric(1e4, 0.1, bending=(5.0, 5.0)))
+    assert "not_the_net" not in bent
+
+
+def test_tension_on_the_edges_is_that_of_the_fibres():
+    result, _ = run(hemisphere(size=(12, 12), tension=3.0))
+    warp, weft = result.ply.fibre_tension(result.u).mean(axis=2)
+    right, top = result.ply.mesh.p[:, result.ply.mesh.t].max(axis=1) > 90 - 1e-9
+    assert warp[right & ~top] == pytest.approx(3.0, rel=0.06)
+    assert weft[top & ~right] == pytest.approx(3.0, rel=0.06)
+
+
+def test_laws_that_lock_are_pulled_by_their_own_moments():
+    scene = hemisphere(size=(8, 8))
+    law = Locking(0.1, degrees(50))
+    _, found = run(scene, fabric=Fabric(1e4, law))
+    assert found["shear_angle_error_rms_deg"] < 0.1
+    with pytest.raises(ValueError, match="past what the shear law knows"):
+        run(scene, fabric=Fabric(1e4, Locking(0.1, degrees(40))))
+
+
+def test_quadratic_triangles_are_draped_without_pressures():
+    _, found = run(hemisphere("delaunay", size=(6, 6)), formulation=Quadratic())
+    assert found["shear_angle_error_rms_deg"] < 0.5
+    assert "max_contact_pressure_N_per_mm2" not in found
+
+
+SMALL = "--size", "4x4", "--steps", "2", "--no-render"
+
+
+@pytest.mark.parametrize("name", ["hemisphere", "cylinder", "double_dome", "saddle"])
+@pytest.mark.parametrize("fibres", ["0", "-45", "10"])
+def test_a_tool_is_draped_from_the_command_line(name, fibres, tmp_path):
+    out = tmp_path / "out"
+    line = "run", name, f"--fibres={fibres}", *SMALL, "--out", str(out)
+    assert cli.main(line) == 0
+    found = json.loads((out / "summary.json").read_text())
+    assert found["converged"]
+    assert found["inputs"]["fibres"] == float(fibres)
+    again = tmp_path / "again"
+    line = "run", str(out / "case.toml"), "--out", str(again), "--no-render"
+    assert cli.main(line) == 0
+    after = json.loads((again / "summary.json").read_text())
+    assert after["energy"] == found["energy"]
+
+
+def test_fields_of_a_tool_are_written_for_every_state(tmp_path):
+    line = "run", "saddle", *SMALL, "--mesh", "delaunay", "--out", str(tmp_path)
+    assert cli.main(line) == 0
+    found = json.loads((tmp_path / "summary.json").read_text())
+    for i in range(3):
+        fields = meshio.read(tmp_path / "fields" / f"step_{i:04}.vtu")
+        assert {"wrinkle_risk", "bridging", "warp_direction"} < set(fields.cell_data)
+        pressure = fields.point_data["contact_pressure"]
+        assert np.isfinite(pressure).all()
+    assert pressure.max() == pytest.approx(found["max_contact_pressure_N_per_mm2"])
+    own = meshio.read(tmp_path / "fields" / "own_step_0002.vtu")
+    assert len(own.cell_data["bridging"][0]) == 32
+    flat = "run", "strip", *SMALL, "--out", str(tmp_path)
+    assert cli.main(flat) == 0
+    fields = meshio.read(tmp_path / "fields" / "step_0002.vtu")
+    assert not {"wrinkle_risk", "bridging"} & set(fields.cell_data)
+
+
+def test_a_fabric_of_a_file_is_draped(tmp_path):
+    file = tmp_path / "fabric.json"
+    write_fabric(file, Fabric(1e4, Locking(0.2, degrees(60))))
+    line = "run", "hemisphere", *SMALL, "--fabric", str(file)
+    assert cli.main([*line, "--out", str(tmp_path / "out")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda: hemisphere(width=0.0), "hemisphere: the width must be positive"),
+        (lambda: saddle(height=np.nan), "saddle: the height must be positive"),
+        (lambda: saddle(radius=-1.0), "saddle: the radius must be positive"),
+        (lambda: cylinder(radius=0.0), "radius must be a positive number"),
+        (lambda: double_dome(tension=-1.0), "edge tension must be 0 or positive"),
+        (lambda: cylinder(fibres=np.inf), "fibres must have a finite angle"),
+        (lambda: cylinder(fibres=0.3, part="quarter"), "take the whole ply"),
+        (
+            lambda: hemisphere(rectangle(40, 40, (2, 2)).translated((1, 0))),
+            "lower left corner of a quarter must be at the origin",
+        ),
+        (
+            lambda: hemisphere(rectangle(40, 40, (2, 2)), part="whole"),
+            "origin must be inside the mesh of a whole ply",
+        ),
+        (
+            lambda: hemisphere(
+                MeshQuad(np.array([[0, 9, 8, 1], [0, 0, 9, 9.0]]), [[0], [1], [2], [3]])
+            ),
+            "the mesh of a quarter has no straight left edge",
+        ),
+    ],
+)
+def test_what_does_not_fit_a_tool_is_refused(make, reason):
+    with pytest.raises((ValueError, MeshError), match=reason):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (("hemisphere", "--width", "-5"), "the width must be positive"),
+        (("hemisphere", "--fibres", "nan"), "'nan' is no finite number"),
+        (("hemisphere", "--fibres", "20", "--part", "quarter"), "take the whole ply"),
+        (("hemisphere", "--part", "half"), "invalid choice: 'half'"),
+        (("hemisphere", "--width", "320", "--height", "320"), "threads fold"),
+        (("saddle", "--rotate", "10"), "is in space and is not turned"),
+        (("cylinder", "--tension", "-1"), "edge tension must be 0 or positive"),
+        (("cylinder", "--tolerance", "0.1"), "no error"),
+    ],
+)
+def test_bad_options_are_refused_in_one_line(options, reason, tmp_path, capsys):
+    line = "run", *options, "--size", "4x4", "--no-render"
+    try:
+        code = cli.main([*line, "--out", str(tmp_path / "out")])
+    except SystemExit as stop:
+        code = stop.code
+    said = capsys.readouterr().err
+    assert code == 2
+    assert reason in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,90 @@
+"""Pictures of plies on tools."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, Quadratic
+from skfem_textile.scenes import Case, hemisphere, strip
+
+plot = pytest.importorskip("skfem_textile.plot")
+pytest.importorskip("pyvista")
+Image = pytest.importorskip("PIL.Image")
+in_front_of_tool = pytest.importorskip("skfem_textile.plot.lines").in_front_of_tool
+shapes_of = pytest.importorskip("skfem_textile.plot.pictures").shapes_of
+Tool = pytest.importorskip("skfem_textile.plot.sheet").Tool
+
+
+def result_of(scene, **more):
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
+    return Case(scene=scene, fabric=fabric, steps=1, **more).run()
+
+
+@pytest.fixture(scope="module")
+def draped():
+    return result_of(hemisphere(size=(4, 4)))
+
+
+def coloured_and_grey(path):
+    """Shares of pixels with a colour, and with a grey of tools."""
+    with Image.open(path) as image:
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    spread = np.ptp(pixels, axis=2)
+    grey = (spread < 3) & (pixels[..., 0] > 130) & (pixels[..., 0] < 240)
+    return (spread > 30).mean(), grey.mean()
+
+
+@pytest.mark.parametrize("suffix", ["png", "pdf"])
+def test_a_tool_is_drawn_under_the_ply(draped, tmp_path, suffix):
+    """It hides nothing of a ply that faces the eye."""
+    figure = plot.shear_angle(draped, filename=tmp_path / f"ply.{suffix}")
+    if suffix == "pdf":
+        figure.savefig(tmp_path / "ply.png", dpi=300)
+    coloured, grey = coloured_and_grey(tmp_path / "ply.png")
+    (shape,) = shapes_of([draped], [draped.states[-1]])
+    points = np.vstack([shape.points, shape.tool.points])[:, :2]
+    ply = (shape.sides**2).sum() / np.prod(np.ptp(points, axis=0))
+    with Image.open(tmp_path / "ply.png") as image:
+        width, height = image.size
+    seen = np.prod(np.ptp(points, axis=0)) / np.ptp(points[:, 0]) ** 2
+    drawn = seen * (81 / 85) ** 2 * width / height
+    assert coloured == pytest.approx(ply * drawn, abs=0.06)
+    assert grey > 0.1
+
+
+def test_a_tool_is_near_the_ply_at_every_load_factor(draped):
+    for state, radius in zip(draped.states, (np.inf, 100.0), strict=True):
+        (shape,) = shapes_of([draped], [state])
+        assert shape.tool.triangles.shape[1] > 100
+        assert (shape.tool.shades <= 1).all()
+        span, of_ply = np.ptp(shape.tool.points, 0), np.ptp(shape.points, 0)
+        assert (span[:2] > of_ply[:2]).all(), radius
+        assert (span[:2] < 2.5 * of_ply[:2]).all(), radius
+
+
+def test_shear_and_pressure_stand_side_by_side_with_risks_marked(tmp_path):
+    scene = hemisphere(size=(8, 8), tension=0.0)
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+    result = Case(scene=scene, fabric=fabric, steps=2).run()
+    figure = plot.draped(result, titles=["free"], filename=tmp_path / "x.pdf")
+    words = [text.get_text() for text in figure.axes[0].texts]
+    for said in ("Shear angle, free", "Contact pressure, free", "Fibres may wrinkle"):
+        assert said in words
+
+
+def test_what_is_on_no_tool_is_not_drawn_as_draped():
+    with pytest.raises(ValueError, match="a ply is on no tool"):
+        plot.draped(result_of(strip(size=(2, 3))))
+    scene = hemisphere("delaunay", size=(4, 4))
+    with pytest.raises(ValueError, match="no contact pressures on quadratic"):
+        plot.draped(result_of(scene, formulation=Quadratic()))
+
+
+def test_lines_behind_a_tool_are_left_out_of_vectors():
+    x, y = np.meshgrid(np.linspace(0, 10, 21), np.linspace(0, 10, 21))
+    points = np.column_stack([x.ravel(), y.ravel(), x.ravel()])
+    k = np.add.outer(21 * np.arange(20), np.arange(20)).ravel()
+    tool = Tool(points, np.array([k, k + 1, k + 22]), np.ones(len(k)))
+    line = np.array([[4.0, 5, 0], [6, 5, 0]])
+    lines = np.array([line + np.array([0, 0, z]) for z in (6.0, 0.0, 5.0)])
+    np.testing.assert_array_equal(in_front_of_tool(lines, tool), lines[[0, 2]])
+    assert len(in_front_of_tool(lines, None)) == 3
