@@ -12,7 +12,6 @@ from ..fabric import Fabric, Law, is_zero
 from ..solve.conditions import Condition, OnSurface
 from ..solve.result import Result
 from ..solve.states import State
-from .common.on_tool import on_tool
 from .shear_test import BiasTest, FrameTest
 
 if TYPE_CHECKING:
@@ -76,6 +75,8 @@ class Scene:
         Further loads, which depend on the fabric.
     figures
         Further figures of a result, beside exact ones.
+    measured
+        Further figures of a result that need no exact answer.
     """
 
     name: str
@@ -97,6 +98,7 @@ class Scene:
     reacting: str = ""
     loads_of: "Callable[[Fabric], Sequence[Load]]" = lambda fabric: ()
     figures: Callable[[Result], Mapping[str, float]] = lambda result: {}
+    measured: Callable[[Result], Mapping[str, float | str]] = lambda result: {}
 
     def rotated(self, angle: float) -> "Scene":
         """The same problem with mesh, fibres and conditions turned together.
@@ -206,8 +208,7 @@ class Scene:
 
         If the exact answer holds on the mesh, the summary has ``load_over_exact``,
         ``displacement_error_...`` and ``shear_angle_error_...``.  If something limits
-        them, the sentence ``exact_answer`` says what.  Of a ply on a tool it has what
-        `on_tool` finds.
+        them, the sentence ``exact_answer`` says what.
         """
         state = result.states[-1]
         reaction = self.reaction(state).tolist()
@@ -219,7 +220,7 @@ class Scene:
             **{f"reaction_share_of_{k}": v for k, v in carried.items()},
             **self._load_over_exact(result, reaction[1]),
             **self.errors(result),
-            **on_tool(result),
+            **self.measured(result),
             **({} if self.misfit else self.figures(result)),
             **({"exact_answer": f"none: {self.misfit}"} if self.misfit else {}),
         }

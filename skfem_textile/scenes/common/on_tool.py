@@ -12,7 +12,7 @@ _NO_NET = (
 )
 
 
-def on_tool(result: Result) -> dict[str, float | str]:
+def measured_on_tool(result: Result) -> dict[str, float | str]:
     """Where the shear is largest, contact pressures, and shares of the ply's area.
 
     Empty of a ply that is on no tool.  Pressures are left out where the elements have

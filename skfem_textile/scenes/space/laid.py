@@ -22,6 +22,7 @@ from ...registration import Option, angle
 from ...solve.conditions import Condition, OnSurface
 from ...solve.conditions.surface import Surface
 from ...solve.result import Result
+from ..common.on_tool import measured_on_tool
 from ..rectangle import misfit, rectangle
 from ..scene import Scene, unknown
 from .edge_tension import EdgeTension
@@ -140,6 +141,7 @@ def laid(
         fibre_ends=dict.fromkeys(held, "mirror"),
         loads_of=edge_tension,
         figures=partial(shear_errors, exact=exact),
+        measured=measured_on_tool,
         misfit=misfit(flat, held) or off_exact(flat.p),
     )
 
