@@ -42,8 +42,8 @@ from .ply.loads import BodyForce, Force, Traction
 from .ply.memory import AccumulatedMoment, HeldStabilisation
 from .ply.own_terms.pressure import Pressure
 from .ply.refinement import Refinement, marked, refine, shear_angle_jumps
-from .ply.term import Load, Memory, Term
-from .ply.terms import FormTerm, MatrixTerm, VectorTerm
+from .ply.term import Load, MatrixTerm, Memory, Term
+from .ply.terms import FormTerm, VectorTerm
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition, OnSurface, Surface
 from .solve.result import Result, StepError

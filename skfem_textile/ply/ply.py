@@ -32,9 +32,17 @@ from .measures import Measures
 from .memory import HeldStiffness
 from .own_terms.bending import bending_term, checked_ends
 from .own_terms.corners import CornerTerm, corner_stiffness
-from .term import Contribution, Load, Memory, Role, Term, refuse_unsymmetric
+from .term import (
+    Contribution,
+    Load,
+    MatrixTerm,
+    Memory,
+    Role,
+    Term,
+    refuse_unsymmetric,
+)
 from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
-from .terms import FormTerm, Formulation, MatrixTerm
+from .terms import FormTerm, Formulation
 
 #: Parameters and work that terms remember at a state, by the names of the terms.
 Remembered: TypeAlias = Mapping[str, tuple[dict[str, ndarray], float]]

@@ -1,8 +1,10 @@
 """What a term is: the one way in for whatever has an energy or a force."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
+import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 from skfem import CellBasis
@@ -107,6 +109,43 @@ class Load(Protocol):
     def on(self, basis: CellBasis) -> Term:
         """The term."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixTerm(Term):
+    """A constant stiffness: springs, or a structure condensed to its matrix.
+
+    Parameters
+    ----------
+    name
+        Tells it from the other terms of a ply.
+    matrix
+        Symmetric, shape (n_unknowns, n_unknowns), N/mm: the energy is ½ u·K·u.
+    role
+        One of `Role`.
+    """
+
+    name: str
+    matrix: Any
+    role: Role = "internal"
+
+    def energy(self, u: ndarray, t: float) -> float:
+        """½ u·K·u."""
+        return 0.5 * float(u @ (self.matrix @ u))
+
+    def residual(self, u: ndarray, t: float) -> ndarray:
+        """K·u."""
+        return self.matrix @ u
+
+    def tangent(self, u: ndarray, t: float) -> csr_matrix:
+        """K."""
+        return csr_matrix(self.matrix)
+
+    def misfit(self, basis: CellBasis) -> str:
+        """Why it is no term on a basis of the displacement; empty where it is one."""
+        N = basis.N
+        fits = np.shape(self.matrix) == (N, N)
+        return "" if fits else f"its matrix must be {N} × {N}"
 
 
 def refuse_unsymmetric(name: str, difference: Any, matrix: Any) -> None:

@@ -146,43 +146,6 @@ class TensionTerm(FormTerm):
     of_means: Parameters | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class MatrixTerm(Term):
-    """A constant stiffness: springs, or a structure condensed to its matrix.
-
-    Parameters
-    ----------
-    name
-        Tells it from the other terms of a ply.
-    matrix
-        Symmetric, shape (n_unknowns, n_unknowns), N/mm: the energy is ½ u·K·u.
-    role
-        One of `Role`.
-    """
-
-    name: str
-    matrix: Any
-    role: Role = "internal"
-
-    def energy(self, u: ndarray, t: float) -> float:
-        """½ u·K·u."""
-        return 0.5 * float(u @ (self.matrix @ u))
-
-    def residual(self, u: ndarray, t: float) -> ndarray:
-        """K·u."""
-        return self.matrix @ u
-
-    def tangent(self, u: ndarray, t: float) -> csr_matrix:
-        """K."""
-        return csr_matrix(self.matrix)
-
-    def misfit(self, basis: CellBasis) -> str:
-        """Why it is no term on a basis of the displacement; empty where it is one."""
-        N = basis.N
-        fits = np.shape(self.matrix) == (N, N)
-        return "" if fits else f"its matrix must be {N} × {N}"
-
-
 #: A function of the load factor, or a number.
 Factor: TypeAlias = Callable[[float], float] | float
 

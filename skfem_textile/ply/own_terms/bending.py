@@ -20,7 +20,7 @@ from ...forms.bending import (
 )
 from ...mesh.bases import components
 from ...mesh.user_input import call_user_function, real_numbers
-from ..terms import MatrixTerm
+from ..term import MatrixTerm
 
 
 @dataclass(frozen=True, eq=False)
