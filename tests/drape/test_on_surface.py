@@ -1,7 +1,5 @@
 """Plies on surfaces: tangent, verdict, exact answers, contact pressure, refusals."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from helpers import wobble
@@ -404,8 +402,6 @@ def test_the_estimate_is_of_a_finer_ply_on_the_surface():
 
 def test_a_run_to_a_tolerance_refines_on_a_surface():
     ply, conditions, _ = chebyshev.problem(Macro(), 4)
-    loads = [replace(load, factor=lambda t: t) for load in ply.further_terms_as_given]
-    ply = Ply(ply.users_mesh, ply.fabric, Macro(), loads, dimension=3)
     result = AdaptiveStepper(
         ply, conditions, 0.1, steps=4, warn_only=["stabilisation", "deviation"]
     ).run()
