@@ -165,6 +165,20 @@ def test_a_cylinder_shears_no_ply_and_presses_by_tension_over_radius(formulation
     assert not drape.wrinkle_risk(ply, state.u).any()
 
 
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
+def test_a_cylinder_shears_no_bias_ply_but_by_the_pull_on_its_last_elements(
+    formulation,
+):
+    """Which lie askew to it by h/(2R): q h²/(8R² (q + 2G)) with fibres at ±45°."""
+    q, shear, radius = 1.0, 0.1, 60.0
+    ply, _, state = rolled(np.pi / 4, formulation, q=0.0)
+    assert np.abs(ply.shear_angle(state.u)).max() < 1e-8
+    ply, _, state = rolled(np.pi / 4, formulation, q)
+    h = chebyshev.SIDE / (12 * (2 if isinstance(formulation, Macro) else 1))
+    exact = q * h**2 / (8 * radius**2 * (q + 2 * shear))
+    np.testing.assert_allclose(np.abs(ply.shear_angle(state.u)), exact, rtol=0.01)
+
+
 def test_the_sphere_presses_by_the_sum_of_tensions_over_its_radius():
     ply, conditions, start = chebyshev.problem(OnePoint(), 24)
     state = equilibrium_near(ply, conditions, start)

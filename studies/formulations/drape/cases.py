@@ -100,8 +100,8 @@ def all_cases() -> Iterator[Case]:
     for parts in (16, 32, 64):
         yield Case(NET, parts)
     for surface in ("cylinder, 0/90", "cylinder, ±45", "cone, 0/90"):
-        for name, parts in product(both, (16, 32, 64)):
-            yield Case(ROLLED, parts, name, tension=1.0, surface=surface)
+        for q, name, parts in product((0.0, 1.0), both, (16, 32, 64)):
+            yield Case(ROLLED, parts, name, tension=q, surface=surface)
     timed = *both, "2×2 points", "quadratic triangles", "split triangles"
     starts = EXPONENTIAL, FROM_NET, GROWTH
     for name, start, parts in product(timed, starts, (8, 16, 32, 64)):

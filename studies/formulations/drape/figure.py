@@ -21,7 +21,9 @@ def error_against_time(
     with figure_of((9.6, 3.4), filename) as figure:
         panels = figure.subplots(1, len(starts), sharex=True, sharey=True)
         for axes, start in zip(panels, starts, strict=True):
-            axes.set(xscale="log", yscale="log", title=start, xlabel="seconds")
+            axes.set(
+                xscale="log", yscale="log", title=f"start: {start}", xlabel="seconds"
+            )
             axes.xaxis.set_minor_formatter(NullFormatter())
             axes.grid(alpha=0.3)
             for i, name in enumerate(names):

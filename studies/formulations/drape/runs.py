@@ -63,15 +63,19 @@ def row_of(case: Case) -> Row:
 
 def _on_net(ply: Ply, state: State) -> Row:
     """What is off the Chebyshev net."""
-    off = np.abs(chebyshev.errors(ply, state.u))
+    off = chebyshev.errors(ply, state.u)
     corner = ply.mesh.p[:, ply.mesh.t].mean(axis=1).sum(axis=0).argmax()
     tension = ply.fibre_tension(state.u)
     largest, rms = chebyshev.error(ply, state.u)
     return {
         "largest": largest,
         "rms": rms,
-        "but_corner": float(np.delete(off, corner).max()),
-        "median": float(np.median(off)),
+        "but_corner": float(np.abs(np.delete(off, corner)).max()),
+        "in_corner": float(off[corner]),
+        "corner_angle": float(
+            np.degrees(ply.shear_angle(state.u, ply.centre)[corner, 0])
+        ),
+        "median": float(np.median(np.abs(off))),
         "least_tension": float(tension.min()),
         "largest_tension": float(tension.max()),
         "shear_energy": state.energies["shear"],
@@ -140,7 +144,7 @@ def on_sphere(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
 
 
 def _rolled(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
-    """A ply on a cylinder or a cone, pulled on all sides by the same tension.
+    """A ply on a cylinder or a cone, pulled on all sides by the same tension, or none.
 
     A side of it lies in a plane of symmetry along the cone, two sides on the cylinder.
     """
@@ -164,6 +168,7 @@ def _rolled(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
         held = Condition(lambda X: np.hypot(*X) < 1e-9)
     else:
         held = Condition("left", (0.0, None, None))
+    loads = loads if case.tension else []
     fabric = Fabric(case.stretch, _SHEAR, warp=(c, a), weft=(-a, c))
     ply = Ply(mesh, fabric, FORMULATIONS[case.formulation], loads, dimension=3)
     conditions: Conditions = {
@@ -197,12 +202,14 @@ def _on_cone(X: ndarray) -> tuple[ndarray, ndarray]:
     return place, np.array([first, second])
 
 
-def _pressure_error(case: Case, ply: Ply, surface: Surface, u: ndarray) -> float:
+def _pressure_error(case: Case, ply: Ply, surface: Surface, u: ndarray) -> float | None:
     """Largest relative error of the contact pressure but along the free edges.
 
     On the sphere it is that of the tensions found, (T₁ + T₂)/(R cos Γ); on cylinder and
     cone that of the tension q on all sides, q (κ₁ + κ₂).
     """
+    if not case.tension:
+        return None
     corners = ply.mesh.p[:, ply.mesh.t]
     centres = corners.mean(axis=1)
     off_edges = corners < chebyshev.SIDE

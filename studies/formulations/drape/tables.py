@@ -23,7 +23,11 @@ _SOLVES: Column = ("solves", lambda r: r["solves"])
 _LARGEST: Column = ("largest error of Γ in °", lambda r: f"{r['largest']:.4f}")
 _RMS: Column = ("root mean square in °", lambda r: f"{r['rms']:.4f}")
 _SECONDS: Column = ("seconds of processor", lambda r: f"{r['seconds']:.2f}")
-_PRESSURE: Column = ("pressure off by at most", lambda r: f"{r['pressure_error']:.2%}")
+_PRESSURE: Column = ("pressure off by at most", lambda r: _share(r["pressure_error"]))
+
+
+def _share(x: float | None) -> str:
+    return "–" if x is None else f"{x:.2%}"
 
 
 def table(
@@ -61,10 +65,11 @@ def orders(rows: Sequence[Row]) -> str:
     """Errors of 32 to 128 parts, with softer and stiffer fibres."""
     stretch = "E in N/mm", lambda r: f"{r['stretch']:g}"
     settings = _FORMULATION, stretch, _PARTS
-    but_corner = "but for the corner", lambda r: f"{r['but_corner']:.4f}"
+    in_corner = "in the corner in °", lambda r: f"{r['in_corner']:.4f}"
+    but_corner = "largest elsewhere in °", lambda r: f"{r['but_corner']:.4f}"
     own = [r for r in _of(rows, SPHERE) if r["parts"] >= 32]
     own += [r for r in _of(rows, SPHERE, "stretch") if r["stretch"] > 1e5]
-    return table(own, settings, (_LARGEST, but_corner, _RMS))
+    return table(own, settings, (_LARGEST, in_corner, but_corner, _RMS))
 
 
 def distorted(rows: Sequence[Row]) -> str:
@@ -115,7 +120,8 @@ def free_edges(rows: Sequence[Row]) -> str:
     results = (
         _LARGEST,
         _RMS,
-        ("median", lambda r: f"{r['median']:.2f}"),
+        ("median in °", lambda r: f"{r['median']:.2f}"),
+        ("Γ in the corner in °", lambda r: f"{r['corner_angle']:.1f}"),
         (energy, lambda r: f"{r['energy']:.1f}"),
         ("elements at risk of wrinkles", lambda r: f"{r['at_risk']:.0%}"),
         ("stable", lambda r: "yes" if r["stable"] else "no"),
@@ -146,7 +152,8 @@ def rolled(rows: Sequence[Row]) -> str:
         _PRESSURE,
         _SOLVES,
     )
-    return table(own, (surface, _FORMULATION, _PARTS), results)
+    pull = "q in N/mm", lambda r: f"{r['tension']:g}"
+    return table(own, (surface, pull, _FORMULATION, _PARTS), results)
 
 
 def error_time(rows: Sequence[Row]) -> str:
