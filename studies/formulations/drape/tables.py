@@ -80,7 +80,8 @@ def distorted(rows: Sequence[Row]) -> str:
         lambda r: f"{r['least_tension']:.1f} to {r['largest_tension']:.1f}",
     )
     own = _of(rows, SPHERE, "distortion") + _of(rows, SPHERE, "distortion", "halvings")
-    return table(own, (_FORMULATION, moved, _PARTS), (_LARGEST, _RMS, tension, _SOLVES))
+    results = _LARGEST, _RMS, tension, _PRESSURE
+    return table(own, (_FORMULATION, moved, _PARTS), results)
 
 
 def _moved(row: Row) -> str:
