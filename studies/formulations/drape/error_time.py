@@ -21,7 +21,7 @@ _WARN_ONLY = "stabilisation", "deviation", "work"
 
 
 def timed(case: Case) -> Row:
-    """The fastest of a few runs, from a mesh to a state: start, set-up and solution."""
+    """The fastest of a few runs, from a ply to a state: start, set-up and solution."""
     seconds: list[float] = []
     while len(seconds) < _RUNS and sum(seconds) < _ENOUGH:
         run = _run_of(case)
