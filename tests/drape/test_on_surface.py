@@ -1,7 +1,5 @@
 """Plies on surfaces: tangent, verdict, exact answers, contact pressure, refusals."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from helpers import wobble
@@ -165,6 +163,20 @@ def test_a_cylinder_shears_no_ply_and_presses_by_tension_over_radius(formulation
     inner = ply.nodes[0] < chebyshev.SIDE - 1e-9
     np.testing.assert_allclose(pressure[inner], 1.0 / 60.0, rtol=0.02)
     assert not drape.wrinkle_risk(ply, state.u).any()
+
+
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
+def test_a_cylinder_shears_no_bias_ply_but_by_the_pull_on_its_last_elements(
+    formulation,
+):
+    """Which lie askew to it by h/(2R): q h²/(8R² (q + 2G)) with fibres at ±45°."""
+    q, shear, radius = 1.0, 0.1, 60.0
+    ply, _, state = rolled(np.pi / 4, formulation, q=0.0)
+    assert np.abs(ply.shear_angle(state.u)).max() < 1e-8
+    ply, _, state = rolled(np.pi / 4, formulation, q)
+    h = chebyshev.SIDE / (12 * (2 if isinstance(formulation, Macro) else 1))
+    exact = q * h**2 / (8 * radius**2 * (q + 2 * shear))
+    np.testing.assert_allclose(np.abs(ply.shear_angle(state.u)), exact, rtol=0.01)
 
 
 def test_the_sphere_presses_by_the_sum_of_tensions_over_its_radius():
@@ -404,8 +416,6 @@ def test_the_estimate_is_of_a_finer_ply_on_the_surface():
 
 def test_a_run_to_a_tolerance_refines_on_a_surface():
     ply, conditions, _ = chebyshev.problem(Macro(), 4)
-    loads = [replace(load, factor=lambda t: t) for load in ply.further_terms_as_given]
-    ply = Ply(ply.users_mesh, ply.fabric, Macro(), loads, dimension=3)
     result = AdaptiveStepper(
         ply, conditions, 0.1, steps=4, warn_only=["stabilisation", "deviation"]
     ).run()

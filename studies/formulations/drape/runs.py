@@ -19,11 +19,11 @@ from skfem_textile import (
     equilibrium_near,
 )
 from skfem_textile.solve.conditions import Conditions
-from skfem_textile.solve.states import NoEquilibriumError
+from skfem_textile.solve.states import NoEquilibriumError, State
 
 from ...study import Row
 from . import chebyshev, published
-from .cases import FORMULATIONS, NET, PUBLISHED, SPHERE, Case
+from .cases import FORMULATIONS, FROM_NET, NET, PUBLISHED, SPHERE, Case
 
 _SHEAR = 0.1
 
@@ -39,7 +39,7 @@ def row_of(case: Case) -> Row:
     if case.kind == PUBLISHED:
         return _published(case)
     ply, conditions, surface, start = (
-        _on_sphere(case) if case.kind == SPHERE else _rolled(case)
+        on_sphere(case) if case.kind == SPHERE else _rolled(case)
     )
     began = process_time()
     try:
@@ -59,10 +59,40 @@ def row_of(case: Case) -> Row:
         "pressure_error": _pressure_error(case, ply, surface, state.u),
     }
     if case.kind == SPHERE:
-        found["largest"], found["rms"] = chebyshev.error(ply, state.u)
-    else:
-        found["largest"] = float(np.degrees(np.abs(ply.shear_angle(state.u)).max()))
-    return found
+        return found | _on_net(ply, state)
+    return found | _sheared(ply, state, start)
+
+
+def _on_net(ply: Ply, state: State) -> Row:
+    """What is off the Chebyshev net."""
+    off = chebyshev.errors(ply, state.u)
+    corner = ply.mesh.p[:, ply.mesh.t].mean(axis=1).sum(axis=0).argmax()
+    tension = ply.fibre_tension(state.u)
+    largest, rms = chebyshev.error(ply, state.u)
+    return {
+        "largest": largest,
+        "rms": rms,
+        "but_corner": float(np.abs(np.delete(off, corner)).max()),
+        "in_corner": float(off[corner]),
+        "corner_angle": float(
+            np.degrees(ply.shear_angle(state.u, ply.centre)[corner, 0])
+        ),
+        "median": float(np.median(np.abs(off))),
+        "least_tension": float(tension.min()),
+        "largest_tension": float(tension.max()),
+        "shear_energy": state.energies["shear"],
+        "energy": float(sum(state.energies.values())),
+    }
+
+
+def _sheared(ply: Ply, state: State, exact: ndarray) -> Row:
+    """Shear where there ought to be none, that of the exact positions too."""
+    largest, interpolated = (
+        float(np.degrees(np.abs(ply.shear_angle(u)).max())) for u in (state.u, exact)
+    )
+    off = np.linalg.norm(ply.nodal(state.u - exact), axis=0)
+    moved = float(off.max())
+    return {"largest": largest, "interpolated": interpolated, "moved": moved}
 
 
 def sphere_of_triangles(vertices: int = 2502) -> drape.TriangleMesh:
@@ -102,22 +132,25 @@ def _published(case: Case) -> Row:
 
 
 def _cells(case: Case) -> int:
-    """The user's elements a side."""
-    return case.parts // (2 if case.formulation == "macro" else 1)
+    """The user's elements a side, before they are halved."""
+    large = case.formulation not in ("one point", "2×2 points")
+    return case.parts // (2 if large else 1) // 2**case.halvings
 
 
-def _on_sphere(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
+def on_sphere(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
     """Ply, conditions, surface and start."""
-    stiffness = case.stretch, _SHEAR, case.tension
-    formulation = FORMULATIONS[case.formulation]
     ply, conditions, start = chebyshev.problem(
-        formulation, _cells(case), *stiffness, case.distortion
+        FORMULATIONS[case.formulation],
+        _cells(case),
+        *(case.stretch, _SHEAR, case.tension, case.bending),
+        *(case.distortion, case.halvings),
+        triangles="triangles" in case.formulation,
     )
     surface: Surface = chebyshev.SPHERE
     if case.surface == "triangles":
         surface = sphere_of_triangles()
         conditions = conditions | {"sphere": OnSurface(surface)}
-    if case.start == "net":
+    if case.start == FROM_NET:
         side, n = chebyshev.SIDE, case.parts
         net = drape.net(surface, side / n, (0, n), (0, n))
         start = drape.displacement(ply.nodes, net.at(ply.nodes))
@@ -125,7 +158,7 @@ def _on_sphere(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
 
 
 def _rolled(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
-    """A ply on a cylinder or a cone, pulled on all sides by the same tension.
+    """A ply on a cylinder or a cone, pulled on all sides by the same tension, or none.
 
     A side of it lies in a plane of symmetry along the cone, two sides on the cylinder.
     """
@@ -149,6 +182,7 @@ def _rolled(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
         held = Condition(lambda X: np.hypot(*X) < 1e-9)
     else:
         held = Condition("left", (0.0, None, None))
+    loads = loads if case.tension else []
     fabric = Fabric(case.stretch, _SHEAR, warp=(c, a), weft=(-a, c))
     ply = Ply(mesh, fabric, FORMULATIONS[case.formulation], loads, dimension=3)
     conditions: Conditions = {
@@ -182,18 +216,21 @@ def _on_cone(X: ndarray) -> tuple[ndarray, ndarray]:
     return place, np.array([first, second])
 
 
-def _pressure_error(case: Case, ply: Ply, surface: Surface, u: ndarray) -> float:
-    """Largest relative error of the contact pressure of elements off the free edges.
+def _pressure_error(case: Case, ply: Ply, surface: Surface, u: ndarray) -> float | None:
+    """Largest relative error of the contact pressure but along the free edges.
 
     On the sphere it is that of the tensions found, (T₁ + T₂)/(R cos Γ); on cylinder and
     cone that of the tension q on all sides, q (κ₁ + κ₂).
     """
+    if not case.tension:
+        return None
     corners = ply.mesh.p[:, ply.mesh.t]
     centres = corners.mean(axis=1)
     off_edges = corners < chebyshev.SIDE
     if case.surface.startswith("cone"):  # whose left edge is free too
         off_edges[0] &= corners[0] > 0
-    inner = off_edges.all(axis=(0, 1))
+    on_edge = ply.on_users_elements(~off_edges.all(axis=(0, 1)))
+    inner = on_edge[ply.parent] == 0
     if case.kind == SPHERE:
         tension = ply.fibre_tension(u).mean(axis=2).sum(axis=0)
         angle = ply.shear_angle(u, ply.centre)[:, 0]

@@ -1,11 +1,15 @@
 """Tables of the study."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 
 from ...common.tables import markdown_table
 from ...study import Row
-from .cases import NET, PUBLISHED, ROLLED, SPHERE, Case
+from . import chebyshev
+from .cases import NET, PUBLISHED, ROLLED, SPHERE, TIME, Case
+
+#: Head of a column, and what stands in it of a row.
+Column = tuple[str, Callable[[Row], object]]
 
 _DEFAULTS = {
     field.name: field.default
@@ -13,121 +17,163 @@ _DEFAULTS = {
     if field.name not in ("kind", "parts", "formulation")
 }
 
+_FORMULATION: Column = ("formulation", lambda r: r["formulation"])
+_PARTS: Column = ("parts a side", lambda r: r["parts"])
+_SOLVES: Column = ("solves", lambda r: r["solves"])
+_LARGEST: Column = ("largest error of Γ in °", lambda r: f"{r['largest']:.4f}")
+_RMS: Column = ("root mean square in °", lambda r: f"{r['rms']:.4f}")
+_SECONDS: Column = ("seconds of processor", lambda r: f"{r['seconds']:.2f}")
+_PRESSURE: Column = ("pressure off by at most", lambda r: _share(r["pressure_error"]))
 
-def _of(rows: Sequence[Row], kind: str, ordinary: bool | None = None) -> list[Row]:
-    """Rows of a kind: all, or those with or without settings of their own."""
-    return [
-        row
+
+def _share(x: float | None) -> str:
+    return "–" if x is None else f"{x:.2%}"
+
+
+def table(
+    rows: Iterable[Row], settings: Sequence[Column], results: Sequence[Column]
+) -> str:
+    """A table with a line for each row; one that was refused has no results."""
+    refused = ["refused", *(len(results) - 1) * ["–"]]
+    lines = [
+        [f(row) for _, f in settings]
+        + (refused if row["refused"] else [f(row) for _, f in results])
         for row in rows
-        if row["kind"] == kind and (ordinary is None or ordinary == (_own(row) == []))
     ]
+    return markdown_table([head for head, _ in (*settings, *results)], lines)
+
+
+def _of(rows: Sequence[Row], kind: str, *different: str) -> list[Row]:
+    """Rows of a kind that differ from the ordinary in these settings."""
+    return [r for r in rows if r["kind"] == kind and _own(r) == [*different]]
 
 
 def _own(row: Row) -> list[str]:
-    """What a case has for itself, in words."""
-    words: dict[str, Callable] = {
-        "stretch": lambda x: f"E = {x:g} N/mm",
-        "tension": lambda x: "edges free of load" if not x else f"q = {x:g} N/mm",
-        "distortion": lambda x: f"nodes moved by {100 * x:g} %",
-        "surface": lambda x: "sphere of 5000 triangles" if x == "triangles" else x,
-        "start": lambda x: f"start from a {x}",
-    }
-    return [say(row[k]) for k, say in words.items() if row[k] != _DEFAULTS[k]]
+    """The settings of a row that are not the ordinary ones."""
+    return [name for name, ordinary in _DEFAULTS.items() if row[name] != ordinary]
 
 
 def refinement(rows: Sequence[Row]) -> str:
     """Error, solves and time of the Chebyshev net on regular meshes."""
-    head = (
-        *("formulation", "parts a side", "unknowns", "largest error of Γ in °"),
-        *(
-            "root mean square in °",
-            "solves",
-            "seconds of processor",
-            "pressure off by at most",
-        ),
+    unknowns = "unknowns", lambda r: r["unknowns"]
+    settings = _FORMULATION, _PARTS
+    results = unknowns, _LARGEST, _RMS, _SOLVES, _SECONDS, _PRESSURE
+    return table(_of(rows, SPHERE), settings, results)
+
+
+def orders(rows: Sequence[Row]) -> str:
+    """Errors of 32 to 128 parts, with softer and stiffer fibres."""
+    stretch = "E in N/mm", lambda r: f"{r['stretch']:g}"
+    settings = _FORMULATION, stretch, _PARTS
+    in_corner = "in the corner in °", lambda r: f"{r['in_corner']:.4f}"
+    but_corner = "largest elsewhere in °", lambda r: f"{r['but_corner']:.4f}"
+    own = [r for r in _of(rows, SPHERE) if r["parts"] >= 32]
+    own += [r for r in _of(rows, SPHERE, "stretch") if r["stretch"] > 1e5]
+    return table(own, settings, (_LARGEST, in_corner, but_corner, _RMS))
+
+
+def distorted(rows: Sequence[Row]) -> str:
+    """The same where nodes have moved by 20 %."""
+    moved = "nodes moved by 20 %", lambda r: _moved(r)
+    tension = (
+        "fibre tension in N/mm",
+        lambda r: f"{r['least_tension']:.1f} to {r['largest_tension']:.1f}",
     )
-    lines = [
-        [
-            *(row["formulation"], row["parts"], row["unknowns"]),
-            *(f"{row['largest']:.4f}", f"{row['rms']:.4f}", row["solves"]),
-            *(f"{row['seconds']:.1f}", f"{row['pressure_error']:.2%}"),
-        ]
-        for row in _of(rows, SPHERE, ordinary=True)
-        if not row["refused"]
-    ]
-    return markdown_table(head, lines)
+    own = _of(rows, SPHERE, "distortion") + _of(rows, SPHERE, "distortion", "halvings")
+    results = _LARGEST, _RMS, tension, _PRESSURE
+    return table(own, (_FORMULATION, moved, _PARTS), results)
+
+
+def _moved(row: Row) -> str:
+    halvings = row["halvings"]
+    if not halvings:
+        return "in each mesh anew"
+    return f"with {row['parts'] // 2**halvings} parts, then halved"
 
 
 def other_drapes(rows: Sequence[Row]) -> str:
-    """The same with moved nodes, other stiffness, starts, surfaces, and free edges."""
-    head = (
-        *(
-            "formulation",
-            "parts a side",
-            "what is different",
-            "largest error of Γ in °",
-        ),
-        *("solves", "fibre strain", "elements at risk of wrinkles", "stable"),
+    """The same with other stiffness, starts and surfaces."""
+    words: dict[str, Callable] = {
+        "stretch": lambda x: f"E = {x:g} N/mm",
+        "surface": lambda x: "sphere of 5000 triangles",
+        "start": lambda x: f"start from a {x}",
+    }
+    own = [
+        row
+        for name in words
+        for row in _of(rows, SPHERE, name)
+        if row["stretch"] <= _DEFAULTS["stretch"]
+    ]
+    different = (
+        "what is different",
+        lambda r: ", ".join(say(r[k]) for k, say in words.items() if k in _own(r)),
     )
-    lines = []
-    for row in _of(rows, SPHERE, ordinary=False):
-        line = [row["formulation"], row["parts"], ", ".join(_own(row))]
-        if row["refused"]:
-            line += ["refused", *4 * ["–"]]
-        else:
-            line += [f"{row['largest']:.3f}", row["solves"]]
-            line += [f"{row['fibre_strain']:.1e}", f"{row['at_risk']:.0%}"]
-            line += ["yes" if row["stable"] else "no"]
-        lines.append(line)
-    return markdown_table(head, lines)
+    strain = "fibre strain", lambda r: f"{r['fibre_strain']:.1e}"
+    settings = _FORMULATION, _PARTS, different
+    return table(own, settings, (_LARGEST, _SOLVES, strain))
+
+
+def free_edges(rows: Sequence[Row]) -> str:
+    """Edges free of load: how far from the net, and with how much less energy."""
+    least = _DEFAULTS["tension"]
+    own = [r for r in rows if r["kind"] == SPHERE and r["tension"] < least]
+    energy = f"energy in N·mm, {chebyshev.energy():.1f} of the net"
+    results = (
+        _LARGEST,
+        _RMS,
+        ("median in °", lambda r: f"{r['median']:.2f}"),
+        ("Γ in the corner in °", lambda r: f"{r['corner_angle']:.1f}"),
+        (energy, lambda r: f"{r['energy']:.1f}"),
+        ("elements at risk of wrinkles", lambda r: f"{r['at_risk']:.0%}"),
+        ("stable", lambda r: "yes" if r["stable"] else "no"),
+        _SOLVES,
+    )
+    start = "start", lambda r: r["start"]
+    pull = "q in N/mm", lambda r: f"{r['tension']:g}"
+    bending = "D in N·mm", lambda r: f"{r['bending']:g}"
+    return table(own, (_FORMULATION, _PARTS, pull, bending, start), results)
 
 
 def nets(rows: Sequence[Row]) -> str:
     """Error of kinematic nets."""
-    head = (
-        "cells a side",
-        "largest error of Γ in °",
-        "root mean square in °",
-        "seconds",
-    )
-    lines = [
-        [
-            *(row["parts"], f"{row['largest']:.5f}", f"{row['rms']:.5f}"),
-            f"{row['seconds']:.1f}",
-        ]
-        for row in _of(rows, NET)
-    ]
-    return markdown_table(head, lines)
+    largest = _LARGEST[0], lambda r: f"{r['largest']:.5f}"
+    rms = _RMS[0], lambda r: f"{r['rms']:.5f}"
+    cells = "cells a side", _PARTS[1]
+    return table(_of(rows, NET), (cells,), (largest, rms, _SECONDS))
 
 
 def published_nets(rows: Sequence[Row]) -> str:
     """Differences of nets against those by a published method."""
-    head = (
-        *("draping", "cells", "largest shear angle in °"),
-        *("largest difference in °", "mean difference in °"),
+    draping, cells = (
+        ("draping", lambda r: r["surface"]),
+        ("cells", lambda r: r["cells"]),
     )
-    lines = [
-        [
-            *(row["surface"], row["cells"], f"{row['largest_shear']:.1f}"),
-            *(f"{row['largest']:.3f}", f"{row['mean']:.4f}"),
-        ]
-        for row in _of(rows, PUBLISHED)
-    ]
-    return markdown_table(head, lines)
+    results = (
+        ("largest shear angle in °", lambda r: f"{r['largest_shear']:.1f}"),
+        ("largest difference in °", lambda r: f"{r['largest']:.3f}"),
+        ("mean difference in °", lambda r: f"{r['mean']:.4f}"),
+    )
+    return table(_of(rows, PUBLISHED, "surface"), settings, results)
 
 
 def rolled(rows: Sequence[Row]) -> str:
     """Shear on developable surfaces, which ought to be none."""
-    head = (
-        *("surface", "formulation", "parts a side", "largest shear angle in °"),
-        *("pressure off by at most", "solves"),
+    own = [row for row in rows if row["kind"] == ROLLED]
+    surface = "surface", lambda r: r["surface"]
+    results = (
+        ("largest shear angle in °", lambda r: f"{r['largest']:.1e}"),
+        ("of the exact positions in °", lambda r: f"{r['interpolated']:.1e}"),
+        ("nodes off these in mm", lambda r: f"{r['moved']:.1e}"),
+        _PRESSURE,
+        _SOLVES,
     )
-    lines = [
-        [
-            *(row["surface"], row["formulation"], row["parts"]),
-            *(f"{row['largest']:.1e}", f"{row['pressure_error']:.2%}", row["solves"]),
-        ]
-        for row in _of(rows, ROLLED)
-        if not row["refused"]
-    ]
-    return markdown_table(head, lines)
+    pull = "q in N/mm", lambda r: f"{r['tension']:g}"
+    return table(own, (surface, pull, _FORMULATION, _PARTS), results)
+
+
+def error_time(rows: Sequence[Row]) -> str:
+    """Error, solves and time of formulations and starts."""
+    own = [row for row in rows if row["kind"] == TIME]
+    start = "start", lambda r: r["start"]
+    results = _LARGEST, _RMS, _SOLVES, _SECONDS
+    return table(own, (_FORMULATION, start, _PARTS), results)

@@ -17,6 +17,10 @@ FORMULATIONS: dict[str, Formulation] = {
 }
 
 
+#: The kind of all cases.
+EXTREME = "extreme"
+
+
 @dataclass(frozen=True)
 class Extreme:
     """One case.
@@ -45,6 +49,8 @@ class Extreme:
         Whether the surface is mirrored.
     growing
         Whether the surface grows out of the plane, in place of a start along geodesics.
+    kind
+        `EXTREME`.
     """
 
     group: str
@@ -58,9 +64,10 @@ class Extreme:
     tension: float = 1.0
     mirrored: bool = False
     growing: bool = False
+    kind: str = EXTREME
 
     def __str__(self) -> str:
-        words = ["extreme", self.group, self.surface, "±45" if self.bias else "0/90"]
+        words = [self.kind, self.group, self.surface, "±45" if self.bias else "0/90"]
         words += [f"E/G={self.stiffness:g}", self.formulation, f"{self.cells} cells"]
         words += [self.mesh, f"D={self.bending:g}", f"q={self.tension:g}"]
         return ", ".join(words)

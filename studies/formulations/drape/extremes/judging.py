@@ -5,8 +5,11 @@
 - Fibres along the sides of inextensible plies lie as the kinematic net does.  Both
   planes of symmetry hold a thread of it straight, so that nothing about it is free,
   but for threads that end at a hole.
+- The mirror image of a surface has the same shear angles.
 - A mesh of half the element size has the same shear angles and positions.
 """
+
+from dataclasses import replace
 
 import numpy as np
 from numpy import ndarray
@@ -33,6 +36,9 @@ OFF_SURFACE = 1e-8
 #: Allowed: root mean square of the difference of shear angles in degrees, difference of
 #: positions as a share of the elements that are computed on.
 ANGLE, POSITION = 3.0, 0.25
+
+#: Largest difference of shear angles from those of the mirror image in degrees.
+OFF_MIRROR = 1e-4
 
 #: Rotation in degrees that fibres of the strain 1 make, where the net has no strain.
 ANGLE_OVER_STRAIN = 100.0
@@ -63,6 +69,9 @@ def judged(case: Extreme) -> Row:
         "first_order": _first_order(case, found),
     }
     row |= _against_net(case, found) | _against_finer(case, found)
+    if case.mirrored:
+        other = draped(replace(case, mirrored=False))
+        row["off_mirror"] = float(np.abs(found.angle - other.angle).max())
     complaints = _complaints(row)
     told = _told(found)
     outcome = WRONG if complaints else RIGHT
@@ -100,6 +109,8 @@ def _complaints(row: Row) -> list[str]:
         found.append(f"{row['off_net']:.1f}° off the net")
     if row.get("off_finer", 0.0) > ANGLE:
         found.append(f"{row['off_finer']:.1f}° off the finer mesh")
+    if row.get("off_mirror", 0.0) > OFF_MIRROR:
+        found.append(f"{row['off_mirror']:.1e}° off the mirror image")
     if row.get("moved", 0.0) > POSITION * row["element_size"]:
         found.append(f"{row['moved']:.1f} mm off the finer mesh")
     return found

@@ -1,0 +1,94 @@
+"""The study of drapes: its surfaces, its judgement, its parts."""
+
+from argparse import Namespace
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skfem_textile import drape
+from studies.formulations.drape import chebyshev, tables
+from studies.formulations.drape.cases import SPHERE, TIME, Case
+from studies.formulations.drape.extremes import judging
+from studies.formulations.drape.extremes.cases import Extreme
+from studies.formulations.drape.extremes.runs import Drape, draped
+from studies.formulations.drape.extremes.surfaces import SURFACES, Mirrored
+from studies.formulations.drape.study import STUDY
+
+ON_SPHERE = Extreme("", "sphere", False, cells=4)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("name", SURFACES)
+def test_derivatives_of_surfaces_are_those_of_differences(name, mirrored):
+    surface = Mirrored(SURFACES[name]) if mirrored else SURFACES[name]
+    x, h = np.random.default_rng(0).uniform(5, 60, (3, 4)), 1e-5
+    steps = h * np.eye(3)[:, :, None]
+    slope, bend = (
+        np.array([(f(x + s) - f(x - s)) / (2 * h) for s in steps])
+        for f in (surface.level, surface.gradient)
+    )
+    np.testing.assert_allclose(surface.gradient(x), slope, atol=1e-7)
+    np.testing.assert_allclose(surface.hessian(x), bend.swapaxes(0, 1), atol=1e-7)
+    assert surface.level(np.zeros((3, 1))) == pytest.approx(0)
+
+
+def test_every_case_has_a_name_of_its_own():
+    names = [STUDY.name(case) for case in STUDY.cases(Namespace())]
+    assert len(set(names)) == len(names)
+
+
+def test_a_right_drape_is_right_and_its_mirror_image_too():
+    row = judging.judged(replace(ON_SPHERE, mirrored=True))
+    assert row["outcome"] == judging.RIGHT
+    assert row["off_mirror"] < 1e-6
+
+
+def test_what_is_no_equilibrium_is_wrong(monkeypatch):
+    """However near it is: the start along geodesics, and a state moved a little."""
+    found = draped(ON_SPHERE)
+    x = drape.exponential_map(found.surface, found.ply.nodes)
+    start = replace(found.state, u=drape.displacement(found.ply.nodes, x))
+    turned = found.positions + 1e-3 * np.sin(found.positions / 20)
+    moved = judging.onto(found.surface, turned)
+    moved = replace(found.state, u=drape.displacement(found.ply.nodes, moved))
+    for state in (start, moved):
+        wrong = Drape(found.ply, found.conditions, found.surface, state)
+        monkeypatch.setattr(judging, "draped", lambda *_, wrong=wrong, **__: wrong)
+        monkeypatch.setattr(judging, "_against_finer", lambda *_: {})
+        row = judging.judged(ON_SPHERE)
+        assert row["outcome"] == judging.WRONG
+        assert "no stable equilibrium" in row["reason"]
+
+
+def test_a_drape_off_the_net_is_wrong_unless_it_tells_so(monkeypatch):
+    monkeypatch.setattr(judging, "_against_net", lambda *_: {"off_net": 30.0})
+    monkeypatch.setattr(judging, "_told", lambda *_: "")
+    row = judging.judged(ON_SPHERE)
+    assert row["outcome"] == judging.WRONG
+    assert "30.0° off the net" in row["reason"]
+    monkeypatch.setattr(judging, "_told", lambda *_: "wrinkles")
+    assert judging.judged(ON_SPHERE)["outcome"] == judging.TOLD
+
+
+def test_a_part_writes_its_own_files_alone():
+    timed = Case(TIME, 8)
+    files = {"error_time.csv", "error_time.md", "error_time.png"}
+    assert {*STUDY.written([timed])} == files
+    rows = STUDY.examine(timed)
+    assert {*STUDY.tables(rows)} == files - {"error_time.png"}
+    assert rows[0]["largest"] < 0.1
+
+
+def test_a_row_that_was_refused_says_so():
+    row = {"kind": SPHERE, "refused": "no state", "formulation": "macro", "parts": 8}
+    columns = ("formulation", lambda r: r["formulation"]), ("x", lambda r: r["x"])
+    text = tables.table([row], columns[:1], (*columns[1:], columns[1]))
+    assert text.splitlines()[-1] == "| macro | refused | – |"
+
+
+def test_the_energy_of_the_net_is_that_of_its_cells():
+    n = 100
+    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
+    of_cells = 0.5 * 0.1 * (net.shear_angle() ** 2).sum() * (chebyshev.SIDE / n) ** 2
+    assert chebyshev.energy() == pytest.approx(of_cells, rel=1e-3)
