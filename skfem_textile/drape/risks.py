@@ -3,7 +3,6 @@
 import numpy as np
 from numpy import ndarray
 
-from ..mesh.splitting.hats import hat_functions
 from ..solve.body import Body
 from ..solve.conditions.surface import Surface
 
@@ -41,7 +40,7 @@ def contact_pressure(
     area = 0.5 * np.linalg.norm(np.cross(*sides, axis=0), axis=0)
     share = np.tile(area / len(corners), len(corners))
     shared = np.bincount(corners.ravel(), share, n)
-    hats = hat_functions(ply.mesh, len(force))
+    hats = ply.hat_functions()
     return ((hats @ force) / (hats[:, :n] @ shared)) @ hats
 
 

@@ -23,6 +23,7 @@ from ..mesh.bases import components, node_positions
 from ..mesh.corners import Corners
 from ..mesh.pattern import Pattern
 from ..mesh.splitting import original_elements
+from ..mesh.splitting.hats import hat_functions
 from .finer import FinerPly, finer_ply
 from .formulations import DEFAULT
 from .kernels.assembly import KernelSum
@@ -210,6 +211,13 @@ class Ply(Measures):
     def placement(self) -> dict[str, Any]:
         """Dimension and fibre ends, which another ply of the same fabric may take."""
         return {"dimension": components(self.basis), "fibre_ends": self.fibre_ends}
+
+    def hat_functions(self) -> csr_matrix:
+        """Values at all nodes of `hat_functions` of the corners of the user's elements.
+
+        Shape (n_corners, n_nodes).
+        """
+        return hat_functions(self.mesh, self.nodes.shape[1])
 
     def finer(self) -> FinerPly:
         """A ply of which each element of ``mesh`` is split in four.

@@ -116,6 +116,10 @@ class Body(Protocol):
         """Forget every committed state."""
         ...
 
+    def hat_functions(self) -> csr_matrix:
+        """As of `Ply.hat_functions`, shape (n_corners, n_nodes)."""
+        ...
+
     def finer(self) -> Any:
         """A body of which each element is split in four, as `Ply.finer` gives one."""
         ...

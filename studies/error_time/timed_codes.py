@@ -9,6 +9,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import CellBasis
 
+from skfem_textile import Condition
 from skfem_textile.ply import Ply
 from skfem_textile.scenes import Scene
 from skfem_textile.solve.result import Result, StepError
@@ -210,7 +211,9 @@ def _load(scene: Scene, problem: Specimen, reaction: ndarray) -> float:
     """Force along the prescribed displacement in N, or its share of the exact one."""
     if scene.load is not None:
         return float(reaction[1] / scene.load(problem.law, 1.0))
-    direction = scene.conditions[scene.driven].direction
+    driven = scene.conditions[scene.driven]
+    assert isinstance(driven, Condition)
+    direction = driven.direction
     return float(abs(reaction @ np.asarray(direction)))
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from skfem_textile import Condition
 from skfem_textile.ply import Ply
 from skfem_textile.scenes import Scene
 from skfem_textile.solve.result import Result, StepError
@@ -95,7 +96,9 @@ def _figures(scene: Scene, result: Result, t: float) -> Row:
     if reached[-1].load_factor < t - 1e-9:
         return dict.fromkeys(_FIGURES, np.nan)
     summary: Row = scene.summary(replace(result, states=reached))
-    led = scene.conditions[scene.driven].direction  # whole where there is none
+    driven = scene.conditions[scene.driven]
+    assert isinstance(driven, Condition)
+    led = driven.direction  # the force is whole where there is none
     force = np.array([summary["reaction_x"], summary["reaction_y"]])
     values = (
         float(np.linalg.norm(force if led is None else force @ np.asarray(led)))

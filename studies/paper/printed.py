@@ -1,6 +1,6 @@
 """The two-element systems of Hamila & Boisse (2013) beside what the paper prints."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -128,7 +128,7 @@ def table() -> str:
                 off += f", after a factor {s.factor:g}" if s.factor != 1 else ""
             computed = printed, _equation(s, row), off
             equations.append([which, s.equations[i], *computed])
-    tables = {
+    tables: dict[tuple[str, ...], Any] = {
         ("system", "paper", "printed", "computed", "difference"): equations,
         ("system", "rank", "solution", "paper's conclusion"): solutions,
         ("where", "printed", "correct", "computed"): slips(),

@@ -56,7 +56,11 @@ def placed_strip(scale: float, shift: float, **options: Any) -> Scene:
     return replace(
         scene,
         mesh=scene.mesh.scaled(scale).translated((shift, shift)),
-        conditions={name: moved(c) for name, c in scene.conditions.items()},
+        conditions={
+            name: moved(c)
+            for name, c in scene.conditions.items()
+            if isinstance(c, Condition)
+        },
         displacement=lambda X, t: scale * scene.displacement(unplaced(X), t),
         shear_angle=lambda X, t: scene.shear_angle(unplaced(X), t),
     )

@@ -67,7 +67,7 @@ class Drape(Study[Case | Extreme]):
         return [{"case": str(case), "refused": "", **settings, **found}]
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        found = {}
+        found: dict[str, str] = {}
         for kinds, written in _TABLES.items():
             if own := [row for row in rows if row["kind"] in kinds]:
                 found |= {name: table(own) for name, table in written.items()}

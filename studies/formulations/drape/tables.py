@@ -144,7 +144,7 @@ def nets(rows: Sequence[Row]) -> str:
 
 def published_nets(rows: Sequence[Row]) -> str:
     """Differences of nets against those by a published method."""
-    draping, cells = (
+    settings = (
         ("draping", lambda r: r["surface"]),
         ("cells", lambda r: r["cells"]),
     )

@@ -19,6 +19,7 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
+from skfem_textile.ply.own_terms.bending import FibreEnd
 from skfem_textile.solve.conditions import Conditions
 from skfem_textile.solve.states import State
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
@@ -83,7 +84,9 @@ def draped(case: Extreme, halvings: int = 0) -> Drape:
         bending=(case.bending, case.bending),
     )
     formulation = FORMULATIONS[case.formulation]
-    ends = {"left": "mirror", "bottom": "mirror"} if case.bending else None
+    ends: dict[str, FibreEnd] = {}
+    if case.bending:
+        ends = {"left": "mirror", "bottom": "mirror"}
     ply = Ply(mesh, fabric, formulation, loads, dimension=3, fibre_ends=ends)
     conditions: Conditions = {
         "on": OnSurface(surface),
