@@ -53,7 +53,9 @@ def _last_state(case: Strip, row: Row) -> Any:
     """The part of the result that pictures need."""
     u = np.array(row["u"])
     state = SimpleNamespace(u=u, load_factor=row["load_factor"])
-    return SimpleNamespace(ply=case.ply(), u=u, states=[state])
+    return SimpleNamespace(
+        ply=case.ply(), u=u, states=[state], tool=lambda load_factor: None
+    )
 
 
 def _caption(case: Strip, row: Row) -> str:

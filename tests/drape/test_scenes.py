@@ -220,7 +220,6 @@ def test_what_does_not_fit_a_tool_is_refused(make, reason):
         (("hemisphere", "--width", "320", "--height", "320"), "threads fold"),
         (("saddle", "--rotate", "10"), "is in space and is not turned"),
         (("cylinder", "--tension", "-1"), "edge tension must be 0 or positive"),
-        (("cylinder", "--tolerance", "0.1"), "no error"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(options, reason, tmp_path, capsys):

@@ -379,6 +379,6 @@ def test_triangles_are_drawn(tmp_path):
     texts = [
         a.input for a in plotter.renderers[0].actors.values() if hasattr(a, "input")
     ]
-    assert any("quadratic triangles" in text for text in texts)
+    assert any("Shear angle" in text for text in texts)
     colours = np.unique(pv.read(tmp_path / "p.png").point_data.active_scalars, axis=0)
     assert len(colours) > 10

@@ -46,10 +46,10 @@ def draw_errors(rows: Sequence[Row], filename: str | os.PathLike[str]) -> None:
         handles = [
             Line2D([], [], **_style(name, False), label=name) for name in _FORMULATIONS
         ]
-        moved = Line2D(
+        by_moved = Line2D(
             [], [], color="black", lw=1, ls="--", label="nodes moved by 20 %"
         )
-        handles.append(moved)
+        handles.append(by_moved)
         handles.append(Line2D([], [], color="0.6", ls=":", label="second order"))
         legend(figure, handles, columns=len(handles))
 
