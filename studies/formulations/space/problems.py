@@ -101,8 +101,10 @@ def shortened(
         return found
     exact = buckled(_SHORTENING)
     force = -result.states[-1].reactions["right"][0] / WIDTH
-    height = ply.nodal(result.u)[2].max()
+    z = ply.nodal(result.u)[2]
+    height = np.abs(z).max()
     return found | {
+        "mirrored": bool(z.max() < height),
         "off_x": float(force * LENGTH**2 / D / exact.force - 1),
         "off_z": float(height / LENGTH / exact.height - 1),
     }
