@@ -106,7 +106,7 @@ class Fabric:
         one, in space and in the plane.
     twist
         Twist stiffness D_t of the ply in N·mm, a number or one for each element.  The
-        energy per area is ½ D_t |τ|², where τ is the second derivative of the position
+        energy per area is ½ D_t τ·τ, where τ is the second derivative of the position
         along warp and weft, once each: ½ D_t c² of z = c x y with fibres along x and y.
 
     Raises

@@ -66,8 +66,8 @@ def draped(
     scale = Scale.of(label, reach(pressures, symmetric=True), "RdBu_r", None)
     rows = [
         [
-            Panel(f"Shear angle, {title}", shape, angle, shear, marked=at_risk),
-            Panel(f"Contact pressure, {title}", shape, pressure, scale),
+            Panel(_named("Shear angle", title), shape, angle, shear, marked=at_risk),
+            Panel(_named("Contact pressure", title), shape, pressure, scale),
         ]
         for title, shape, angle, (pressure, at_risk) in zip(
             titles, shapes, angles, found, strict=True
@@ -77,6 +77,10 @@ def draped(
     legends = [Legend(0, 1, shear, keys), Legend(1, 2, scale)]
     sheet = Sheet(rows, legends, extent(shapes), show_edges)
     return draw(sheet, filename, plotter, size or (None if plotter else PAGE))
+
+
+def _named(name: str, title: str) -> str:
+    return f"{name}, {title}" if title else name
 
 
 def _found(result: Result, state: State) -> tuple[np.ndarray, np.ndarray]:
