@@ -16,6 +16,10 @@ from .tool_mesh import ToolMesh
 # takes its place, as in Abaqus (Analysis User's Guide, "Conventions").
 _NORMAL_DEG = 0.1
 
+# Angle in degrees between an element and the ply from which it is a wall across it.
+# Chosen: coarse tools of curved parts stay below it.
+_STEEPEST_DEG = 60.0
+
 
 @dataclass(frozen=True, eq=False)
 class FibresInSpace:
@@ -85,7 +89,8 @@ def fibres_on_tool(
 ) -> FibresInSpace:
     """The fibres of a draped ply in each element of a tool.
 
-    They are those of the point of the ply that lies at the centre of the element.
+    They are those of the point of the ply that lies at the centre of the element.  An
+    element has none where it is at more than 60° to the ply.
 
     Parameters
     ----------
@@ -115,8 +120,14 @@ def fibres_on_tool(
     places = sheet.at(tool.centres(), most)
     if not places.found.any():
         raise ValueError("fibres on a tool: the ply lies on none of its elements")
-    warp, weft, angle = sheet.fibres_at(places)
+    fibres = sheet.fibres_at(places)
     normal = tool.normals()
+    lean = np.abs((unit(np.cross(*fibres[:2], axis=0)) * normal).sum(axis=0))
+    # A wall that cuts through the ply has no fibres; NaN where there is no ply either.
+    across = ~(lean > np.cos(np.radians(_STEEPEST_DEG)))
+    if across.all():
+        raise ValueError("fibres on a tool: its elements stand across the ply")
+    warp, weft, angle = (np.where(across, np.nan, field) for field in fibres)
     warp, weft = (_in_plane(v, normal) for v in (warp, weft))
     return FibresInSpace(tool, normal, warp, weft, angle, along)
 

@@ -14,6 +14,11 @@ from .tool_mesh import curve_length
 # pattern has bends where the ply has nodes, and no finer ones.
 _SPACING = 0.5
 
+# Distance of neighbours in the outline over the largest one on the tool from which the
+# ply lies on itself there.  Chosen: a diagonal of a cell that shears by 80° is 8 times
+# as long in the flat ply.
+_JUMP = 10.0
+
 
 @dataclass(frozen=True, eq=False)
 class FlatPattern:
@@ -66,7 +71,8 @@ def flat_pattern(
     Raises
     ------
     ValueError
-        If an argument is not valid, or the ply does not lie on a point of the curve.
+        If an argument is not valid, the ply does not lie on a point of the curve, or it
+        lies there twice.
 
     Examples
     --------
@@ -85,7 +91,9 @@ def flat_pattern(
     points = _closed(curve)
     if spacing is None:
         spacing = _SPACING * sheet.longest_edge
-    elif real_numbers("flat pattern: spacing", spacing).shape or not spacing > 0:
+    elif (
+        real_numbers("flat pattern: spacing", spacing).shape or not 0 < spacing < np.inf
+    ):
         raise ValueError(f"flat pattern: spacing must be a length, got {spacing!r}")
     points = _spaced(points, spacing)
     places = sheet.at(points)
@@ -98,7 +106,15 @@ def flat_pattern(
             "inside it, or give more points of the curve"
         )
     warp, weft = (A[:, places.element] for A in (sheet.warp, sheet.weft))
-    return FlatPattern(sheet.flat_at(places), points, warp, weft)
+    outline = sheet.flat_at(places)
+    steps = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=0)
+    if steps.max() > _JUMP * spacing:
+        place = np.round(points[:, steps.argmax()], 3).tolist()
+        raise ValueError(
+            f"flat pattern: the outline jumps by {steps.max():.3g} mm at {place}: the "
+            "ply lies on itself there, or the curve goes around the tool"
+        )
+    return FlatPattern(outline, points, warp, weft)
 
 
 def _closed(curve: ArrayLike) -> ndarray:

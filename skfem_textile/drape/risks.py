@@ -88,7 +88,7 @@ def wrinkle_risk(ply: Body, u: ndarray, locking_angle: float | None = None) -> n
     least = tension.min(axis=(0, 2))
     angle = ply.shear_angle(u)
     stiffness = ply.fabric.at().shear_law.tangent(np.zeros_like(angle))
-    at_risk = (tension < -stiffness).any(axis=(0, 2))
+    at_risk = (~(tension >= -stiffness)).any(axis=(0, 2))  # what is not a number, too
     if locking_angle is not None:
         at_risk |= (least < 0) & (np.abs(angle) > locking_angle).any(axis=1)
     return at_risk

@@ -43,20 +43,18 @@ def fields_on_tool(
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
     """Fields of a ply that lies on a surface, of its vertices and of its elements.
 
-    Pressures are left out where the elements have nodes in the middles of their edges.
-
     Returns
     -------
     tuple
         Of the vertices ``contact_pressure`` (N/mm²), of the elements ``wrinkle_risk``
         and ``bridging``, 1 where there is some.
     """
-    of_elements = {"wrinkle_risk": wrinkle_risk(ply, u).astype(float)}
-    if len(ply.mesh.t) != 4:
-        return {}, of_elements
     pressure = contact_pressure(ply, surface, u, t)
-    of_elements["bridging"] = bridging(ply, pressure).astype(float)
-    return {"contact_pressure": pressure}, of_elements
+    of_elements = {
+        "wrinkle_risk": wrinkle_risk(ply, u).astype(float),
+        "bridging": bridging(ply, pressure).astype(float),
+    }
+    return {"contact_pressure": pressure[: ply.mesh.nvertices]}, of_elements
 
 
 def on_users_elements(ply: Body, fields: dict[str, ndarray]) -> dict[str, ndarray]:

@@ -212,3 +212,20 @@ def test_a_dxf_without_its_package_is_refused_in_one_line(
     with pytest.raises(ValueError, match="no pattern to write"):
         write_pattern(tmp_path / "pattern.svg", [])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_curve_where_the_ply_lies_on_itself_is_refused():
+    """A net that goes around a tube by more than a turn."""
+    tube = drape.Cylinder(10.0, (0, 0, -10))
+    sheet = drape.Sheet.of_net(drape.net(tube, 1.0, (45, 45), (10, 10)))
+    t = np.linspace(0, 2 * np.pi, 90, endpoint=False)
+    ring = [10 * np.sin(t), 0 * t, 10 * np.cos(t) - 10]
+    with pytest.raises(ValueError, match=r"the outline jumps by 6\d.* mm at"):
+        drape.flat_pattern(sheet, ring)
+
+
+def test_the_spacing_of_a_pattern_is_finite():
+    sheet = drape.Sheet.of_net(drape.net(drape.Plane(), 1.0, (5, 5), (5, 5)))
+    square = [[-2.0, 2.0, 2.0, -2.0], [-2.0, -2.0, 2.0, 2.0], 4 * [0.0]]
+    with pytest.raises(ValueError, match="spacing must be a length"):
+        drape.flat_pattern(sheet, square, np.inf)

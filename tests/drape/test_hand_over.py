@@ -291,3 +291,18 @@ def test_on_the_ply_itself_fibres_are_in_the_users_elements(tmp_path):
     np.testing.assert_allclose(warp, np.degrees(0.3) - 90, atol=0.05)
     np.testing.assert_allclose(weft, np.degrees(0.3), atol=0.05)
     assert (fibres.normal[2] > 0).mean() > 0.9
+
+
+def test_a_wall_across_the_ply_has_no_fibres():
+    """Elements at 89° and at 30° to a flat ply, both with their centres on it."""
+    sheet = drape.Sheet.of_net(drape.net(drape.Plane(), 1.0, (9, 9), (9, 9)))
+    for degrees, covered in ((89.0, False), (30.0, True)):
+        lean = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+        corners = np.array([[-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0]])
+        leaning = np.array([corners[0] * lean[0], corners[1], corners[0] * lean[1]])
+        flat = np.array([corners[0] + 4, corners[1], 0 * corners[0]])
+        cells = np.array([[0, 1, 2, 3], [4, 5, 6, 7]]).T
+        part = drape.ToolMesh(np.hstack([leaning, flat]), (cells,))
+        fibres = drape.fibres_on_tool(sheet, part)
+        assert fibres.covered.tolist() == [covered, True]
+        assert np.isfinite(fibres.warp[:, 0]).all() == covered

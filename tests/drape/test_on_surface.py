@@ -367,6 +367,7 @@ def test_wrinkle_risk_starts_at_the_shear_stiffness():
         sheared = u.copy()
         sheared[1::3] += 0.5 * ply.nodes[0] * np.exp(tension / 100)
         assert drape.wrinkle_risk(ply, u, locking_angle=0.4).any() == risk
+    assert drape.wrinkle_risk(ply, np.nan * u).all()
 
 
 def test_a_run_goes_on_from_its_checkpoint_on_the_same_surface_only(tmp_path):

@@ -6,9 +6,18 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, Locking, MeshError, Quadratic, drape
+from skfem_textile import (
+    Fabric,
+    Locking,
+    MeshError,
+    Quadratic,
+    StepError,
+    Tabulated,
+    drape,
+)
 from skfem_textile.cli import main as cli
-from skfem_textile.io import write_fabric
+from skfem_textile.fabric.directions import directions_of
+from skfem_textile.io import write_directions, write_fabric
 from skfem_textile.scenes import (
     Case,
     cylinder,
@@ -129,10 +138,12 @@ def test_laws_that_lock_are_pulled_by_their_own_moments():
         run(scene, fabric=Fabric(1e4, Locking(0.1, degrees(40))))
 
 
-def test_quadratic_triangles_are_draped_without_pressures():
+def test_quadratic_triangles_are_draped():
+    """The pressure of the pole is that of two tensions of 2 N/mm on R = 100 mm."""
     _, found = run(hemisphere("delaunay", size=(6, 6)), formulation=Quadratic())
     assert found["shear_angle_error_rms_deg"] < 0.5
-    assert "max_contact_pressure_N_per_mm2" not in found
+    assert found["min_contact_pressure_N_per_mm2"] == pytest.approx(0.04, rel=0.1)
+    assert found["bridging_share_of_area"] == 0
 
 
 SMALL = "--size", "4x4", "--steps", "2", "--no-render"
@@ -233,3 +244,22 @@ def test_bad_options_are_refused_in_one_line(options, reason, tmp_path, capsys):
     assert reason in said
     assert said.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_directions_of_a_file_do_not_replace_those_of_a_tool(tmp_path, capsys):
+    mesh, file = hemisphere(size=(4, 4)).mesh, tmp_path / "turned.csv"
+    turned = Fabric(1e4, 0.1, warp=(2.0, 1.0), weft=(-1.0, 2.0))
+    write_directions(file, mesh, directions_of(mesh, turned))
+    line = "run", "hemisphere", "--size", "4x4", "--directions", str(file)
+    assert cli.main([*line, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "the fibres of the scene hemisphere are those of --fibres" in said
+
+
+def test_a_table_from_zero_on_is_told_what_it_lacks():
+    """And not that a net, which shears one way alone, goes below zero by rounding."""
+    scene = hemisphere(size=(4, 4))
+    law = Tabulated(np.radians([0, 60]), [0, 0.2])
+    fabric = Fabric(1e4, law, scene.warp, scene.weft)
+    with pytest.raises(StepError, match="a table from 0 on needs odd=True"):
+        Case(scene=scene, fabric=fabric).run()

@@ -12,6 +12,7 @@ from ...fabric import Fabric
 from ...fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ...mesh.user_input import printable
 from ...registration import Option
+from ...solve.conditions import OnSurface
 
 if TYPE_CHECKING:
     from ...scenes import Scene
@@ -107,6 +108,10 @@ def _with_directions(
     """The scene and its fabric, with the fibre directions of a file."""
     from ...io import read_directions  # loads meshio
 
+    if any(isinstance(one, OnSurface) for one in scene.conditions.values()):
+        raise ValueError(
+            f"--directions: the fibres of the scene {scene.name} are those of --fibres"
+        )
     given = read_directions(file)
     turned = FibreDirections(scene.turn @ given.warp, scene.turn @ given.weft)
     try:

@@ -52,8 +52,7 @@ def draw(
     ):
         with held():
             picture(result, filename=folder / name)
-    on_tool = result.tool(result.states[-1].load_factor) is not None
-    if on_tool and len(result.ply.mesh.t) == 4:
+    if result.tool(result.states[-1].load_factor) is not None:
         with held():
             plot.draped(result, filename=folder / DRAPED)
     if stopped:

@@ -41,7 +41,7 @@ def draped(
     Parameters
     ----------
     *results
-        Results of runs of plies that lie on tools, with elements of four nodes.
+        Results of runs of plies that lie on tools.
     titles, filename, plotter, state, show_edges, size
         As for `field`; 174 mm wide if no size is given.
 
@@ -55,7 +55,7 @@ def draped(
     ImportError, RuntimeError, FileNotFoundError
         As `field`.
     ValueError
-        As `field`, or if a ply is on no tool or its elements have other nodes.
+        As `field`, or if a ply is on no tool.
     """
     titles, shapes, states = chosen(results, titles, state, filename)
     pairs = list(zip(results, states, strict=True))
@@ -89,7 +89,5 @@ def _found(result: Result, state: State) -> tuple[np.ndarray, np.ndarray]:
     if surface is None:
         raise ValueError("a ply is on no tool: it needs a condition OnSurface")
     points, cells = fields_on_tool(ply, surface, state.u, state.load_factor)
-    if not points:
-        raise ValueError("there are no contact pressures on quadratic triangles")
     pressure = points["contact_pressure"][ply.mesh.t].mean(axis=0)
     return pressure, np.flatnonzero(cells["wrinkle_risk"])

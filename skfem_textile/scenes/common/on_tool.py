@@ -15,8 +15,7 @@ _NO_NET = (
 def measured_on_tool(result: Result) -> dict[str, float | str]:
     """Where the shear is largest, contact pressures, and shares of the ply's area.
 
-    Empty of a ply that is on no tool.  Pressures are left out where the elements have
-    nodes in the middles of their edges.
+    Empty of a ply that is on no tool.
     """
     ply, u, t = result.ply, result.u, result.states[-1].load_factor
     surface = result.tool(t)
@@ -35,11 +34,10 @@ def measured_on_tool(result: Result) -> dict[str, float | str]:
         f"max_shear_angle_at_{axis}_mm": at
         for axis, at in zip("xyz", place, strict=True)
     }
-    if len(corners) == 4:
-        pressure = contact_pressure(ply, surface, u, t)
-        found["max_contact_pressure_N_per_mm2"] = float(pressure.max())
-        found["min_contact_pressure_N_per_mm2"] = float(pressure.min())
-        found["bridging_share_of_area"] = share(bridging(ply, pressure))
+    pressure = contact_pressure(ply, surface, u, t)
+    found["max_contact_pressure_N_per_mm2"] = float(pressure.max())
+    found["min_contact_pressure_N_per_mm2"] = float(pressure.min())
+    found["bridging_share_of_area"] = share(bridging(ply, pressure))
     found["wrinkle_risk_share_of_area"] = share(wrinkle_risk(ply, u))
     if not (np.any(ply.fabric.bending) or ply.load(u, t).any()):
         found["not_the_net"] = _NO_NET

@@ -25,6 +25,9 @@ _STATIONS, _CELLS = np.linspace(0.0, 1.0, 5), 64
 # Cells that a net reaches beyond the ply.
 _BEYOND = 2
 
+# Shear angle of a net in radians that is rounding.
+_ROUNDING = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class EdgeTension:
@@ -113,6 +116,7 @@ class EdgeTension:
         if self.shear_law is None:
             return np.zeros_like(angle)
         gamma = self.angles[1] - self.angles[0] - angle
+        gamma = np.where(np.abs(gamma) < _ROUNDING, 0.0, gamma)
         moment = np.asarray(self.shear_law.value(gamma))
         if not np.isfinite(moment).all():
             raise ValueError(
