@@ -25,7 +25,7 @@ BENDING = Table(
     tuple(
         Option(
             name=f"bending-{name}",
-            help=f"{what} per width of ply",
+            help=f"{what} per width of ply in N mm",
             default=0.0,
             read=float,
             metavar="D",
