@@ -234,7 +234,7 @@ class StepError(RuntimeError):
         elements = getattr(error, "elements", np.empty(0, dtype=int))
         advice = getattr(error, "advice", "")
         return cls(
-            f"stopped at {_place(result.states[-1])}: {error}"
+            f"stopped at {_place(result)}: {error}"
             + _among(elements)
             + (f"; try {advice}" if advice else ""),
             result,
@@ -243,9 +243,14 @@ class StepError(RuntimeError):
         )
 
 
-def _place(state: State) -> str:
-    """The load factor of a state, and which condition has moved its nodes furthest."""
-    lengths = {k: float(np.linalg.norm(u)) for k, u in state.displacements.items()}
+def _place(result: Result) -> str:
+    """The load factor reached, and the condition that has moved its nodes furthest."""
+    state = result.states[-1]
+    lengths = {
+        name: float(np.linalg.norm(u))
+        for name, u in state.displacements.items()
+        if name not in result.surfaces
+    }
     name = max(lengths, key=lengths.__getitem__, default="")
     moved = f" ({name} moved by {lengths[name]:.4g} mm)" if lengths.get(name) else ""
     return f"load factor {state.load_factor:.6g}{moved}"

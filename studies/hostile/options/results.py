@@ -91,6 +91,11 @@ def _check_inputs(line: RunLine, summary: dict[str, Any]) -> None:
     _expect("numbers that are none", empty, set())
 
 
+def _as_written(number: float) -> float:
+    """A number as files have it, with twelve digits."""
+    return float(f"{number:.12g}")
+
+
 def _check_history(
     line: RunLine,
     summary: dict[str, Any],
@@ -100,10 +105,11 @@ def _check_history(
     _expect("converged", summary["converged"], converged)
     _expect("rows", len(history), summary["load_steps"] + 1)
     reached = [float(row["load_factor"]) for row in history]
-    _expect("load factor", reached[-1], summary["load_factor"])
+    _expect("load factor", reached[-1], _as_written(summary["load_factor"]))
     _expect("the whole load", reached[-1] == 1.0, converged)
     n = line.values["steps"]
-    wanted = {t for t in np.linspace(0, 1, n + 1).tolist() if t <= reached[-1]}
+    requested = map(_as_written, np.linspace(0, 1, n + 1).tolist())
+    wanted = {t for t in requested if t <= reached[-1]}
     _expect("load factors that are not there", wanted - set(reached), set())
     ending = "_reaction_x"
     names = {k.removesuffix(ending) for k in history[0] if k.endswith(ending)}
