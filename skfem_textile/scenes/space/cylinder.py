@@ -54,7 +54,7 @@ REGISTRATION = SceneRegistration(
     jitter=0.0,
     defaults=DEFAULTS,
     options=(
-        radius_option(RADIUS, "radius of the cylinder in mm"),
+        radius_option(RADIUS, "radius of the cylinder"),
         *options(WIDTH, HEIGHT),
     ),
     rank=9,

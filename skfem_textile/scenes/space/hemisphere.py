@@ -82,7 +82,7 @@ REGISTRATION = SceneRegistration(
     jitter=0.0,
     defaults=DEFAULTS,
     options=(
-        radius_option(RADIUS, "radius of the sphere in mm"),
+        radius_option(RADIUS, "radius of the sphere"),
         *options(WIDTH, HEIGHT),
     ),
     rank=8,

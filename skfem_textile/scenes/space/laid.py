@@ -216,8 +216,8 @@ def options(width: float, height: float) -> tuple[Option, ...]:
     """The options of every ply that is laid, with the sides of the ply."""
     return (
         angle("fibres", 0.0, "inclination of the warp; the weft is at right angles"),
-        _length("width", width, "of the whole ply along x in mm, where its mesh is made"),
-        _length("height", height, "of the whole ply along y in mm, where its mesh is made"),
+        _length("width", width, "of the whole ply along x, where its mesh is made"),
+        _length("height", height, "of the whole ply along y, where its mesh is made"),
         Option(
             name="tension",
             help="tension on free edges along the fibres in N/mm; 0 for edges without",
@@ -240,7 +240,8 @@ def radius(default: float, what: str) -> Option:
 
 
 def _length(name: str, default: float, what: str) -> Option:
-    return Option(name=name, help=what, default=default, read=float, unit="mm")
+    text = f"{what}, in mm"
+    return Option(name=name, help=text, default=default, read=float, unit="mm")
 
 
 def from_options(build: Callable[..., Scene]) -> Callable[..., Scene]:
