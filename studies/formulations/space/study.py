@@ -9,7 +9,15 @@ from typing import Any, NamedTuple
 from ...common.tables import csv_table
 from ...study import Row, Study
 from . import problems
-from .tables import buckling, cantilevers, extremes, modes, plates, wrong
+from .tables import (
+    buckling,
+    cantilevers,
+    extremes,
+    modes,
+    peirce_over_elastica,
+    plates,
+    wrong,
+)
 
 _PARTS: dict[str, Callable[..., dict[str, Any]]] = {
     "cantilever": problems.cantilever,
@@ -50,6 +58,7 @@ class Space(Study[Case]):
     files = (
         *("space.csv", "cantilevers.md", "plates.md", "buckling.md", "modes.md"),
         "extremes.md",
+        "peirce.md",
     )
     pictures = ("space.png",)
 
@@ -138,6 +147,7 @@ class Space(Study[Case]):
             "buckling.md": buckling(rows),
             "modes.md": modes(rows),
             "extremes.md": extremes(rows),
+            "peirce.md": peirce_over_elastica(),
         }
 
     def complaint(self, rows: list[Row]) -> str:

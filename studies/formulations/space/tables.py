@@ -2,6 +2,10 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from skfem_textile.scenes.common.elastica import hanging, peirce
+
 from ...common.tables import markdown_table
 from ...study import Row
 
@@ -114,4 +118,15 @@ def extremes(rows: Sequence[Row]) -> str:
             name = part.removeprefix("extreme ")
             lines.append([name, f"{stiff:.0e}", *counts, f"{100 * largest:.2f} %"])
     head = ["problem", "E/G", "runs", "right", "refused", "wrong", "largest error"]
+    return markdown_table(head, lines)
+
+
+def peirce_over_elastica() -> str:
+    """Bending stiffness by Peirce's formula over that of the elastica."""
+    lines = []
+    for weight in (1, 2, 4, 8, 20, 80):
+        angle = hanging(weight).chord_angle
+        found = f"{np.degrees(angle):.1f}", f"{peirce(1.0, weight, angle):.3f}"
+        lines.append([weight, *found])
+    head = ["w L³/D", "angle of the chord in °", "Peirce over elastica"]
     return markdown_table(head, lines)
