@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parent
 MODULES_THAT_DRAW = (
     "skfem_textile/plot/*.py",
-    "skfem_textile/plot/renderers/*.py",
+    "skfem_textile/plot/*/*.py",
     "skfem_textile/*/figure.py",
     "studies/*/figure*.py",
 )

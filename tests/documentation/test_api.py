@@ -9,6 +9,9 @@ import pytest
 
 import skfem_textile
 
+pytest.importorskip("matplotlib")  # pages name what draws
+pytest.importorskip("pyvista")
+
 DOCS = Path(__file__).parents[2] / "docs"
 
 DIRECTIVE = re.compile(r"^\.\. automodule:: (\S+)\n((?:   :.*\n)*)", re.MULTILINE)
