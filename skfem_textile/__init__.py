@@ -2,7 +2,6 @@
 
 from .cli import interruption as interruption  # isort: skip  # first: Ctrl-C
 
-from . import drape as drape
 from . import forms as forms
 from .fabric import (
     Asymmetric,

@@ -2,16 +2,18 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy import ndarray
-from scipy.spatial import KDTree
 
 from ..fabric import kinematics as kin
 from ..solve.body import Body
 from .elements import Elements, boundary_edges, edge_lengths, unit
 from .kinematic_net import Net
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 # Share of its distance from an element by which the foot of a point may lie outside:
 # between two elements that meet at an angle, up to 50°, a point has no other foot.
@@ -116,11 +118,13 @@ class Sheet:
         return float(edge_lengths(self.positions, self.elements).max())
 
     @cached_property
-    def _tree(self) -> tuple[KDTree, ndarray]:
+    def _tree(self) -> "tuple[KDTree, ndarray]":
         """Centres of the elements, and their radii about them."""
         x = self.positions[:, self.elements]
         centres = x.mean(axis=1)
         radii = np.linalg.norm(x - centres[:, None], axis=0).max(axis=0)
+        from scipy.spatial import KDTree  # not imported for other drapes
+
         return KDTree(centres.T), radii
 
     def at(self, points: ndarray, reach: ndarray | float | None = None) -> Places:

@@ -7,15 +7,17 @@ Multi-level partition of unity implicits, ACM Trans. Graph. 22:463), so that nor
 curvatures are continuous.  φ is positive on the side to which the triangles face.
 """
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
-from scipy.spatial import KDTree
 
 from ..mesh.checks import MeshError
 from .tool_mesh import ToolMesh
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 # Reach of the weights over the mean length of the edges.  Chosen: with a smaller one
 # points between vertices of long triangles have too few quadrics, with a larger one
@@ -78,6 +80,8 @@ class TriangleMesh:
     def __init__(self, vertices: ndarray, triangles: ndarray) -> None:
         vertices, triangles = _merged(vertices, triangles)
         self._x, self._triangles = vertices.T, triangles
+        from scipy.spatial import KDTree  # not imported for other drapes
+
         self._tree = KDTree(self._x)
         edges = np.linalg.norm(
             self._x[triangles] - self._x[np.roll(triangles, 1, axis=0)], axis=2
@@ -229,7 +233,7 @@ def _vertex_normals(x: ndarray, triangles: ndarray) -> ndarray:
     return normals / length
 
 
-def _fitted(x: ndarray, normals: ndarray, tree: KDTree) -> tuple[ndarray, ndarray]:
+def _fitted(x: ndarray, normals: ndarray, tree: "KDTree") -> tuple[ndarray, ndarray]:
     """Frames of the vertices, rows (n, 3, 3), and coefficients of quadrics, (n, 6)."""
     axis = np.eye(3)[np.abs(normals).argmin(axis=1)]
     u = np.cross(normals, axis)
