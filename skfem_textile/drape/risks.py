@@ -6,6 +6,9 @@ from numpy import ndarray
 from ..solve.body import Body
 from ..solve.conditions.surface import Surface
 
+# Share of the largest tension below which one is none: forces balance no better.
+_NONE = 1e-8
+
 
 def contact_pressure(
     ply: Body, surface: Surface, u: ndarray, t: float = 1.0
@@ -62,13 +65,13 @@ def bridging(ply: Body, pressure: ndarray) -> ndarray:
     return np.asarray(pressure[ply.mesh.t].mean(axis=0) < 0)
 
 
-def wrinkle_risk(ply: Body, u: ndarray, locking_angle: float | None = None) -> ndarray:
+def wrinkle_risk(ply: Body, u: ndarray) -> ndarray:
     """Elements in which fibres may buckle in the plane of the ply.
 
     An inextensible net buckles in its plane where the tension of a family is below −G,
     with G the shear stiffness at rest (Rosen 1965).  With bending stiffness it stands
-    somewhat more.  Fibres that are compressed where the shear has locked are at risk
-    too.
+    somewhat more.  Where the fabric has a ``wrinkling_angle`` and is sheared past it,
+    fibres are at risk as soon as they are compressed.
 
     Parameters
     ----------
@@ -76,8 +79,6 @@ def wrinkle_risk(ply: Body, u: ndarray, locking_angle: float | None = None) -> n
         The ply.
     u
         Displacement.
-    locking_angle
-        Shear angle in radians beyond which compression is a risk; none if not given.
 
     Returns
     -------
@@ -85,10 +86,8 @@ def wrinkle_risk(ply: Body, u: ndarray, locking_angle: float | None = None) -> n
         Bool, shape (n_elements,), of the elements of ``ply.mesh``.
     """
     tension = ply.fibre_tension(u)
-    least = tension.min(axis=(0, 2))
-    angle = ply.shear_angle(u)
-    stiffness = ply.fabric.at().shear_law.tangent(np.zeros_like(angle))
-    at_risk = (~(tension >= -stiffness)).any(axis=(0, 2))  # what is not a number, too
-    if locking_angle is not None:
-        at_risk |= (least < 0) & (np.abs(angle) > locking_angle).any(axis=1)
-    return at_risk
+    angle, fabric = ply.shear_angle(u), ply.fabric.at()
+    locked = np.abs(angle) > np.reshape(fabric.wrinkling_angle, (-1, 1))
+    none = _NONE * np.abs(tension).max(initial=0.0)
+    stands = np.where(locked, none, fabric.shear_law.tangent(np.zeros_like(angle)))
+    return np.asarray((~(tension >= -stands)).any(axis=(0, 2)))  # not a number, too

@@ -211,7 +211,11 @@ def test_the_written_case_has_every_default(tmp_path):
             "compression": "law",
             "pretension_N_per_mm": 0.0,
         },
-        "shear": {"law": "linear", "stiffness_N_per_mm": 1.0},
+        "shear": {
+            "law": "linear",
+            "stiffness_N_per_mm": 1.0,
+            "wrinkling_angle_deg": 90.0,
+        },
         "bending": {"warp_N_mm": 0.0, "weft_N_mm": 0.0, "twist_N_mm": 0.0},
         "formulation": {"name": "macro", "cs_N_per_mm": 10.0},
         "loads": {"force_N": {}},

@@ -27,6 +27,7 @@ from .laws import (
     IN_COMPRESSION,
     OF_WEFT,
     PREFIXES,
+    WRINKLING_ANGLE,
     law_name,
     law_table,
     laws_of,
@@ -137,7 +138,8 @@ def _fabric(scene: Scene, values: Mapping[str, Any], fibres: Any) -> Fabric:
     warp, weft = fibres
     of_warp, of_weft, twist = (values[option.key] for option in BENDING.options)
     laws = _tension(values), _law("shear", values)
-    return Fabric(*laws, warp, weft, (of_warp, of_weft), twist)
+    wrinkling_angle = np.radians(values[WRINKLING_ANGLE])
+    return Fabric(*laws, warp, weft, (of_warp, of_weft), twist, wrinkling_angle)
 
 
 def _force(scene: Scene, name: str, total: tuple[float, ...]) -> Force:
