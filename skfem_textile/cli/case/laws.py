@@ -44,8 +44,8 @@ BENDING = Table(
 _WRINKLING = angle(
     "wrinkling-angle",
     90.0,
-    "shear angle past which fibres wrinkle as soon as they are compressed, for "
-    "wrinkle_risk",
+    "shear angle past which fibres wrinkle as soon as they are compressed, for the "
+    "wrinkle_risk of a ply on a tool",
 )
 
 #: Its key among the values of a case.
