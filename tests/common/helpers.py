@@ -77,6 +77,13 @@ def derivative(function, x, direction, step=1e-5):
     return (4 * difference(step) - difference(2 * step)) / 3
 
 
+def zero_modes(K):
+    """How many motions meet no stiffness; none may meet a negative one."""
+    values = np.linalg.eigvalsh(K.toarray())
+    assert values[0] > -1e-9 * values[-1]
+    return int((np.abs(values) < 1e-9 * values[-1]).sum())
+
+
 def graded_along_fibres(width, theta, n, smallest) -> MeshTri:
     """A bias extension of height 2W tan θ in triangles with edges along the fibres.
 
