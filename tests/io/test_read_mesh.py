@@ -57,21 +57,26 @@ def test_abaqus_node_sets_become_boundaries(tmp_path):
     assert np.all(bottom == 0)
 
 
-def test_gmsh_physical_groups_become_boundaries(tmp_path):
-    tags = {
-        "gmsh:physical": [[3, 3], [1, 1, 2]],
-        "gmsh:geometrical": [[1, 1], [1, 1, 2]],
-    }
+def by_gmsh(path, kind, elements, groups):
+    """Elements in the groups 3, ply, and 4, patch; edges in bottom and right."""
     meshio.Mesh(
         POINTS,
-        [("quad", QUADS), ("line", [[0, 1], [1, 2], [2, 5]])],
-        cell_data=tags,
+        [(kind, elements), ("line", [[0, 1], [1, 2], [2, 5]])],
+        cell_data={
+            "gmsh:physical": [groups, [1, 1, 2]],
+            "gmsh:geometrical": [[1] * len(groups), [1, 1, 2]],
+        },
         field_data={
             "bottom": np.array([1, 1]),
             "right": np.array([2, 1]),
             "ply": np.array([3, 2]),
+            "patch": np.array([4, 2]),
         },
-    ).write(tmp_path / "m.msh", file_format="gmsh22")
+    ).write(path, file_format="gmsh22")
+
+
+def test_gmsh_physical_groups_become_boundaries(tmp_path):
+    by_gmsh(tmp_path / "m.msh", "quad", QUADS, [3, 3])
     boundaries = read_mesh(tmp_path / "m.msh").boundaries
     assert {k: len(v) for k, v in boundaries.items()} == {"bottom": 2, "right": 1}
 
@@ -101,21 +106,7 @@ def test_meshes_of_both_are_split(tmp_path, cells, count):
 
 
 def test_physical_groups_of_triangles_keep_their_names(tmp_path):
-    tags = {
-        "gmsh:physical": [[3, 3, 4, 4], [1, 1, 2]],
-        "gmsh:geometrical": [[1, 1, 1, 1], [1, 1, 2]],
-    }
-    meshio.Mesh(
-        POINTS,
-        [("triangle", TRIANGLES), ("line", [[0, 1], [1, 2], [2, 5]])],
-        cell_data=tags,
-        field_data={
-            "bottom": np.array([1, 1]),
-            "right": np.array([2, 1]),
-            "ply": np.array([3, 2]),
-            "patch": np.array([4, 2]),
-        },
-    ).write(tmp_path / "m.msh", file_format="gmsh22")
+    by_gmsh(tmp_path / "m.msh", "triangle", TRIANGLES, [3, 3, 4, 4])
     mesh = split(read_mesh(tmp_path / "m.msh"))
     assert {k: len(v) for k, v in mesh.boundaries.items()} == {"bottom": 4, "right": 2}
     bottom = mesh.p[:, mesh.facets[:, mesh.boundaries["bottom"]]]

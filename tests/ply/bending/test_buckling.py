@@ -1,4 +1,4 @@
-"""Compressed plies that bend: where they buckle."""
+"""Compressed plies: where they buckle, with and without bending."""
 
 import numpy as np
 import pytest
@@ -8,6 +8,12 @@ from skfem_textile import Condition, Fabric, OnePoint, Ply
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.problem import Problem, Tangent
+
+IN_PLANE = {
+    "left": Condition("left"),
+    "right": Condition("right"),
+    "plane": Condition(lambda X: X[0] > -1, (None, None, 0.0)),
+}
 
 
 def critical_tension(n, stiffness, conditions, guess):
@@ -26,16 +32,17 @@ def critical_tension(n, stiffness, conditions, guess):
     return high
 
 
+@pytest.mark.parametrize("n", [4, 8])
+def test_an_inextensible_net_buckles_in_its_plane_at_minus_its_shear_stiffness(n):
+    """T = −G without bending (Rosen)."""
+    assert critical_tension(n, 0.0, IN_PLANE, -0.1) == pytest.approx(-0.1, rel=5e-3)
+
+
 @pytest.mark.parametrize("stiffness", [10.0, 100.0])
 def test_bending_holds_a_net_that_buckles_in_its_plane(stiffness):
     """T = −(G + D (π/L)²)."""
-    conditions = {
-        "left": Condition("left"),
-        "right": Condition("right"),
-        "plane": Condition(lambda X: X[0] > -1, (None, None, 0.0)),
-    }
     exact = -(0.1 + stiffness * (np.pi / SIDE) ** 2)
-    found = critical_tension(16, stiffness, conditions, exact)
+    found = critical_tension(16, stiffness, IN_PLANE, exact)
     assert found == pytest.approx(exact, rel=5e-3)
 
 
