@@ -24,7 +24,7 @@ _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 
 # Relative round-off of a number, and how much more a stretch has after the operations
 # that lead to it: with that of one, macro-elements under a small load never balance
-# (`pytest tests/solve/test_stepper.py -k round_off`).
+# (`pytest tests/solve/stepper -k round_off`).
 _EPSILON, _ROUNDINGS = 2.0**-53, 4
 
 # Share of the energy by which stiffnesses of the discretisation may be off on the way.
