@@ -71,7 +71,9 @@ def wrinkle_risk(ply: Body, u: ndarray) -> ndarray:
     An inextensible net buckles in its plane where the tension of a family is below −G,
     with G the shear stiffness at rest (Rosen 1965).  With bending stiffness it stands
     somewhat more.  Where the fabric has a ``wrinkling_angle`` and is sheared past it,
-    fibres are at risk as soon as they are compressed.
+    fibres are at risk as soon as they are compressed.  Tensions are means over the
+    points of an element: from one point of a quadratic triangle to the next they
+    oscillate.
 
     Parameters
     ----------
@@ -85,9 +87,10 @@ def wrinkle_risk(ply: Body, u: ndarray) -> ndarray:
     ndarray
         Bool, shape (n_elements,), of the elements of ``ply.mesh``.
     """
-    tension = ply.fibre_tension(u)
-    angle, fabric = ply.shear_angle(u), ply.fabric.at()
-    locked = np.abs(angle) > np.reshape(fabric.wrinkling_angle, (-1, 1))
-    none = _NONE * np.abs(tension).max(initial=0.0)
-    stands = np.where(locked, none, fabric.shear_law.tangent(np.zeros_like(angle)))
-    return np.asarray((~(tension >= -stands)).any(axis=(0, 2)))  # not a number, too
+    tension, weight = ply.fibre_tension(u), ply.basis.dx
+    mean = (tension * weight).sum(axis=-1) / weight.sum(axis=-1)
+    sheared, fabric = np.abs(ply.shear_angle(u)).max(axis=1), ply.fabric.at()
+    stiffness = fabric.shear_law.tangent(np.zeros((len(sheared), 1)))[:, 0]
+    none = _NONE * np.abs(mean).max(initial=0.0)
+    stands = np.where(sheared > fabric.wrinkling_angle, none, stiffness)
+    return np.asarray((~(mean >= -stands)).any(axis=0))  # what is not a number, too

@@ -367,6 +367,20 @@ def test_wrinkle_risk_starts_at_the_shear_stiffness():
     assert drape.wrinkle_risk(ply, np.nan * u).all()
 
 
+def test_formulations_agree_on_where_fibres_wrinkle():
+    """Tensions at the points of quadratic triangles oscillate from -8 to 8 N/mm."""
+    tool, c, s = drape.Sphere(150.0, (0, 0, -150)), np.cos(0.3), np.sin(0.3)
+    fabric = Fabric(2e4, 0.2, (c, s), (-s, c), bending=(40.0, 60.0))
+    shares = []
+    for formulation in (Macro(), OnePoint(), Quadratic(), Quadratic(10.0)):
+        ply = square(60.0, 12, fabric, formulation)
+        start = drape.exponential_map(tool, ply.nodes)
+        held = {"on": OnSurface(tool)} | SYMMETRY
+        state = equilibrium_near(ply, held, drape.displacement(ply.nodes, start))
+        shares.append(drape.wrinkle_risk(ply, state.u).mean())
+    assert 0 < min(shares) <= max(shares) < 0.1
+
+
 def test_past_the_wrinkling_angle_any_compression_is_a_risk():
     """In the region that has one, and not where the fibres are pulled."""
     parts = {"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5}
