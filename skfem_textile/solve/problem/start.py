@@ -1,8 +1,8 @@
-"""Where an iteration starts, and what the ply has there."""
+"""Where an iteration starts, and what a search is to reach from there."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -48,3 +48,30 @@ class Start:
         ):
             return self
         return problem.at(self.load_factor).start(self.u)
+
+
+class Goal(NamedTuple):
+    """What to reach, and from where.
+
+    Attributes
+    ----------
+    load_factor, step
+        Load factor, and its distance from that of the last good state.
+    fixed_values
+        Values of the fixed unknowns.
+    start, before
+        Where the search starts, and the last good state; None before the load.
+    most_altered
+        How many tangents may be altered on the way; if not any number, only strategies
+        that follow the path are tried.
+    held
+        Forces beside the loads, as of `Problem`.
+    """
+
+    load_factor: float
+    step: float
+    fixed_values: ndarray
+    start: Start
+    before: Start | None
+    most_altered: float = np.inf
+    held: ndarray | float = 0.0
