@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class SumOfTerms(RememberingTerms, Measures):
-    """Terms on a basis, added up.
+    """Terms on a basis, added up: what `Ply` is, once it is built.
 
     Parameters
     ----------
