@@ -6,13 +6,17 @@ folded elements, or an equilibrium that the load does not lead to.
 
 from collections.abc import Callable, Collection, Mapping
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
 
-from .problem import Problem, Start, Tangent, tangent_at, turned
+from .problem import Start, Tangent, tangent_at, turned
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 from .stepping.shares import excess, shares
+
+if TYPE_CHECKING:
+    from .problem import Problem
 
 _STIFFER = "more steps, or a larger stabilisation"
 
@@ -45,7 +49,7 @@ class Trial:
 
     def __init__(
         self,
-        problem: Problem,
+        problem: "Problem",
         equilibrium: Equilibrium,
         start: Start | None = None,
         energies: Mapping[str, float] | None = None,

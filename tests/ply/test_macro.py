@@ -24,7 +24,7 @@ from skfem_textile.forms.held_stiffness import (
 from skfem_textile.mesh.splitting import cut, split, split_cells
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve import problem
+from skfem_textile.solve.problem import problem
 from skfem_textile.solve.stepping import equilibrium_search
 
 MESHES = {
