@@ -27,6 +27,7 @@ from .stepping.equilibrium_search import (
     strategy_of,
 )
 from .stepping.error_estimate import estimated_error
+from .stepping.growth import grown
 from .stepping.limit import (
     is_known,
     limit_error,
@@ -342,9 +343,10 @@ class LoadStepper:
             self.problem.ply.load(self._start.u, t)  # whose factor is a user's function
         except ValueError as error:
             raise StepError.after(error, self.result) from None
-        start, step = self._start, t - self._states[-1].load_factor
+        last, step = self._start, t - self._states[-1].load_factor
         most_altered = self._path.most_altered(step, t, self._loaded)
-        goal = Goal(t, step, values, start, start, most_altered)
+        start = grown(self.problem.at(t), last)
+        goal = Goal(t, step, values, start, last, most_altered)
         trial, altered, followed_path, is_settled, solves_again = self._search(goal)
         state = self._state(t, trial)
         if self._path.must_repeat(step, state, altered, followed_path):
