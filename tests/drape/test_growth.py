@@ -92,7 +92,8 @@ def test_a_start_on_a_grown_cylinder_is_the_rolled_ply():
     exact = drape.displacement(ply.nodes, drape.exponential_map(cylinder, ply.nodes))
     assert np.abs(half.u - exact).max() > 1.0
     for start in (rest, half):
-        np.testing.assert_allclose(grown(problem, start).u, exact, atol=1e-3)
+        off = np.abs(grown(problem, start).u - exact).max()
+        assert off < 1e-3 * 40  # as a share of the radius
 
 
 @pytest.mark.parametrize(
