@@ -1,9 +1,9 @@
 """Draping: surfaces, plies laid on them without mechanics, and what plies meet."""
 
+from ..solve.conditions.geodesics import displacement, exponential_map
 from .analytic import Cone, Cylinder, Plane, Sphere, Torus
 from .fibres_in_space import FibresInSpace, fibres_on_ply, fibres_on_tool
 from .flat_pattern import FlatPattern, flat_pattern
-from .geodesics import displacement, exponential_map
 from .height_field import Height, HeightField, double_dome
 from .kinematic_net import Net, net
 from .risks import bridging, contact_pressure, wrinkle_risk

@@ -14,8 +14,8 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.user_input import real_numbers
+from ..solve.conditions.geodesics import tangents
 from ..solve.conditions.surface import Surface, onto
-from .geodesics import tangents
 
 # Iterations of Newton's method at most to a crossing, and its error as a share of the
 # length of a cell.  Chosen: it starts a cell away and doubles its digits.

@@ -27,6 +27,16 @@ _FIRST_TENSION_ON_SURFACE = 1.0
 # on the mean stretches are known well enough for a stiffness.
 _NEAR = 0.1
 
+# Over the tolerance what is unbalanced at the end of an iteration that met rounding.
+# Chosen: an iteration that converges passes such residuals in one or two increments.
+_STALLED = 100.0
+
+#: What to do where rounding keeps forces from balancing.
+LESS_ROUNDING = (
+    "coordinates of mesh and surfaces that are nearer to the origin, for what is left "
+    "is rounding"
+)
+
 # Halvings of an increment in a line search.
 _LINE_SEARCH_HALVINGS = 20
 
@@ -209,11 +219,12 @@ def balanced(
             )
         if residuals[-1] <= tolerance and problem.is_fixed(u, fixed_values):
             return Equilibrium(u, f, tuple(residuals), tolerance, altered)
+    stalled = residuals[-1] <= _STALLED * tolerance
     raise NoEquilibriumError(
         f"{residuals[-1]:.2g} N unbalanced after {most} iterations, "
         f"tolerance {tolerance:.2g} N",
         problem.around(problem.unfixed(f, u)),
-        advice="more steps, or a larger stabilisation",
+        advice=LESS_ROUNDING if stalled else "more steps, or a larger stabilisation",
     )
 
 

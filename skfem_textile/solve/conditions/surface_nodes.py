@@ -14,6 +14,7 @@ from numpy import ndarray
 from scipy.sparse import bsr_matrix, csr_matrix, identity
 
 from ..states import NoEquilibriumError
+from .geodesics import exponential_map
 from .surface import OffSurfaceError, is_on, onto
 
 if TYPE_CHECKING:
@@ -22,6 +23,11 @@ if TYPE_CHECKING:
 # Sine of the angle between a normal and what conditions hold below which they hold the
 # node across its surface already.  Chosen: far above rounding.
 _HELD_ACROSS = 1e-6
+
+# Steps along geodesics by which a ply is carried.  Chosen: on a sphere, over a quarter
+# of its circumference, they end within 1e-3 of the radius, enough for a start; each
+# evaluates the surface eight times, which of triangles takes long.
+_STEPS = 4
 
 
 class Contact(NamedTuple):
@@ -109,6 +115,7 @@ class SurfaceNodes:
         columns = self._frames[self.nodes] * self._free[self.nodes][:, None]
         self._projector = columns @ columns.swapaxes(1, 2)
         self._kept: tuple[ndarray, float, dict[str, Any]] = np.empty(0), 0.0, {}
+        self._laid: dict[float, ndarray] = {}
 
     def check(self, t: float) -> None:
         """Refuse surfaces that are not valid at a load factor.
@@ -210,6 +217,35 @@ class SurfaceNodes:
                     advice="more steps, or a start that is nearer to the surface",
                 ) from None
         return (x - self._X).T.ravel()
+
+    def carried(self, u: ndarray, before: float, t: float) -> ndarray | None:
+        """A displacement of the ply carried from its surface to that at another time.
+
+        By what geodesics lay elsewhere then.  None where they do not lay the whole ply.
+
+        Parameters
+        ----------
+        u
+            Displacement.
+        before, t
+            Load factors of the surface on which it is, and of the other.
+        """
+        name, condition, _ = self._parts[0]
+        if condition.where is not None:
+            return None
+        try:
+            self._laid = {
+                s: self._laid[s]
+                if s in self._laid
+                else exponential_map(
+                    condition.at(name, s), self._X[:2], condition.touch, steps=_STEPS
+                )
+                for s in (before, t)
+            }
+            carried = self._laid[t] - self._laid[before]
+            return self.onto(u + carried.T.ravel(), t)
+        except (OffSurfaceError, NoEquilibriumError):
+            return None
 
     def are_on(self, u: ndarray, t: float) -> bool:
         """Whether the nodes are on their surfaces."""

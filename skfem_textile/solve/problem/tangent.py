@@ -174,10 +174,15 @@ class Tangent:
 
         Rounding moves nodes by 2⁻⁵³ of their displacement and changes gradients by
         2⁻⁵³, a few times on the way to a stretch; the stiffness turns both into forces.
+        Nodes on surfaces are brought to positions, which are rounded as a whole.
         """
-        rounding = _ROUNDINGS * EPSILON * (np.abs(u).max() + self._problem.element_size)
+        problem = self._problem
+        size = np.abs(u).max() + problem.element_size
+        if problem.surfaces:
+            size += np.abs(problem.ply.nodes).max()
+        rounding = _ROUNDINGS * EPSILON * size
         largest = np.abs(f).max()
-        return float(self._problem.converged * largest + rounding * self.stiffness)
+        return float(problem.converged * largest + rounding * self.stiffness)
 
 
 def _multipliers(problem: "Problem", u: ndarray, f: ndarray) -> ndarray:

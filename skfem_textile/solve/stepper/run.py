@@ -13,6 +13,7 @@ from ..linear.solver import Clock
 from ..problem import Goal, tangent_at
 from ..result import Result, StepError
 from ..states import Equilibrium, NoEquilibriumError, State
+from ..stepping.growth import grown
 from ..stepping.limit import is_known, limit_error, load_growth, nothing_drives
 from ..stepping.load_path import MOST_ALTERED, LoadPath
 from ..stepping.step_length import StepLength
@@ -205,9 +206,10 @@ class Run:
             self.problem.ply.load(self._start.u, t)  # whose factor is a user's function
         except ValueError as error:
             raise StepError.after(error, self.result) from None
-        start, step = self._start, t - self.record.states[-1].load_factor
+        last, step = self._start, t - self.record.states[-1].load_factor
         most_altered = self._path.most_altered(step, t, self._loaded)
-        goal = Goal(t, step, values, start, start, most_altered)
+        start = grown(self.problem.at(t), last)
+        goal = Goal(t, step, values, start, last, most_altered)
         trial, altered, followed_path, is_settled, solves_again = self._search(goal)
         state = self._state(t, trial)
         if self._path.must_repeat(step, state, altered, followed_path):

@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from ..problem import Goal, Problem, Start
 from ..states import Equilibrium, Iteration, NoEquilibriumError
-from ..strategies import STRATEGIES, Strategy, balanced
+from ..strategies import LESS_ROUNDING, STRATEGIES, Strategy, balanced
 from ..verdict import Trial
 from .load_path import MOST_ALTERED
 
@@ -186,7 +186,7 @@ class EquilibriumSearch:
         raise NoEquilibriumError(
             f"no acceptable state at {goal.load_factor:.6g}: {'; '.join(failures)}",
             told.elements,
-            advice if goal.load_factor else _AT_REST,
+            advice if goal.load_factor or advice == LESS_ROUNDING else _AT_REST,
             told.quantity,
         )
 

@@ -6,7 +6,7 @@ from dataclasses import fields
 from ...common.tables import markdown_table
 from ...study import Row
 from . import chebyshev
-from .cases import NET, PUBLISHED, ROLLED, SPHERE, TIME, Case
+from .cases import FLAT, NET, PUBLISHED, ROLLED, SPHERE, TIME, Case
 
 #: Head of a column, and what stands in it of a row.
 Column = tuple[str, Callable[[Row], object]]
@@ -58,7 +58,8 @@ def refinement(rows: Sequence[Row]) -> str:
     unknowns = "unknowns", lambda r: r["unknowns"]
     settings = _FORMULATION, _PARTS
     results = unknowns, _LARGEST, _RMS, _SOLVES, _SECONDS, _PRESSURE
-    return table(_of(rows, SPHERE), settings, results)
+    own = [r for r in _of(rows, SPHERE) if r["formulation"] != FLAT]
+    return table(own, settings, results)
 
 
 def orders(rows: Sequence[Row]) -> str:

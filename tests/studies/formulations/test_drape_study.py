@@ -8,7 +8,7 @@ import pytest
 
 from skfem_textile import drape
 from studies.formulations.drape import chebyshev, tables
-from studies.formulations.drape.cases import SPHERE, TIME, Case
+from studies.formulations.drape.cases import FLAT, FORMULATIONS, SPHERE, TIME, Case
 from studies.formulations.drape.extremes import judging
 from studies.formulations.drape.extremes.cases import Extreme
 from studies.formulations.drape.extremes.runs import Drape, draped
@@ -92,3 +92,10 @@ def test_the_energy_of_the_net_is_that_of_its_cells():
     net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
     of_cells = 0.5 * 0.1 * (net.shear_angle() ** 2).sum() * (chebyshev.SIDE / n) ** 2
     assert chebyshev.energy() == pytest.approx(of_cells, rel=1e-3)
+
+
+def test_macro_elements_without_stabilisation_out_of_plane_differ_by_that_alone():
+    ply, *_ = chebyshev.problem(FORMULATIONS[FLAT], 2)
+    whole, *_ = chebyshev.problem(FORMULATIONS["macro"], 2)
+    assert {*whole.roles} - {*ply.roles} == {"out_of_plane"}
+    assert {*ply.roles} < {*whole.roles}

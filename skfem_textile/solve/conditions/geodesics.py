@@ -3,7 +3,7 @@
 import numpy as np
 from numpy import ndarray
 
-from ..solve.conditions.surface import Surface, onto
+from .surface import Surface, onto
 
 # Steps of the classical Runge-Kutta method along a geodesic.  Chosen: on a sphere, over
 # a quarter of its circumference, it is off by 1e-7 of the radius, far less than a start
@@ -17,6 +17,7 @@ def exponential_map(
     touch: tuple[float, float] = (0.0, 0.0),
     point: ndarray | None = None,
     first: ndarray | None = None,
+    steps: int = _STEPS,
 ) -> ndarray:
     """Positions on a surface at the ends of geodesics, as long as they are in the ply.
 
@@ -36,6 +37,8 @@ def exponential_map(
     first
         Direction in space of the ply's x there; without its part across the surface.
         The x axis if not given.
+    steps
+        Steps along each geodesic.
 
     Returns
     -------
@@ -63,8 +66,8 @@ def exponential_map(
     along = tangents(surface, start[:, 0], (1.0, 0.0, 0.0) if first is None else first)
     away = X - np.asarray(touch)[:, None]
     x, v = np.broadcast_to(start, (3, X.shape[1])), along @ away
-    h = 1 / _STEPS
-    for _ in range(_STEPS):
+    h = 1 / steps
+    for _ in range(steps):
         a = _bent(surface, x, v)
         b = _bent(surface, x + h / 2 * v, v + h / 2 * a)
         c = _bent(surface, x + h / 2 * v + h * h / 4 * a, v + h / 2 * b)
