@@ -60,3 +60,45 @@ def test_a_closed_surface_has_no_edges_to_go_beyond():
     t[1:, inwards] = t[:0:-1, inwards]
     rng = np.random.default_rng(2)
     assert not drape.TriangleMesh(x, t).beyond_edges(rng.normal(size=(3, 99))).any()
+
+
+def test_derivatives_at_the_same_points_are_found_once(monkeypatch):
+    tool, found = bowl(), []
+    mean = tool._quadrics.mean
+    monkeypatch.setattr(tool._quadrics, "mean", lambda x: found.append(1) or mean(x))
+    x = on_bowl(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    level, gradient, hessian = tool.level(x), tool.gradient(x), tool.hessian(x.copy())
+    assert len(found) == 1
+    moved = x.copy()
+    moved[0] += 1.0
+    assert not np.array_equal(tool.level(moved), level)
+    assert len(found) == 2
+    x[0] += 1.0  # what was asked for last, changed in place
+    np.testing.assert_array_equal(tool.level(x), tool.level(moved))
+    for values in (gradient, hessian):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 0.0
+
+
+def test_points_near_and_far_are_found_alike_together_and_alone():
+    """However many vertices reach them."""
+    tool, rng = bowl(), np.random.default_rng(3)
+    x = rng.normal(size=(3, 60)) * rng.choice([1.0, 30.0, 900.0], 60)
+    level, hessian = tool.level(x), tool.hessian(x)
+    for i in range(60):
+        one = tool.level(x[:, [i]]), tool.hessian(x[:, [i]])
+        np.testing.assert_allclose(one[0], level[i], rtol=1e-12)
+        np.testing.assert_allclose(one[1][..., 0], hessian[..., i], rtol=1e-9)
+
+
+def test_geodesics_on_triangles_are_those_of_the_surface_they_stand_for():
+    side = np.linspace(-25, 25, 7)
+    X = np.array(np.meshgrid(side, side)).reshape(2, -1)
+    exact = drape.HeightField(
+        lambda x, y: drape.Height(
+            *((x**2 + y**2) / 200, x / 100, y / 100),
+            *(0.01 + 0 * x, 0 * x, 0.01 + 0 * x),
+        )
+    )
+    off = drape.exponential_map(bowl(), X) - drape.exponential_map(exact, X)
+    assert np.abs(off).max() < 1e-3 * np.linalg.norm(X, axis=0).max()
