@@ -10,6 +10,7 @@ from ...mesh.bases import node_positions
 from ...mesh.selection import Where, selected_nodes
 from ...mesh.user_input import call_user_function
 from .surface import Grown, Surface
+from .surface_check import check_derivatives
 
 # Distance of the surface from the plane of the ply where they touch, as a share of the
 # largest coordinate, and the sine of the angle between them, that count as none.
@@ -77,7 +78,8 @@ class OnSurface:
         Raises
         ------
         ValueError
-            If a method is missing, fails, or gives arrays of another shape.
+            If a method is missing, fails, gives arrays of another shape, or
+            contradicts another.
         """
         n = x.shape[1]
         shapes = {"level": (n,), "gradient": (3, n), "hessian": (3, 3, n)}
@@ -95,6 +97,7 @@ class OnSurface:
                 raise ValueError(
                     f"{what} must have the shape {shape}, not {np.shape(found)}"
                 )
+        check_derivatives(name, self.surface, x)
 
     def at(self, name: str, t: float) -> Surface:
         """The surface at a load factor.
