@@ -43,7 +43,7 @@ log = logging.getLogger(__name__)
 
 #: What a step tries and which checks only warn, unless told otherwise.
 DEFAULT_STRATEGIES = "mixed", "descent"
-DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners"
+DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners", "surface"
 
 _NOTHING_DRIVES = (
     "nothing will move: no condition prescribes a displacement other than zero, and "
