@@ -1,9 +1,10 @@
 """Draping: surfaces, plies laid on them without mechanics, and what plies meet."""
 
+from .crossings import Net
 from .fibres_in_space import FibresInSpace, fibres_on_ply, fibres_on_tool
 from .flat_pattern import FlatPattern, flat_pattern
 from .geodesics import displacement, exponential_map
-from .kinematic_net import Net, net
+from .kinematic_net import net
 from .risks import bridging, contact_pressure, wrinkle_risk
 from .sheet import Places, Sheet
 from .surfaces import (

@@ -110,15 +110,26 @@ class OnSurface:
         if t == 1:
             return self.surface
         point = np.array([*self.touch, 0.0])
-        normal = self.surface.gradient(point[:, None])[:, 0]
-        length = np.linalg.norm(normal)
-        off = abs(float(self.surface.level(point[:, None])[0]))
-        near = off <= _TOUCHING * max(1.0, float(np.abs(point).max())) * length
-        if not (near and length > 0 and np.hypot(*normal[:2]) <= _TOUCHING * length):
+        if off := _off_plane(self.surface, point):
             raise ValueError(
                 f"condition {name!r}: the surface cannot grow out of the ply, for it "
-                f"does not touch the plane z = 0 at {self.touch}: move it, give "
-                "another point as touch, or start from positions on it with "
+                f"does not touch the plane z = 0 at {self.touch}, where it {off}: move "
+                "it, give another point as touch, or start from positions on it with "
                 "equilibrium_near"
             )
         return Grown(self.surface, point, t)
+
+
+def _off_plane(surface: Surface, point: ndarray) -> str:
+    """What keeps a surface from touching the plane z = 0 at a point, if it does not."""
+    level = float(surface.level(point[:, None])[0])
+    normal = surface.gradient(point[:, None])[:, 0]
+    length = float(np.linalg.norm(normal))
+    if not (np.isfinite(level) and 0 < length < np.inf):
+        return "has no tangent plane"
+    gap, sine = abs(level) / length, float(np.hypot(*normal[:2])) / length
+    if gap > _TOUCHING * max(1.0, float(np.abs(point).max())):
+        return f"is {gap:.3g} mm away"
+    if sine > _TOUCHING:
+        return f"is inclined by {np.degrees(np.arcsin(min(sine, 1.0))):.2g}°"
+    return ""
