@@ -8,7 +8,7 @@ from numpy import ndarray
 from ..solve.conditions.surface import OffSurfaceError, Surface, onto
 
 # Longest and shortest step over the length of the longest geodesic.  Chosen: with the
-# longest, on a sphere over a quarter of its circumference, it is off by 3e-7 of the
+# longest, on a sphere over a quarter of its circumference, it is off by 4e-7 of the
 # radius; steps are as short as the shortest only where a surface has an edge.
 _LONGEST, _SHORTEST = 1 / 32, 1e-3
 
