@@ -6,6 +6,9 @@ from numpy import ndarray
 from ..solve.body import Body
 from ..solve.conditions.surface import Surface
 
+# Share of the largest tension below which one is none: forces balance no better.
+_NONE = 1e-8
+
 
 def contact_pressure(
     ply: Body, surface: Surface, u: ndarray, t: float = 1.0
@@ -62,13 +65,15 @@ def bridging(ply: Body, pressure: ndarray) -> ndarray:
     return np.asarray(pressure[ply.mesh.t].mean(axis=0) < 0)
 
 
-def wrinkle_risk(ply: Body, u: ndarray, locking_angle: float | None = None) -> ndarray:
+def wrinkle_risk(ply: Body, u: ndarray) -> ndarray:
     """Elements in which fibres may buckle in the plane of the ply.
 
     An inextensible net buckles in its plane where the tension of a family is below −G,
     with G the shear stiffness at rest (Rosen 1965).  With bending stiffness it stands
-    somewhat more.  Fibres that are compressed where the shear has locked are at risk
-    too.
+    somewhat more.  Where the fabric has a ``wrinkling_angle`` and is sheared past it,
+    fibres are at risk as soon as they are compressed.  Tensions are means over the
+    points of an element: from one point of a quadratic triangle to the next they
+    oscillate.
 
     Parameters
     ----------
@@ -76,19 +81,16 @@ def wrinkle_risk(ply: Body, u: ndarray, locking_angle: float | None = None) -> n
         The ply.
     u
         Displacement.
-    locking_angle
-        Shear angle in radians beyond which compression is a risk; none if not given.
 
     Returns
     -------
     ndarray
         Bool, shape (n_elements,), of the elements of ``ply.mesh``.
     """
-    tension = ply.fibre_tension(u)
-    least = tension.min(axis=(0, 2))
-    angle = ply.shear_angle(u)
-    stiffness = ply.fabric.at().shear_law.tangent(np.zeros_like(angle))
-    at_risk = (~(tension >= -stiffness)).any(axis=(0, 2))  # what is not a number, too
-    if locking_angle is not None:
-        at_risk |= (least < 0) & (np.abs(angle) > locking_angle).any(axis=1)
-    return at_risk
+    tension, weight = ply.fibre_tension(u), ply.basis.dx
+    mean = (tension * weight).sum(axis=-1) / weight.sum(axis=-1)
+    sheared, fabric = np.abs(ply.shear_angle(u)).max(axis=1), ply.fabric.at()
+    stiffness = fabric.shear_law.tangent(np.zeros((len(sheared), 1)))[:, 0]
+    none = _NONE * np.abs(mean).max(initial=0.0)
+    stands = np.where(sheared > fabric.wrinkling_angle, none, stiffness)
+    return np.asarray((~(mean >= -stands)).any(axis=0))  # what is not a number, too

@@ -1,7 +1,7 @@
 """What a ply is made of: fibre directions, tension law and shear law."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
@@ -38,8 +38,8 @@ _GO_ON = " (a table from 0 on needs odd=True, --shear-continuation odd)"
 # half a degree at 50°, which a colour cannot tell.
 _AS_CLOSE = 0.01
 
-#: A stiffness against bending or twist, or one for each element.
-BendingStiffness: TypeAlias = float | ndarray
+#: A number, such as a stiffness against bending, or one for each element.
+ByElement: TypeAlias = float | ndarray
 
 #: A stiffness, one for each element, or a law.
 Stiffness: TypeAlias = float | ndarray | Law
@@ -108,12 +108,16 @@ class Fabric:
         Twist stiffness D_t of the ply in N·mm, a number or one for each element.  The
         energy per area is ½ D_t τ·τ, where τ is the second derivative of the position
         along warp and weft, once each: ½ D_t c² of z = c x y with fibres along x and y.
+    wrinkling_angle
+        Shear angle in radians past which fibres wrinkle as soon as they are compressed:
+        the locking angle of tests.  A number or one for each element, up to π/2, which
+        no fabric gets past.  No energy depends on it, but `drape.wrinkle_risk` does.
 
     Raises
     ------
     ValueError
-        If a stiffness is negative, or a direction is zero or not finite, or warp
-        and weft are parallel.
+        If a stiffness is negative, a direction is zero or not finite, warp and weft are
+        parallel, or the wrinkling angle is not between 0 and π/2.
 
     Examples
     --------
@@ -126,13 +130,15 @@ class Fabric:
     shear: Stiffness = 0.0
     warp: Direction = (1.0, 0.0)
     weft: Direction = (0.0, 1.0)
-    bending: tuple[BendingStiffness, BendingStiffness] = (0.0, 0.0)
-    twist: BendingStiffness = 0.0
+    bending: tuple[ByElement, ByElement] = (0.0, 0.0)
+    twist: ByElement = 0.0
+    wrinkling_angle: ByElement = 0.5 * np.pi
 
     def __post_init__(self) -> None:
         _ = self.families, self.shear_law
         object.__setattr__(self, "bending", _bending(self.bending))
         object.__setattr__(self, "twist", _stiffness("twist", self.twist))
+        object.__setattr__(self, "wrinkling_angle", _angle(self.wrinkling_angle))
         if any(hasattr(f.direction, "region") for f in self.families):
             return  # each of the fabrics that it is made of is valid
         given = [f for f in self.families if not callable(f.direction)]
@@ -187,14 +193,8 @@ class Fabric:
         if tensions is self.tensions and shear is self.shear_law:
             return self
         other = object.__new__(Fabric)  # its directions are valid
-        vars(other).update(
-            tension=tensions,
-            shear=shear,
-            warp=self.warp,
-            weft=self.weft,
-            bending=self.bending,
-            twist=self.twist,
-        )
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
+        vars(other).update(given | {"tension": tensions, "shear": shear})
         return other
 
     @property
@@ -289,7 +289,7 @@ def _law(name: str, law: Stiffness) -> Law:
         raise ValueError(f"{name} {error}") from None
 
 
-def _bending(given: Any) -> tuple[BendingStiffness, BendingStiffness]:
+def _bending(given: Any) -> tuple[ByElement, ByElement]:
     """Bending stiffnesses of warp and weft, refused if they are none."""
     if not isinstance(given, tuple | list) or len(given) != 2:
         raise ValueError(
@@ -299,7 +299,7 @@ def _bending(given: Any) -> tuple[BendingStiffness, BendingStiffness]:
     return _stiffness("bending of warp", warp), _stiffness("bending of weft", weft)
 
 
-def _stiffness(name: str, given: Any) -> BendingStiffness:
+def _stiffness(name: str, given: Any) -> ByElement:
     """A stiffness against bending or twist, refused if it is none."""
     D = real_numbers(name, given)
     if D.ndim > 1 or not (np.isfinite(D) & (D >= 0)).all():
@@ -308,6 +308,17 @@ def _stiffness(name: str, given: Any) -> BendingStiffness:
             f"got {given}"
         )
     return D if D.ndim else float(D)
+
+
+def _angle(given: Any) -> ByElement:
+    """A wrinkling angle, refused if it is none."""
+    angle = real_numbers("wrinkling angle", given)
+    if angle.ndim > 1 or not ((angle > 0) & (angle <= 0.5 * np.pi)).all():
+        raise ValueError(
+            "wrinkling angle must be above 0 and at most a right angle, in radians, or "
+            f"one such for each element; got {given}"
+        )
+    return angle if angle.ndim else float(angle)
 
 
 def unit_vectors(

@@ -205,21 +205,25 @@ def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
         _on_elements(f"bending of {f.name}", D, parent)
         for f, D in zip(fabric.families, fabric.bending, strict=True)
     )
-    twist = _on_elements("twist", fabric.twist, parent)
-    return Fabric(tension, shear, warp, weft, (of_warp, of_weft), twist)
+    twist, wrinkling_angle = (
+        _on_elements(name.replace("_", " "), getattr(fabric, name), parent)
+        for name in ("twist", "wrinkling_angle")
+    )
+    bending = of_warp, of_weft
+    return Fabric(tension, shear, warp, weft, bending, twist, wrinkling_angle)
 
 
-def _on_elements(name: str, D: Any, parent: ndarray) -> Any:
-    """A stiffness of the user's elements as one of each element of a mesh."""
-    n = np.size(D)
-    if np.ndim(D) == 0 or n == len(parent):
-        return D
+def _on_elements(name: str, given: Any, parent: ndarray) -> Any:
+    """A number of each of the user's elements as one of each element of a mesh."""
+    n = np.size(given)
+    if np.ndim(given) == 0 or n == len(parent):
+        return given
     if n != parent.max() + 1:
         raise ValueError(
             f"{name}: {n} values for {parent.max() + 1} elements; give one value per "
             "element"
         )
-    return D[parent]
+    return given[parent]
 
 
 def _as_given(direction: Any) -> Any:
@@ -275,35 +279,30 @@ def fabric_of_regions(
         )
     all_families = [fabric.families for fabric in fabrics.values()]
     warp, weft = zip(*all_families, strict=True)
-    of_warp, of_weft, twist = _bending(fabrics, region, parent)
+    parent = np.arange(len(region)) if parent is None else parent
+    bending = zip(*(fabric.bending for fabric in fabrics.values()), strict=True)
+    of_warp, of_weft = (_numbers("bending", D, region, parent) for D in bending)
+    twist = [fabric.twist for fabric in fabrics.values()]
+    angles = [fabric.wrinkling_angle for fabric in fabrics.values()]
     return Fabric(
         tension=_tensions([fabric.tensions for fabric in fabrics.values()], region),
         shear=RegionalLaw([fabric.shear_law for fabric in fabrics.values()], region),
         warp=RegionalDirection([family.direction for family in warp], region),
         weft=RegionalDirection([family.direction for family in weft], region),
         bending=(of_warp, of_weft),
-        twist=twist,
+        twist=_numbers("twist", twist, region, parent),
+        wrinkling_angle=_numbers("wrinkling angle", angles, region, parent),
     )
 
 
-def _bending(
-    fabrics: Mapping[str, Fabric], region: ndarray, parent: ndarray | None
-) -> tuple[Any, Any, Any]:
-    """Stiffnesses against bending of warp and weft and against twist, by element."""
-    if not any(fabric.bends for fabric in fabrics.values()):
-        return 0.0, 0.0, 0.0
-    parent = np.arange(len(region)) if parent is None else parent
-    every = np.array(
-        [
-            [
-                np.broadcast_to(_on_elements("bending", D, parent), region.shape)
-                for D in (*fabric.bending, fabric.twist)
-            ]
-            for fabric in fabrics.values()
-        ]
-    )
-    warp, weft, twist = np.take_along_axis(every, region[None, None], axis=0)[0]
-    return warp, weft, twist
+def _numbers(
+    name: str, values: Sequence[Any], region: ndarray, parent: ndarray
+) -> float | ndarray:
+    """A number where all fabrics have the same, else one for each element."""
+    if all(np.ndim(value) == 0 and value == values[0] for value in values):
+        return float(values[0])
+    every = [_on_elements(name, value, parent) for value in values]
+    return _chosen(region, every)
 
 
 def _tensions(

@@ -39,10 +39,13 @@ class HeldStiffness:
     ----------
     parameters
         The stiffness by its name.
+    takes_tension
+        That `commit` does, which tells it from that of other memories.
     """
 
     work: float = 0.0
     depends_on: DependsOn = "state"
+    takes_tension = True
 
     def __init__(self, name: str, fabric: Fabric, basis: MeanBasis) -> None:
         self._name, self._fabric, self._basis = name, fabric, basis

@@ -1,12 +1,8 @@
 """A ply: mesh, fabric, formulation and terms, as a function of the displacement."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from copy import deepcopy
-from functools import cached_property
-from itertools import chain
-from typing import Any, TypeAlias
+from collections.abc import Iterable, Mapping
+from typing import Any
 
-import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 from skfem import Mesh
@@ -21,35 +17,20 @@ from ..forms.corners import RESISTING
 from ..forms.form import directions
 from ..mesh.bases import components, node_positions
 from ..mesh.corners import Corners
-from ..mesh.pattern import Pattern
 from ..mesh.splitting import original_elements
 from ..mesh.splitting.hats import hat_functions
 from .finer import FinerPly, finer_ply
 from .formulations import DEFAULT
-from .kernels.assembly import KernelSum
-from .kernels.element_groups import Parameters
 from .kernels.kernel import ShearKernel
-from .measures import Measures
-from .memory import HeldStiffness
 from .own_terms.bending import bending_term, checked_ends
 from .own_terms.corners import CornerTerm, corner_stiffness
-from .term import (
-    Contribution,
-    Load,
-    MatrixTerm,
-    Memory,
-    Role,
-    Term,
-    refuse_unsymmetric,
-)
-from .term_check import check_term, coupled_nodes, terms_on_basis, with_own_memory
-from .terms import FormTerm, Formulation
-
-#: Parameters and work that terms remember at a state, by the names of the terms.
-Remembered: TypeAlias = Mapping[str, tuple[dict[str, ndarray], float]]
+from .summing.sum_of_terms import SumOfTerms
+from .summing.term_check import check_term, with_own_memory
+from .term import Load, Term
+from .terms import FormTerm, Formulation, TensionTerm
 
 
-class Ply(Measures):
+class Ply(SumOfTerms):
     """Energy of a ply and its derivatives.
 
     Only the terms that the fabric and the formulation need are built: no shear
@@ -137,19 +118,7 @@ class Ply(Measures):
         dimension: int = 2,
         fibre_ends: Mapping[str, FibreEnd] | None = None,
     ) -> None:
-        if dimension not in (2, 3):
-            raise ValueError(
-                "dimension must be 2, for a ply in its plane, or 3, for one in space; "
-                f"got {dimension!r}"
-            )
-        if isinstance(formulation, type) or not hasattr(formulation, "tension_term"):
-            raise ValueError(
-                f"formulation must be like Macro() or OnePoint(), not {formulation!r}"
-            )
-        if not isinstance(fabric, Fabric | Mapping):
-            raise ValueError(
-                f"fabric must be a Fabric, like Fabric(1e4), not {fabric!r}"
-            )
+        _refuse_other_kinds(dimension, formulation, fabric)
         self.users_mesh, self.users_fabric = mesh, fabric
         self.mesh = mesh = formulation.working_mesh(mesh)
         self.basis = formulation.basis(mesh, dimension)
@@ -163,32 +132,37 @@ class Ply(Measures):
         self.nodes = node_positions(self.basis)
         self.centre, self.fine_points = formulation.centre, formulation.fine_points
         self.corners = Corners(self.basis)
-        self._tension = None
+        tension, corners = None, None
         if not all(is_zero(family.tension) for family in fabric.families):
-            self._tension = formulation.tension_term(self.basis, fabric)
-        needed = self._needed_terms()
+            tension = formulation.tension_term(self.basis, fabric)
+        if (kappa := corner_stiffness(fabric, self.basis)) > 0:
+            corners = CornerTerm(kappa, self.basis, self.corners)
+        needed = self._needed_terms(tension, corners)
         for term in needed:  # refuses directions that are not valid
             if isinstance(term, FormTerm):
                 parameters = term.basis.default_parameters()
                 directions(fabric, FormExtraParams(parameters))
         self._further = tuple(map(with_own_memory, terms))
-        self._terms = terms_on_basis((*needed, *self._further), self.basis)
+        every = *needed, *self._further
+        super().__init__(self.basis, every, tension, corners)
         for term in self.further_terms:
             check_term(term, self.basis, self.element_size)
 
-    def _needed_terms(self) -> list[Term]:
+    def _needed_terms(
+        self, tension: TensionTerm | None, corners: CornerTerm | None
+    ) -> list[Term]:
         fabric, basis = self.fabric, self.basis
-        terms: list[Term] = [self._tension] if self._tension else []
+        terms: list[Term] = [tension] if tension else []
         if not is_zero(fabric.shear_law):
             kernel = ShearKernel(fabric)
             terms.append(FormTerm("shear", forms.shear(fabric), basis, kernel))
         if not terms:
             raise ValueError("the fabric has no stiffness: give it tension or shear")
-        if (kappa := corner_stiffness(fabric, basis)) > 0:
-            terms.append(CornerTerm(kappa, basis, self.corners))
+        if corners:
+            terms.append(corners)
         if fabric.bends:
             terms.append(bending_term(basis, fabric, self.fibre_ends))
-        of_fibres = self._tension.basis if self._tension else basis
+        of_fibres: Any = tension.basis if tension else basis
         return terms + self.formulation.stabilising_terms(of_fibres, fabric)
 
     def with_terms(self, *terms: Term | Load) -> "Ply":
@@ -229,187 +203,10 @@ class Ply(Measures):
         """
         return finer_ply(self)
 
-    @cached_property
-    def _fused(self) -> KernelSum:
-        """The terms with kernels, which share what they know of the fibres."""
-        fused: list[Any] = [term for term in self.terms if _is_fused(term)]
-        return KernelSum(self.basis.N, fused)
-
-    @cached_property
-    def pattern(self) -> Pattern:
-        """Which nodes the tangent couples."""
-        others = [term for term in self.terms if not _is_fused(term)]
-        plain = [term.nodes for term in others if isinstance(term, FormTerm)]
-        couples = [nodes for x in others for nodes in coupled_nodes(x, self.basis)]
-        d, n_nodes = components(self.basis), self.nodes.shape[1]
-        return Pattern(d, n_nodes, [*self._fused.elements, *plain], couples)
-
-    @cached_property
-    def _constant(self) -> dict[str, ndarray]:
-        """Blocks of the tangents that do not change, by the names of their terms."""
-        found = {}
-        for term in self.terms:
-            if isinstance(term, MatrixTerm):
-                shape = len(self.pattern.rows), *2 * (components(self.basis),)
-                found[term.name] = blocks = np.zeros(shape)
-                self.pattern.add(blocks, term.matrix, term.name)
-        return found
-
     @property
     def element_size(self) -> float:
         """Size of the largest element in mm."""
         return self.mesh.param()
-
-    def energies(self, u: ndarray, t: float = 1.0) -> dict[str, float]:
-        """Energy of each term in N·mm, by the name of the term."""
-        return {term.name: self._energy(term, u, t) for term in self.terms}
-
-    def _energy(self, term: Term, u: ndarray, t: float) -> float:
-        if not _is_fused(term):
-            return term.energy(u, t)
-        stored = term.memory.work if term.memory else 0.0
-        return self._fused.energy(u, _kernel_parameters([term], t)) + stored
-
-    def energy(self, u: ndarray, t: float = 1.0, corners: bool = True) -> float:
-        """Energy in N·mm, potentials of loads included; parameters of `residual`."""
-        return sum(self._energy(term, u, t) for term in self._acting(corners))
-
-    def residuals(self, u: ndarray, t: float = 1.0) -> dict[str, ndarray]:
-        """Nodal forces of each term in N, by the name of the term."""
-        return {term.name: self._forces([term], u, t) for term in self.terms}
-
-    def _forces(self, terms: Sequence[Term], u: ndarray, t: float) -> ndarray:
-        others = (term.residual(u, t) for term in terms if not _is_fused(term))
-        return sum(others, self._fused.forces(u, _kernel_parameters(terms, t)))
-
-    def residual(self, u: ndarray, t: float = 1.0, corners: bool = True) -> ndarray:
-        """Nodal forces in N, internal ones less loads: the derivative of the energy.
-
-        Parameters
-        ----------
-        u, t
-            Displacement and load factor.
-        corners
-            Whether corners resist.
-        """
-        return self._forces(self._acting(corners), u, t)
-
-    def parts(self, u: ndarray, t: float = 1.0) -> list[Contribution]:
-        """Terms, loads aside, with what meets deviations from mean stretches apart."""
-        terms = [term for term in self.terms if term.role != "load"]
-        parts = [
-            Contribution(
-                term.role, self._energy(term, u, t), self._forces([term], u, t)
-            )
-            for term in terms
-        ]
-        tension = self._tension
-        if tension is not None and tension.of_means is not None:
-            means = {tension: _kernel_parameters([tension], t)[tension]}
-            means[tension] |= tension.of_means
-            whole = parts[terms.index(tension)]
-            energy, forces = self._fused.energy(u, means), self._fused.forces(u, means)
-            parts[terms.index(tension)] = Contribution("internal", energy, forces)
-            deviation = whole.energy - energy, whole.forces - forces
-            parts.append(Contribution("deviation", *deviation))
-        return parts
-
-    def load(self, u: ndarray, t: float) -> ndarray:
-        """Nodal forces of the loads in N."""
-        loads = [term for term in self.terms if term.role == "load"]
-        if not loads:
-            return np.zeros_like(u)
-        return -self._forces(loads, u, t)
-
-    def tangent(
-        self, u: ndarray, t: float = 1.0, *, tension: ndarray | None = None
-    ) -> csr_matrix:
-        """Derivative of the residual in N/mm.
-
-        Parameters
-        ----------
-        u, t
-            Displacement and load factor.
-        tension
-            Fibre tensions to use in the geometric stiffness instead of those of
-            ``u``, shape (2, n_elements, n_points).
-        """
-        if tension is not None:
-            tension = self.arranged(tension)
-        return self.pattern.matrix(self.stiffness(u, t, tension=tension))
-
-    def arranged(self, tension: ndarray) -> ndarray:
-        """Fibre tensions at the ply's own points, as `stiffness` takes them."""
-        return self._tension.arrange(tension) if self._tension else tension
-
-    def stiffness(
-        self,
-        u: ndarray,
-        t: float = 1.0,
-        tension: ndarray | None = None,
-        corners: bool = True,
-        convex: bool = False,
-    ) -> ndarray:
-        """Blocks of the tangent in the order of ``pattern``, shape (n_blocks, d, d).
-
-        Parameters
-        ----------
-        u, t
-            Displacement and load factor.
-        tension
-            Fibre tensions to use in the geometric stiffness, as `geometric_tension`
-            gives them.
-        corners
-            Whether corners resist.
-        convex
-            Whether what resists shear and stabilises is made positive semi-definite, at
-            each point or in each element, as a last resort of an iteration.
-        """
-        terms = self._acting(corners)
-        parameters = _kernel_parameters(terms, t)
-        if self._tension in parameters and tension is not None:
-            parameters[self._tension]["tension"] = tension
-        others = [term for term in terms if not _is_fused(term)]
-        plain = [term for term in others if isinstance(term, FormTerm)]
-        fused = self._fused.matrices(u, parameters, convex)
-        matrices = (term.matrices(u, t, convex) for term in plain)
-        blocks = self.pattern.sum(chain(fused, matrices))
-        for term in others:
-            if isinstance(term, MatrixTerm):
-                blocks += self._constant[term.name]
-            elif term not in plain and (K := term.tangent(u, t)) is not None:
-                refuse_unsymmetric(term.name, K - K.T, K)
-                self.pattern.add(blocks, K, term.name)
-        return blocks
-
-    def geometric_tension(self, u: ndarray, du: ndarray) -> ndarray:
-        """`predicted_tension` to first order, at the points of the fibres' term.
-
-        Of mean stretches it is the predicted force T/λ times the stretch at u + du.
-        """
-        term = self._tension
-        if term is None or not _is_fused(term):
-            return self.arranged(self.predicted_tension(u, du))
-        w = _kernel_parameters([term], 1.0)[term]
-        return self._fused.predicted_tension(u, du, term, w)
-
-    def _acting(self, corners: bool) -> list[Term]:
-        """The terms, that of the corners on demand."""
-        return [t for t in self.terms if corners or not isinstance(t, CornerTerm)]
-
-    def corners_open(self, u: ndarray) -> bool:
-        """Whether no corner resists at ``u``."""
-        return bool(self.corners.area_ratio(u).min() >= RESISTING)
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        """Of the fibres, of shear, of corners, of the formulation, and further ones.
-
-        With a memory (`OnePoint` of kind ``rate``) energy, residual and tangent are
-        those of a step from the last committed state, and the residual is no derivative
-        of the energy.
-        """
-        return self._terms
 
     @property
     def further_terms(self) -> tuple[Term, ...]:
@@ -426,88 +223,9 @@ class Ply(Measures):
         """Whether the energy may change with the load factor."""
         return bool(self.further_terms) or any(map(callable, self.fibre_ends.values()))
 
-    @property
-    def roles(self) -> dict[str, Role]:
-        """Role of each term, by its name."""
-        return {term.name: term.role for term in self.terms}
-
-    @property
-    def memories(self) -> dict[str, Memory]:
-        """What terms remember, by their names."""
-        return {term.name: term.memory for term in self.terms if term.memory}
-
-    def gradient(self, u: ndarray, points: ndarray | None = None) -> ndarray:
-        """Displacement gradient ∇u, shape (d, 2, n_elements, n_points).
-
-        Parameters
-        ----------
-        u
-            Displacement.
-        points
-            Reference coordinates in the unit square or triangle, shape (2,
-            n_points); the ply's own points if not given.
-        """
-        xi = self.basis.X if points is None else points
-        vector: Any = self.basis.elem
-        scalar = vector.elem
-        n_nodes = len(scalar.doflocs)
-        dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
-        nodal = u[self.basis.element_dofs].reshape(n_nodes, vector.dim, -1)
-        du_dxi = nodal.transpose(1, 2, 0)[:, None] @ dN.transpose(1, 0, 2)
-        return np.einsum("ijnq,jknq->iknq", du_dxi, self.basis.mapping.invDF(xi))
-
-    def commit(self, u: ndarray) -> bool:
-        """Make ``u`` the last converged state, for terms that remember one.
-
-        The load stepper does this after each step; a Newton loop of one's own must,
-        if the ply has `memories`: with `Macro`, `Quadratic` of mean stretch, and
-        `OnePoint` of kind ``rate`` or with the stabilisation ``auto``.
-
-        Returns
-        -------
-        bool
-            Whether that changes the forces at ``u``.
-        """
-        changed = [memory.commit(u) for memory in self.memories.values()]
-        return any(changed)
-
-    def settle(self, u: ndarray, tension: ndarray | None = None) -> bool:
-        """Like `commit`, for what depends on the state alone: stiffnesses at ``u``.
-
-        Parameters
-        ----------
-        u
-            Displacement.
-        tension
-            Fibre tensions that take the place of those at ``u``, as
-            `geometric_tension` gives them: away from balance those of stiff fibres are
-            far from what they will be.
-        """
-        changed = [
-            memory.commit(u, tension)
-            if isinstance(memory, HeldStiffness)
-            else memory.commit(u)
-            for memory in self.memories.values()
-            if memory.depends_on == "state"
-        ]
-        return any(changed)
-
-    @property
-    def remembered(self) -> Remembered:
-        """Parameters and work of each of the `memories`, by its name; can be set."""
-        memories = self.memories.items()
-        return {name: (deepcopy(m.parameters), m.work) for name, m in memories}
-
-    @remembered.setter
-    def remembered(self, of_state: Remembered) -> None:
-        for name, memory in self.memories.items():
-            parameters, work = of_state[name]
-            memory.restore(deepcopy(parameters), work)
-
-    def reset(self) -> None:
-        """Forget every committed state."""
-        for memory in self.memories.values():
-            memory.begin()
+    def corners_open(self, u: ndarray) -> bool:
+        """Whether no corner resists at ``u``."""
+        return bool(self.corners.area_ratio(u).min() >= RESISTING)
 
     def __repr__(self) -> str:
         terms = ", ".join(term.name for term in self.terms)
@@ -517,15 +235,16 @@ class Ply(Measures):
         )
 
 
-def _is_fused(term: Any) -> bool:
-    """Whether the numbers of a term come from a kernel, with those of others."""
-    return isinstance(term, FormTerm) and term.fused
-
-
-def _kernel_parameters(terms: Sequence[Any], t: float) -> dict[Any, Parameters]:
-    """What the kernels of terms are given beside the displacement."""
-    return {
-        term: {"t": t, **(term.memory.parameters if term.memory else {})}
-        for term in terms
-        if _is_fused(term)
-    }
+def _refuse_other_kinds(dimension: Any, formulation: Any, fabric: Any) -> None:
+    """Refuse arguments of a ply that are of another kind."""
+    if dimension not in (2, 3):
+        raise ValueError(
+            "dimension must be 2, for a ply in its plane, or 3, for one in space; "
+            f"got {dimension!r}"
+        )
+    if isinstance(formulation, type) or not hasattr(formulation, "tension_term"):
+        raise ValueError(
+            f"formulation must be like Macro() or OnePoint(), not {formulation!r}"
+        )
+    if not isinstance(fabric, Fabric | Mapping):
+        raise ValueError(f"fabric must be a Fabric, like Fabric(1e4), not {fabric!r}")

@@ -103,6 +103,32 @@ class Term(Protocol):
         return None
 
 
+class ElementTerm(Term):
+    """A term whose tangent is a sum of matrices of elements.
+
+    Attributes
+    ----------
+    kernel, basis
+        What gives its numbers fast, if there is something, and where.
+    fused
+        Whether its numbers come from the kernel, together with those of other terms.
+    nodes
+        Nodes of its elements, shape (n_nodes, n_elements).
+    """
+
+    kernel: Any
+    basis: Any
+    fused: Any
+    nodes: Any
+
+    def matrices(self, u: ndarray, t: float, convex: bool = False) -> ndarray:
+        """Blocks of the tangents of the elements, as `Pattern.sum` takes them.
+
+        Where ``convex``, a term that can leaves out what is not.
+        """
+        raise NotImplementedError
+
+
 class Load(Protocol):
     """Something that becomes a term on the basis of a ply's displacement."""
 

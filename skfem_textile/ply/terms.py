@@ -18,11 +18,11 @@ from ..mesh.user_input import call_user_function, real_numbers
 from .kernels.assembly import node_pair_blocks
 from .kernels.element_groups import Kernel, Parameters
 from .kernels.kernel_forms import can_compute, with_kernel
-from .term import Memory, Role, Term, refuse_unsymmetric
+from .term import ElementTerm, Memory, Role, Term, refuse_unsymmetric
 
 
 @dataclass(frozen=True, eq=False)
-class FormTerm(Term):
+class FormTerm(ElementTerm):
     """A term given by scikit-fem forms.
 
     Parameters
@@ -104,10 +104,7 @@ class FormTerm(Term):
         return self.basis.element_dofs[::d] // d
 
     def matrices(self, u: ndarray, t: float, convex: bool = False) -> ndarray:
-        """Blocks of the tangents of the elements, as `Pattern.sum` takes them.
-
-        Where ``convex``, a term that can leaves out what is not.
-        """
+        """See `ElementTerm`."""
         basis: Any = self.basis
         form, size = self.forms.tangent, basis.Nbfun
         K = form.elemental(basis, u=u, **self.parameters(t)).data

@@ -6,13 +6,17 @@ folded elements, or an equilibrium that the load does not lead to.
 
 from collections.abc import Callable, Collection, Mapping
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
 
-from .problem import Problem, Start, Tangent, tangent_at
+from .problem import Start, Tangent, tangent_at, turned
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 from .stepping.shares import excess, shares
+
+if TYPE_CHECKING:
+    from .problem import Problem
 
 _STIFFER = "more steps, or a larger stabilisation"
 
@@ -51,7 +55,7 @@ class Trial:
 
     def __init__(
         self,
-        problem: Problem,
+        problem: "Problem",
         equilibrium: Equilibrium,
         start: Start | None = None,
         energies: Mapping[str, float] | None = None,
@@ -125,6 +129,26 @@ class Trial:
         parts = problem.clock.time("assembly", *arguments)
         held_forces = partial(problem.held_forces, u)
         return shares(parts, self.equilibrium, self.move, held_forces)
+
+    @property
+    def point_supports(self) -> list[str]:
+        """Conditions of one node that is held where it was at rest.
+
+        How a force at a point spreads to the elements around it tells of these alone.
+        """
+        constraints, u = self.problem.constraints, self.equilibrium.u
+        held = np.abs(turned(u, constraints.turn)[constraints.prescribed])
+        moved = constraints.prescribed[held > _ROUND_OFF * np.abs(u).max(initial=0.0)]
+        moved_nodes = moved // len(self.problem.ply.nodal(u))
+        return [
+            name
+            for name, nodes in constraints.nodes.items()
+            if len(nodes) == 1 and nodes[0] not in moved_nodes
+        ]
+
+    def carried(self, role: str) -> str:
+        """Words for what a role carries too much of; empty if there is nothing."""
+        return excess(self.shares, role, self.point_supports)
 
     def apply_checks(self, warn_only: Collection[str]) -> None:
         """Apply every check; ``warnings`` are what those in ``warn_only`` say.
@@ -271,12 +295,12 @@ def _work(trial: Trial) -> None:
 
 
 def _stabilisation(trial: Trial) -> None:
-    if carried := excess(trial.shares, "stabilisation"):
+    if carried := trial.carried("stabilisation"):
         raise NoEquilibriumError(f"the stabilisation carries {carried}: {_cure(trial)}")
 
 
 def _deviation(trial: Trial) -> None:
-    if carried := excess(trial.shares, "deviation"):
+    if carried := trial.carried("deviation"):
         raise NoEquilibriumError(
             f"deviations from the mean stretch carry {carried}: {_cure(trial)}"
         )

@@ -23,6 +23,7 @@ from skfem_textile import (
 )
 from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.states import ErrorEstimate, NoEquilibriumError
+from skfem_textile.solve.stepper.run import Run
 from skfem_textile.solve.stepping.adaptive import stepper as stepper_module
 from skfem_textile.solve.stepping.adaptive.rounds import counted
 from skfem_textile.solve.stepping.error_estimate import problem_at
@@ -86,14 +87,14 @@ def test_where_the_unknowns_do_not_suffice_it_says_so_and_keeps_the_result():
 
 def test_a_load_that_cannot_be_applied_ends_the_run_with_its_states(monkeypatch):
     scene, ply = pull()
-    advance = LoadStepper._advance
+    advance = Run._advance
 
-    def stuck(stepper, t):
+    def stuck(run, t):
         if t > 0.5:
             raise NoEquilibriumError("stuck")
-        return advance(stepper, t)
+        return advance(run, t)
 
-    monkeypatch.setattr(LoadStepper, "_advance", stuck)
+    monkeypatch.setattr(Run, "_advance", stuck)
     with pytest.raises(
         StepError, match=r"stopped at load factor 0\.5 .*mm\): stuck"
     ) as told:
@@ -177,14 +178,14 @@ def test_an_interruption_on_a_finer_mesh_leaves_the_run_on_the_one_before(monkey
     """The rounds on the way are those of other meshes: the tolerance is not met."""
     scene, ply = pull()
     stepper = AdaptiveStepper(ply, scene.conditions, 0.04, 4)
-    advance = LoadStepper._advance
+    advance = Run._advance
 
     def interrupted(one, t):
         if t > 0.5 and one.problem.ply is not ply:
             raise KeyboardInterrupt
         return advance(one, t)
 
-    monkeypatch.setattr(LoadStepper, "_advance", interrupted)
+    monkeypatch.setattr(Run, "_advance", interrupted)
     with pytest.raises(KeyboardInterrupt):
         stepper.run()
     assert stepper.result.ply is ply
@@ -195,14 +196,14 @@ def test_an_interruption_on_a_finer_mesh_leaves_the_run_on_the_one_before(monkey
 
 def test_a_run_that_fails_on_a_finer_mesh_leaves_that_on_the_one_before(monkeypatch):
     scene, ply = pull()
-    advance = LoadStepper._advance
+    advance = Run._advance
 
     def stuck(one, t):
         if t > 0.5 and one.problem.ply is not ply:
             raise NoEquilibriumError("stuck", elements=[3])
         return advance(one, t)
 
-    monkeypatch.setattr(LoadStepper, "_advance", stuck)
+    monkeypatch.setattr(Run, "_advance", stuck)
     stepper = AdaptiveStepper(ply, scene.conditions, 0.04, 4)
     said = r"on a finer mesh, of \d+ unknowns, the run stopped at .* 0\.5 .*: stuck"
     with pytest.raises(StepError, match=said) as told:

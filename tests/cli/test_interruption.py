@@ -22,6 +22,7 @@ from skfem_textile.cli.output import OutputError
 from skfem_textile.cli.results.result_folder import ResultFolder
 from skfem_textile.io import write_fields, write_history
 from skfem_textile.scenes import strip
+from skfem_textile.solve.stepper.run import Run
 from skfem_textile.solve.sweep import WorkerProcesses
 
 ROOT = Path(__file__).parents[2]
@@ -192,13 +193,13 @@ def test_a_signal_while_the_error_is_estimated_loses_no_result(
 
 
 def test_an_interrupted_run_takes_no_time_for_an_estimate(tmp_path, monkeypatch):
-    def interrupted_step(stepper, t):
+    def interrupted_step(run, t):
         if t > 0.5:
             raise KeyboardInterrupt
-        return advance(stepper, t)
+        return advance(run, t)
 
-    advance = LoadStepper._advance
-    monkeypatch.setattr(LoadStepper, "_advance", interrupted_step)
+    advance = Run._advance
+    monkeypatch.setattr(Run, "_advance", interrupted_step)
     monkeypatch.setattr(Ply, "finer", lambda *_: pytest.fail("estimated"))
     out = tmp_path / "out"
     assert cli.main(["run", "strip", *QUICK, "--out", str(out)]) == INTERRUPTED

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from command_line import QUICK, refused, run
 
-from skfem_textile import LoadStepper, Ply, Result
+from skfem_textile import Ply, Result
+from skfem_textile.solve.stepper.run import Run
 
 
 def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
@@ -61,14 +62,14 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
 
 def interrupt_at(monkeypatch, number):
     """Interrupt the command line after so many states, the undeformed one included."""
-    keep = LoadStepper._keep
+    keep = Run._keep
 
-    def interrupt(stepper, *arguments):
-        if len(stepper.states) == number:
+    def interrupt(run, *arguments):
+        if len(run.record.states) == number:
             raise KeyboardInterrupt
-        keep(stepper, *arguments)
+        keep(run, *arguments)
 
-    monkeypatch.setattr(LoadStepper, "_keep", interrupt)
+    monkeypatch.setattr(Run, "_keep", interrupt)
 
 
 def test_a_run_interrupted_before_its_first_state_says_so(
@@ -182,15 +183,15 @@ def test_an_output_folder_that_cannot_be_written_is_refused(tmp_path, capsys):
 def test_a_second_run_into_a_folder_is_told_before_any_work(
     tmp_path, capsys, monkeypatch
 ):
-    keep, codes = LoadStepper._keep, []
+    keep, codes = Run._keep, []
 
-    def second(stepper, *arguments):
-        keep(stepper, *arguments)
+    def second(first, *arguments):
+        keep(first, *arguments)
         if not codes:
             codes.append(None)
             codes[0] = run(tmp_path, *QUICK)
 
-    monkeypatch.setattr(LoadStepper, "_keep", second)
+    monkeypatch.setattr(Run, "_keep", second)
     assert run(tmp_path, *QUICK) == 0
     assert codes == [2]
     said = capsys.readouterr().err

@@ -4,9 +4,10 @@ from importlib.util import find_spec
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import BiaxialLaw, Macro, Quadratic
+from skfem_textile import BiaxialLaw, Full, Macro, OnePoint, Quadratic
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.rectangle import rectangle
 
@@ -41,9 +42,11 @@ def distorted(seed: int, size=(3, 2), jitter=0.35) -> MeshQuad:
 
 
 def fitting(mesh, formulation):
-    """The mesh of quadrilaterals, cut or split as the formulation takes it."""
-    prepared = {Quadratic: cut, Macro: split}.get(type(formulation))
-    return prepared(mesh) if prepared else mesh
+    """The mesh, cut or split as the formulation takes it."""
+    if isinstance(formulation, Macro):
+        return split(mesh)
+    needs_cut = isinstance(formulation, Quadratic) and not isinstance(mesh, MeshTri)
+    return cut(mesh) if needs_cut else mesh
 
 
 def distorted_for(formulation, seed: int):
@@ -63,6 +66,24 @@ def wobble(ply, seed: int, amplitude: float | None = None) -> np.ndarray:
     return amplitude * rng.standard_normal(ply.basis.N)
 
 
+#: Formulations, each with the kind of mesh that `rectangle` makes for it.
+FORMULATIONS_ON_MESHES = {
+    "full": (Full(), "irregular"),
+    "one point": (OnePoint(), "irregular"),
+    "macro, quads": (Macro(), "irregular"),
+    "macro, triangles": (Macro(), "delaunay"),
+    "quadratic": (Quadratic(), "delaunay"),
+    "quadratic, mean": (Quadratic(80.0), "delaunay"),
+}
+
+
+def cells(text, *names):
+    """The cells of the line of a table of a study that begins with these names."""
+    rows = ([c.strip() for c in line.split("|")[1:-1]] for line in text.splitlines())
+    (line,) = (line for line in rows if line[: len(names)] == list(names))
+    return line[len(names) :]
+
+
 def drawn_here(study):
     """The pictures of a study, none where the packages that draw are missing."""
     return study.pictures if find_spec("matplotlib") and find_spec("pyvista") else ()
@@ -75,6 +96,21 @@ def derivative(function, x, direction, step=1e-5):
         return (function(x + h * direction) - function(x - h * direction)) / (2 * h)
 
     return (4 * difference(step) - difference(2 * step)) / 3
+
+
+def assert_derivatives(ply, u, du):
+    """Residual and tangent are derivatives of the energy along ``du``."""
+    assert derivative(ply.energy, u, du) == pytest.approx(ply.residual(u) @ du)
+    K = ply.tangent(u)
+    change, off = derivative(ply.residual, u, du), 1e-8 * abs(K).max()
+    np.testing.assert_allclose(change, K @ du, atol=off)
+
+
+def zero_modes(K):
+    """How many motions meet no stiffness; none may meet a negative one."""
+    values = np.linalg.eigvalsh(K.toarray())
+    assert values[0] > -1e-9 * values[-1]
+    return int((np.abs(values) < 1e-9 * values[-1]).sum())
 
 
 def graded_along_fibres(width, theta, n, smallest) -> MeshTri:

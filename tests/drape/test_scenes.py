@@ -121,6 +121,19 @@ def test_without_tension_and_bending_the_summary_says_that_it_is_no_net():
     assert "not_the_net" not in bent
 
 
+def test_the_wrinkling_angle_of_a_case_is_in_the_summary(tmp_path, capsys):
+    line = ["run", "hemisphere", "--size", "8x8", "--tension", "0", "--no-render"]
+    angle, shares = ["--steps", "4", "--shear-wrinkling-angle"], {}
+    for degrees in ("90", "15"):
+        out = tmp_path / degrees
+        assert cli.main([*line, *angle, degrees, "--out", str(out)]) == 0
+        summary = json.loads((out / "summary.json").read_text())
+        shares[degrees] = summary["wrinkle_risk_share_of_area"]
+    assert 0 < shares["90"] < shares["15"] < 1
+    assert cli.main([*line, *angle, "91", "--out", str(tmp_path / "91")]) != 0
+    assert "above 0 and at most 90 degrees, not 91" in capsys.readouterr().err
+
+
 def test_tension_on_the_edges_is_that_of_the_fibres():
     result, _ = run(hemisphere(size=(12, 12), tension=3.0))
     warp, weft = result.ply.fibre_tension(result.u).mean(axis=2)

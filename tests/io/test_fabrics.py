@@ -53,6 +53,9 @@ FABRICS = {
         warp=AlongCurve([[0, 1, 2], [0, 1, 0]], 0.1),
         weft=AlongCurve([[0, 1, 2], [0, 1, 0]], 1.7),
     ),
+    "bends": Fabric(
+        bending=(1.0, np.array([2.0, 0.1])), twist=0.3, wrinkling_angle=0.9
+    ),
 }
 
 DECK = """*MATERIAL, NAME=CLOTH
@@ -134,6 +137,8 @@ def test_a_fabric_that_no_file_holds_is_refused_and_nothing_is_written(tmp_path)
             write_fabric(tmp_path / name, Fabric(), **more)
     with pytest.raises(ValueError, match="both fibre strains"):
         write_fabric(tmp_path / "fabric.inp", FABRICS["weave"], 0.3)
+    with pytest.raises(ValueError, match="wrinkling angle"):
+        write_fabric(tmp_path / "fabric.inp", Fabric(wrinkling_angle=0.9), 0.3)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -145,6 +150,7 @@ def test_a_fabric_that_no_file_holds_is_refused_and_nothing_is_written(tmp_path)
         ({"bending": 1.0}, "bending must be a pair"),
         ({"bending": [1.0, -1.0]}, "bending of weft"),
         ({"twist": -1.0}, "twist must be"),
+        ({"wrinkling_angle": 2.0}, "wrinkling angle must be"),
         ({"shear": {"kind": "Fabric"}}, "no law 'Fabric'"),
         ({"shear": {"kind": "Linear", "stiffness": -1.0}}, "stiffness"),
         ({"shear": {"kind": "Linear", "stiff": 1.0}}, "no parameter 'stiff'"),

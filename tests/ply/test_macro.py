@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from helpers import TRIANGLE_AND_QUAD, derivative, distorted, wobble
+from helpers import TRIANGLE_AND_QUAD, assert_derivatives, derivative, distorted, wobble
 from skfem import Functional, asm
 from skfem.helpers import grad
 
@@ -24,7 +24,7 @@ from skfem_textile.forms.held_stiffness import (
 from skfem_textile.mesh.splitting import cut, split, split_cells
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve import problem
+from skfem_textile.solve.problem import problem
 from skfem_textile.solve.stepping import equilibrium_search
 
 MESHES = {
@@ -107,12 +107,9 @@ def test_the_law_sees_the_mean_strain(mesh, formulation):
 @every_mesh
 def test_residual_and_tangent_are_derivatives(mesh):
     ply = tension(Fabric((1e3, 400.0), 0.02), mesh)
-    u, du = wobble(ply, 1), wobble(ply, 2, 1.0)
-    assert derivative(ply.energy, u, du) == pytest.approx(ply.residual(u) @ du)
+    u = wobble(ply, 1)
+    assert_derivatives(ply, u, wobble(ply, 2, 1.0))
     K = ply.tangent(u)
-    np.testing.assert_allclose(
-        derivative(ply.residual, u, du), K @ du, atol=1e-6 * abs(K).max()
-    )
     own = ply.tangent(u, tension=ply.fibre_tension(u))
     assert abs(own - K).max() < 1e-12 * abs(K).max()
     assert abs(ply.tangent(u, tension=0 * ply.fibre_tension(u)) - K).max() > 1.0
@@ -230,12 +227,9 @@ def test_quadratic_triangles_may_take_the_mean_strain_too(seed):
     mesh = cut(distorted(seed, jitter=0.2))
     ply = Ply(mesh, Fabric((1e3, 400.0), 0.02), Quadratic(80.0))
     ply._terms = tuple(term for term in ply.terms if term.name == "tension")
-    u, du = wobble(ply, 1), wobble(ply, 2, 1.0)
-    assert derivative(ply.energy, u, du) == pytest.approx(ply.residual(u) @ du)
+    u = wobble(ply, 1)
+    assert_derivatives(ply, u, wobble(ply, 2, 1.0))
     K = ply.tangent(u)
-    np.testing.assert_allclose(
-        derivative(ply.residual, u, du), K @ du, atol=1e-6 * abs(K).max()
-    )
     assert (
         abs(ply.tangent(u, tension=ply.fibre_tension(u)) - K).max()
         < 1e-12 * abs(K).max()

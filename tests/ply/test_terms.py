@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import distorted, wobble
+from helpers import derivative, distorted, wobble
 from scipy.sparse import csr_matrix
 from skfem import (
     BilinearForm,
@@ -62,10 +62,6 @@ BASES = {
     "a boundary": lambda mesh: FacetBasis(mesh, ELEMENT, facets="top"),
     "interior facets": lambda mesh: InteriorFacetBasis(mesh, ELEMENT),
 }
-
-
-def derivative(function, u, du, h=1e-6):
-    return (function(u + h * du) - function(u - h * du)) / (2 * h)
 
 
 @pytest.mark.parametrize("basis", BASES.values(), ids=BASES)

@@ -5,22 +5,17 @@ from functools import cache
 import independent as plain
 import numpy as np
 import pytest
-from skfem import MeshTri
+from helpers import FORMULATIONS_ON_MESHES, fitting
 
 from skfem_textile import (
     Condition,
     CrimpInterchange,
     CrimpToe,
     Fabric,
-    Full,
     LoadStepper,
     Macro,
-    OnePoint,
     Ply,
-    Quadratic,
-    split,
 )
-from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes.rectangle import rectangle
 
 WIDTH, HEIGHT = 40.0, 60.0  # along warp and weft, mm
@@ -29,31 +24,19 @@ PARAMETERS = {
     "unbalanced": ((1e4, 2e3), (0.02, 0.002), 0.5, 1e-3, 0.5),
     "straight warp": ((1e5, 1e4), (0.0, 0.02), 2.0, 4e-3, 10.0),
 }
-FORMULATIONS = {
-    "full": (Full(), "irregular"),
-    "one point": (OnePoint(), "irregular"),
-    "macro, quads": (Macro(), "irregular"),
-    "macro, triangles": (Macro(), "delaunay"),
-    "quadratic": (Quadratic(), "delaunay"),
-    "quadratic, mean": (Quadratic(80.0), "delaunay"),
-}
 
 every_fabric = pytest.mark.parametrize(
     "parameters", PARAMETERS.values(), ids=PARAMETERS
 )
 every_formulation = pytest.mark.parametrize(
-    "formulation", FORMULATIONS.values(), ids=FORMULATIONS
+    "formulation", FORMULATIONS_ON_MESHES.values(), ids=FORMULATIONS_ON_MESHES
 )
 
 
 @cache
 def rectangular(law, formulation, kind):
     """A ply of one fabric, which every pull takes from its state at rest."""
-    mesh = rectangle(WIDTH, HEIGHT, (3, 4), kind, seed=3)
-    if isinstance(formulation, Macro):
-        mesh = split(mesh)
-    if isinstance(formulation, Quadratic) and not isinstance(mesh, MeshTri):
-        mesh = cut(mesh)
+    mesh = fitting(rectangle(WIDTH, HEIGHT, (3, 4), kind, seed=3), formulation)
     return Ply(mesh, Fabric(law, 0.5), formulation)
 
 

@@ -2,25 +2,20 @@
 
 import numpy as np
 import pytest
-from skfem import MeshTri
+from helpers import FORMULATIONS_ON_MESHES, fitting
 
 from skfem_textile import (
     Condition,
     CrimpToe,
     Fabric,
-    Full,
     Linear,
     LoadStepper,
-    Macro,
-    OnePoint,
     Ply,
     Polynomial,
     Pretensioned,
     Quadratic,
     StepError,
-    split,
 )
-from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes.rectangle import rectangle
 
 STRAIN, WIDTH, HEIGHT = 0.02, 40.0, 60.0
@@ -35,23 +30,13 @@ LAWS = {
     "no compression": (1e4, CrimpToe(1e5, 0.004, 0.0)),
     "stiffening": Polynomial((1e3, 0.0, 1e7)),
 }
-FORMULATIONS = {
-    "full": (Full(), "irregular"),
-    "one point": (OnePoint(), "irregular"),
-    "macro, quads": (Macro(), "irregular"),
-    "macro, triangles": (Macro(), "delaunay"),
-    "quadratic": (Quadratic(), "delaunay"),
-    "quadratic, mean": (Quadratic(80.0), "delaunay"),
-    "quadratic of quads": (Quadratic(80.0), "irregular"),
+FORMULATIONS = FORMULATIONS_ON_MESHES | {
+    "quadratic of quads": (Quadratic(80.0), "irregular")
 }
 
 
 def pulled(law, G, formulation, kind, strain=STRAIN):
-    mesh = rectangle(WIDTH, HEIGHT, (3, 4), kind, seed=3)
-    if isinstance(formulation, Macro):
-        mesh = split(mesh)
-    if isinstance(formulation, Quadratic) and not isinstance(mesh, MeshTri):
-        mesh = cut(mesh)
+    mesh = fitting(rectangle(WIDTH, HEIGHT, (3, 4), kind, seed=3), formulation)
     ply = Ply(mesh, Fabric(law, G), formulation)
     conditions = {
         "bottom": Condition("bottom", direction=(0, 1)),

@@ -18,9 +18,12 @@ from skfem_textile import (
     LoadStepper,
     Macro,
     OnePoint,
+    OnSurface,
     Ply,
     Quadratic,
     Sin2,
+    drape,
+    equilibrium_near,
 )
 from skfem_textile.forms.mean_tension import deviation_energy
 from skfem_textile.mesh.splitting import cut, split
@@ -207,3 +210,23 @@ def test_a_resumed_run_has_the_same_shares(tmp_path):
         == (whole.states[-1].shares["work"]["deviation"])
     )
     assert "top_reaction_share_of_stabilisation" in rows[0]
+
+
+def test_a_node_that_is_only_held_is_no_reason_to_refuse_a_state():
+    """The ply of macro-elements hangs on it, and no mesh spreads its force."""
+    tool, c, s = drape.Torus(120.0, 50.0, (0, 0, -170), (0, 1, 0)), 0.956, 0.292
+    fabric = Fabric(2e4, 0.2, (c, s), (-s, c), bending=(40.0, 60.0))
+    mesh = MeshQuad().refined(3).translated((-0.5, -0.5)).scaled(80.0)
+    ply = Ply(mesh, fabric, dimension=3)
+    middle, side = (
+        np.abs(ply.nodes.T - at).sum(axis=1).argmin() for at in ([0, 0], [40, 0])
+    )
+    conditions = {
+        "tool": OnSurface(tool),
+        "middle": Condition([middle], (0.0, 0.0, None)),
+        "side": Condition([side], (None, 0.0, None)),
+    }
+    start = drape.displacement(ply.nodes, drape.exponential_map(tool, ply.nodes))
+    state = equilibrium_near(ply, conditions, start)
+    assert state.shares["middle_reaction"]["deviation"] > 0.4
+    assert state.shares["energy"]["deviation"] < 0.01

@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from helpers import drawn_here
+from helpers import cells, drawn_here
 
 from skfem_textile.ply.formulations import Full, Quadratic
 from skfem_textile.scenes.bias_extension import WIDTH
@@ -25,13 +25,6 @@ from studies.angles.study import STUDY
 
 AT_30, AT_60 = (Specimen(theta, "linear", 2e5) for theta in (30.0, 60.0))
 STORED = references.stored()
-
-
-def cells(text, *names):
-    """The cells of the line of a table that begins with these names."""
-    rows = ([c.strip() for c in line.split("|")[1:-1]] for line in text.splitlines())
-    (line,) = (line for line in rows if line[: len(names)] == list(names))
-    return line[len(names) :]
 
 
 def judged_rows(specimen, angle, ratios, elements="quads", across=16):

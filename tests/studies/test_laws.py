@@ -3,7 +3,7 @@ import logging
 
 import numpy as np
 import pytest
-from helpers import drawn_here
+from helpers import cells, drawn_here
 
 from skfem_textile.solve.strategies import Newton
 from studies.__main__ import main
@@ -34,13 +34,6 @@ REFERENCE = [
     *(row(LINEAR_TRIANGLES, n, x) for n, x in ((64, 41.0), (128, 40.4), (256, 40.1))),
     *(row(QUADRATIC, n, x) for n, x in ((64, 40.0), (32, 40.8))),
 ]
-
-
-def cells(text, *names):
-    """The cells of the line of a table that begins with these names."""
-    rows = ([c.strip() for c in line.split("|")[1:-1]] for line in text.splitlines())
-    (line,) = (line for line in rows if line[: len(names)] == list(names))
-    return line[len(names) :]
 
 
 def test_no_two_cases_have_one_name_and_every_material_is_judged():

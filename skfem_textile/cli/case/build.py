@@ -27,6 +27,7 @@ from .laws import (
     IN_COMPRESSION,
     OF_WEFT,
     PREFIXES,
+    WRINKLING_ANGLE,
     law_name,
     law_table,
     laws_of,
@@ -137,7 +138,14 @@ def _fabric(scene: Scene, values: Mapping[str, Any], fibres: Any) -> Fabric:
     warp, weft = fibres
     of_warp, of_weft, twist = (values[option.key] for option in BENDING.options)
     laws = _tension(values), _law("shear", values)
-    return Fabric(*laws, warp, weft, (of_warp, of_weft), twist)
+    wrinkling = values[WRINKLING_ANGLE]
+    if not 0 < wrinkling <= 90:
+        raise ValueError(
+            "--shear-wrinkling-angle must be above 0 and at most 90 degrees, not "
+            f"{wrinkling:g}"
+        )
+    bending = of_warp, of_weft
+    return Fabric(*laws, warp, weft, bending, twist, np.radians(wrinkling))
 
 
 def _force(scene: Scene, name: str, total: tuple[float, ...]) -> Force:

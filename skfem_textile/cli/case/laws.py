@@ -40,6 +40,17 @@ BENDING = Table(
     prefix="bending-",
 )
 
+# Shear angle past which fibres wrinkle as soon as they are compressed.
+_WRINKLING = angle(
+    "wrinkling-angle",
+    90.0,
+    "shear angle past which fibres wrinkle as soon as they are compressed, for the "
+    "wrinkle_risk of a ply on a tool",
+)
+
+#: Its key among the values of a case.
+WRINKLING_ANGLE = "shear_wrinkling_angle"
+
 # Parameters whose default is another for tension.
 _OF_FIBRES = {STIFFNESS: replace(STIFFNESS, default=1e4, metavar="E")}
 
@@ -71,7 +82,7 @@ def law_name(of: Resistance, word: str) -> str | None:
 def law_table(of: Resistance) -> Table:
     """The table of the law of tension or of shear."""
     if of == "shear":
-        return _law_table(of, of)
+        return _law_table(of, of, (_WRINKLING,))
     compressed = replace(
         _law_table(of, "in_compression"),
         entry=IN_COMPRESSION,

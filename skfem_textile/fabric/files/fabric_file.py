@@ -28,8 +28,9 @@ from ..regions import RegionalDirection, RegionalLaw, RegionalTensions
 
 _FORMAT = "skfem_textile fabric 1"
 
-# Parts of a fabric in its file, and those that it has where it bends or twists.
-_PARTS, _BENDS = ("tension", "shear", "warp", "weft"), ("bending", "twist")
+# Parts of a fabric in its file, and those that it has where they are not the default.
+_PARTS = "tension", "shear", "warp", "weft"
+_OTHERS = "bending", "twist", "wrinkling_angle"
 
 _LAWS: tuple[type[Any], ...] = (
     *(Linear, Sin2, Polynomial, Locking, Tabulated, TangentShear),
@@ -120,9 +121,11 @@ def fabric_text(fabric: Fabric) -> str:
         tension = {"warp": tensions.warp, "weft": tensions.weft}
     parts = {"tension": tension, "shear": fabric.shear_law}
     parts |= {family.name: family.direction for family in fabric.families}
-    if fabric.bends:
-        parts |= {name: getattr(fabric, name) for name in _BENDS}
     encoded = {name: _encoded(name, part) for name, part in parts.items()}
+    for name in _OTHERS:
+        given = _encoded(name, getattr(fabric, name))
+        if given != _encoded(name, getattr(Fabric, name)):
+            encoded[name] = given
     return _text({"format": _FORMAT} | encoded)
 
 
@@ -137,10 +140,10 @@ def fabric_of_text(content: bytes) -> Fabric:
     found = _content(content)
     if not isinstance(found, Mapping) or found.get("format") != _FORMAT:
         raise ValueError(f"it does not state the format {_FORMAT!r}")
-    if set(found) - {"format", *_BENDS} != set(_PARTS):
+    if set(found) - {"format", *_OTHERS} != set(_PARTS):
         raise ValueError(
-            f"it must have {', '.join(_PARTS)}, it may have {' and '.join(_BENDS)}, "
-            "and nothing else"
+            f"it must have {', '.join(_PARTS)}, it may have {', '.join(_OTHERS)}, and "
+            "nothing else"
         )
     return _described("fabric", lambda: _fabric(found))
 

@@ -26,13 +26,16 @@ def material_of(fabric: Fabric, thickness: float, name: str) -> str:
     Raises
     ------
     ValueError
-        If a tension takes the strain of both families, fibres resist bending, or a law
-        differs from element to element, which *FABRIC cannot say.
+        If a tension takes the strain of both families, fibres resist bending, there is
+        a wrinkling angle, or a law differs from element to element, which *FABRIC
+        cannot say.
     """
     if not isinstance(fabric.tensions, TwoLaws):
         raise ValueError("*FABRIC has no law of both fibre strains; write a .json")
     if fabric.bends:
         raise ValueError("*FABRIC has no bending or twist stiffness; write a .json")
+    if np.any(np.not_equal(fabric.wrinkling_angle, Fabric.wrinkling_angle)):
+        raise ValueError("*FABRIC has no wrinkling angle; write a .json")
     if fabric.at() is not fabric:
         raise ValueError("*FABRIC is the same in every element; write a .json")
     lines = [f"*MATERIAL, NAME={name}", "*FABRIC"]

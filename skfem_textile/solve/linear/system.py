@@ -1,6 +1,6 @@
 """The linear system that constraints leave of a tangent, its places found once."""
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -12,32 +12,10 @@ from .solver import SolverOfPattern
 
 
 class Fixing(Protocol):
-    """Which unknowns are fixed and which are free, and how inclined ones are turned."""
+    """Which unknowns are fixed and which are free."""
 
     free: ndarray
     fixed: ndarray
-    turn: csr_matrix | None
-
-
-class Reduced(NamedTuple):
-    """A tangent on the free unknowns, in the order of elimination.
-
-    Attributes
-    ----------
-    upper
-        Its entries at and above the diagonal.
-    coupling
-        The matrix from the fixed unknowns to the free ones.
-    """
-
-    upper: csr_matrix
-    coupling: csr_matrix
-
-    def stiffness(self) -> float:
-        """Largest sum of magnitudes in a row, coupling and all."""
-        upper, coupling = abs(self.upper), abs(self.coupling)
-        rows = upper.sum(axis=1).A1 + upper.sum(axis=0).A1 - upper.diagonal()
-        return float((rows + coupling.sum(axis=1).A1).max(initial=0.0))
 
 
 class System:
@@ -60,6 +38,9 @@ class System:
         Components of the displacement.
     free
         Numbers of the free unknowns, shape (n_free,).
+    upper, coupling
+        Numbers of the entries among those of the blocks: of free unknowns at and above
+        the diagonal, and from the fixed unknowns to the free ones.
     solver
         The linear solver, ready for their pattern.
     """
@@ -83,35 +64,34 @@ class System:
         slots, row, col = pattern.entries()
         row, col = np.sort([place[row], place[col]], axis=0)
         inside, across = col < n, (row < n) & (col >= n)
-        self._upper = matrix_of_slots(slots[inside], row[inside], col[inside], (n, n))
-        self._coupling = matrix_of_slots(
+        self.upper = matrix_of_slots(slots[inside], row[inside], col[inside], (n, n))
+        self.coupling = matrix_of_slots(
             slots[across], row[across], col[across] - n, (n, n_fixed)
         )
-        self._pattern, turn = pattern, constraints.turn
-        self._turn = None if turn is None else _Turn(pattern, turn)
-        self.solver = solver(_lower(self._upper))
+        self._pattern = pattern
+        self._turn: _Turn | None = None  # the last
+        self.solver = solver(_lower(self.upper))
 
-    def reduced(self, blocks: ndarray, turn: csr_matrix | None = None) -> Reduced:
-        """The blocks of a tangent as the free unknowns see it.
+    def turned(self, blocks: ndarray, turn: csr_matrix) -> ndarray:
+        """The blocks of a tangent in unknowns that are turned, Rᵀ K R.
 
         Parameters
         ----------
         blocks
             The blocks.
         turn
-            What takes the place of the turn of the constraints.
+            R, as of `Problem.turn`.
         """
-        turned = self._turn if turn is None else _Turn(self._pattern, turn)
-        if turned:
-            blocks = turned(blocks)
-        return Reduced(*(_at(blocks, slots) for slots in (self._upper, self._coupling)))
+        if self._turn is None or self._turn.turn is not turn:
+            self._turn = _Turn(self._pattern, turn)
+        return self._turn(blocks)
 
 
 class _Turn:
-    """Blocks in the unknowns of inclined conditions, Rᵀ K R."""
+    """Rᵀ K R, with the places of what it changes."""
 
     def __init__(self, pattern: Pattern, turn: csr_matrix) -> None:
-        d = pattern.dimension
+        self.turn, d = turn, pattern.dimension
         R = turn.tobsr(blocksize=(d, d)).data
         turned = np.any(np.eye(d) != R, axis=(1, 2))
         self._rows = np.flatnonzero(turned[pattern.rows])
@@ -124,11 +104,6 @@ class _Turn:
         blocks[self._rows] = self._left @ blocks[self._rows]
         blocks[self._cols] = blocks[self._cols] @ self._right
         return blocks
-
-
-def _at(blocks: ndarray, slots: csr_matrix) -> csr_matrix:
-    data = blocks.ravel()[slots.data]
-    return csr_matrix((data, slots.indices, slots.indptr), slots.shape)
 
 
 def _lower(upper: csr_matrix) -> csc_matrix:

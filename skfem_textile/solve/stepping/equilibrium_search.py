@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..problem import Problem, Start
+from ..problem import Goal, Problem, Start
 from ..states import Equilibrium, Iteration, NoEquilibriumError
 from ..strategies import STRATEGIES, Strategy, balanced
 from ..verdict import Trial
@@ -31,33 +31,6 @@ _TIMES = 4
 # that is stable there, and of another.  With longer ones heavy cantilevers with little
 # bending stiffness are refused; with shorter ones a refusal takes longer.
 _SHORTEST_AT_REST = 2.0**-12, 2.0**-6
-
-
-class Goal(NamedTuple):
-    """What to reach, and from where.
-
-    Attributes
-    ----------
-    load_factor, step
-        Load factor, and its distance from that of the last good state.
-    fixed_values
-        Values of the fixed unknowns.
-    start, before
-        Where the search starts, and the last good state; None before the load.
-    most_altered
-        How many tangents may be altered on the way; if not any number, only strategies
-        that follow the path are tried.
-    held
-        Forces beside the loads, as of `Problem`.
-    """
-
-    load_factor: float
-    step: float
-    fixed_values: ndarray
-    start: Start
-    before: Start | None
-    most_altered: float = np.inf
-    held: ndarray | float = 0.0
 
 
 class Found(NamedTuple):

@@ -7,7 +7,7 @@ the rate of the energy, so that the share of the work is that of the force, wher
 the ply it is carried.  The nodal forces tell of the elements along the edge alone.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 from numpy import ndarray
@@ -72,12 +72,18 @@ def shares(
     return found
 
 
-def excess(found: Mapping[str, Mapping[str, float]], role: str) -> str:
-    """Words for the shares of a role that are too large; empty if there are none."""
+def excess(
+    found: Mapping[str, Mapping[str, float]], role: str, supports: Collection[str] = ()
+) -> str:
+    """Words for the shares of a role that are too large; empty if there are none.
+
+    Nothing is said of the reactions of ``supports``, conditions by name.
+    """
+    passed = {f"{name}_reaction" for name in supports}
     return ", ".join(
         f"{share[role]:.0%} of {printable(whole)}"
         for whole, share in found.items()
-        if share[role] > _MOST.get(whole, _MOST_OF_REACTION)
+        if whole not in passed and share[role] > _MOST.get(whole, _MOST_OF_REACTION)
     )
 
 

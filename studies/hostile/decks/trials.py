@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import logging
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from skfem_textile.cli import main as cli
 from skfem_textile.fabric.directions import FibreDirections
 from skfem_textile.io import read_directions, read_fabric, write_fabric
 
+from ...common.log import errors_only
 from ..meshes.text_damage import damaged
 from ..trial import (
     UNCLEAR,
@@ -75,25 +75,13 @@ def _fabric_of(path: Path) -> Fabric:
 def _read(read, path: Path, damage: str, found: list[object]) -> Finding | None:
     """Read a deck; the finding if it is refused."""
     try:
-        with _quiet():
+        with errors_only():
             found.append(read(path))
     except MeshError as error:
         if not damage:
             return Finding(UNCLEAR, damage, f"refused though whole: {error}")
         return refused(damage, str(error))
     return None
-
-
-@contextlib.contextmanager
-def _quiet():
-    """Keep the library's log to itself."""
-    log = logging.getLogger("skfem_textile")
-    level = log.level
-    log.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        log.setLevel(level)
 
 
 def _check_abaqus(found: list, content: bytes, folder: Path) -> None:
@@ -165,7 +153,7 @@ def _shown(path: Path, damage: str, folder: Path) -> Finding:
     out, printed, told = folder / "out", io.StringIO(), io.StringIO()
     line = ["show", str(path), "--no-render", "--out", str(out)]
     with (
-        _quiet(),
+        errors_only(),
         contextlib.redirect_stdout(printed),
         contextlib.redirect_stderr(told),
     ):

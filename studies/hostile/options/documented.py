@@ -161,6 +161,7 @@ _LOADED = {
     "bending-warp": Option(float, 0.0),
     "bending-weft": Option(float, 0.0),
     "bending-twist": Option(float, 0.0),
+    "shear-wrinkling-angle": Option(_degrees, 90.0),
     "force": Option(_force, [], "", "all"),
     "rotate": Option(_degrees, 0.0),
     "test-curve": Option(str, None),

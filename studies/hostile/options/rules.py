@@ -124,6 +124,8 @@ def _refuse_numbers(v: dict[str, Any]) -> None:
         _refuse_stiffness(v[name])
     if v["fibre-stiffness"] == v["shear-stiffness"] == 0:
         raise UnreadableError("no stiffness")
+    if not 0 < v["shear-wrinkling-angle"] <= 90:
+        raise UnreadableError("wrinkling angle")
     if not 1 <= v["steps"] <= 1_000_000:
         raise UnreadableError("steps")
     _refuse_forces(v)

@@ -30,7 +30,8 @@ _LOG = ("load factor ", "the path was not resolved", "nothing to resume", "solve
 #: Time limit of a trial: a step of a coarse strip with rates takes half a minute.
 _SECONDS = 120.0
 
-_PREFIX = "skfem-textile: "
+#: With what every message of the command line begins.
+PREFIX = "skfem-textile: "
 
 
 def attempt(seed: int, folder: Path) -> Finding:
@@ -81,10 +82,15 @@ def _refusal(
 ) -> Finding:
     if isinstance(expected, RunLine) and certain:
         return Finding(SILENT, shown, f"a sound line is refused: {err[:300]}")
+    return refused_in_one_line(shown, err, untouched)
+
+
+def refused_in_one_line(shown: str, err: str, untouched: bool) -> Finding:
+    """The finding of a refusal, which must be one line and leave all files alone."""
     if not untouched:
         return Finding(SILENT, shown, f"refused, but files changed: {err[:300]}")
     text, end, more = err.partition("\n")
-    if not text.startswith(f"{_PREFIX}error: ") or not end or more:
+    if not text.startswith(f"{PREFIX}error: ") or not end or more:
         return Finding(UNCLEAR, shown, err)
     return refused(shown, text)
 
@@ -92,10 +98,10 @@ def _refusal(
 def _unclear(line: RunLine, code: int, out: str, err: str) -> str:
     """The output of a run that is not clear; empty if all of it is clear."""
     lines = err.splitlines()
-    own = [text for text in lines if text.startswith(_PREFIX)]
+    own = [text for text in lines if text.startswith(PREFIX)]
     if len(own) != code or not all(text.isprintable() for text in lines):
         return f"exit code {code}: {err[:500]}"
-    log = [text for text in lines if not text.startswith(_PREFIX)]
+    log = [text for text in lines if not text.startswith(PREFIX)]
     if not line.values.get("verbose") and not all(x.startswith(_LOG) for x in log):
         return err[:500]
     if not all(text.isprintable() for text in out.splitlines()):

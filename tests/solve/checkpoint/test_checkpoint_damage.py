@@ -1,63 +1,21 @@
 """Damaged checkpoints: refused in one line, or resumed to the same result."""
 
-import io
 import json
 import shutil
 
 import numpy as np
 import pytest
-from helpers import distorted
+from sheared_runs import interrupted, opened, stepper
 
-from skfem_textile import (
-    CheckpointError,
-    Condition,
-    Fabric,
-    LoadStepper,
-    OnePoint,
-    Ply,
-    Sin2,
-)
+from skfem_textile import CheckpointError
 from skfem_textile.solve.checkpoint import sealed
-
-STEPS = 6
-
-
-def stepper(folder, formulation=None, shear=None, pull=0.3, clamp=None, **options):
-    """A small ply whose C_s depends on the last converged state."""
-    mesh = distorted(1).with_defaults()
-    fabric = Fabric(1e3, shear or Sin2(0.5))
-    ply = Ply(mesh, fabric, formulation or OnePoint())
-    conditions = {
-        "clamp": clamp or Condition("bottom"),
-        "pull": Condition("top", pull, (1, 0)),
-        "level": Condition("top", 0.0, (0, 1)),
-    }
-    options = {"steps": STEPS, "checkpoint": folder} | options
-    return LoadStepper(ply, conditions, **options)
-
-
-def interrupted(folder, **options):
-    def interrupt(state):
-        if state.load_factor > 0.6:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        stepper(folder, on_step=interrupt, **options).run()
-    return folder
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory):
+def folders(made, tmp_path_factory):
     """The same run twice, and another: each interrupted."""
     top = tmp_path_factory.mktemp("checkpoints")
-    interrupted(top / "again")
-    interrupted(top / "other", pull=0.25)
-    return interrupted(top / "run"), top / "again", top / "other"
-
-
-@pytest.fixture
-def run(folders, tmp_path):
-    return shutil.copytree(folders[0], tmp_path / "c")
+    return made, interrupted(top / "again"), interrupted(top / "other", pull=0.25)
 
 
 @pytest.fixture(scope="module")
@@ -72,10 +30,10 @@ def told(result):
     return json.dumps(figures)
 
 
-def refused(folder, **options):
+def refused(folder):
     """The one line with which a resumed run is refused, or what it tells at its end."""
     try:
-        result = stepper(folder, **options).run(resume=True)
+        result = stepper(folder).run(resume=True)
     except CheckpointError as error:
         line = str(error)
     else:
@@ -84,14 +42,6 @@ def refused(folder, **options):
     assert line.isprintable()
     assert str(folder) in line
     return line, None
-
-
-def opened(path):
-    """Text and arrays of a file, and its seal: run, name, digest."""
-    body, _, seal = path.read_bytes().rpartition(b"\n")
-    with np.load(io.BytesIO(body)) as content:
-        arrays = dict(content)
-    return json.loads(str(arrays.pop("text"))), arrays, seal.decode().split()
 
 
 def before(path):
@@ -216,6 +166,26 @@ def test_damage_at_random_is_refused_or_changes_nothing(
         assert line or found == whole
         number += bool(line)
     assert number > cases / 5
+
+
+@pytest.mark.parametrize("file", ["run.npz", "state_000000.npz", "state_000002.npz"])
+@pytest.mark.parametrize("damage", ["cut", "flipped", "text", "empty"])
+def test_a_damaged_checkpoint_is_refused(run, file, damage):
+    path = run / file
+    whole = path.read_bytes()
+    middle = len(whole) // 2
+    flipped = whole[:middle] + bytes([whole[middle] ^ 255]) + whole[middle + 1 :]
+    broken = {"cut": whole[:middle], "flipped": flipped, "text": b"hello", "empty": b""}
+    path.write_bytes(broken[damage])
+    line, _ = refused(run)
+    assert "damaged" in line
+
+
+@pytest.mark.parametrize("file", ["run.npz", "state_000001.npz"])
+def test_a_missing_file_is_told(run, file):
+    (run / file).unlink()
+    line, _ = refused(run)
+    assert "missing" in line
 
 
 @pytest.mark.parametrize("other", [1, 2])

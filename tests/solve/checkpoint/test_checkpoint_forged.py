@@ -1,53 +1,12 @@
 """Checkpoints edited by somebody who can compute digests, and what is no file."""
 
-import io
-import json
 import os
-import shutil
 
-import numpy as np
 import pytest
-from helpers import distorted
+from sheared_runs import opened, stepper
 
-from skfem_textile import (
-    CheckpointError,
-    Condition,
-    Fabric,
-    LoadStepper,
-    OnePoint,
-    Ply,
-    Sin2,
-)
+from skfem_textile import CheckpointError
 from skfem_textile.solve.checkpoint import sealed
-
-
-def stepper(folder, **options):
-    ply = Ply(distorted(1).with_defaults(), Fabric(1e3, Sin2(0.5)), OnePoint())
-    conditions = {
-        "clamp": Condition("bottom"),
-        "pull": Condition("top", 0.2, (1, 0)),
-        "level": Condition("top", 0.0, (0, 1)),
-    }
-    return LoadStepper(ply, conditions, 3, checkpoint=folder, **options)
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    """An interrupted run with at least three states."""
-    folder = tmp_path_factory.mktemp("run") / "c"
-
-    def interrupt(state):
-        if state.load_factor > 0.6:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        stepper(folder, on_step=interrupt).run()
-    return folder
-
-
-@pytest.fixture
-def run(made, tmp_path):
-    return shutil.copytree(made, tmp_path / "c")
 
 
 def forge(folder, number, edit):
@@ -55,11 +14,7 @@ def forge(folder, number, edit):
     files = [folder / "run.npz", *sorted(folder.glob("state_*"))]
     digest = ""
     for i, file in enumerate(files):
-        body, _, seal = file.read_bytes().rpartition(b"\n")
-        of_run, name, _ = seal.decode().split()
-        with np.load(io.BytesIO(body)) as content:
-            arrays = dict(content)
-        text = json.loads(str(arrays.pop("text")))
+        text, arrays, (of_run, name, _) = opened(file)
         if i == number:
             edit(text, arrays)
         digest = sealed.write(file, of_run, name, digest, text, arrays)

@@ -1,3 +1,5 @@
+"""Runs of the study: how a problem is examined, and what the report says."""
+
 import csv
 import json
 from dataclasses import replace
@@ -8,26 +10,14 @@ import pytest
 from helpers import drawn_here
 from skfem import MeshQuad
 
-from skfem_textile import (
-    Condition,
-    Fabric,
-    Full,
-    Linear,
-    LoadStepper,
-    Macro,
-    Mixed,
-    OnePoint,
-    Quadratic,
-)
+from skfem_textile import Condition, Full, LoadStepper, Mixed, OnePoint
 from skfem_textile.scenes import Scene, picture_frame, strip
 from skfem_textile.solve.stepper import DEFAULT_STRATEGIES
 from skfem_textile.solve.verdict import CHECKS
 from studies.__main__ import main
 from studies.stability import outcomes as ends
 from studies.stability import study, tables
-from studies.stability.laws import SHEARS, TENSIONS
-from studies.stability.outcomes import End, outcome
-from studies.stability.problems import Extreme, extremes
+from studies.stability.problems import Extreme
 from studies.stability.study import STUDY
 
 SMALL = partial(strip, size=(4, 6))
@@ -86,73 +76,6 @@ FOLDING = Extreme("folding", "turned over", turned_over, Full(), E=0.0, G=0.5)
 
 def outcomes(problem):
     return [row["outcome"] for row in STUDY.examine(problem)]
-
-
-def end(energy=2.0, reactions=(5.0, -1.0), **others):
-    """The end of a run that is right, unless something else is said of it."""
-    given = {"converged": True, "sound": True, "path_resolved": True} | others
-    return End(**given, energy=energy, reactions=np.array(reactions), **NOTHING)
-
-
-NOTHING = {"no_energy": 1e-12, "no_force": 1e-9}
-REFUSED = {"converged": False, "sound": False}
-
-
-def test_a_state_is_right_as_400_steps_or_told_to_be_another():
-    told = {"path_resolved": False}
-    for near in (end(), end(2.0198), end(2.0, (4.96, -1.04)), end(**told)):
-        assert outcome(near, end(), True) == ends.RIGHT
-    for far in ({"energy": 2.04}, {"energy": 1.96}, {"reactions": (5.0, -1.06)}):
-        assert outcome(end(**far), end(), True) == ends.WRONG
-        assert outcome(end(**far, **told), end(), True) == ends.OTHER
-    for reference in (end(sound=False), end(**REFUSED)):  # nothing to agree with
-        assert outcome(end(), reference, True) == ends.WRONG
-        assert outcome(end(**told), reference, True) == ends.OTHER
-
-
-def test_what_is_not_sound_is_wrong_whatever_it_says_of_its_path():
-    for resolved in (True, False):
-        unsound = end(sound=False, path_resolved=resolved)
-        assert outcome(unsound, end(), True) == ends.WRONG
-
-
-def test_a_refusal_of_what_can_be_solved_is_told_from_others():
-    assert outcome(end(**REFUSED), end(), True) == ends.MISSED
-    assert outcome(end(**REFUSED), end(**REFUSED), False) == ends.REFUSED
-
-
-def test_round_off_is_no_disagreement():
-    none = end(1e-13, (1e-10, 0.0))
-    assert outcome(none, end(-5e-13, (0.0, -8e-10)), True) == ends.RIGHT
-    assert outcome(none, end(5e-12, (0.0, 0.0)), True) == ends.WRONG
-    assert outcome(none, end(0.0, (5e-9, 0.0)), True) == ends.WRONG
-
-
-def test_the_summary_counts():
-    def row(outcome, solvable=True, agrees=True, path_resolved=True, **head):
-        head = {"family": "f", "problem": "p"} | head
-        said = {"agrees": agrees, "path_resolved": path_resolved}
-        return head | {"outcome": outcome, "solvable": solvable} | said
-
-    rows = [row(ends.RIGHT)] * 3 + [row(ends.RIGHT, path_resolved=False, problem="q")]
-    rows += [row(ends.OTHER, agrees=False, path_resolved=False)] * 2
-    rows += [row(ends.MISSED, agrees=False), row(ends.WRONG, agrees=False)]
-    rows += [row(ends.REFUSED, solvable=False, agrees=False)] * 4
-    assert ends.summary(rows) == {
-        "problems": 2,
-        "cases": 12,
-        "right": 6,
-        "right_on_another_equilibrium": 2,
-        "refused": 5,
-        "refused_though_solvable": 1,
-        "wrong": 1,
-        "solvable": 8,
-        "share_right_of_solvable": 6 / 8,
-        "share_right_as_400_steps_of_solvable": 4 / 8,
-        "agree_with_400_steps": 4,
-        "agree_but_path_not_resolved": 1,
-        "share_of_these_not_resolved": 1 / 4,
-    }
 
 
 def test_a_plain_problem_is_right_and_agrees(few_steps):
@@ -237,89 +160,6 @@ def test_a_saddle_point_taken_for_an_answer_is_wrong(few_steps, monkeypatch):
 
     monkeypatch.setattr(study, "LoadStepper", credulous)
     assert outcomes(ROD) == [ends.WRONG, ends.WRONG]
-
-
-def test_the_study_covers_what_it_should():
-    problems = extremes()
-    assert len(problems) * len(study.STEPS) >= 300
-    assert len({STUDY.name(p) for p in problems}) == len(problems)
-    ratios = {p.E / p.G for p in problems if p.G}
-    assert {1e2, 1e4, 1e6, 1e8, 1e10} <= ratios
-    assert any(p.G == 0 for p in problems)
-    stabilisations = {getattr(p.formulation, "stabilisation", 1) for p in problems}
-    assert {1e-3, 1e3} <= stabilisations
-
-
-def test_every_law_is_on_every_scene_with_every_formulation_and_stiffness():
-    found = [p for p in extremes() if p.family.startswith("laws: ")]
-    assert {p.family.removeprefix("laws: ") for p in found} == {
-        "strip",
-        "trellis",
-        "picture frame",
-        "bias extension",
-    }
-    for law in (*TENSIONS, *SHEARS):
-        own = [p for p in found if p.label.rpartition(", ")[0] == law]
-        assert len({p.family for p in own}) == 4
-        formulations = {p.formulation for p in own}
-        assert formulations == {Macro(), OnePoint(), Quadratic(80.0)}
-        assert {p.E for p in own} == {1e3, 1e5, 1e8}
-        for problem in own:
-            fabric = problem.ply(problem.scene()).fabric
-            if law in SHEARS:
-                assert fabric.shear_law is SHEARS[law]
-                assert fabric.families[0].tension == Linear(problem.E)
-            else:
-                assert fabric.shear_law == Linear(0.5)
-                given = Fabric(TENSIONS[law](problem.E)).tensions
-                assert repr(fabric.tensions) == repr(given)
-
-
-@pytest.mark.parametrize("law", TENSIONS)
-def test_laws_of_tension_have_about_the_slope_E_at_one_percent_of_strain(law):
-    law = Fabric(TENSIONS[law](1e5)).tensions.of_family(0)
-    assert 0.6 < law.tangent(np.array([0.01]))[0] / 1e5 < 1.01
-
-
-def test_the_shear_table_rises_a_hundredfold():
-    at_30, at_55 = SHEARS["shear table"].value(np.radians([30, 55]))
-    assert at_55 == pytest.approx(100 * at_30)
-
-
-def test_folding_plies_are_on_meshes_in_a_row():
-    """No mesh is chosen by how it ends."""
-    seeds, first = {}, {}
-    for problem in extremes():
-        if problem.family == "folding":
-            seeds.setdefault(problem.kind, []).append(problem.seed)
-            mesh = problem.scene().mesh.p
-            assert not np.array_equal(mesh, first.setdefault(problem.kind, 0 * mesh))
-            first[problem.kind] = mesh
-    assert {kind: (found[0], len(found)) for kind, found in seeds.items()} == {
-        "strip 6×9, C_s = 1, one point": (0, 24),
-        "strip 6×9, C_s = 0.1, one point": (0, 6),
-        "strip 6×9, C_s = 0.01, one point": (0, 6),
-        "strip 10×15, C_s = 1, one point": (2, 7),
-        "strip 10×15, C_s = 0.1, one point": (2, 7),
-        "bias 60°, Delaunay, G = 0.1, macro": (0, 24),
-        "bias 60°, Delaunay, G = 0, macro": (0, 8),
-        "bias 40°, G = 0, one point": (0, 4),
-        "trellis, G = 0, one point": (0, 4),
-    }
-    assert all(
-        found == list(range(found[0], found[-1] + 1)) for found in seeds.values()
-    )
-
-
-def test_flat_angles_are_flat():
-    (problem,) = [p for p in extremes() if p.name == "strip, 2×2" and "179" in p.family]
-    mesh = problem.scene().mesh
-    x = mesh.p[:, mesh.t]
-    ahead, behind = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
-    cosine = np.sum(ahead * behind, axis=0) / (
-        np.linalg.norm(ahead, axis=0) * np.linalg.norm(behind, axis=0)
-    )
-    assert np.degrees(np.arccos(cosine)).max() == pytest.approx(179.0)
 
 
 def test_an_interrupted_study_reports_on_what_it_has_and_goes_on(

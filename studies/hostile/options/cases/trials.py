@@ -19,9 +19,8 @@ from ...trial import (
     Finding,
     WrongAnswerError,
     checked,
-    refused,
 )
-from ..trials import run_line
+from ..trials import PREFIX, refused_in_one_line, run_line
 from .sound_cases import SHEAR, TEST, sound_case, unknown_keys
 
 #: A case with more elements or steps is not run, as it takes long.
@@ -39,8 +38,6 @@ _ODD = (
     *("1979-05-27", "0x10", "-1", "0", "1_0", '"free"', "[[1]]", "{a = 1}", "1e308"),
     *('"é\\n"', '"..\\u001b[2J"', '"auto"', '"case.toml"', "9" * 30, "9" * 5000),
 )
-
-_PREFIX = "skfem-textile: "
 
 _SECONDS = 60.0
 
@@ -66,16 +63,11 @@ def attempt(seed: int, folder: Path) -> Finding:
 def _finding(folder: Path, shown: str, damage: bool, again: bool) -> Finding:
     before = folder_content(folder)
     code, _, err = run_line(["run", "case.toml", "--out", "out"], folder)
-    own = [line for line in err.splitlines() if line.startswith(_PREFIX)]
+    own = [line for line in err.splitlines() if line.startswith(PREFIX)]
     if code == 2:
         if not damage:
             return Finding(SILENT, shown, f"a sound case is refused: {err[:300]}")
-        if before != folder_content(folder):
-            return Finding(SILENT, shown, f"refused, but files changed: {err[:300]}")
-        text, end, more = err.partition("\n")
-        if not text.startswith(f"{_PREFIX}error: ") or not end or more:
-            return Finding(UNCLEAR, shown, err)
-        return refused(shown, text)
+        return refused_in_one_line(shown, err, before == folder_content(folder))
     if code not in (0, 1) or len(own) != code:
         return Finding(UNCLEAR, shown, f"exit code {code}: {err[:500]}")
     return checked(shown, _check_written, folder, again and code == 0)

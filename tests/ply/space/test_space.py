@@ -1,13 +1,11 @@
-"""A ply in space: derivatives, frames, the plane as a special case, exact answers."""
+"""A ply in space: derivatives, frames, the plane as a special case."""
 
 import numpy as np
 import pytest
-from helpers import derivative, distorted, wobble
-from scipy.optimize import brentq
+from helpers import assert_derivatives, derivative, distorted, wobble
 from skfem import MeshQuad
 
 from skfem_textile import (
-    BodyForce,
     Condition,
     CrimpInterchange,
     Fabric,
@@ -88,12 +86,7 @@ def flat(u):
 @every_fabric
 def test_residual_and_tangent_are_derivatives_of_the_energy(fabric, formulation):
     ply = in_space(fabric, formulation)
-    u, d = curved_state(ply, 2), wobble(ply, 3, 1.0)
-    along = ply.residual(u) @ d
-    assert derivative(ply.energy, u, d, 1e-5) == pytest.approx(along, rel=1e-6)
-    twice = ply.tangent(u) @ d
-    numerical = derivative(ply.residual, u, d, 1e-5)
-    np.testing.assert_allclose(numerical, twice, atol=1e-6 * np.abs(twice).max())
+    assert_derivatives(ply, curved_state(ply, 2), wobble(ply, 3, 1.0))
 
 
 @pytest.mark.parametrize("closing", [0.62, 0.66])  # on both sides of the parabola
@@ -188,74 +181,6 @@ def test_a_bias_extension_held_in_its_plane_gives_the_numbers_of_the_plane(formu
     np.testing.assert_allclose(results[1].u, flat(results[0].u), rtol=0, atol=1e-10)
 
 
-def zero_modes(K):
-    K = K.toarray()
-    values = np.linalg.eigvalsh(K)
-    assert values[0] > -1e-9 * values[-1]
-    return int((np.abs(values) < 1e-9 * values[-1]).sum())
-
-
-def test_zero_modes_of_a_free_flat_patch():
-    """As counted by another program, of 75 unknowns."""
-    lines = np.linspace(0, 10, 5)
-    mesh = MeshQuad.init_tensor(lines, lines)
-    for formulation in (OnePoint(), OnePoint(3.0)):
-        ply = Ply(mesh, Fabric(1e3, 1.0), formulation, dimension=3)
-        u = ply.basis.zeros()
-        lifting = ply.terms[-1]
-        assert lifting.name == "out_of_plane"
-        assert zero_modes(ply.tangent(u)) == 12
-        assert zero_modes(ply.tangent(u) - lifting.tangent(u, 1.0)) == 28
-    halves = MeshQuad.init_tensor(lines[::2], lines[::2])
-    macro = Ply(halves, Fabric(1e3, 1.0), Macro(), dimension=3)
-    assert zero_modes(macro.tangent(macro.basis.zeros())) == 12
-
-
-def test_an_element_resists_twist_and_no_other_motion_across_it():
-    """½ C_s Σ A/4 ‖∇w(ξ_k)‖², of w = xy on a square of side 2: 4 C_s/3."""
-    mesh = MeshQuad.init_tensor(np.array([-1.0, 1.0]), np.array([-1.0, 1.0]))
-    ply = Ply(mesh, Fabric(10.0, 1.0), OnePoint(3.0), dimension=3)
-    x, y = ply.nodes
-    for motion, energy in ((x * y, 3.0 * 4 / 3), (x, 0.0), (1 + y, 0.0)):
-        u = ply.basis.zeros()
-        u[2::3] = 1e-3 * motion
-        found = ply.energies(u)["out_of_plane"]
-        assert found == pytest.approx(1e-6 * energy, rel=1e-4, abs=1e-16)
-
-
-def compressed(n, strain):
-    """Fibres along x compressed evenly, ends held, edges along them free, z held."""
-    lines = np.linspace(0, 100, n + 1)
-    mesh = MeshQuad.init_tensor(lines, lines).with_defaults()
-    ply = Ply(mesh, Fabric(1e5, 0.1), OnePoint(), dimension=3)
-    conditions = {
-        "left": Condition("left"),
-        "right": Condition("right", (100 * np.expm1(strain), 0.0, 0.0)),
-        "plane": Condition(lambda X: X[0] > -1, (None, None, 0.0)),
-    }
-    u = ply.basis.zeros()
-    u[::3] = np.expm1(strain) * ply.nodes[0]
-    problem = Problem(ply, Constraints(ply.basis, conditions), solver_named("superlu"))
-    return problem.at(1.0), u
-
-
-@pytest.mark.parametrize("n", [4, 8])
-def test_an_inextensible_net_buckles_in_its_plane_at_minus_its_shear_stiffness(n):
-    """T = −G without bending (Rosen)."""
-
-    def stable(T):
-        problem, u = compressed(n, T / 1e5)
-        return Tangent(problem, u).definite
-
-    low, high = -0.2, 0.0  # unstable, stable
-    assert stable(high - 1e-6)
-    assert not stable(low)
-    for _ in range(14):
-        middle = (low + high) / 2
-        low, high = (low, middle) if stable(middle) else (middle, high)
-    assert high == pytest.approx(-0.1, rel=5e-3)
-
-
 def pivots(ply, u, convex, tension=None):
     blocks = ply.stiffness(u, tension=tension, convex=convex)
     return np.linalg.eigvalsh(ply.pattern.matrix(blocks).toarray())
@@ -297,101 +222,6 @@ def test_the_last_resort_makes_a_tangent_definite_in_space():
     tangent = definite(problem, u, slack)
     assert tangent.definite
     assert tangent.altered
-
-
-def catenary(n):
-    """Relative errors of sag and horizontal force of a hanging sheet."""
-    length, span, weight = 100.0, 80.0, 1e-3
-    lines = np.linspace(0, length, n + 1)
-    mesh = MeshQuad.init_tensor(lines, lines[::2] / 2).with_defaults()
-    load = BodyForce((0.0, 0.0, -weight), factor=1.0)
-    ply = Ply(mesh, Fabric(1e4, 0.1), OnePoint(), [load], dimension=3)
-    conditions = {
-        "left": Condition("left"),
-        "right": Condition("right", (span - length, 0.0, 0.0)),
-    }
-    result = LoadStepper(ply, conditions, 4, solver="superlu").run()
-    c = brentq(lambda c: 2 * c * np.sinh(span / 2 / c) - length, 10, 1e3)
-    sag = c * (np.cosh(span / 2 / c) - 1)
-    width = ply.nodes[1].max()
-    x, y, z = result.states[-1].reactions["right"]
-    assert z == pytest.approx(weight * length * width / 2, rel=1e-9)
-    assert y == pytest.approx(0.0, abs=1e-9)
-    row = result.history()[-1]
-    assert row["right_reaction_z"] == z
-    assert row["right_displacement_x"] == pytest.approx(span - length)
-    lowest = ply.nodal(result.u)[2].min()
-    return np.array([-lowest / sag, x / (weight * c * width)]) - 1
-
-
-def test_a_hanging_sheet_is_a_catenary_to_second_order():
-    """Found from the flat sheet, which has no stiffness across it."""
-    coarse, fine = catenary(8), catenary(16)
-    assert (np.abs(fine) < [2.5e-3, 1.2e-3]).all()
-    assert (np.abs(coarse / fine) > 3.5).all()
-
-
-def test_a_traction_across_a_taut_ply_is_carried_by_its_tension():
-    """T₀ w″ = 0 with T₀ w′ = p at the pulled edge: w = p x / T₀."""
-    lines = np.linspace(0, 10, 5)
-    mesh = MeshQuad.init_tensor(lines, lines).with_defaults()
-    loads = [Traction("right", (5.0, 0.0, 0.01))]
-    ply = Ply(mesh, Fabric(1e4, 0.1), Full(), loads, dimension=3)
-    result = LoadStepper(ply, {"left": Condition("left")}, 1).run()
-    w = ply.nodal(result.u)[2]
-    np.testing.assert_allclose(w, 0.01 / 5.0 * ply.nodes[0], rtol=2e-3)
-
-
-def pair_of_elements():
-    return MeshQuad.init_tensor(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0]))
-
-
-def test_a_crease_and_a_fold_are_told_from_a_turn():
-    ply = Ply(pair_of_elements(), Fabric(10.0, 1.0), OnePoint(), dimension=3)
-    X = np.pad(ply.nodes, ((0, 1), (0, 0)))
-
-    def bent(degrees):
-        """The right element turned about the edge between both."""
-        x, angle = X.copy(), np.radians(degrees)
-        right = X[0] > 1.5
-        x[0, right], x[2, right] = 1 + np.cos(angle), np.sin(angle)
-        return (x - X).T.ravel()
-
-    for degrees, creased in (
-        (0, []),
-        (80, []),
-        (-80, []),
-        (100, [0, 1]),
-        (-170, [0, 1]),
-    ):
-        assert ply.creased(bent(degrees)).tolist() == creased
-        np.testing.assert_allclose(ply.least_area_ratio(bent(degrees)), 1.0)
-    u = ply.basis.zeros()
-    corner = np.flatnonzero((X[0] == 2) & (X[1] == 1))[0]
-    u[3 * corner : 3 * corner + 2] = -0.7  # past the diagonal
-    assert ply.least_area_ratio(u).min() < 0
-    plane = Ply(pair_of_elements(), Fabric(10.0, 1.0), OnePoint())
-    u_plane = u.reshape(-1, 3)[:, :2].ravel()
-    np.testing.assert_allclose(
-        ply.least_area_ratio(u), plane.least_area_ratio(u_plane), atol=1e-14
-    )
-    assert plane.creased(u_plane).size == 0
-
-
-def test_a_creased_state_is_refused_unless_it_may_warn():
-    """The element at the end lies on its neighbour, held there."""
-    ply = Ply(pair_of_elements(), Fabric(10.0, 1.0), OnePoint(), dimension=3)
-
-    def rolled(X, t):
-        angle = np.pi * t
-        right = np.maximum(X[0] - 1, 0.0)
-        return np.array([right * (np.cos(angle) - 1), 0 * right, right * np.sin(angle)])
-
-    conditions = {"all": Condition(lambda X: X[0] > -1, rolled)}
-    with pytest.raises(RuntimeError, match="a crease that no mesh resolves"):
-        LoadStepper(ply, conditions, 3, max_halvings=0).run()
-    result = LoadStepper(ply, conditions, 3, warn_only=["crease"]).run()
-    assert result.converged
 
 
 @pytest.mark.parametrize("dimension", [1, 4, "3", None])

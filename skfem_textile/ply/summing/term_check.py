@@ -14,8 +14,8 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix, issparse
 from skfem import CellBasis
 
-from ..mesh.bases import components
-from .term import DependsOn, Load, Role, Term, refuse_unsymmetric
+from ...mesh.bases import components
+from ..term import DependsOn, Load, Role, Term, refuse_unsymmetric
 
 # What a memory, and a term, must have.
 _MEMORY_MEMBERS = (

@@ -1,0 +1,266 @@
+"""Tangents: assembled, reduced to the free unknowns, factorised, and solved with.
+
+On a surface φ = 0 a tangent is that of the energy less λ∇²φ, see `SurfaceNodes`.
+"""
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import csr_matrix
+
+from ..linear.solver import SingularMatrixError
+from ..states import NoEquilibriumError
+
+if TYPE_CHECKING:
+    from ..linear.system import System
+    from .problem import Problem
+
+#: Relative round-off of a number.
+EPSILON = 2.0**-53
+
+#: What to try where forces or a tangent are not finite.
+NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
+
+# How many times the round-off of a number a stretch has after the operations that lead
+# to it: with once, macro-elements under a small load never balance
+# (`pytest tests/solve/stepper -k round_off`).
+_ROUNDINGS = 4
+
+_MORE_STIFFNESS = (
+    "holding the ply in more places, or more stabilisation or shear stiffness"
+)
+
+
+class Tangent:
+    """Tangent of a problem, factorised on the free unknowns.
+
+    ``altered`` tells that it is not what the iteration wanted: that was indefinite.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    u
+        Displacement.
+    tension
+        Fibre tensions for the geometric stiffness in place of those of ``u``.
+    convex
+        Whether what resists shear is made positive semi-definite.
+    contact
+        Multipliers λ of nodes on surfaces in place of those of ``u``.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If the tangent is singular.
+    """
+
+    def __init__(
+        self,
+        problem: "Problem",
+        u: ndarray,
+        tension: ndarray | None = None,
+        convex: bool = False,
+        contact: ndarray | None = None,
+    ) -> None:
+        self._problem, clock, system = problem, problem.clock, problem.system
+        self._u = u
+        self.altered = False
+        arguments = u, problem.load_factor, tension, problem.corners_resist, convex
+        blocks = clock.time("assembly", problem.ply.stiffness, *arguments)
+        self._turn = problem.turn(u)
+        if problem.surfaces:
+            self._blocks = blocks = _curved(problem, u, blocks, contact)
+        if not np.isfinite(blocks.sum()):
+            raise NoEquilibriumError("the tangent is not finite", advice=NOT_FINITE)
+        self._matrix = clock.time("assembly", reduced, system, blocks, self._turn)
+        factorise = system.solver.factorise
+        clock.factorisations += 1
+        try:
+            self._factors = clock.time("solve", factorise, self._matrix.upper.data)
+        except SingularMatrixError as error:
+            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
+
+    @property
+    def definite(self) -> bool:
+        """Whether every small motion costs energy, but for those of fixed unknowns."""
+        return self._factors.definite
+
+    @cached_property
+    def negative_pivots(self) -> int | None:
+        """Number of negative eigenvalues; None where the factors do not tell."""
+        try:
+            return self._counted(lambda: self._factors.negative_pivots)
+        except SingularMatrixError:
+            return None
+
+    @cached_property
+    def stiffness(self) -> float:
+        """Largest sum of magnitudes in a row."""
+        return self._matrix.stiffness()
+
+    def increment(self, f: ndarray, u: ndarray, fixed_values: ndarray) -> ndarray:
+        """Solve K·du = −f, with the fixed unknowns brought to their values."""
+        problem, turn, constraints = (
+            self._problem,
+            self._turn,
+            self._problem.constraints,
+        )
+        fixed, free = constraints.fixed, problem.system.free
+        prescribed, dq = constraints.prescribed, np.zeros_like(u)
+        dq[prescribed] = fixed_values - turned(u, constraints.turn)[prescribed]
+        if problem.surfaces:
+            held = plain(dq, constraints.turn)
+            dq = turned(problem.surfaces.motion(u, problem.load_factor, held), turn)
+        b = -(turned(f, turn)[free] + self._matrix.coupling @ dq[fixed])
+        dq[free] = self._solve(b)
+        return plain(dq, turn)
+
+    def contact(self, f: ndarray, du: ndarray) -> ndarray | None:
+        """Multipliers λ of nodes on surfaces after an increment, to first order.
+
+        None where there are none.
+        """
+        problem = self._problem
+        if not problem.surfaces:
+            return None
+        after = f + problem.ply.pattern.matrix(self._blocks) @ du
+        return _multipliers(problem, self._u, after)
+
+    def settled(self, f: ndarray) -> tuple[ndarray, ndarray]:
+        """The motion that balances forces, and the forces after it, to first order."""
+        problem, turn = self._problem, self._turn
+        free, fixed = problem.system.free, problem.constraints.fixed
+        motion, after, before = np.zeros_like(f), np.zeros_like(f), turned(f, turn)
+        motion[free] = self._solve(-before[free])
+        after[fixed] = before[fixed] + self._matrix.coupling.T @ motion[free]
+        return plain(motion, turn), plain(after, turn)
+
+    def softest(self) -> ndarray:
+        """The motion with the least stiffness, its largest component 1.
+
+        By inverse iteration from a vector without symmetry.
+        """
+        problem = self._problem
+        q, free = np.zeros(problem.ply.basis.N), problem.system.free
+        v = np.sin(free + 1.0)
+        for _ in range(3):
+            v = self._solve(v)
+            v = v / np.abs(v).max(initial=1e-300)
+        q[free] = v
+        return plain(q, self._turn)
+
+    def _solve(self, b: ndarray) -> ndarray:
+        self._problem.clock.solves += 1
+        try:
+            return self._counted(self._factors.solve, b)
+        except SingularMatrixError as error:
+            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
+
+    def _counted(self, function: Callable, *args: Any) -> Any:
+        """Call on the clock what may have to factorise again."""
+        clock, factors = self._problem.clock, self._factors
+        before = factors.factorisations
+        try:
+            return clock.time("solve", function, *args)
+        finally:
+            clock.factorisations += factors.factorisations - before
+
+    def tolerance(self, u: ndarray, f: ndarray) -> float:
+        """A share of the largest force, and what round-off leaves in any case.
+
+        Rounding moves nodes by 2⁻⁵³ of their displacement and changes gradients by
+        2⁻⁵³, a few times on the way to a stretch; the stiffness turns both into forces.
+        """
+        rounding = _ROUNDINGS * EPSILON * (np.abs(u).max() + self._problem.element_size)
+        largest = np.abs(f).max()
+        return float(self._problem.converged * largest + rounding * self.stiffness)
+
+
+def _multipliers(problem: "Problem", u: ndarray, f: ndarray) -> ndarray:
+    """λ of nodes on surfaces, shape (n,): forces f across them over the slope of φ."""
+    assert problem.surfaces
+    contact = problem.surfaces.contact(u, problem.load_factor)
+    across = (problem.ply.nodal(f)[:, contact.nodes] * contact.across).sum(axis=0)
+    return across / contact.slope
+
+
+def _curved(
+    problem: "Problem", u: ndarray, blocks: ndarray, contact: ndarray | None
+) -> ndarray:
+    """The blocks of a tangent less λ∇²φ of nodes on surfaces."""
+    surfaces, pattern = problem.surfaces, problem.ply.pattern
+    assert surfaces
+    if contact is None:
+        contact = _multipliers(problem, u, problem.residual(u))
+    own = np.flatnonzero(pattern.rows == pattern.cols)[surfaces.nodes]
+    blocks = blocks.copy()
+    hessian = surfaces.hessian(u, problem.load_factor)
+    blocks[own] -= contact[:, None, None] * hessian
+    return blocks
+
+
+def tangent_at(problem: "Problem", u: ndarray) -> Tangent | None:
+    """The consistent tangent; None where it is singular."""
+    try:
+        return Tangent(problem, u)
+    except NoEquilibriumError:
+        return None
+
+
+class Reduced(NamedTuple):
+    """A tangent on the free unknowns, in the order of elimination.
+
+    Attributes
+    ----------
+    upper
+        Its entries at and above the diagonal.
+    coupling
+        The matrix from the fixed unknowns to the free ones.
+    """
+
+    upper: csr_matrix
+    coupling: csr_matrix
+
+    def stiffness(self) -> float:
+        """Largest sum of magnitudes in a row, coupling and all."""
+        upper, coupling = abs(self.upper), abs(self.coupling)
+        rows = upper.sum(axis=1).A1 + upper.sum(axis=0).A1 - upper.diagonal()
+        return float((rows + coupling.sum(axis=1).A1).max(initial=0.0))
+
+
+def reduced(
+    system: "System", blocks: ndarray, turn: csr_matrix | None = None
+) -> Reduced:
+    """The blocks of a tangent as the free unknowns see it.
+
+    Parameters
+    ----------
+    system
+        Where their entries are.
+    blocks
+        The blocks.
+    turn
+        The map from the unknowns to the plain ones; None where they are the same.
+    """
+    if turn is not None:
+        blocks = system.turned(blocks, turn)
+    return Reduced(*(_at(blocks, slots) for slots in (system.upper, system.coupling)))
+
+
+def _at(blocks: ndarray, slots: csr_matrix) -> csr_matrix:
+    data = blocks.ravel()[slots.data]
+    return csr_matrix((data, slots.indices, slots.indptr), slots.shape)
+
+
+def turned(u: ndarray, turn: csr_matrix | None) -> ndarray:
+    """A DOF vector in unknowns that are turned."""
+    return u if turn is None else turn.T @ u
+
+
+def plain(q: ndarray, turn: csr_matrix | None) -> ndarray:
+    """A vector of unknowns that are turned as a DOF vector."""
+    return q if turn is None else turn @ q

@@ -1,0 +1,64 @@
+"""The case file of a specimen, and runs of case files."""
+
+import json
+
+from skfem_textile.cli import main as cli
+
+SHEAR = "shear angle (deg),moment (N mm/mm2)\n0,0\n30,0.1\n60,0.8\n"
+
+SPECIMEN = """
+[scene]
+name = "specimen"
+height_mm = 110
+rotate_deg = 20
+[scene.move_mm]
+bottom = [0, 0]
+top = ["free", 12]
+[mesh]
+size = [3, 7]
+[tension]
+law = "crimp-toe"
+stiffness_N_per_mm = 1000
+toe = 0.004
+initial_stiffness_N_per_mm = 10
+compression = "none"
+[shear]
+law = "tables/shear.csv"
+continuation = "odd"
+[formulation]
+name = "one-point"
+cs_N_per_mm = 2
+[loads.force_N]
+right = [0.5, 0]
+[stepping]
+steps = 2
+solver = "superlu"
+[output]
+pictures = false
+"""
+
+
+def written(tmp_path, text=SPECIMEN):
+    """A case file, beside the table of a shear law."""
+    (tmp_path / "tables").mkdir(exist_ok=True)
+    (tmp_path / "tables" / "shear.csv").write_text(SHEAR)
+    file = tmp_path / "one.toml"
+    file.write_text(text)
+    return file
+
+
+def run(file, out):
+    return cli.main(["run", str(file), "--out", str(out)])
+
+
+def assert_runs_alike(before, after, *names):
+    """The case that a run left leads to the same files, to the last bit."""
+    assert run(before / "case.toml", after) == 0
+    for name in ("case.toml", "history.csv", *names):
+        assert (before / name).read_bytes() == (after / name).read_bytes(), name
+
+
+def summary_of(out):
+    """What a summary says, but for times."""
+    summary = json.loads((out / "summary.json").read_text())
+    return {k: v for k, v in summary.items() if not k.endswith("_time_s")}

@@ -1,0 +1,89 @@
+"""The folder of a result: written at once, or left as it was."""
+
+import pytest
+
+from skfem_textile.cli.results.result_folder import ResultFolder
+
+NAMES = ("summary.json", "picture.png", "fields/step_[0-9]*.vtu")
+
+
+def test_a_result_replaces_the_one_before_and_nothing_else(tmp_path):
+    out = tmp_path / "out"
+    with ResultFolder(out, NAMES) as folder:
+        (folder / "fields").mkdir()
+        for name in ("summary.json", "picture.png", "fields/step_0001.vtu"):
+            (folder / name).write_text("old")
+    (out / "fields" / "mine.pvsm").write_text("kept")
+    (out / "mine").write_text("kept")
+    with ResultFolder(out, NAMES) as folder:
+        (folder / "fields").mkdir()
+        for name in ("summary.json", "fields/step_0000.vtu"):
+            (folder / name).write_text("new")
+    files = {str(p.relative_to(out)): p for p in out.rglob("*") if p.is_file()}
+    assert set(files) == {
+        "summary.json",
+        "fields/step_0000.vtu",
+        "fields/mine.pvsm",
+        "mine",
+    }
+    assert files["summary.json"].read_text() == "new"
+
+
+def test_an_interrupted_run_leaves_the_folder_as_it_was(tmp_path):
+    def interrupted(out):
+        with ResultFolder(out, NAMES) as folder:
+            (folder / "summary.json").write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(tmp_path / "new")
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "summary.json").write_text("whole")
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(tmp_path / "old")
+    assert [p.name for p in (tmp_path / "old").iterdir()] == ["summary.json"]
+    assert (tmp_path / "old" / "summary.json").read_text() == "whole"
+
+
+def test_what_stands_in_the_way_is_refused_at_once(tmp_path):
+    (tmp_path / "summary.json").mkdir()
+    (tmp_path / "file").write_text("")
+    (tmp_path / "ours").mkdir()
+    (tmp_path / "ours" / "fields").write_text("")
+    for path, message in [
+        (tmp_path, "summary.json is a folder"),
+        (tmp_path / "file", "cannot write results to .*file"),
+        (tmp_path / "ours", "fields is no folder"),
+    ]:
+        with pytest.raises(OSError, match=message):
+            ResultFolder(path, NAMES)
+
+
+def test_of_two_runs_into_one_folder_the_second_is_told(tmp_path):
+    out = tmp_path / "new" / "out"
+    first = ResultFolder(out, NAMES)
+    with pytest.raises(BlockingIOError, match=f"another run is writing to {out}"):
+        ResultFolder(out, NAMES)
+    with first as folder:
+        (folder / "summary.json").write_text("{}")
+    ResultFolder(out, NAMES)
+    assert [p.name for p in out.iterdir()] == ["summary.json"]
+
+
+def test_a_folder_into_which_nothing_comes_is_not_left(tmp_path):
+    out = tmp_path / "new" / "out"
+    results = ResultFolder(out, NAMES)
+    assert out.is_dir()
+    del results
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_others_wrote_into_a_new_folder_stays_when_results_cannot(tmp_path):
+    """A checkpoint, say."""
+    out = tmp_path / "out"
+    results = ResultFolder(out, NAMES)
+    (out / "checkpoint").mkdir()
+    with pytest.raises(OSError, match="full"), results:
+        raise OSError("full")
+    assert [p.name for p in out.iterdir()] == ["checkpoint"]

@@ -1,0 +1,34 @@
+"""Checkpoints of runs that were interrupted."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from sheared_runs import interrupted
+from strip_runs import interrupted_at
+
+
+@pytest.fixture(scope="session")
+def half_done(tmp_path_factory):
+    """The checkpoint of a run that was interrupted half-way; not to be written to."""
+    folder = tmp_path_factory.mktemp("half done") / "c"
+    interrupted_at(folder, 0.5)
+    return folder
+
+
+@pytest.fixture
+def half(half_done, tmp_path):
+    """A copy of the checkpoint of a run that was interrupted half-way."""
+    return Path(shutil.copytree(half_done, tmp_path / "c"))
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory):
+    """That of a run with several states; not to be written to."""
+    return interrupted(tmp_path_factory.mktemp("sheared") / "run")
+
+
+@pytest.fixture
+def run(made, tmp_path):
+    """A copy of it."""
+    return shutil.copytree(made, tmp_path / "c")

@@ -1,0 +1,38 @@
+"""Runs on a small ply that is sheared; its C_s depends on the last converged state."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+from helpers import distorted
+
+from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, Sin2
+
+
+def stepper(folder, pull=0.3, **options):
+    ply = Ply(distorted(1).with_defaults(), Fabric(1e3, Sin2(0.5)), OnePoint())
+    conditions = {
+        "clamp": Condition("bottom"),
+        "pull": Condition("top", pull, (1, 0)),
+        "level": Condition("top", 0.0, (0, 1)),
+    }
+    return LoadStepper(ply, conditions, 6, checkpoint=folder, **options)
+
+
+def interrupted(folder, pull=0.3):
+    def interrupt(state):
+        if state.load_factor > 0.6:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stepper(folder, pull, on_step=interrupt).run()
+    return folder
+
+
+def opened(path):
+    """Text and arrays of a file, and its seal: run, name, digest."""
+    body, _, seal = path.read_bytes().rpartition(b"\n")
+    with np.load(io.BytesIO(body)) as content:
+        arrays = dict(content)
+    return json.loads(str(arrays.pop("text"))), arrays, seal.decode().split()

@@ -1,0 +1,43 @@
+"""Runs on a small strip that are interrupted and resumed."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
+from skfem_textile.scenes import strip
+
+
+def stepper(folder, steps=6, C_s=1.0, kind="energy", E=1e4, **options):
+    scene = strip(size=(4, 6))
+    ply = Ply(scene.mesh, Fabric(E), OnePoint(C_s, kind))
+    return LoadStepper(ply, scene.conditions, steps, checkpoint=folder, **options)
+
+
+def interrupted_at(folder, load_factor, **options):
+    """Leave the checkpoint of a run that was interrupted there."""
+
+    def interrupt(state):
+        if state.load_factor >= load_factor:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stepper(folder, on_step=interrupt, **options).run()
+
+
+@cache
+def whole(kind="energy", C_s=1.0):
+    """The run that is not interrupted."""
+    return stepper(None, kind=kind, C_s=C_s).run()
+
+
+def assert_same(result, other):
+    assert [s.load_factor for s in result.states] == [
+        s.load_factor for s in other.states
+    ]
+    np.testing.assert_array_equal(result.u, other.u)
+    assert result.linear_solves == other.linear_solves
+    assert result.factorisations == other.factorisations
+    assert result.steps_cut == other.steps_cut
+    assert result.history() == other.history()

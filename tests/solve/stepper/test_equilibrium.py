@@ -1,0 +1,164 @@
+"""What counts as an equilibrium, by which way it is found, and what that costs."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers import distorted
+from pulled import pulled
+from skfem import MeshQuad
+
+from skfem_textile import (
+    BodyForce,
+    Condition,
+    Descent,
+    Fabric,
+    Full,
+    LoadStepper,
+    Mixed,
+    Newton,
+    OnePoint,
+    Ply,
+    StepError,
+)
+from skfem_textile.scenes import strip
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve.linear import SOLVERS
+from skfem_textile.solve.linear.solvers import superlu
+
+
+def test_linear_solves_include_abandoned_attempts():
+    ply, conditions = pulled(lambda X, t: 0.3 * t * X[0])
+    result = LoadStepper(ply, conditions, 2, strategies=[Mixed(most=1), "mixed"]).run()
+    linear_solves = [state.linear_solves for state in result.states]
+    assert linear_solves[1] == len(result.states[1].residuals) + 1
+    assert sum(linear_solves) == result.linear_solves
+
+
+def test_the_verdict_costs_one_factorisation_a_run():
+    """That of every state but the last serves the step after it."""
+    ply, conditions = pulled(lambda X, t: 0.3 * t * X[0])
+    result = LoadStepper(ply, conditions, steps=5).run()
+    assert result.factorisations == result.linear_solves + 1
+
+
+def test_a_mechanism_is_refused():
+    mesh = MeshQuad().refined(2).with_defaults()
+    ply = Ply(mesh, Fabric(10.0), Full())  # no shear stiffness, only one side held
+    with pytest.raises(StepError, match="some motion meets no stiffness"):
+        LoadStepper(
+            ply, {"pull": Condition("top", 0.1, direction=(0, 1))}, steps=1
+        ).run()
+
+
+def test_a_ply_with_every_node_held_has_nothing_to_solve():
+    mesh = MeshQuad()
+    held = {"all": Condition(np.arange(4), lambda X, t: 0.1 * t * X)}
+    for formulation in (Full(), OnePoint(1.0)):
+        result = LoadStepper(Ply(mesh, Fabric(10.0, 1.0), formulation), held, 2).run()
+        np.testing.assert_allclose(result.ply.nodal(result.u), 0.1 * mesh.p)
+        assert result.summary()["stable"]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("direction", [None, (0.0, 1.0), (0.5, 1.0)])
+def test_a_mechanism_on_an_irregular_mesh_is_no_stable_state(seed, direction):
+    """Round-off gives free motions a little stiffness, of either sign."""
+    mesh = distorted(seed).with_defaults()
+    held = {"hinge": Condition([0], 0.0 * mesh.p[:, :1])}
+    if direction:
+        held = {"slide": Condition("bottom", 0.0, direction)}
+    for formulation in (Full(), OnePoint(1.0)):
+        ply = Ply(mesh, Fabric(1e4, 1.0, (1.0, 0.3), (0.0, 1.0)), formulation)
+        with pytest.raises(StepError, match="some motion meets no stiffness"):
+            LoadStepper(ply, held, steps=1).run()
+
+
+@pytest.mark.parametrize("E", [1e2, 1e6, 1e10])
+def test_the_tolerance_can_be_met_at_any_stiffness(E):
+    """On an aligned mesh the reactions vanish with the residual."""
+    scene = strip("aligned", size=(4, 6))
+    ply = Ply(scene.mesh, Fabric(E), Full())
+    result = LoadStepper(ply, scene.conditions, steps=5).run()
+    assert result.summary()["max_fibre_strain"] < 1e-9
+    assert result.linear_solves < 40
+
+
+def test_every_strategy_finds_the_same_equilibrium():
+    scene = strip(size=(4, 6))
+    ends = [
+        LoadStepper(
+            Ply(scene.mesh, Fabric(1e4), OnePoint(10.0)),
+            scene.conditions,
+            steps=10,
+            strategies=[strategy],
+        )
+        .run()
+        .u
+        for strategy in ("mixed", "descent", "newton", Newton(30), Descent(200))
+    ]
+    for end in ends[1:]:
+        np.testing.assert_allclose(end, ends[0], atol=1e-6)
+
+
+def test_reactions_are_not_taken_for_unbalanced_forces():
+    ply, conditions = pulled(0.5)
+    problem = LoadStepper(ply, conditions).problem
+    free, fixed = problem.constraints.free, problem.constraints.fixed
+    f = problem.unfixed(np.ones(ply.basis.N), ply.basis.zeros())
+    assert np.all(f[free] == 1)
+    assert np.all(f[fixed] == 0)
+
+
+def test_every_solve_and_factorisation_is_counted(monkeypatch):
+    counts = {"factorisations": 0, "solves": 0}
+    factorised = superlu._decomposed
+
+    class Counted:
+        def __init__(self, lu):
+            self._lu = lu
+
+        def __getattr__(self, name):
+            return getattr(self._lu, name)
+
+        def solve(self, b):
+            counts["solves"] += 1
+            return self._lu.solve(b)
+
+    def counted(*arguments, **options):
+        counts["factorisations"] += 1
+        return Counted(factorised(*arguments, **options))
+
+    monkeypatch.setattr(superlu, "_decomposed", counted)
+    ply, conditions = pulled(-0.3)
+    result = LoadStepper(ply, conditions, 2, max_halvings=2).run()
+    assert result.linear_solves == counts["solves"]
+    assert result.factorisations == counts["factorisations"]
+    assert counts["solves"] > sum(len(state.residuals) for state in result.states)
+
+
+@cache
+def pushed_by(solver):
+    """A ply that is indefinite on the way."""
+    result = LoadStepper(*pulled(-0.3), 2, max_halvings=2, solver=solver).run()
+    assert result.states[-1].verdict.negative_pivots == 0
+    return result.u
+
+
+@pytest.mark.parametrize("solver", ["cholmod", "pardiso"])
+def test_every_solver_leads_to_the_same_end(solver):
+    pytest.importorskip(SOLVERS[solver].package)
+    np.testing.assert_allclose(pushed_by(solver), pushed_by("superlu"), atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1.0, 50.0])
+@pytest.mark.parametrize("E", [1e4, 1e7])
+@pytest.mark.parametrize("n", [8, 16])
+def test_what_round_off_leaves_is_within_the_tolerance(n, E, size):
+    """Under a load that is hardly more than round-off."""
+    ply = Ply(rectangle(size, size, (n, n), "irregular", 0.2), Fabric(E, 0.5))
+    weight = BodyForce((0.0, -1e-9), factor=1.0)
+    stepper = LoadStepper(
+        ply.with_terms(weight), {"clamp": Condition("bottom")}, 1, strategies=("mixed",)
+    )
+    assert stepper.run().linear_solves <= 2

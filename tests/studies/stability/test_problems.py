@@ -1,0 +1,93 @@
+"""The problems that the study covers."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, Linear, Macro, OnePoint, Quadratic
+from studies.stability import study
+from studies.stability.laws import SHEARS, TENSIONS
+from studies.stability.problems import extremes
+from studies.stability.study import STUDY
+
+
+def test_the_study_covers_what_it_should():
+    problems = extremes()
+    assert len(problems) * len(study.STEPS) >= 300
+    assert len({STUDY.name(p) for p in problems}) == len(problems)
+    ratios = {p.E / p.G for p in problems if p.G}
+    assert {1e2, 1e4, 1e6, 1e8, 1e10} <= ratios
+    assert any(p.G == 0 for p in problems)
+    stabilisations = {getattr(p.formulation, "stabilisation", 1) for p in problems}
+    assert {1e-3, 1e3} <= stabilisations
+
+
+def test_every_law_is_on_every_scene_with_every_formulation_and_stiffness():
+    found = [p for p in extremes() if p.family.startswith("laws: ")]
+    assert {p.family.removeprefix("laws: ") for p in found} == {
+        "strip",
+        "trellis",
+        "picture frame",
+        "bias extension",
+    }
+    for law in (*TENSIONS, *SHEARS):
+        own = [p for p in found if p.label.rpartition(", ")[0] == law]
+        assert len({p.family for p in own}) == 4
+        formulations = {p.formulation for p in own}
+        assert formulations == {Macro(), OnePoint(), Quadratic(80.0)}
+        assert {p.E for p in own} == {1e3, 1e5, 1e8}
+        for problem in own:
+            fabric = problem.ply(problem.scene()).fabric
+            if law in SHEARS:
+                assert fabric.shear_law is SHEARS[law]
+                assert fabric.families[0].tension == Linear(problem.E)
+            else:
+                assert fabric.shear_law == Linear(0.5)
+                given = Fabric(TENSIONS[law](problem.E)).tensions
+                assert repr(fabric.tensions) == repr(given)
+
+
+@pytest.mark.parametrize("law", TENSIONS)
+def test_laws_of_tension_have_about_the_slope_E_at_one_percent_of_strain(law):
+    law = Fabric(TENSIONS[law](1e5)).tensions.of_family(0)
+    assert 0.6 < law.tangent(np.array([0.01]))[0] / 1e5 < 1.01
+
+
+def test_the_shear_table_rises_a_hundredfold():
+    at_30, at_55 = SHEARS["shear table"].value(np.radians([30, 55]))
+    assert at_55 == pytest.approx(100 * at_30)
+
+
+def test_folding_plies_are_on_meshes_in_a_row():
+    """No mesh is chosen by how it ends."""
+    seeds, first = {}, {}
+    for problem in extremes():
+        if problem.family == "folding":
+            seeds.setdefault(problem.kind, []).append(problem.seed)
+            mesh = problem.scene().mesh.p
+            assert not np.array_equal(mesh, first.setdefault(problem.kind, 0 * mesh))
+            first[problem.kind] = mesh
+    assert {kind: (found[0], len(found)) for kind, found in seeds.items()} == {
+        "strip 6×9, C_s = 1, one point": (0, 24),
+        "strip 6×9, C_s = 0.1, one point": (0, 6),
+        "strip 6×9, C_s = 0.01, one point": (0, 6),
+        "strip 10×15, C_s = 1, one point": (2, 7),
+        "strip 10×15, C_s = 0.1, one point": (2, 7),
+        "bias 60°, Delaunay, G = 0.1, macro": (0, 24),
+        "bias 60°, Delaunay, G = 0, macro": (0, 8),
+        "bias 40°, G = 0, one point": (0, 4),
+        "trellis, G = 0, one point": (0, 4),
+    }
+    assert all(
+        found == list(range(found[0], found[-1] + 1)) for found in seeds.values()
+    )
+
+
+def test_flat_angles_are_flat():
+    (problem,) = [p for p in extremes() if p.name == "strip, 2×2" and "179" in p.family]
+    mesh = problem.scene().mesh
+    x = mesh.p[:, mesh.t]
+    ahead, behind = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
+    cosine = np.sum(ahead * behind, axis=0) / (
+        np.linalg.norm(ahead, axis=0) * np.linalg.norm(behind, axis=0)
+    )
+    assert np.degrees(np.arccos(cosine)).max() == pytest.approx(179.0)
