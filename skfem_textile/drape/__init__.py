@@ -1,16 +1,25 @@
 """Draping: surfaces, plies laid on them without mechanics, and what plies meet."""
 
 from ..solve.conditions.geodesics import displacement, exponential_map
-from .analytic import Cone, Cylinder, Plane, Sphere, Torus
+from .crossings import Net
 from .fibres_in_space import FibresInSpace, fibres_on_ply, fibres_on_tool
 from .flat_pattern import FlatPattern, flat_pattern
-from .height_field import Height, HeightField, double_dome
-from .kinematic_net import Net, net
+from .kinematic_net import net
 from .risks import bridging, contact_pressure, wrinkle_risk
 from .sheet import Places, Sheet
+from .surfaces import (
+    Cone,
+    Cylinder,
+    Height,
+    HeightField,
+    Plane,
+    Sphere,
+    Torus,
+    TriangleMesh,
+    double_dome,
+)
 from .tessellation import triangles_on
 from .tool_mesh import ToolMesh
-from .triangle_mesh import TriangleMesh
 
 __all__ = [
     "Cone",

@@ -6,6 +6,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from ..mesh.contact import Boundary, contact_of
 from ..mesh.user_input import real_numbers
 from .sheet import Sheet
 from .tool_mesh import curve_length
@@ -71,8 +72,8 @@ def flat_pattern(
     Raises
     ------
     ValueError
-        If an argument is not valid, the ply does not lie on a point of the curve, or it
-        lies there twice.
+        If an argument is not valid, the ply does not lie on a point of the curve, it
+        lies there twice, or the outline crosses itself.
 
     Examples
     --------
@@ -114,7 +115,27 @@ def flat_pattern(
             f"flat pattern: the outline jumps by {steps.max():.3g} mm at {place}: the "
             "ply lies on itself there, or the curve goes around the tool"
         )
+    _refuse_crossing(outline[:, steps > 0], points[:, steps > 0])
     return FlatPattern(outline, points, warp, weft)
+
+
+def _refuse_crossing(outline: ndarray, points: ndarray) -> None:
+    """Refuse an outline, (2, n), two edges of which cross or meet; points in space.
+
+    Its area would be that of parts with different signs.
+    """
+    n = np.arange(outline.shape[1])
+    edges = Boundary(outline, np.array([n, np.roll(n, -1)]), n, np.ones(len(n)))
+    contact = contact_of(edges)
+    if contact is None:  # more edges than can be judged
+        return
+    at = np.concatenate([contact.crossing, contact.doubled])
+    if at.size:
+        place = np.round(points[:, at[0]], 3).tolist()
+        raise ValueError(
+            f"flat pattern: the outline crosses itself at {place}: give a curve that "
+            "goes around one part once"
+        )
 
 
 def _closed(curve: ArrayLike) -> ndarray:

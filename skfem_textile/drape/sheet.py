@@ -9,8 +9,8 @@ from numpy import ndarray
 
 from ..fabric import kinematics as kin
 from ..solve.body import Body
+from .crossings import Net
 from .elements import Elements, boundary_edges, edge_lengths, unit
-from .kinematic_net import Net
 
 if TYPE_CHECKING:
     from scipy.spatial import KDTree

@@ -141,6 +141,42 @@ def test_bad_curves_are_refused_in_one_line(curve, spacing, message):
     assert "\n" not in str(error.value)
 
 
+TURN = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+
+
+def polygon(x, y):
+    """Points along the sides of a polygon, 40 a side."""
+    corners, share = np.array([x, y]), np.arange(40) / 40
+    along = np.roll(corners, -1, axis=1) - corners
+    return (corners[:, :, None] + along[:, :, None] * share).reshape(2, -1)
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [
+        50 + 30 * np.array([np.sin(2 * TURN + 0.01), np.sin(TURN)]),
+        50 + 30 * np.array([np.sin(2 * TURN), np.sin(TURN)]),  # a point twice
+        polygon([20.0, 80.0, 80.0, 20.0], [20.0, 80.0, 20.0, 80.0]),
+        np.tile(circle(40), 2),
+        np.hstack([circle(40), circle(40, radius=20.0)]),
+    ],
+)
+def test_a_curve_that_crosses_itself_is_refused_with_the_place(curve):
+    with pytest.raises(ValueError, match=r"crosses itself at \[.*\]: give a") as told:
+        drape.flat_pattern(on_cylinder(24), rolled(curve))
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_curves_that_come_near_themselves_are_not_refused(side):
+    """A narrow bay, in both senses, and points one upon the other."""
+    x = [20.0, 80.0, 80.0, 50.1, 50.0, 49.9, 20.0, 20.0]
+    y = [20.0, 20.0, 80.0, 80.0, 25.0, 80.0, 80.0, 80.0]
+    curve = polygon(x, y)[:, ::side]
+    pattern = drape.flat_pattern(on_cylinder(24), rolled(curve))
+    assert pattern.area == pytest.approx(3600 - 0.2 * 55 / 2, rel=1e-4)
+
+
 @pytest.fixture(scope="module")
 def patterns():
     sheet = on_cylinder(20)

@@ -18,10 +18,10 @@ from skfem_textile import (
     equilibrium_near,
 )
 from skfem_textile.scenes import Case, double_dome
-from skfem_textile.solve import problem as problem_module
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.problem import Problem, Tangent
+from skfem_textile.solve.problem import tangent as tangent_module
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.stepping.growth import grown
 from studies.formulations.drape import chebyshev
@@ -153,7 +153,7 @@ def test_a_ply_without_surfaces_balances_to_its_displacements_alone():
 
 
 def test_where_rounding_is_left_the_refusal_says_so(monkeypatch):
-    monkeypatch.setattr(problem_module, "_ROUNDINGS", 0.01)
+    monkeypatch.setattr(tangent_module, "_ROUNDINGS", 0.01)
     ply, conditions = far_ply()
     start = drape.exponential_map(conditions["on"].surface, ply.nodes, (FAR, -FAR))
     with pytest.raises(NoEquilibriumError, match="N unbalanced") as error:
@@ -163,7 +163,7 @@ def test_where_rounding_is_left_the_refusal_says_so(monkeypatch):
 
 def test_a_refusal_at_rest_blames_rounding_and_no_load(monkeypatch):
     """The plane of the ply at rest is not quite that of a surface from a file."""
-    monkeypatch.setattr(problem_module, "_ROUNDINGS", 0.01)
+    monkeypatch.setattr(tangent_module, "_ROUNDINGS", 0.01)
     ply, conditions = far_ply()
     plane = drape.Plane((FAR, -FAR, 0.0), (5e-5, 0.0, 1.0))
     tilted = conditions | {"on": OnSurface(plane, touch=(FAR, -FAR))}

@@ -145,3 +145,54 @@ def test_tangents_of_a_net_are_those_of_its_threads():
         errors.append(np.abs(net.tangents(X) - exact).max())
     assert errors[1] < 1e-3
     assert errors[0] / errors[1] > 3
+
+
+def test_geodesics_take_shorter_steps_where_a_surface_is_uneven():
+    """Ripples that are shorter than the steps on smooth surfaces."""
+    h, k = 0.3, 2 * np.pi / 6.0
+
+    def ripples(x, y):
+        c, s, zero = h * np.cos(k * x), h * k * np.sin(k * x), np.zeros_like(x)
+        return drape.Height(c - h, -s, zero, -k * k * c, zero, zero)
+
+    X = np.array([[99.0, 60.0, 80.0], [0.0, 30.0, -55.0]])
+    surface = drape.HeightField(ripples)
+    x = drape.exponential_map(surface, X)
+    # On a surface that can be unrolled along x: arc length takes the place of x.
+    s = np.linspace(0, 100, 100_001)
+    slope = np.hypot(1, h * k * np.sin(k * s))
+    arc = np.concatenate([[0], np.cumsum((slope[1:] + slope[:-1]) / 2 * s[1])])
+    exact = np.array([np.interp(X[0], arc, s), X[1]])
+    assert np.abs(x[:2] - exact).max() < 1e-3 * np.linalg.norm(X, axis=0).max()
+
+
+class Counted:
+    """A surface that counts the points at which it is asked for its curvature."""
+
+    def __init__(self, surface):
+        self.level, self.gradient, self._of = surface.level, surface.gradient, surface
+        self.points = 0
+
+    def hessian(self, x):
+        self.points += x.shape[1]
+        return self._of.hessian(x)
+
+
+def test_geodesics_end_where_they_are_long_enough():
+    """Short ones take fewer steps than the longest, of which there are 32."""
+    side = np.linspace(0, 100, 9)
+    X = np.array(np.meshgrid(side, side)).reshape(2, -1)
+    surface = Counted(SPHERE)
+    drape.exponential_map(surface, X)
+    assert surface.points < 0.6 * 3 * 32 * X.shape[1]
+
+
+def test_a_geodesic_through_the_tip_of_a_cone_is_refused_where_it_ends():
+    cone = drape.Cone(0.4, (0, 0, 0), (1, 0, 0))
+    start = np.array([64.0, 0.0, 64 * np.tan(0.4)])
+    length = np.linalg.norm(start)
+    X = np.array([[-2 * length, 10.0], [0.0, 5.0]])
+    x = drape.exponential_map(cone, X[:, 1:], point=start)
+    assert np.isfinite(x).all()
+    with pytest.raises(ValueError, match=r"geodesic leaves|no way to the surface"):
+        drape.exponential_map(cone, X, point=start)

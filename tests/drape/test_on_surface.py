@@ -258,8 +258,22 @@ def test_nodes_by_name_lie_on_surfaces_and_others_are_free():
     [
         (lambda s: {"a": OnSurface(s), "b": OnSurface(s, "top")}, "on another surface"),
         (lambda s: {"a": OnSurface(s, "nowhere")}, "no boundary 'nowhere'"),
-        (lambda s: {"a": OnSurface(drape.Sphere(1.0))}, "does not touch the plane"),
-        (lambda s: {"a": OnSurface(s, touch=(5.0, 0.0))}, "does not touch the plane"),
+        (
+            lambda s: {"a": OnSurface(drape.Sphere(1.0))},
+            r"does not touch the plane z = 0 at \(0.0, 0.0\), where it has no tangent",
+        ),
+        (
+            lambda s: {"a": OnSurface(drape.Plane((0, 0, -0.25)))},
+            r"at \(0.0, 0.0\), where it is 0.25 mm away: move it",
+        ),
+        (
+            lambda s: {"a": OnSurface(drape.Plane((0, 0, 0), (0, 3, 4)))},
+            r"at \(0.0, 0.0\), where it is inclined by 37°: move it",
+        ),
+        (
+            lambda s: {"a": OnSurface(s, touch=(5.0, 0.0))},
+            r"where it is 0.12\d mm away",
+        ),
     ],
 )
 def test_conditions_that_cannot_be_are_refused(build, message):

@@ -61,6 +61,20 @@ def test_derivatives_are_those_of_the_level(surface):
     np.testing.assert_allclose(hessian, hessian.swapaxes(0, 1), atol=1e-12)
 
 
+def test_derivatives_of_triangles_are_those_of_the_level_far_away_too():
+    """Where the weights reach further, as the nearest vertex is further away."""
+    surface, h = SURFACES["triangles"], 1e-5
+    away = RNG.standard_normal((3, 40))
+    x = away / np.linalg.norm(away, axis=0) * RNG.uniform(6.5, 12.0, 40)
+    for d in np.eye(3)[:, :, None]:
+        slope = surface.level(x + h * d) - surface.level(x - h * d)
+        bend = surface.gradient(x + h * d) - surface.gradient(x - h * d)
+        gradient = (surface.gradient(x) * d).sum(axis=0)
+        hessian = np.einsum("ijn,jk->in", surface.hessian(x), d)
+        np.testing.assert_allclose(slope / (2 * h), gradient, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(bend / (2 * h), hessian, rtol=1e-5, atol=1e-5)
+
+
 @every_surface
 def test_points_are_brought_onto_the_surface(surface):
     x = points(surface)

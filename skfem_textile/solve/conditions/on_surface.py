@@ -10,6 +10,7 @@ from ...mesh.bases import node_positions
 from ...mesh.selection import Where, selected_nodes
 from ...mesh.user_input import call_user_function
 from .surface import Grown, Surface
+from .surface_check import check_derivatives
 
 # Distance of the surface from the plane of the ply where they touch, as a share of the
 # largest coordinate, and the sine of the angle between them, that count as none.
@@ -77,7 +78,8 @@ class OnSurface:
         Raises
         ------
         ValueError
-            If a method is missing, fails, or gives arrays of another shape.
+            If a method is missing, fails, gives arrays of another shape, or
+            contradicts another.
         """
         n = x.shape[1]
         shapes = {"level": (n,), "gradient": (3, n), "hessian": (3, 3, n)}
@@ -95,6 +97,7 @@ class OnSurface:
                 raise ValueError(
                     f"{what} must have the shape {shape}, not {np.shape(found)}"
                 )
+        check_derivatives(name, self.surface, x)
 
     def at(self, name: str, t: float) -> Surface:
         """The surface at a load factor.
@@ -107,15 +110,26 @@ class OnSurface:
         if t == 1:
             return self.surface
         point = np.array([*self.touch, 0.0])
-        normal = self.surface.gradient(point[:, None])[:, 0]
-        length = np.linalg.norm(normal)
-        off = abs(float(self.surface.level(point[:, None])[0]))
-        near = off <= _TOUCHING * max(1.0, float(np.abs(point).max())) * length
-        if not (near and length > 0 and np.hypot(*normal[:2]) <= _TOUCHING * length):
+        if off := _off_plane(self.surface, point):
             raise ValueError(
                 f"condition {name!r}: the surface cannot grow out of the ply, for it "
-                f"does not touch the plane z = 0 at {self.touch}: move it, give "
-                "another point as touch, or start from positions on it with "
+                f"does not touch the plane z = 0 at {self.touch}, where it {off}: move "
+                "it, give another point as touch, or start from positions on it with "
                 "equilibrium_near"
             )
         return Grown(self.surface, point, t)
+
+
+def _off_plane(surface: Surface, point: ndarray) -> str:
+    """What keeps a surface from touching the plane z = 0 at a point, if it does not."""
+    level = float(surface.level(point[:, None])[0])
+    normal = surface.gradient(point[:, None])[:, 0]
+    length = float(np.linalg.norm(normal))
+    if not (np.isfinite(level) and 0 < length < np.inf):
+        return "has no tangent plane"
+    gap, sine = abs(level) / length, float(np.hypot(*normal[:2])) / length
+    if gap > _TOUCHING * max(1.0, float(np.abs(point).max())):
+        return f"is {gap:.3g} mm away"
+    if sine > _TOUCHING:
+        return f"is inclined by {np.degrees(np.arcsin(min(sine, 1.0))):.2g}°"
+    return ""

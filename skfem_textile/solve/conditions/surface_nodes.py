@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import bsr_matrix, csr_matrix, identity
+from skfem import CellBasis
 
 from ..states import NoEquilibriumError
+from .between_nodes import Gaps, gaps
 from .geodesics import exponential_map
 from .surface import OffSurfaceError, is_on, onto
 
@@ -251,6 +253,11 @@ class SurfaceNodes:
         """Whether the nodes are on their surfaces."""
         x = self._positions(u)
         return all(is_on(c.at(name, t), x[:, own]) for name, c, own in self._parts)
+
+    def gaps(self, u: ndarray, t: float, basis: CellBasis) -> Gaps:
+        """How far elements lie off their surfaces between nodes."""
+        surfaces = [(c.at(name, t), own) for name, c, own in self._parts]
+        return gaps(surfaces, self._positions(u), basis)
 
     def levels(self, t: float) -> ndarray:
         """φ and ∇φ of each surface at a probe of positions, to tell surfaces apart."""

@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 #: What a step tries and which checks only warn, unless told otherwise.
 DEFAULT_STRATEGIES = "mixed", "descent"
-DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners"
+DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners", "surface"
 
 
 class LoadStepper:

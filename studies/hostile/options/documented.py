@@ -113,6 +113,7 @@ _CHECKS = (
     "stabilisation",
     "deviation",
     "corners",
+    "surface",
 )
 
 #: Parameters of laws that are not tried here, and files of fabrics and directions, of
@@ -169,7 +170,9 @@ _LOADED = {
     "most-unknowns": Option(int, 50_000),
     "strategy": Option(one_of("mixed", "descent", "newton"), ["mixed", "descent"], "+"),
     "warn-only": Option(
-        one_of(*_CHECKS), ["work", "stabilisation", "deviation", "corners"], "*"
+        one_of(*_CHECKS),
+        ["work", "stabilisation", "deviation", "corners", "surface"],
+        "*",
     ),
     "solver": Option(one_of("auto", *_INSTALLED_SOLVERS), "auto"),
     "checkpoint": Option(_folder, None, "?"),

@@ -51,7 +51,13 @@ class Settings(NamedTuple):
     warp: float = 0.0
     strategies: tuple[str, ...] = ("mixed", "descent")
     max_halvings: int = 8
-    warn_only: tuple[str, ...] = ("work", "stabilisation", "deviation", "corners")
+    warn_only: tuple[str, ...] = (
+        "work",
+        "stabilisation",
+        "deviation",
+        "corners",
+        "surface",
+    )
     solver: str = "superlu"
     weight: float = 0.0
     foundation: float = 0.0

@@ -63,7 +63,7 @@ def test_the_written_case_has_every_default(tmp_path):
             "steps": 3,
             "most_unknowns": 50_000,
             "strategy": ["mixed", "descent"],
-            "warn_only": ["work", "stabilisation", "deviation", "corners"],
+            "warn_only": ["work", "stabilisation", "deviation", "corners", "surface"],
             "solver": "auto",
         },
         "output": {"pictures": False},

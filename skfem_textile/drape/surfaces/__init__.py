@@ -1,0 +1,17 @@
+"""Surfaces to drape on: with a formula, height fields, and smoothed triangles."""
+
+from .analytic import Cone, Cylinder, Plane, Sphere, Torus
+from .height_field import Height, HeightField, double_dome
+from .triangle_mesh import TriangleMesh
+
+__all__ = [
+    "Cone",
+    "Cylinder",
+    "Height",
+    "HeightField",
+    "Plane",
+    "Sphere",
+    "Torus",
+    "TriangleMesh",
+    "double_dome",
+]
