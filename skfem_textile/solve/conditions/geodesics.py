@@ -95,9 +95,9 @@ def _ends(
     """Ends of geodesics from a point in unit directions, shape (3, n).
 
     All advance together by steps of one length, a share of the longest geodesic, so
-    that their errors are alike, each to its own end.  The method is that of Nyström, of order 4 (Hairer, Nørsett & Wanner
-    1993, Solving ordinary differential equations I, II.14); the change at the end of a
-    step tells its error.
+    that their errors are alike, each to its own end.  The method is that of Nyström, of
+    order 4 (Hairer, Nørsett & Wanner 1993, Solving ordinary differential equations I,
+    II.14); the change at the end of a step tells its error.
     """
     longest = lengths.max(initial=0.0)
     x, v = np.tile(start, len(lengths)), longest * directions
