@@ -1,10 +1,10 @@
-"""What a draped ply meets: contact pressure, bridging, and the risk of wrinkles."""
+"""What a draped ply meets: contact pressure, bridging, wrinkles, edges of a tool."""
 
 import numpy as np
 from numpy import ndarray
 
 from ..solve.body import Body
-from ..solve.conditions.surface import Surface
+from ..solve.conditions.surface import Grown, Surface
 
 
 def contact_pressure(
@@ -60,6 +60,35 @@ def bridging(ply: Body, pressure: ndarray) -> ndarray:
         Bool, shape (n_elements,), of the elements of ``ply.mesh``.
     """
     return np.asarray(pressure[ply.mesh.t].mean(axis=0) < 0)
+
+
+def beyond_edges(ply: Body, surface: Surface, u: ndarray) -> ndarray | None:
+    """Elements of a ply whose middle lies where the surface of a tool is a guess.
+
+    None of a surface that has no method ``covers``, which tells where it is none; see
+    `TriangleMesh.covers`.
+
+    Parameters
+    ----------
+    ply
+        The ply.
+    surface
+        The surface, which may still be growing.
+    u
+        Displacement.
+
+    Returns
+    -------
+    ndarray or None
+        Bool, shape (n_elements,), of the elements of ``ply.mesh``.
+    """
+    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    x = x[:, ply.mesh.t].mean(axis=1)
+    if isinstance(surface, Grown):
+        point = surface.point[:, None]
+        x, surface = point + surface.t * (x - point), surface.surface
+    covers = getattr(surface, "covers", None)
+    return None if covers is None else ~covers(x)
 
 
 def wrinkle_risk(ply: Body, u: ndarray, locking_angle: float | None = None) -> ndarray:
