@@ -116,8 +116,8 @@ def _run_case(values: dict[str, Any], options: argparse.Namespace) -> int:
     values["pictures"] = values["pictures"] and not options.no_render
     case, values = case_of(values)
     tables = tables_of(SCENES[values["scene"]])
-    written = WrittenCase(partial(case_text, tables, values))
     hand_over = HandOver.read(values)
+    written = WrittenCase(partial(case_text, tables, values))
     make = partial(stepper_of, case, values)
     return run(case, make, values, written, hand_over, options)
 

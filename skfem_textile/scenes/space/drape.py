@@ -28,7 +28,7 @@ _AS_HIGH = 1e-6
 # above what a mesh is rounded to.
 _MOST, _SETTLED, _STRAIGHT = 50, 1e-9, 1e-3
 
-# Slope up to which the tool is level there.
+# Slope up to which a plane is level, or upright and across the x axis.
 _LEVEL = 0.02
 
 
@@ -65,13 +65,13 @@ def drape(
             f"drape: the tool has no triangle at {_said(place)}, where the ply is to "
             "touch it: give another --point"
         )
-    try:
-        axes = Axes.at(tool, place)
-    except ValueError:
+    normal = tool.gradient(place[:, None])[:, 0]
+    if np.hypot(*normal[1:]) <= _LEVEL * abs(normal[0]):
         raise ValueError(
             f"drape: at {_said(place)} the normal of the tool is its x axis, along "
             "which x of the ply cannot be: turn the tool, or give another --point"
-        ) from None
+        )
+    axes = Axes.at(tool, place)
     surface = TriangleMesh(axes.of_ply(facets.points), facets.triangles())
     whole: LaidPly = {**ply, "part": "whole"}
     return laid("drape", surface, mesh, **whole, axes=axes)
