@@ -114,7 +114,7 @@ def test_a_tool_that_is_moved_as_a_whole_shears_the_ply_alike(tool):
         np.array([it[f"max_shear_angle_at_{axis}_mm"] for axis in "xyz"])
         for it in (found, after)
     )
-    np.testing.assert_allclose(then, Q @ at + shift, atol=0.01)
+    np.testing.assert_allclose(then, Q @ at + shift, atol=0.1)
 
 
 @pytest.mark.parametrize(
