@@ -303,10 +303,13 @@ def refused_tools(folder):
     bad[2, 5] = np.nan
     yield write(folder / "nan.stl", bad, t), "must be finite"
     steep = plate(height=lambda x, y: 0.3 * x)
-    yield write(folder / "steep.stl", *steep), "is not level at its highest point"
+    yield write(folder / "steep.stl", *steep), "is at its edge or on a slope"
+    hollow = plate(height=lambda x, y: -bump(x, y))
+    yield write(folder / "hollow.stl", *hollow), "is at its edge or on a slope"
+    yield write(folder / "metres.stl", 1e-3 * x, t), "a smaller ply, or a file in mm"
 
 
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(8))
 def test_what_is_no_tool_is_refused_in_one_line(number, tmp_path, capsys):
     file, reason = list(refused_tools(tmp_path))[number]
     assert command(tmp_path / "out", tool=file) == 2

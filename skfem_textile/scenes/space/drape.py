@@ -11,7 +11,8 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ...drape import Axes, TriangleMesh
+from ...drape import Axes, ToolMesh, TriangleMesh
+from ...drape.elements import boundary_edges
 from ...registration import Option, SceneRegistration
 from ...solve.conditions.surface import OffSurfaceError, onto
 from ..scene import Scene
@@ -22,6 +23,10 @@ WIDTH, HEIGHT = 180.0, 180.0
 
 # Vertices lower than the highest by this share of the tool's extent are as high.
 _AS_HIGH = 1e-6
+
+# Area of a ply over that of its tool from which it is refused: one that shears by 60°
+# needs half of its area.
+_MOST_AREA = 2.0
 
 # Iterations at most to where the tool is level, the step over the longest edge that
 # ends them, and that edge over the radius of a curve that counts as straight.  Chosen:
@@ -53,7 +58,8 @@ def drape(
     Raises
     ------
     ValueError
-        As from `laid`, or if the tool has no such point or is nowhere level.
+        As from `laid`, or if the tool has no such point, is not level there, or is much
+        smaller than the ply.
     """
     facets = tool.facets
     if point is None:
@@ -74,7 +80,21 @@ def drape(
     axes = Axes.at(tool, place)
     surface = TriangleMesh(axes.of_ply(facets.points), facets.triangles())
     whole: LaidPly = {**ply, "part": "whole"}
-    return laid("drape", surface, mesh, **whole, axes=axes)
+    scene = laid("drape", surface, mesh, **whole, axes=axes)
+    _refuse_small(facets, scene.mesh)
+    return scene
+
+
+def _refuse_small(facets: ToolMesh, ply: Mesh) -> None:
+    a, b, c = facets.points[:, facets.triangles()].swapaxes(0, 1)
+    of_tool = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+    x, y = ply.p[:, ply.t]
+    of_ply = 0.5 * np.abs((x * np.roll(y, -1, 0) - y * np.roll(x, -1, 0)).sum(0)).sum()
+    if of_ply > _MOST_AREA * of_tool:
+        raise ValueError(
+            f"drape: the ply has {of_ply:.4g} mm2, the tool {of_tool:.4g} mm2 in all: "
+            "take a smaller ply, or a file in mm"
+        )
 
 
 def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
@@ -99,11 +119,13 @@ def _highest(tool: TriangleMesh) -> ndarray:
 
     There e_z = μ∇φ and φ = 0.  Along a ridge, and on a flat top, it stays where it is.
     """
-    x, near = tool.facets.points, tool.facets.longest_edges().max()
-    high = x[:, x[2] >= x[2].max() - _AS_HIGH * np.ptp(x)]
+    facets = tool.facets
+    x, near = facets.points, facets.longest_edges().max()
+    high = np.flatnonzero(x[2] >= x[2].max() - _AS_HIGH * np.ptp(x))
     middle = 0.5 * (x.min(axis=1) + x.max(axis=1))
-    start = high[:, np.hypot(*(high - middle[:, None])[:2]).argmin()]
-    place, mu = start, 0.0
+    vertex = high[np.hypot(*(x[:, high] - middle[:, None])[:2]).argmin()]
+    start = place = x[:, vertex]
+    mu, inside = 0.0, vertex not in boundary_edges(facets.cells)
     for _ in range(_MOST):
         at = place[:, None]
         g, level = tool.gradient(at)[:, 0], tool.level(at)[0]
@@ -117,11 +139,11 @@ def _highest(tool: TriangleMesh) -> ndarray:
         away = np.linalg.norm(place - start)
         if np.linalg.norm(step) <= _SETTLED or away > 2 * near:
             break
-    if away <= 2 * near and np.hypot(*g[:2]) <= _LEVEL * abs(g[2]):
+    if inside and away <= 2 * near and np.hypot(*g[:2]) <= _LEVEL * abs(g[2]):
         return place
     raise ValueError(
-        f"drape: the tool is not level at its highest point {_said(start)}: give "
-        "--point, where the ply touches it"
+        f"drape: the highest point of the tool, {_said(start)}, is at its edge or on a "
+        "slope: give --point, where the ply touches it"
     )
 
 
