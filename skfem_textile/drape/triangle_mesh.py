@@ -7,7 +7,6 @@ Multi-level partition of unity implicits, ACM Trans. Graph. 22:463), so that nor
 curvatures are continuous.  φ is positive on the side to which the triangles face.
 """
 
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 
 from ..mesh.checks import MeshError
-from .sheet import Sheet
 from .tool_mesh import ToolMesh
 
 if TYPE_CHECKING:
@@ -110,21 +108,6 @@ class TriangleMesh:
     def hessian(self, x: ndarray) -> ndarray:
         """∇²φ, shape (3, 3, n)."""
         return self._mean(x)[2].transpose(1, 2, 0)
-
-    def covers(self, x: ndarray) -> ndarray:
-        """Whether a triangle lies at points, shape (n,).
-
-        Elsewhere the surface goes on beyond its edges, or over its holes.
-        """
-        return self._sheet.at(x).found
-
-    @cached_property
-    def _sheet(self) -> Sheet:
-        """The triangles, to find which of them lies at a point."""
-        facets = self.facets
-        triangles, x = facets.triangles(), facets.points
-        no_fibres = np.zeros((2, triangles.shape[1]))
-        return Sheet(x[:2], x, triangles, no_fibres, no_fibres)
 
     def _mean(self, x: ndarray) -> tuple[ndarray, ndarray, ndarray]:
         """φ = Σ w q / Σ w and its derivatives, shapes (n,), (n, 3) and (n, 3, 3)."""
