@@ -108,3 +108,69 @@ def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
         np.sort(edges, axis=0), axis=1, return_index=True, return_counts=True
     )
     return edges[:, first[count == 1]]
+
+
+def closest_on_triangles(
+    positions: ndarray, triangles: ndarray, points: ndarray
+) -> tuple[ndarray, ndarray]:
+    """The points of triangles that are closest to points in space.
+
+    Parameters
+    ----------
+    positions, triangles
+        Nodes in mm, shape (3, n_nodes), and their numbers, (3, n_triangles).
+    points
+        In mm, shape (3, n).
+
+    Returns
+    -------
+    tuple
+        The triangle of each point, shape (n,), and the shares of its corners, (3, n):
+        0 of those across from an edge, 1 of a corner where the point lies on it.
+    """
+    corners = positions[:, triangles]
+    centres = corners.mean(axis=1)
+    radii = np.linalg.norm(corners - centres[:, None], axis=0).max(axis=0)
+    from scipy.spatial import KDTree  # not imported for other drapes
+
+    tree = KDTree(centres.T)
+    # The closest triangle is no further away than the closest centre.
+    nearest, _ = tree.query(points.T)
+    near = tree.query_ball_point(points.T, nearest + radii.max())
+    counts = np.array([len(found) for found in near], dtype=int)
+    point = np.repeat(np.arange(points.shape[1]), counts)
+    triangle = np.array([t for found in near for t in found], dtype=int)
+    shares, distance = _closest(corners[:, :, triangle], points[:, point])
+    order = np.lexsort([distance, point])
+    first = order[np.flatnonzero(np.diff(point[order], prepend=-1))]
+    return triangle[first], shares[:, first]
+
+
+def _closest(corners: ndarray, points: ndarray) -> tuple[ndarray, ndarray]:
+    """Shares of corners in the closest points of triangles, and squared distances.
+
+    Corners have the shape (3, 3, n), the second axis counts them.
+    """
+    a, b, c = corners.swapaxes(0, 1)
+    along, across, away = b - a, c - a, points - a
+    aa, ac, cc = (
+        (p * q).sum(axis=0)
+        for p, q in ((along, along), (along, across), (across, across))
+    )
+    pa, pc = ((away * edge).sum(axis=0) for edge in (along, across))
+    twice = aa * cc - ac * ac
+    s, t = (cc * pa - ac * pc) / twice, (aa * pc - ac * pa) / twice
+    shares = np.array([1 - s - t, s, t])
+    distance = ((away - s * along - t * across) ** 2).sum(axis=0)
+    distance[(shares < 0).any(axis=0)] = np.inf
+    for k in range(3):
+        m = (k + 1) % 3
+        edge, from_start = corners[:, m] - corners[:, k], points - corners[:, k]
+        share = (from_start * edge).sum(axis=0) / (edge * edge).sum(axis=0)
+        share = np.clip(share, 0.0, 1.0)
+        on_edge = ((from_start - share * edge) ** 2).sum(axis=0)
+        closer = on_edge < distance
+        shares[:, closer] = 0.0
+        shares[k, closer], shares[m, closer] = 1 - share[closer], share[closer]
+        distance[closer] = on_edge[closer]
+    return shares, distance

@@ -14,6 +14,7 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 
 from ..mesh.checks import MeshError
+from .elements import boundary_edges, closest_on_triangles
 from .tool_mesh import ToolMesh
 
 if TYPE_CHECKING:
@@ -40,6 +41,10 @@ _RIDGE = 1e-9
 # part, and no neighbour.
 _OTHER_SIDE = 0.0
 
+# Share of the mean edge by which a point may lie beyond the edges of the triangles.
+# Chosen: a curved outline lies beyond its chords by a tenth of their length where it
+# turns by 45° along them.
+_BEYOND = 0.1
 
 # Share of the area around a vertex that its triangles must have in common: those of a
 # sharp cone have a tenth, those that are oriented by chance next to nothing.
@@ -86,7 +91,8 @@ class TriangleMesh:
         edges = np.linalg.norm(
             self._x[triangles] - self._x[np.roll(triangles, 1, axis=0)], axis=2
         )
-        self._reach = _REACH * edges.mean()
+        self._edge = edges.mean()
+        self._reach = _REACH * self._edge
         normals = _vertex_normals(self._x, triangles)
         self._frames, self._c = _fitted(self._x, normals, self._tree)
 
@@ -96,6 +102,36 @@ class TriangleMesh:
         a, b, c = self._x[self._triangles]
         area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         return ToolMesh(self._x.T, (self._triangles[:, area > 0],))
+
+    def beyond_edges(self, x: ndarray) -> ndarray:
+        """How far points lie beyond the edges of the triangles in mm, shape (n,).
+
+        0 where a point lies over the triangles, or beyond their edges by no more than a
+        tenth of the mean edge.
+
+        Parameters
+        ----------
+        x
+            Points on the surface in mm, shape (3, n).
+        """
+        tool = self.facets
+        (triangles,) = tool.cells
+        triangle, shares = closest_on_triangles(tool.points, triangles, x)
+        corners, normals = triangles[:, triangle], tool.normals()[:, triangle]
+        away = x - (shares * tool.points[:, corners]).sum(axis=1)
+        along = np.linalg.norm(away - (away * normals).sum(axis=0) * normals, axis=0)
+        # Ends of the edge on which the closest point lies; at a corner they are one.
+        held = np.where(
+            shares > 0, corners, corners[shares.argmax(axis=0), range(len(along))]
+        )
+        ends = boundary_edges(tool.cells)
+        edges = np.hstack([np.sort(ends, axis=0), ends[[0, 0]]])
+        place = len(self._x), 1
+        at_edge = np.isin(
+            place @ np.array([held.min(axis=0), held.max(axis=0)]), place @ edges
+        )
+        at_edge &= (shares == 0).any(axis=0)
+        return np.where(at_edge & (along > _BEYOND * self._edge), along, 0.0)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
