@@ -65,8 +65,7 @@ def bridging(ply: Body, pressure: ndarray) -> ndarray:
 def beyond_edges(ply: Body, surface: Surface, u: ndarray) -> ndarray | None:
     """Elements of a ply whose middle lies where the surface of a tool is a guess.
 
-    None of a surface that has no method ``covers``, which tells where it is none; see
-    `TriangleMesh.covers`.
+    None of a surface that has no method ``beyond_edges``, as `TriangleMesh` has one.
 
     Parameters
     ----------
@@ -87,8 +86,8 @@ def beyond_edges(ply: Body, surface: Surface, u: ndarray) -> ndarray | None:
     if isinstance(surface, Grown):
         point = surface.point[:, None]
         x, surface = point + surface.t * (x - point), surface.surface
-    covers = getattr(surface, "covers", None)
-    return None if covers is None else ~covers(x)
+    beyond = getattr(surface, "beyond_edges", None)
+    return None if beyond is None else beyond(x) > 0
 
 
 def wrinkle_risk(ply: Body, u: ndarray, locking_angle: float | None = None) -> ndarray:

@@ -66,7 +66,7 @@ def drape(
         place = _highest(tool)
     else:
         place = _on_tool(tool, np.asarray(point, dtype=float))
-    if not tool.covers(place[:, None])[0]:
+    if tool.beyond_edges(place[:, None])[0] > 0:
         raise ValueError(
             f"drape: the tool has no triangle at {_said(place)}, where the ply is to "
             "touch it: give another --point"
