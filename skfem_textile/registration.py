@@ -55,7 +55,7 @@ class Option:
     read: Callable[[str], Any] = str
     choices: tuple[str, ...] = ()
     metavar: str | None = None
-    words: str = ""
+    words: str | int = ""
     repeated: bool = False
     unit: str = ""
     in_file: Any = None
@@ -107,11 +107,14 @@ class SceneRegistration(Registration):
     defaults
         Values of options that are not its own, by the names of the options, where they
         are to be other than those of other scenes.
+    on_tool
+        Whether the ply lies on a tool.
     """
 
     size: tuple[int, int]
     jitter: float = 0.3
     defaults: Mapping[str, Any] = field(default_factory=dict)
+    on_tool: bool = False
 
 
 #: What a law may be the law of.

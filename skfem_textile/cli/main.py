@@ -11,7 +11,7 @@ from ..mesh.user_input import printable
 from ..registration import Option
 from ..scenes import SCENES
 from ..scenes.shear_test import ShearTest
-from .case.build import case_of
+from .case.build import case_of, completed
 from .case.file import CaseFileError, in_file_words, read_case_file
 from .case.laws import IN_COMPRESSION, OF_WEFT
 from .case.options import options_of, tables_of
@@ -22,6 +22,7 @@ from .interruption import INTERRUPTED, raised
 from .output import OutputError, complain, say, silence
 from .parser import BAD_INPUT, command_parser, is_case_file
 from .progress import STOPPED_EARLY
+from .results.hand_over import HandOver
 from .run import run, stepper_of
 
 _STUDIES = (
@@ -115,8 +116,10 @@ def _run_case(values: dict[str, Any], options: argparse.Namespace) -> int:
     values["pictures"] = values["pictures"] and not options.no_render
     case, values = case_of(values)
     tables = tables_of(SCENES[values["scene"]])
+    hand_over = HandOver.read(values)
     written = WrittenCase(partial(case_text, tables, values))
-    return run(case, partial(stepper_of, case, values), values, written, options)
+    make = partial(stepper_of, case, values)
+    return run(case, make, values, written, hand_over, options)
 
 
 def _given(option: Option, options: argparse.Namespace) -> Any:
@@ -129,7 +132,7 @@ def _init(scene: str, file: Path) -> int:
     """Write a case file of a scene, with all defaults and comments."""
     tables = tables_of(SCENES[scene])
     values = {key: value for t in tables for key, value in t.nothing.items()}
-    _, values = case_of({**values, "scene": scene, "regions": {}})
+    values = completed({**values, "scene": scene, "regions": {}}, SCENES[scene])
     head = f"# A case: skfem-textile run {file.name} --out results"
     text = case_text(tables, values, head)
     with open(file, "x", encoding="utf-8") as opened:

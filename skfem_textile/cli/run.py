@@ -20,7 +20,7 @@ from .case.curve import CURVE, curve_of, write_curve
 from .case.written import WRITTEN_FILES, WrittenCase, refuse_foreign_case
 from .interruption import INTERRUPTED, held
 from .output import OutputError, complain, say
-from .progress import load
+from .progress import STOPPED_EARLY, load
 from .results import pictures
 from .results.curves_of_tests import read_test_curve
 from .results.result_folder import ResultFolder
@@ -28,6 +28,7 @@ from .results.result_folder import ResultFolder
 if TYPE_CHECKING:
     from .case.curve import Curve
     from .progress import Stepper
+    from .results.hand_over import HandOver
 
 # Every picture that a run may draw.
 _PICTURES = (
@@ -41,6 +42,7 @@ def run(
     stepper_of: Callable[[Path | None], "Stepper"],
     values: Mapping[str, Any],
     written: WrittenCase,
+    hand_over: "HandOver",
     options: argparse.Namespace,
 ) -> int:
     """Load a case and write its results; returns the exit code.
@@ -55,6 +57,8 @@ def run(
         Values of the options, for the summary.
     written
         The case file to write beside the results.
+    hand_over
+        What a ply on a tool is to hand over.
     options
         Folders of results and checkpoint, and how much is logged.
 
@@ -71,7 +75,8 @@ def run(
     refuse_foreign_case(options.out)
     fields = (f"fields/{name}" for name in io.FIELDS)
     tables = ("summary.json", "history.csv", CURVE)
-    files = (*tables, *WRITTEN_FILES, *io.DRAPED, *fields, *_PICTURES)
+    drapes = *io.DRAPED, *hand_over.files
+    files = (*tables, *WRITTEN_FILES, *drapes, *fields, *_PICTURES)
     results = ResultFolder(options.out, files)
     code, said, refusal = load(stepper, options.resume is not None, options.verbose)
     result = stepper.result
@@ -84,15 +89,17 @@ def run(
     try:
         with held():
             with results as folder:
-                io.write_summary(summary, folder / "summary.json")
+                handed = hand_over.write(result, case.scene.axes, folder)
+                io.write_summary(summary | handed, folder / "summary.json")
                 io.write_history(result, folder / "history.csv")
                 write_curve(curve_of(case.scene, result), folder / CURVE)
                 written.write(folder)
-                io.write_fields(result, folder / "fields")
-                io.write_draped(result, folder)
+                io.write_fields(result, folder / "fields", case.scene.axes)
+                io.write_draped(result, folder, case.scene.axes)
             complete = True
         if code != INTERRUPTED:
-            summary = case.summary(result) | said_before  # with the estimated error
+            # With the estimated error.
+            summary = case.summary(result) | said_before | handed
             _write_again(summary, options.out)
     except OutputError as error:
         raise OutputError(f"{error}; {_kept(stepper)}") from None
@@ -106,6 +113,8 @@ def run(
         and not _draw(case, refusal or result, test, options.out)
     ):
         code = INTERRUPTED
+    if code == 0 and (missing := hand_over.missing(handed)):
+        code, said = STOPPED_EARLY, "; ".join(missing)
     del summary["inputs"], summary["versions"]
     for key, value in summary.items():
         _say(key, value)

@@ -1,11 +1,12 @@
 """Draping: surfaces, plies laid on them without mechanics, and what plies meet."""
 
 from ..solve.conditions.geodesics import displacement, exponential_map
+from .axes import SAME_AXES, Axes
 from .crossings import Net
 from .fibres_in_space import FibresInSpace, fibres_on_ply, fibres_on_tool
 from .flat_pattern import FlatPattern, flat_pattern
 from .kinematic_net import net
-from .risks import bridging, contact_pressure, wrinkle_risk
+from .risks import beyond_edges, bridging, contact_pressure, wrinkle_risk
 from .sheet import Places, Sheet
 from .surfaces import (
     Cone,
@@ -22,6 +23,8 @@ from .tessellation import triangles_on
 from .tool_mesh import ToolMesh
 
 __all__ = [
+    "SAME_AXES",
+    "Axes",
     "Cone",
     "Cylinder",
     "FibresInSpace",
@@ -36,6 +39,7 @@ __all__ = [
     "ToolMesh",
     "Torus",
     "TriangleMesh",
+    "beyond_edges",
     "bridging",
     "contact_pressure",
     "displacement",

@@ -1,10 +1,10 @@
-"""What a draped ply meets: contact pressure, bridging, and the risk of wrinkles."""
+"""What a draped ply meets: contact pressure, bridging, wrinkles, edges of a tool."""
 
 import numpy as np
 from numpy import ndarray
 
 from ..solve.body import Body
-from ..solve.conditions.surface import Surface
+from ..solve.conditions.surface import Grown, Surface
 
 # Share of the largest tension below which one is none: forces balance no better.
 _NONE = 1e-8
@@ -63,6 +63,34 @@ def bridging(ply: Body, pressure: ndarray) -> ndarray:
         Bool, shape (n_elements,), of the elements of ``ply.mesh``.
     """
     return np.asarray(pressure[ply.mesh.t].mean(axis=0) < 0)
+
+
+def beyond_edges(ply: Body, surface: Surface, u: ndarray) -> ndarray | None:
+    """Elements of a ply whose middle lies where the surface of a tool is a guess.
+
+    None of a surface that has no method ``beyond_edges``, as `TriangleMesh` has one.
+
+    Parameters
+    ----------
+    ply
+        The ply.
+    surface
+        The surface, which may still be growing.
+    u
+        Displacement.
+
+    Returns
+    -------
+    ndarray or None
+        Bool, shape (n_elements,), of the elements of ``ply.mesh``.
+    """
+    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    x = x[:, ply.mesh.t].mean(axis=1)
+    if isinstance(surface, Grown):
+        point = surface.point[:, None]
+        x, surface = point + surface.t * (x - point), surface.surface
+    beyond = getattr(surface, "beyond_edges", None)
+    return None if beyond is None else beyond(x) > 0
 
 
 def wrinkle_risk(ply: Body, u: ndarray) -> ndarray:

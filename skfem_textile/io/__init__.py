@@ -3,7 +3,7 @@
 from .decks.fabrics import OF_FABRICS, read_fabric, write_fabric
 from .draping.fibres import DRAPED, write_draped, write_fibres
 from .draping.flat_pattern import write_pattern
-from .draping.tools import read_surface, read_tool_mesh
+from .draping.tools import read_surface, read_tool_mesh, read_trimming_curve
 from .fibres import OF_DIRECTIONS, read_directions, write_directions
 from .reading import read_mesh
 from .results import FIELDS, write_fields, write_history, write_summary
@@ -18,6 +18,7 @@ __all__ = [
     "read_mesh",
     "read_surface",
     "read_tool_mesh",
+    "read_trimming_curve",
     "write_directions",
     "write_draped",
     "write_fabric",

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy import ndarray
 
-from ..drape import bridging, contact_pressure, wrinkle_risk
+from ..drape import beyond_edges, bridging, contact_pressure, wrinkle_risk
 from ..solve.body import Body
 from ..solve.conditions import Surface
 
@@ -47,13 +47,17 @@ def fields_on_tool(
     -------
     tuple
         Of the vertices ``contact_pressure`` (N/mm²), of the elements ``wrinkle_risk``
-        and ``bridging``, 1 where there is some.
+        and ``bridging``, 1 where there is some, and on a tool of triangles
+        ``beyond_tool``, 1 beyond its edges.
     """
     pressure = contact_pressure(ply, surface, u, t)
     of_elements = {
         "wrinkle_risk": wrinkle_risk(ply, u).astype(float),
         "bridging": bridging(ply, pressure).astype(float),
     }
+    beyond = beyond_edges(ply, surface, u)
+    if beyond is not None:
+        of_elements["beyond_tool"] = beyond.astype(float)
     return {"contact_pressure": pressure[: ply.mesh.nvertices]}, of_elements
 
 

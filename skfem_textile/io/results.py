@@ -15,7 +15,7 @@ import meshio
 import numpy as np
 from numpy import ndarray
 
-from ..solve.body import Body
+from ..drape import SAME_AXES, Axes
 from ..solve.result import Result
 from ..solve.states import State
 from .fields import cell_fields, fields_on_tool, on_users_elements, point_fields
@@ -36,7 +36,9 @@ def _name_path(path: str | os.PathLike[str]) -> Iterator[None]:
         raise
 
 
-def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
+def write_fields(
+    result: Result, folder: str | os.PathLike[str], axes: Axes = SAME_AXES
+) -> None:
     """Write every state as ``step_0000.vtu``, ... and ``steps.pvd`` into a folder.
 
     The points are those of the undeformed ply: a viewer that warps them by
@@ -46,6 +48,7 @@ def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
     If the ply has split or cut the user's elements there is a second series,
     ``own_steps.pvd``, with the mean of each field over them.  Steps that the folder
     already holds are removed.
+    Points and vectors are in the axes among which ``axes`` are those of the ply.
     """
     folder = Path(folder)
     with _name_path(folder):
@@ -54,15 +57,16 @@ def write_fields(result: Result, folder: str | os.PathLike[str]) -> None:
             for stale in folder.glob(pattern):
                 stale.unlink()
         ply, mesh = result.ply, result.ply.mesh
-        _write_series(result, folder, "", [mesh.t], lambda fields: fields)
+        _write_series(result, folder, axes, "", [mesh.t], lambda fields: fields)
         if sum(cell.shape[1] for cell in ply.cells) < mesh.nelements:
             of_users = partial(on_users_elements, ply)
-            _write_series(result, folder, "own_", ply.cells, of_users)
+            _write_series(result, folder, axes, "own_", ply.cells, of_users)
 
 
 def _write_series(
     result: Result,
     folder: Path,
+    axes: Axes,
     prefix: str,
     cells: Sequence[ndarray],
     on_cells: Callable[[dict[str, ndarray]], dict[str, ndarray]],
@@ -72,8 +76,9 @@ def _write_series(
     collection = ElementTree.SubElement(series, "Collection")
     for i, state in enumerate(result.states):
         name = f"{prefix}step_{i:04d}.vtu"
-        points, fields = _fields(result, state)
-        _write_state(result.ply, folder / name, cells, points, on_cells(fields))
+        points, fields = _fields(result, state, axes)
+        place = axes.of_tool(np.pad(result.ply.mesh.p, ((0, 1), (0, 0))))
+        _write_state(place, folder / name, cells, points, on_cells(fields))
         ElementTree.SubElement(
             collection, "DataSet", timestep=repr(state.load_factor), file=name
         )
@@ -81,7 +86,7 @@ def _write_series(
 
 
 def _fields(
-    result: Result, state: State
+    result: Result, state: State, axes: Axes
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
     """Fields of the vertices and of the elements in a state."""
     ply, u, t = result.ply, state.u, state.load_factor
@@ -90,11 +95,15 @@ def _fields(
     if surface is not None:
         on_points, on_cells = fields_on_tool(ply, surface, u, t)
         points, cells = points | on_points, cells | on_cells
-    return points, cells
+    turned = [
+        {name: x if x.ndim == 1 else x @ axes.turn.T for name, x in fields.items()}
+        for fields in (points, cells)
+    ]
+    return turned[0], turned[1]
 
 
 def _write_state(
-    ply: Body,
+    place: ndarray,
     path: Path,
     cells: Sequence[ndarray],
     points: dict[str, ndarray],
@@ -106,7 +115,7 @@ def _write_state(
     ends = np.cumsum([cell.shape[1] for cell in cells])[:-1]
     by_block: dict[str, Any] = {k: np.split(v, ends) for k, v in fields.items()}
     meshio.Mesh(
-        np.pad(ply.mesh.p, ((0, 1), (0, 0))).T[:n],
+        place.T[:n],
         [({3: "triangle", 4: "quad"}[len(cell)], cell.T) for cell in cells],
         point_data=dict(points),
         cell_data=by_block,

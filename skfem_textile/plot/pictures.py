@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..io.fields import cell_fields
+from ..mesh.user_input import printable
 from ..solve.result import Result, StepError
 from ..solve.states import State
 from .drawing import draw
@@ -288,6 +289,12 @@ def chosen(
         picture_path(filename)
     if not results:
         raise ValueError("nothing to draw: give at least one result")
+    for result in results:
+        if not isinstance(result, Result):
+            raise ValueError(
+                f"a picture is of a Result, not of {printable(repr(result))}: of a "
+                "state of equilibrium_near give Result.of_state(ply, conditions, state)"
+            )
     several = [result.ply.formulation.title for result in results]
     titles = titles or (several if len(results) > 1 else [""])
     if len(titles) != len(results):

@@ -22,6 +22,10 @@ _MOST_INTERVALS, _FINE_INTERVALS, _ROUND = 6, 20, [1, 2, 2.5, 4, 5, 10]
 # of what it sees.  Chosen by eye.
 _VIEW, _VIEW_OF_TOOL, _DISTANCE = (-60.0, 25.0), (60.0, 38.0), 4.0
 
+# Height of a tool over its longer side from which it is seen so; a flat one is seen
+# from this elevation in degrees, and in between linearly.  Chosen by eye.
+_HIGH, _LOWEST = 0.2, 18.0
+
 # How far a tool is behind the ply on it, as a share of half that diagonal.
 _BEHIND = 0.02
 
@@ -225,9 +229,16 @@ class Sheet(NamedTuple):
         return [panel for row in self.rows for panel in row]
 
 
-def eye_axes(on_tool: bool) -> ndarray:
-    """Rows to the right, up and to the eye that sees plies in space, or on a tool."""
-    azimuth, elevation = np.radians(_VIEW_OF_TOOL if on_tool else _VIEW)
+def eye_axes(on_tool: bool, size: ndarray | None = None) -> ndarray:
+    """Rows to the right, up and to the eye that sees plies in space, or on a tool.
+
+    Of a shallow tool, by the ``size`` of what is seen, it is lower.
+    """
+    azimuth, elevation = _VIEW_OF_TOOL if on_tool else _VIEW
+    if on_tool and size is not None:
+        share = min(1.0, float(size[2] / size[:2].max()) / _HIGH)
+        elevation = _LOWEST + share * (elevation - _LOWEST)
+    azimuth, elevation = np.radians((azimuth, elevation))
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     near = np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     near[2] = np.sin(elevation)
@@ -241,7 +252,7 @@ def in_perspective(shapes: Sequence[Shape]) -> list[Shape]:
     they are as far away as the middle of all, and how much nearer to the eye they are.
     """
     low, high = extent(shapes)
-    axes = eye_axes(any(shape.tool for shape in shapes))
+    axes = eye_axes(any(shape.tool for shape in shapes), high - low)
     middle, distance = 0.5 * (low + high), _DISTANCE * 0.5 * np.linalg.norm(high - low)
 
     def enlarged(places: ndarray) -> tuple[ndarray, ndarray]:

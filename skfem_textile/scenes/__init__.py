@@ -9,6 +9,7 @@ from .space.buckling import buckling
 from .space.cantilever import cantilever
 from .space.cylinder import cylinder
 from .space.double_dome import double_dome
+from .space.drape import drape
 from .space.hemisphere import hemisphere
 from .space.saddle import saddle
 from .specimen import specimen
@@ -27,6 +28,7 @@ __all__ = [
     "cantilever",
     "cylinder",
     "double_dome",
+    "drape",
     "hemisphere",
     "picture_frame",
     "saddle",

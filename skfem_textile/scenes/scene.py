@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
+from ..drape import SAME_AXES, Axes
 from ..fabric import Fabric, Law, is_zero
 from ..solve.conditions import Condition, OnSurface
 from ..solve.result import Result
@@ -77,6 +78,8 @@ class Scene:
         Further figures of a result, beside exact ones.
     measured
         Further figures of a result that need no exact answer.
+    axes
+        Axes of the scene among those of the tool on which the ply lies.
     """
 
     name: str
@@ -99,6 +102,7 @@ class Scene:
     loads_of: "Callable[[Fabric], Sequence[Load]]" = lambda fabric: ()
     figures: Callable[[Result], Mapping[str, float]] = lambda result: {}
     measured: Callable[[Result], Mapping[str, float | str]] = lambda result: {}
+    axes: Axes = SAME_AXES
 
     def rotated(self, angle: float) -> "Scene":
         """The same problem with mesh, fibres and conditions turned together.

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy import ndarray
@@ -13,7 +13,7 @@ from .linear.solver import Choice
 from .states import ErrorEstimate, State
 
 if TYPE_CHECKING:
-    from .conditions import OnSurface, Surface
+    from .conditions import Conditions, OnSurface, Surface
 
 # States that a printed result lists at most.
 _LINES = 11
@@ -67,6 +67,36 @@ class Result:
     solver: Choice
     surfaces: "Mapping[str, OnSurface]"
     estimate: Callable[[State], ErrorEstimate]
+
+    @classmethod
+    def of_state(cls, ply: Body, conditions: "Conditions", state: State) -> "Result":
+        """The result of one state that no run has found, for pictures and files.
+
+        Times and factorisations are 0, and its error is not estimated.
+
+        Parameters
+        ----------
+        ply, conditions
+            The ply and its conditions by name.
+        state
+            A state of it, as of `equilibrium_near`.
+        """
+        on_surfaces = {k: c for k, c in conditions.items() if hasattr(c, "surface")}
+        return cls(
+            ply=ply,
+            states=[state],
+            converged=state.load_factor == 1.0,
+            linear_solves=state.linear_solves,
+            factorisations=0,
+            steps_cut=0,
+            unresolved=(),
+            wall_time_s=0.0,
+            assembly_time_s=0.0,
+            solve_time_s=0.0,
+            solver=Choice("none", "a state that no run has found"),
+            surfaces=cast("dict[str, OnSurface]", on_surfaces),
+            estimate=lambda _: ErrorEstimate(reason="no run has found the state"),
+        )
 
     @property
     def path_resolved(self) -> bool:

@@ -58,7 +58,7 @@ def test_a_plain_run_on_a_tool_finds_the_net(tmp_path, capsys, scene):
 
 def test_the_other_scenes_are_the_bias_extension():
     others = {"strip", "picture_frame", "trellis", "cantilever", "buckling"}
-    tools = {"hemisphere", "cylinder", "double_dome", "saddle"}
+    tools = {"hemisphere", "cylinder", "double_dome", "saddle", "drape"}
     assert set(SCENES) - others - tools == {"bias_extension", "specimen"}
 
 

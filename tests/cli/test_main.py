@@ -12,7 +12,7 @@ def test_list_names_the_scenes(capsys):
     names = [
         *("strip", "picture_frame", "trellis", "bias_extension", "specimen"),
         *("cantilever", "buckling"),
-        *("hemisphere", "cylinder", "double_dome", "saddle"),
+        *("hemisphere", "cylinder", "double_dome", "saddle", "drape"),
     ]
     assert [line.split()[0] for line in lines] == names
 

@@ -48,7 +48,7 @@ LAYERS = {
     "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),
     "cli": (
         *("calibration", "plot", "io", "scenes", "solve.stepping.adaptive", "solve"),
-        *("ply", "fabric", "mesh"),
+        *("drape", "ply", "fabric", "mesh"),
         "registration",
         *("cli.interruption", "cli.output"),
     ),

@@ -63,7 +63,7 @@ def test_a_name_is_registered_once(package):
             [
                 *("strip", "picture_frame", "trellis", "bias_extension", "specimen"),
                 *("cantilever", "buckling"),
-                *("hemisphere", "cylinder", "double_dome", "saddle"),
+                *("hemisphere", "cylinder", "double_dome", "saddle", "drape"),
             ],
         ),
         (

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, Quadratic
+from skfem_textile import Fabric, Quadratic, Result, drape
 from skfem_textile.scenes import Case, hemisphere, strip
+from skfem_textile.scenes import drape as on_tool
 
 plot = pytest.importorskip("skfem_textile.plot")
 pytest.importorskip("pyvista")
@@ -12,10 +13,12 @@ Image = pytest.importorskip("PIL.Image")
 in_front_of_tool = pytest.importorskip("skfem_textile.plot.lines").in_front_of_tool
 shapes_of = pytest.importorskip("skfem_textile.plot.pictures").shapes_of
 Tool = pytest.importorskip("skfem_textile.plot.sheet").Tool
+eye_axes = pytest.importorskip("skfem_textile.plot.sheet").eye_axes
+tool_under = pytest.importorskip("skfem_textile.plot.on_tools.under_ply").tool_under
 
 
-def result_of(scene, **more):
-    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
+def result_of(scene, bending=(0.0, 0.0), **more):
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending)
     return Case(scene=scene, fabric=fabric, steps=1, **more).run()
 
 
@@ -92,3 +95,61 @@ def test_lines_behind_a_tool_are_left_out_of_vectors():
     lines = np.array([line + np.array([0, 0, z]) for z in (6.0, 0.0, 5.0)])
     np.testing.assert_array_equal(in_front_of_tool(lines, tool), lines[[0, 2]])
     assert len(in_front_of_tool(lines, None)) == 3
+
+
+def plate(height):
+    """A tool z = h(x, y) of triangles over 160 mm × 160 mm."""
+    s = np.linspace(-80, 80, 25)
+    x, y = (a.ravel() for a in np.meshgrid(s, s))
+    k = np.add.outer(25 * np.arange(24), np.arange(24)).ravel()
+    t = np.hstack([[k, k + 1, k + 26], [k, k + 26, k + 25]])
+    return drape.TriangleMesh(np.array([x, y, height(x, y)]), t)
+
+
+def bump(high):
+    return plate(lambda x, y: high * np.exp(-(x * x + y * y) / 1800))
+
+
+@pytest.mark.parametrize("side", [60.0, 200.0])
+def test_a_tool_of_triangles_is_drawn_to_its_edges(side):
+    """Of a small ply what is near, of a large one all of it and nothing beyond."""
+    scene = on_tool(bump(9.0), size=(4, 4), width=side, height=side, tension=0.0)
+    result = result_of(scene, bending=(5.0, 5.0))
+    surface = result.tool(1.0)
+    points = np.pad(result.ply.mesh.p, ((0, 1), (0, 0))).T
+    tool = tool_under(points, surface)
+    corners = tool.points[tool.triangles]
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    reach = min(80.0, 0.5 * side + 0.17 * np.sqrt(2) * side)
+    np.testing.assert_allclose(high[:2] - low[:2], 2 * reach, rtol=0.01)
+    assert np.ptp(tool.shades) > 0.02
+    for state in result.states:  # while it grows
+        (shape,) = shapes_of([result], [state])
+        assert shape.tool.triangles.shape[1] > 100
+
+
+def test_a_shallow_tool_is_seen_from_lower_down():
+    """Heights fill more of the picture, and of two as high nothing changes."""
+
+    def elevation(size):
+        return np.degrees(np.arcsin(eye_axes(True, np.array(size))[2, 2]))
+
+    found = [elevation((100.0, 80.0, z)) for z in (0, 5, 10, 20, 60)]
+    assert found == pytest.approx([18, 23, 28, 38, 38])
+
+
+def test_a_state_is_told_how_to_become_a_result(draped):
+    with pytest.raises(ValueError, match=r"of a state .* give Result\.of_state\(ply"):
+        plot.draped(draped.states[-1])
+    with pytest.raises(ValueError, match="a picture is of a Result, not of None"):
+        plot.shear_angle(None)
+
+
+def test_a_state_alone_is_drawn_as_that_of_a_run(draped, tmp_path):
+    conditions = hemisphere(size=(4, 4)).conditions
+    alone = Result.of_state(draped.ply, conditions, draped.states[-1])
+    one, other = tmp_path / "one.png", tmp_path / "other.png"
+    plot.draped(draped, filename=one)
+    plot.draped(alone, filename=other)
+    with Image.open(one) as a, Image.open(other) as b:
+        np.testing.assert_array_equal(np.asarray(a), np.asarray(b))

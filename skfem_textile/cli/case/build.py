@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from skfem import Mesh
@@ -34,6 +34,9 @@ from .laws import (
     own_options,
 )
 from .mesh_options import SEED, is_mesh_file
+
+if TYPE_CHECKING:
+    from ...drape import TriangleMesh
 
 # Name of the subdomain of elements that are in no region.
 _OTHERS = "elements in no region"
@@ -92,10 +95,12 @@ def _scene_of(values: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
         raise ValueError(
             f"--mesh {printable(mesh)}: neither a file nor {', '.join(KINDS)}"
         )
-    values = _completed(values, registration)
+    values = completed(values, registration)
     if is_mesh_file(mesh):
         mesh = _read(mesh, values)
     own = {option.key: values[option.key] for option in registration.options}
+    if "tool" in own:
+        own["tool"] = _tool(own["tool"])
     made = {name: values[name] for name in ("size", "jitter", "seed")}
     scene = registration.build(mesh=mesh, **made, **own)
     return scene.rotated(np.radians(values["rotate"])), values
@@ -111,6 +116,15 @@ def _read(file: str, values: Mapping[str, Any]) -> Mesh:
     return read_mesh(file, others)
 
 
+def _tool(file: str | None) -> "TriangleMesh":
+    """The surface of the file of a tool."""
+    if file is None:
+        raise ValueError("--tool is not given: name an STL file of triangles")
+    from ...io import read_surface  # loads meshio
+
+    return read_surface(file)
+
+
 def _is_copy(named: str | None, file: str) -> bool:
     """Whether a file is another or a copy of it, as a written case has them."""
     try:
@@ -119,7 +133,7 @@ def _is_copy(named: str | None, file: str) -> bool:
         return False
 
 
-def _completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str, Any]:
+def completed(values: Mapping[str, Any], scene: SceneRegistration) -> dict[str, Any]:
     """Fill in defaults of a generated mesh; refuse its options beside a mesh file."""
     made = {"size": scene.size, "jitter": scene.jitter, "seed": SEED}
     if not is_mesh_file(values["mesh"]):

@@ -76,6 +76,24 @@ _TEST_CURVE = Option(
     names_file=bool,
 )
 
+#: What a run of a ply on a tool hands over to the next analysis, and to the cutter.
+HAND_OVER = (
+    Option(
+        name="part-mesh",
+        help="a mesh of the part, whose elements get the fibres of the ply: STL, and "
+        "what else meshio reads",
+        metavar="FILE",
+        names_file=bool,
+    ),
+    Option(
+        name="trim",
+        help="a CSV file with the columns x, y and z of a closed curve on the tool, "
+        "which trims the flat pattern (default: the boundary of the part)",
+        metavar="FILE.csv",
+        names_file=bool,
+    ),
+)
+
 #: Whether pictures are drawn: ``--no-render`` on the command line.
 PICTURES = Option(name="pictures", help="draw pictures", default=True, in_file=bool)
 
@@ -96,7 +114,7 @@ def tables_of(scene: SceneRegistration) -> tuple[Table, ...]:
         _formulation_table(),
         Table("loads", (FORCES,)),
         Table("stepping", _STEPPING),
-        Table("output", (_TEST_CURVE, PICTURES)),
+        Table("output", (_TEST_CURVE, *(HAND_OVER * scene.on_tool), PICTURES)),
     )
     own = {option.name for option in scene.options}
 

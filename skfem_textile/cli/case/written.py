@@ -14,17 +14,18 @@ WRITTEN = "# The case of this folder, with every default, written by skfem-texti
 #: Name of the case file, and of the folder of the files that it names.
 CASE, FILES = "case.toml", "case_files"
 
-# Mesh files of these kinds name no other file.
-_WHOLE = (".msh", ".inp", ".vtu", ".vtk")
+# Files of meshes, and their kinds that name no other file.
+_MESHES = ("mesh", "tool", "part_mesh")
+_WHOLE = (".msh", ".inp", ".vtu", ".vtk", ".stl", ".obj", ".ply", ".off")
 
 #: What `WrittenCase.write` may write.
 WRITTEN_FILES = (
     CASE,
     *(f"{FILES}/*_law{kind}" for kind in (".csv", ".json")),
-    *(f"{FILES}/mesh{kind}" for kind in _WHOLE),
+    *(f"{FILES}/{key}{kind}" for key in _MESHES for kind in _WHOLE),
     *(f"{FILES}/fabric{kind}" for kind in (".json", ".inp", ".rad")),
     *(f"{FILES}/directions{kind}" for kind in (".vtu", ".csv", ".inp")),
-    f"{FILES}/test_curve.csv",
+    *(f"{FILES}/{key}.csv" for key in ("test_curve", "trim")),
 )
 
 
@@ -57,7 +58,7 @@ class WrittenCase:
     def _keep(self, key: str, name: str) -> str:
         """Keep the content of a file; returns its name beside the results."""
         suffix = Path(name).suffix.lower()
-        if key == "mesh" and suffix not in _WHOLE:
+        if key in _MESHES and suffix not in _WHOLE:
             return os.path.abspath(name)
         kept = f"{FILES}/{key}{suffix}"
         self._files[kept] = Path(name).read_bytes()

@@ -2,12 +2,13 @@
 
 import csv
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy import ndarray
 
-from ...drape import FibresInSpace, fibres_on_ply
+from ...drape import SAME_AXES, Axes, FibresInSpace, ToolMesh, fibres_on_ply
 from ...fabric.directions.per_element import FibreDirections
 from ...mesh.user_input import printable
 from ...solve.result import Result
@@ -84,7 +85,9 @@ def _write_deck(path: Path, fibres: FibresInSpace) -> None:
     path.write_text(deck_of(mesh.cells, mesh.points, *directions), encoding="utf-8")
 
 
-def write_draped(result: Result, folder: str | os.PathLike[str]) -> None:
+def write_draped(
+    result: Result, folder: str | os.PathLike[str], axes: Axes = SAME_AXES
+) -> None:
     """Write the fibres of the last state for the next analysis: VTU, CSV and Abaqus.
 
     Nodes are where they ended, and directions those of the deformed fibres in the
@@ -96,6 +99,8 @@ def write_draped(result: Result, folder: str | os.PathLike[str]) -> None:
         The result.
     folder
         Where ``fibres.vtu``, ``fibres.csv`` and ``fibres.inp`` go.
+    axes
+        Axes of a ply in space among those of the files.
 
     Raises
     ------
@@ -105,7 +110,7 @@ def write_draped(result: Result, folder: str | os.PathLike[str]) -> None:
     ply, moved = result.ply, result.ply.nodal(result.u)
     files = [Path(folder) / name for name in DRAPED]
     if len(moved) == 3:
-        fibres = fibres_on_ply(ply, result.u)
+        fibres = _in_axes(fibres_on_ply(ply, result.u), axes)
         for file in files:
             write_fibres(file, fibres)
         return
@@ -114,3 +119,11 @@ def write_draped(result: Result, folder: str | os.PathLike[str]) -> None:
     points = ply.mesh.p + moved[:, : ply.mesh.nvertices]
     for file in files:
         write_directions(file, ply.mesh, directions, points)
+
+
+def _in_axes(fibres: FibresInSpace, axes: Axes) -> FibresInSpace:
+    """Fibres with positions and directions in the axes of a tool."""
+    names = "normal", "warp", "weft"
+    turned = {name: axes.turn @ getattr(fibres, name) for name in names}
+    place = ToolMesh(axes.of_tool(fibres.mesh.points), fibres.mesh.cells)
+    return replace(fibres, mesh=place, **turned)

@@ -1,13 +1,15 @@
-"""Tools from STL files, and others that meshio reads: elements, smooth surfaces."""
+"""Tools from STL files, and others that meshio reads, and curves on them."""
 
 import os
 from pathlib import Path
 
 import numpy as np
+from numpy import ndarray
 
 from ...drape import ToolMesh, TriangleMesh
+from ...fabric.files.table_file import read_lines
 from ...mesh.checks import MeshError
-from ...mesh.user_input import printable
+from ...mesh.user_input import excerpt, number_of_text, printable
 from ..reading import read_raw
 
 
@@ -61,3 +63,41 @@ def read_surface(path: str | os.PathLike[str]) -> TriangleMesh:
         return TriangleMesh(mesh.points, mesh.triangles())
     except MeshError as error:
         raise MeshError(f"{printable(path)}: {error}") from None
+
+
+def read_trimming_curve(path: str | os.PathLike[str]) -> ndarray:
+    """Read a closed curve: the columns ``x``, ``y`` and ``z`` of a CSV file, in mm.
+
+    Parameters
+    ----------
+    path
+        The file, in UTF-8.  Its first row names the columns, and others are left out.
+
+    Returns
+    -------
+    ndarray
+        Shape (3, n).
+
+    Raises
+    ------
+    ValueError
+        If it is no such file; one line names the file and the row.
+    OSError
+        If it cannot be read.
+    """
+    file, ((_, header), *lines) = read_lines(path)
+    names = [cell.strip().lower().removesuffix("(mm)").strip() for cell in header]
+    if any(names.count(axis) != 1 for axis in "xyz"):
+        raise ValueError(f"{file}, row 1: the header must name the columns x, y and z")
+    columns, points = [names.index(axis) for axis in "xyz"], []
+    for number, row in lines:
+        try:
+            points.append([number_of_text(row[column]) for column in columns])
+            if not np.isfinite(points[-1]).all():
+                raise ValueError
+        except (ValueError, IndexError):
+            shown = excerpt(",".join(row))
+            raise ValueError(f"{file}, row {number}: '{shown}' is no point") from None
+    if len(np.unique(points, axis=0)) < 3:
+        raise ValueError(f"{file}: a closed curve needs three points at least")
+    return np.transpose(points)

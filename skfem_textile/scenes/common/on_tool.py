@@ -3,7 +3,7 @@
 import numpy as np
 from numpy import ndarray
 
-from ...drape import bridging, contact_pressure, wrinkle_risk
+from ...drape import Axes, beyond_edges, bridging, contact_pressure, wrinkle_risk
 from ...solve.result import Result
 
 _NO_NET = (
@@ -12,9 +12,10 @@ _NO_NET = (
 )
 
 
-def measured_on_tool(result: Result) -> dict[str, float | str]:
+def measured_on_tool(result: Result, axes: Axes) -> dict[str, float | str]:
     """Where the shear is largest, contact pressures, and shares of the ply's area.
 
+    Places are in the axes of the tool, among which ``axes`` are those of the ply.
     Empty of a ply that is on no tool.
     """
     ply, u, t = result.ply, result.u, result.states[-1].load_factor
@@ -29,16 +30,26 @@ def measured_on_tool(result: Result) -> dict[str, float | str]:
     sheared = np.abs(ply.shear_angle(u)).max(axis=1).argmax()
     corners = ply.mesh.t[:, sheared]
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
-    place = x[:, corners].mean(axis=1).tolist()
+    place = axes.of_tool(x[:, corners].mean(axis=1, keepdims=True))[:, 0]
     found: dict[str, float | str] = {
-        f"max_shear_angle_at_{axis}_mm": at
-        for axis, at in zip("xyz", place, strict=True)
+        f"{what}_at_{axis}_mm": at
+        for what, point in (("touches", axes.origin), ("max_shear_angle", place))
+        for axis, at in zip("xyz", point.tolist(), strict=True)
     }
     pressure = contact_pressure(ply, surface, u, t)
     found["max_contact_pressure_N_per_mm2"] = float(pressure.max())
     found["min_contact_pressure_N_per_mm2"] = float(pressure.min())
     found["bridging_share_of_area"] = share(bridging(ply, pressure))
     found["wrinkle_risk_share_of_area"] = share(wrinkle_risk(ply, u))
+    beyond = beyond_edges(ply, surface, u)
+    if beyond is not None:
+        found["beyond_tool_share_of_area"] = share(beyond)
+        if beyond.any():
+            found["beyond_tool"] = (
+                f"{100 * share(beyond):.2g} % of the ply is beyond the edges of the "
+                "tool, or over its holes, where its surface is a guess: trim there, or "
+                "take a smaller ply or a larger tool"
+            )
     if not (np.any(ply.fabric.bending) or ply.load(u, t).any()):
         found["not_the_net"] = _NO_NET
     return found

@@ -57,5 +57,6 @@ REGISTRATION = SceneRegistration(
         radius_option(RADIUS, "radius of the cylinder"),
         *options(WIDTH, HEIGHT),
     ),
+    on_tool=True,
     rank=9,
 )

@@ -38,5 +38,6 @@ REGISTRATION = SceneRegistration(
     jitter=0.0,
     defaults=DEFAULTS,
     options=options(WIDTH, HEIGHT),
+    on_tool=True,
     rank=10,
 )

@@ -85,5 +85,6 @@ REGISTRATION = SceneRegistration(
         radius_option(RADIUS, "radius of the sphere"),
         *options(WIDTH, HEIGHT),
     ),
+    on_tool=True,
     rank=8,
 )

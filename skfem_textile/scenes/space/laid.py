@@ -14,7 +14,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ...drape import exponential_map
+from ...drape import SAME_AXES, Axes, exponential_map
 from ...fabric import Fabric
 from ...mesh.checks import MeshError, check_mesh, with_edges
 from ...ply.term import Load
@@ -69,6 +69,7 @@ def laid(
     part: Part | None = None,
     exact: Callable[[ndarray, float], ndarray] = unknown,
     off_exact: Callable[[ndarray], str] = lambda X: "no exact answer is known",
+    axes: Axes = SAME_AXES,
 ) -> Scene:
     """The scene of a ply on a tool.
 
@@ -96,6 +97,8 @@ def laid(
         Exact shear angle ``(X, t) -> (n,)`` in radians, `unknown` if it is.
     off_exact
         Why it does not hold for a ply with given nodes, (2, n); empty if it does.
+    axes
+        Axes of the scene among those of the tool that a user gives.
 
     Raises
     ------
@@ -141,8 +144,9 @@ def laid(
         fibre_ends=dict.fromkeys(held, "mirror"),
         loads_of=edge_tension,
         figures=partial(shear_errors, exact=exact),
-        measured=measured_on_tool,
+        measured=partial(measured_on_tool, axes=axes),
         misfit=misfit(flat, held) or off_exact(flat.p),
+        axes=axes,
     )
 
 

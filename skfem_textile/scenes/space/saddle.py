@@ -57,5 +57,6 @@ REGISTRATION = SceneRegistration(
         radius_option(RADIUS, "radius of both curvatures in the middle"),
         *options(WIDTH, HEIGHT),
     ),
+    on_tool=True,
     rank=11,
 )

@@ -1,0 +1,182 @@
+"""Scene `drape`: a ply on a tool of triangles, which a file holds.
+
+The ply touches the tool at one point.  The axes of the scene have their origin there
+and z along the normal of the tool, so that the surface grows out of the ply's plane.
+"""
+
+from collections.abc import Sequence
+from typing import Unpack
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh
+
+from ...drape import Axes, ToolMesh, TriangleMesh
+from ...drape.elements import boundary_edges
+from ...registration import Option, SceneRegistration
+from ...solve.conditions.surface import OffSurfaceError, onto
+from ..scene import Scene
+from .laid import DEFAULTS, LaidPly, from_options, laid, options
+
+#: Sides of the ply in mm.
+WIDTH, HEIGHT = 180.0, 180.0
+
+# Vertices lower than the highest by this share of the tool's extent are as high.
+_AS_HIGH = 1e-6
+
+# Area of a ply over that of its tool from which it is refused: one that shears by 60°
+# needs half of its area.
+_MOST_AREA = 2.0
+
+# Iterations at most to where the tool is level, the step over the longest edge that
+# ends them, and that edge over the radius of a curve that counts as straight.  Chosen:
+# above what a mesh is rounded to.
+_MOST, _SETTLED, _STRAIGHT = 50, 1e-9, 1e-3
+
+# Slope up to which a plane is level, or upright and across the x axis.
+_LEVEL = 0.02
+
+
+def drape(
+    tool: TriangleMesh,
+    mesh: str | Mesh = "irregular",
+    point: Sequence[float] | None = None,
+    **ply: Unpack[LaidPly],
+) -> Scene:
+    """A whole ply on a tool of triangles.
+
+    Parameters
+    ----------
+    tool
+        The tool, as of `skfem_textile.io.read_surface`.
+    mesh, **ply
+        As of `laid`, but for ``part``: the whole ply is computed.
+    point
+        Where the middle of the ply touches the tool, in mm.  If not given its highest
+        point, and of several the one nearest to its middle.
+
+    Raises
+    ------
+    ValueError
+        As from `laid`, or if the tool has no such point, is not level there, or is much
+        smaller than the ply.
+    """
+    facets = tool.facets
+    if point is None:
+        place = _highest(tool)
+    else:
+        place = _on_tool(tool, np.asarray(point, dtype=float))
+    if tool.beyond_edges(place[:, None])[0] > 0:
+        raise ValueError(
+            f"drape: the tool has no triangle at {_said(place)}, where the ply is to "
+            "touch it: give another --point"
+        )
+    normal = tool.gradient(place[:, None])[:, 0]
+    if np.hypot(*normal[1:]) <= _LEVEL * abs(normal[0]):
+        raise ValueError(
+            f"drape: at {_said(place)} the normal of the tool is its x axis, along "
+            "which x of the ply cannot be: turn the tool, or give another --point"
+        )
+    axes = Axes.at(tool, place)
+    surface = TriangleMesh(axes.of_ply(facets.points), facets.triangles())
+    whole: LaidPly = {**ply, "part": "whole"}
+    scene = laid("drape", surface, mesh, **whole, axes=axes)
+    _refuse_small(facets, scene.mesh)
+    return scene
+
+
+def _refuse_small(facets: ToolMesh, ply: Mesh) -> None:
+    a, b, c = facets.points[:, facets.triangles()].swapaxes(0, 1)
+    of_tool = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+    x, y = ply.p[:, ply.t]
+    of_ply = 0.5 * np.abs((x * np.roll(y, -1, 0) - y * np.roll(x, -1, 0)).sum(0)).sum()
+    if of_ply > _MOST_AREA * of_tool:
+        raise ValueError(
+            f"drape: the ply has {of_ply:.4g} mm2, the tool {of_tool:.4g} mm2 in all: "
+            "take a smaller ply, or a file in mm"
+        )
+
+
+def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
+    """The point of a tool that is nearest to one that a user gives."""
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise ValueError(f"drape: --point must be three numbers, got {point.tolist()}")
+    near = tool.facets.longest_edges().max()
+    try:
+        place = onto(tool, point[:, None])[:, 0]
+    except OffSurfaceError:
+        place = np.full(3, np.inf)
+    if not np.linalg.norm(place - point) <= near:
+        raise ValueError(
+            f"drape: --point {_said(point)} is further than {near:.3g} mm, an edge of "
+            "a triangle, from the tool: give a point on it"
+        )
+    return place
+
+
+def _highest(tool: TriangleMesh) -> ndarray:
+    """The highest point of a tool, where it is level, by Newton's method.
+
+    There e_z = μ∇φ and φ = 0.  Along a ridge, and on a flat top, it stays where it is.
+    """
+    facets = tool.facets
+    x, near = facets.points, facets.longest_edges().max()
+    high = np.flatnonzero(x[2] >= x[2].max() - _AS_HIGH * np.ptp(x))
+    middle = 0.5 * (x.min(axis=1) + x.max(axis=1))
+    vertex = high[np.hypot(*(x[:, high] - middle[:, None])[:2]).argmin()]
+    start = place = x[:, vertex]
+    mu, inside = 0.0, vertex not in boundary_edges(facets.cells)
+    for _ in range(_MOST):
+        at = place[:, None]
+        g, level = tool.gradient(at)[:, 0], tool.level(at)[0]
+        mu = mu or g[2] / (g @ g)
+        curved = mu * near * tool.hessian(at)[:, :, 0]
+        tangent = np.block([[curved, g[:, None]], [g[None], np.zeros((1, 1))]])
+        right = np.append(-mu * g, -level / near)
+        right[2] += 1.0
+        step = np.linalg.lstsq(tangent, right, rcond=_STRAIGHT)[0]
+        place, mu = place + near * step[:3], mu + step[3]
+        away = np.linalg.norm(place - start)
+        if np.linalg.norm(step) <= _SETTLED or away > 2 * near:
+            break
+    if inside and away <= 2 * near and np.hypot(*g[:2]) <= _LEVEL * abs(g[2]):
+        return place
+    raise ValueError(
+        f"drape: the highest point of the tool, {_said(start)}, is at its edge or on a "
+        "slope: give --point, where the ply touches it"
+    )
+
+
+def _said(point: ndarray) -> str:
+    return " ".join(f"{x:.6g}" for x in point)
+
+
+REGISTRATION = SceneRegistration(
+    name="drape",
+    description="a ply on a tool in a file, such as STL",
+    build=from_options(drape),
+    size=(16, 16),
+    jitter=0.0,
+    defaults=DEFAULTS,
+    options=(
+        Option(
+            name="tool",
+            help="the tool: triangles of an STL file, or of another that meshio reads",
+            metavar="FILE.stl",
+            names_file=bool,
+        ),
+        Option(
+            name="point",
+            help="x, y and z of the point of the tool that the middle of the ply "
+            "touches (default: the highest point, nearest to the middle)",
+            read=float,
+            words=3,
+            metavar="MM",
+            unit="mm",
+            in_file=tuple[float, float, float],
+        ),
+        *(one for one in options(WIDTH, HEIGHT) if one.name != "part"),
+    ),
+    on_tool=True,
+    rank=12,
+)
