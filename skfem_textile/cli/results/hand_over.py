@@ -115,8 +115,8 @@ class HandOver:
         for name in _PATTERN:
             if not name.endswith("dxf") or find_spec("ezdxf"):
                 io.write_pattern(folder / name, patterns)
-        outline, *holes = patterns
+        # Holes go round the other way than the pieces.
         return {
-            "pattern_area_mm2": outline.area - sum(hole.area for hole in holes),
+            "pattern_area_mm2": abs(sum(one.signed_area for one in patterns)),
             "pattern_length_mm": sum(pattern.length for pattern in patterns),
         }
