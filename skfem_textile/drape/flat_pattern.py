@@ -48,8 +48,13 @@ class FlatPattern:
     @property
     def area(self) -> float:
         """Area inside the outline in mm²."""
+        return abs(self.signed_area)
+
+    @property
+    def signed_area(self) -> float:
+        """The area in mm², below zero where the outline goes clockwise."""
         (x, y), (x_next, y_next) = self.outline, np.roll(self.outline, -1, axis=1)
-        return 0.5 * abs(float((x * y_next - x_next * y).sum()))
+        return 0.5 * float((x * y_next - x_next * y).sum())
 
 
 def flat_pattern(

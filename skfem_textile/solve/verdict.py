@@ -32,8 +32,9 @@ _ROUND_OFF = 64 * 2.0**-53
 _CORNER_SHARE = 0.01
 
 # Gap between an element and its surface, over its longest edge, from which a mesh does
-# not follow the surface: of an arc that turns by a radian.  Measured: at a fillet with
-# the radius of an element it is 0.13 to 0.15, with twice that radius 0.08 to 0.09
+# not follow the surface: of an arc that turns by a radian, or of a square on a sphere
+# with sides of half the radius.  Measured: at a fillet with the radius of an element it
+# is 0.13 to 0.15, with twice that radius 0.08 to 0.09
 # (`pytest tests/drape/test_between_nodes.py`).
 _GAP = 0.125
 
@@ -340,8 +341,8 @@ def _surface(trial: Trial) -> None:
         place = ", ".join(f"{x:.3g}" for x in found.place[:, worst])
         raise NoEquilibriumError(
             f"{off.size} element(s), {share:.2g} % of the area, leave their surface "
-            f"between nodes, by {found.gap[worst]:.2g} mm at ({place}): they are as "
-            "large as its radius there; take a finer mesh there",
+            f"between nodes, by {found.gap[worst]:.2g} mm at ({place}): they are "
+            "large against its radius there; take a finer mesh there",
             off,
         )
 

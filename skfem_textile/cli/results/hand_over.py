@@ -43,7 +43,7 @@ class HandOver:
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> "HandOver":
-        """What values ask for, of which those without a tool have nothing.
+        """What the values of a case ask for, nothing where the ply is on no tool.
 
         Raises
         ------
@@ -64,7 +64,7 @@ class HandOver:
             return cls(mesh, no_curves=f"{printable(part)}: {error}")
 
     def write(self, result: Result, axes: Axes, folder: Path) -> dict[str, Any]:
-        """Write what there is; returns figures, of what is missing why.
+        """Write what there is, and return figures and why anything is missing.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class HandOver:
         return found
 
     def missing(self, found: Mapping[str, Any]) -> list[str]:
-        """What the user asks for and `write` has not found."""
+        """What the user asks for and `write` has not written, and why."""
         asked = ["part"] * (self.part is not None) + ["pattern"] * self.trimmed
         return [f"{what}: {found[what]}" for what in asked if what in found]
 
@@ -115,8 +115,8 @@ class HandOver:
         for name in _PATTERN:
             if not name.endswith("dxf") or find_spec("ezdxf"):
                 io.write_pattern(folder / name, patterns)
-        outline, *holes = patterns
+        # Holes go round the other way than the pieces.
         return {
-            "pattern_area_mm2": outline.area - sum(hole.area for hole in holes),
+            "pattern_area_mm2": abs(sum(one.signed_area for one in patterns)),
             "pattern_length_mm": sum(pattern.length for pattern in patterns),
         }

@@ -78,8 +78,8 @@ def laid(
     name
         Name of the scene.
     surface
-        The tool, which touches the plane z = 0 at the origin and is symmetric about the
-        planes x = 0 and y = 0.
+        The tool, which touches the plane z = 0 at the origin.  If a quarter is computed
+        it is symmetric about the planes x = 0 and y = 0.
     mesh
         A mesh of the ply with its middle at the origin, or of its quarter with the
         lower left corner there; or the kind of `rectangle` to make.

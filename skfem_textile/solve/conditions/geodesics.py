@@ -12,9 +12,10 @@ from .surface import OffSurfaceError, Surface, onto
 # as the shortest only where a surface has an edge.
 _STEPS, _SHORTEST = 32, 1e-3
 
-# Error over the length of the longest geodesic above which steps are shorter.  Chosen:
-# far less than a start needs.  Triangles that are smoothed have curvatures that vary
-# from one to the next, and are off the tool they stand for by more.
+# Estimated error over the length of the longest geodesic above which steps are shorter.
+# It is that of the derivative at the end by the whole way.  Chosen: far less than a
+# start needs.  Triangles that are smoothed have curvatures that vary from one to the
+# next, and are off the tool they stand for by more.
 _ACCURACY = 1e-3
 
 # Share of the step that would have this error, and how much shorter and longer than the

@@ -28,7 +28,7 @@ _HELD_ACROSS = 1e-6
 
 # Steps along geodesics by which a ply is carried.  Chosen: on a sphere, over a quarter
 # of its circumference, they end within 1e-3 of the radius, enough for a start; each
-# evaluates the surface eight times, which of triangles takes long.
+# asks the surface at three places, which of triangles takes long.
 _STEPS = 4
 
 
@@ -221,16 +221,17 @@ class SurfaceNodes:
         return (x - self._X).T.ravel()
 
     def carried(self, u: ndarray, before: float, t: float) -> ndarray | None:
-        """A displacement of the ply carried from its surface to that at another time.
+        """A displacement of the ply carried to its surface at another load factor.
 
-        By what geodesics lay elsewhere then.  None where they do not lay the whole ply.
+        Each node moves by the difference of the ends of its geodesics on the two.  None
+        where geodesics do not lay the whole ply.
 
         Parameters
         ----------
         u
             Displacement.
         before, t
-            Load factors of the surface on which it is, and of the other.
+            Load factors of the surface on which the ply is, and of the other.
         """
         name, condition, _ = self._parts[0]
         if condition.where is not None:
