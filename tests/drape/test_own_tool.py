@@ -371,6 +371,15 @@ def test_triangles_that_are_there_twice_change_nothing():
     np.testing.assert_allclose(once.u, twice.u, atol=1e-9)
 
 
+def test_triangles_whose_corners_coincide_change_nothing(tmp_path):
+    """An STL file of a surface of revolution has them at its pole."""
+    x, t = plate(n=11)
+    plain = read_surface(write(tmp_path / "plain.vtk", x, t))
+    doubled = np.hstack([t, [[5], [5], [6]]])
+    found = read_surface(write(tmp_path / "doubled.vtk", x, doubled))
+    np.testing.assert_allclose(found.level(x), plain.level(x), atol=1e-10)
+
+
 @pytest.mark.parametrize("point", [None, (12.0, 30.0, bump(12.0, 30.0))])
 def test_a_regular_coarse_tool_is_the_same_surface_in_the_axes_of_the_ply(point):
     """Vertices at one distance are many there, of which a fit has some alone."""
