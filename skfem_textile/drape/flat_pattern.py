@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..mesh.contact import Boundary, contact_of
 from ..mesh.user_input import real_numbers
-from .sheet import Sheet
+from .sheet import Places, Sheet
 from .tool_mesh import curve_length
 
 # Distance of points between two of a curve, over the ply's longest edge.  Chosen: the
@@ -101,16 +101,9 @@ def flat_pattern(
         real_numbers("flat pattern: spacing", spacing).shape or not 0 < spacing < np.inf
     ):
         raise ValueError(f"flat pattern: spacing must be a length, got {spacing!r}")
+    _places(sheet, points)  # before there are as many as a curve far away would have
     points = _spaced(points, spacing)
-    places = sheet.at(points)
-    if not places.found.all():
-        off = np.flatnonzero(~places.found)
-        place = np.round(points[:, off[0]], 3).tolist()
-        raise ValueError(
-            f"flat pattern: the ply does not lie on {off.size} of {points.shape[1]} "
-            f"points of the curve, the first at {place}: lay a larger ply, trim "
-            "inside it, or give more points of the curve"
-        )
+    places = _places(sheet, points)
     warp, weft = (A[:, places.element] for A in (sheet.warp, sheet.weft))
     outline = sheet.flat_at(places)
     steps = np.linalg.norm(outline - np.roll(outline, -1, axis=1), axis=0)
@@ -122,6 +115,20 @@ def flat_pattern(
         )
     _refuse_crossing(outline[:, steps > 0], points[:, steps > 0])
     return FlatPattern(outline, points, warp, weft)
+
+
+def _places(sheet: Sheet, points: ndarray) -> Places:
+    """Where points of a curve, (3, n), lie on a ply, refused where they do not."""
+    places = sheet.at(points)
+    off = np.flatnonzero(~places.found)
+    if off.size:
+        place = ", ".join(f"{c:.7g}" for c in points[:, off[0]])
+        raise ValueError(
+            f"flat pattern: the ply does not lie on {off.size} of {points.shape[1]} "
+            f"points of the curve, the first at [{place}]: lay a larger ply, trim "
+            "inside it, or give more points of the curve"
+        )
+    return places
 
 
 def _refuse_crossing(outline: ndarray, points: ndarray) -> None:

@@ -71,8 +71,7 @@ class ToolMesh:
 
     def triangles(self) -> ndarray:
         """Nodes of triangles, quadrilaterals cut in two, shape (3, n)."""
-        cuts = {3: ([0, 1, 2],), 4: ([0, 1, 2], [0, 2, 3])}
-        return np.hstack([cell[cut] for cell in self.cells for cut in cuts[len(cell)]])
+        return cut_in_two(self.cells)
 
     def boundary(self) -> list[ndarray]:
         """Closed curves along the edges of one element alone, the longest first.
@@ -110,6 +109,12 @@ class ToolMesh:
         corners = [self.points[:, cell] for cell in self.cells]
         pairs = [(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]) for x in corners]
         return np.hstack([np.cross(one, other, axis=0) for one, other in pairs])
+
+
+def cut_in_two(cells: tuple[ndarray, ...]) -> ndarray:
+    """Nodes of triangles, quadrilaterals cut in two, shape (3, n)."""
+    cuts = {3: ([0, 1, 2],), 4: ([0, 1, 2], [0, 2, 3])}
+    return np.hstack([cell[cut] for cell in cells for cut in cuts[len(cell)]])
 
 
 def curve_length(curve: ndarray) -> float:

@@ -128,6 +128,7 @@ def test_a_closed_tool_has_no_boundary():
     [
         (rolled(circle(60, 80.0)), None, r"does not lie on \d+ of \d+ points"),
         (rolled(circle(60)) * 1000, None, r"does not lie on \d+ of \d+ points"),
+        (rolled(circle(60)) * 1e15, None, r"does not lie on \d+ of 60 points"),
         (circle(60), None, r"shape \(3, n\)"),
         (np.full((3, 9), np.nan), None, "finite points"),
         (np.ones((3, 9)), None, "three points at least"),

@@ -384,6 +384,34 @@ def test_triangles_that_are_there_twice_change_nothing():
     np.testing.assert_allclose(once.u, twice.u, atol=1e-9)
 
 
+def test_triangles_whose_corners_coincide_change_nothing(tmp_path):
+    """An STL file of a surface of revolution has them at its pole."""
+    x, t = plate(n=11)
+    plain = read_surface(write(tmp_path / "plain.vtk", x, t))
+    doubled = np.hstack([t, [[5], [5], [6]]])
+    found = read_surface(write(tmp_path / "doubled.vtk", x, doubled))
+    np.testing.assert_allclose(found.level(x), plain.level(x), atol=1e-10)
+
+
+@pytest.mark.parametrize("point", [None, (12.0, 30.0, bump(12.0, 30.0))])
+def test_a_regular_coarse_tool_is_the_same_surface_in_the_axes_of_the_ply(point):
+    """Vertices at one distance are many there, of which a fit has some alone."""
+    x, t = plate(n=11)
+    tool = drape.TriangleMesh(x, t)
+    scene = on_tool(tool, point=point, size=(4, 4), width=80.0, height=80.0)
+    surface, turn = scene.conditions["tool"].surface, scene.axes.turn
+    there = scene.axes.of_ply(x)
+    np.testing.assert_allclose(surface.level(there), tool.level(x), atol=1e-10)
+    slope, bend = surface.gradient(there), surface.hessian(there)
+    np.testing.assert_allclose(turn @ slope, tool.gradient(x), atol=1e-10)
+    turned = np.einsum("ik,kln,jl->ijn", turn, bend, turn)
+    np.testing.assert_allclose(turned, tool.hessian(x), atol=1e-10)
+    np.testing.assert_array_equal(
+        surface.beyond_edges(there) > 0, tool.beyond_edges(x) > 0
+    )
+    scene.conditions["tool"].at("tool", 0.5)  # it touches the plane of the ply
+
+
 def test_a_normal_along_x_is_refused():
     x, t = plate()
     upright = drape.TriangleMesh(x[[2, 0, 1]], t)

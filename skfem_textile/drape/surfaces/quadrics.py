@@ -6,6 +6,7 @@ smooth weights (Ohtake, Belyaev, Alexa, Turk & Seidel 2003, Multi-level partitio
 unity implicits, ACM Trans. Graph. 22:463).
 """
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -71,6 +72,17 @@ class Quadrics:
             np.concatenate([x.T, np.zeros((*x.T.shape[:-1], 1))], axis=-1)
             for x in (points, -c[:, 0], b, H)
         )
+
+    def moved(self, origin: ndarray, turn: ndarray) -> "Quadrics":
+        """The same quadrics in axes with an origin, (3,), and directions, (3, 3)."""
+        from scipy.spatial import KDTree
+
+        there = copy(self)
+        there._points = turn.T @ (self._points - origin[:, None])
+        there._tree = KDTree(there._points[:, :-1].T)
+        there._b = turn.T @ self._b
+        there._H = np.einsum("ki,kln,lj->ijn", turn, self._H, turn)
+        return there
 
     def mean(self, x: ndarray) -> Derivatives:
         """φ = Σ w q / Σ w and its derivatives at positions, shape (3, n)."""

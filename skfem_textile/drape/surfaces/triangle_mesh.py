@@ -4,6 +4,8 @@ A quadric is fitted to the vertices around each vertex (`Quadrics`), so that nor
 curvatures are continuous.  φ is positive on the side to which the triangles face.
 """
 
+from copy import copy
+
 import numpy as np
 from numpy import ndarray
 
@@ -67,6 +69,24 @@ class TriangleMesh:
         a, b, c = self._x[self._triangles]
         area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         return ToolMesh(self._x.T, (self._triangles[:, area > 0],))
+
+    def moved(self, origin: ndarray, turn: ndarray) -> "TriangleMesh":
+        """The same surface in other axes.
+
+        It is not fitted anew: of vertices at one distance the fit has some alone, and
+        rounding tells which.
+
+        Parameters
+        ----------
+        origin
+            Their origin in mm, shape (3,).
+        turn
+            Their unit vectors, at right angles to each other, columns of shape (3, 3).
+        """
+        there = copy(self)
+        there._x = (self._x - origin) @ turn
+        there._quadrics, there._kept = self._quadrics.moved(origin, turn), None
+        return there
 
     def beyond_edges(self, x: ndarray) -> ndarray:
         """How far points lie beyond the edges of the triangles in mm, shape (n,).

@@ -7,6 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...drape import ToolMesh, TriangleMesh
+from ...drape.tool_mesh import cut_in_two
 from ...fabric.files.table_file import read_lines
 from ...mesh.checks import MeshError
 from ...mesh.user_input import excerpt, number_of_text, printable
@@ -28,25 +29,34 @@ def read_tool_mesh(path: str | os.PathLike[str]) -> ToolMesh:
     MeshError
         If the file cannot be read, or holds no surface in space.
     """
-    path = Path(path)
     try:
-        raw, _ = read_raw(path)
-        if np.shape(raw.points)[1:] != (3,):
-            raise MeshError("its points must have three coordinates")
-        cells = tuple(
-            np.asarray(block.data, dtype=int).T
-            for block in raw.cells
-            if block.type in ("triangle", "quad")
-        )
-        return ToolMesh(raw.points.T, cells)
+        return ToolMesh(*_points_and_cells(path))
     except MeshError as error:
         raise MeshError(f"{printable(path)}: {error}") from None
+
+
+def _points_and_cells(
+    path: str | os.PathLike[str],
+) -> tuple[ndarray, tuple[ndarray, ...]]:
+    """What a `ToolMesh` is made of, as it stands in a file."""
+    raw, _ = read_raw(Path(path))
+    if np.shape(raw.points)[1:] != (3,):
+        raise MeshError("its points must have three coordinates")
+    cells = tuple(
+        np.asarray(block.data, dtype=int).T
+        for block in raw.cells
+        if block.type in ("triangle", "quad")
+    )
+    if not cells:
+        raise MeshError("it has no triangles or quadrilaterals")
+    return np.asarray(raw.points).T, cells
 
 
 def read_surface(path: str | os.PathLike[str]) -> TriangleMesh:
     """Read a tool's surface, smoothed: STL, and what else meshio reads.
 
-    Quadrilaterals are cut in two.  Other cells are left out.
+    Quadrilaterals are cut in two.  Other cells are left out, and triangles whose
+    corners coincide, as at the pole of a sphere.
 
     Parameters
     ----------
@@ -58,9 +68,9 @@ def read_surface(path: str | os.PathLike[str]) -> TriangleMesh:
     MeshError
         If the file cannot be read, or holds no surface.
     """
-    mesh = read_tool_mesh(path)
     try:
-        return TriangleMesh(mesh.points, mesh.triangles())
+        points, cells = _points_and_cells(path)
+        return TriangleMesh(points, cut_in_two(cells))
     except MeshError as error:
         raise MeshError(f"{printable(path)}: {error}") from None
 

@@ -78,7 +78,7 @@ def drape(
             "which x of the ply cannot be: turn the tool, or give another --point"
         )
     axes = Axes.at(tool, place)
-    surface = TriangleMesh(axes.of_ply(facets.points), facets.triangles())
+    surface = tool.moved(*axes)
     whole: LaidPly = {**ply, "part": "whole"}
     scene = laid("drape", surface, mesh, **whole, axes=axes)
     _refuse_small(facets, scene.mesh)
