@@ -6,7 +6,13 @@ from .crossings import Net
 from .fibres_in_space import FibresInSpace, fibres_on_ply, fibres_on_tool
 from .flat_pattern import FlatPattern, flat_pattern
 from .kinematic_net import net
-from .risks import beyond_edges, bridging, contact_pressure, wrinkle_risk
+from .risks import (
+    beyond_edges,
+    bridging,
+    contact_pressure,
+    off_triangles,
+    wrinkle_risk,
+)
 from .sheet import Places, Sheet
 from .surfaces import (
     Cone,
@@ -49,6 +55,7 @@ __all__ = [
     "fibres_on_tool",
     "flat_pattern",
     "net",
+    "off_triangles",
     "triangles_on",
     "wrinkle_risk",
 ]

@@ -84,13 +84,38 @@ def beyond_edges(ply: Body, surface: Surface, u: ndarray) -> ndarray | None:
     ndarray or None
         Bool, shape (n_elements,), of the elements of ``ply.mesh``.
     """
+    x, tool = _on_grown(ply, surface, u)
+    beyond = getattr(tool, "beyond_edges", None)
+    return None if beyond is None else beyond(x[:, ply.mesh.t].mean(axis=1)) > 0
+
+
+def off_triangles(ply: Body, surface: Surface, u: ndarray) -> ndarray | None:
+    """Elements of a ply where the surface of a tool is not that of its triangles.
+
+    None of a surface that has no method ``off_triangles``, as `TriangleMesh` has one.
+
+    Parameters
+    ----------
+    ply, surface, u
+        As of `beyond_edges`.
+
+    Returns
+    -------
+    ndarray or None
+        Bool, shape (n_elements,), of the elements of ``ply.mesh``.
+    """
+    x, tool = _on_grown(ply, surface, u)
+    off = getattr(tool, "off_triangles", None)
+    return None if off is None else (off(x)[ply.mesh.t] > 0).any(axis=0)
+
+
+def _on_grown(ply: Body, surface: Surface, u: ndarray) -> tuple[ndarray, Surface]:
+    """Positions of the nodes on the surface as it is when it has grown, and that."""
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
-    x = x[:, ply.mesh.t].mean(axis=1)
-    if isinstance(surface, Grown):
-        point = surface.point[:, None]
-        x, surface = point + surface.t * (x - point), surface.surface
-    beyond = getattr(surface, "beyond_edges", None)
-    return None if beyond is None else beyond(x) > 0
+    if not isinstance(surface, Grown):
+        return x, surface
+    point = surface.point[:, None]
+    return point + surface.t * (x - point), surface.surface
 
 
 def wrinkle_risk(ply: Body, u: ndarray) -> ndarray:

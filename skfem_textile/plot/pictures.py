@@ -8,7 +8,6 @@ import numpy as np
 from numpy import ndarray
 
 from ..io.fields import cell_fields
-from ..mesh.user_input import printable
 from ..solve.result import Result, StepError
 from ..solve.states import State
 from .drawing import draw
@@ -290,9 +289,9 @@ def chosen(
     if not results:
         raise ValueError("nothing to draw: give at least one result")
     for result in results:
-        if not isinstance(result, Result):
+        if not hasattr(result, "states"):
             raise ValueError(
-                f"a picture is of a Result, not of {printable(repr(result))}: of a "
+                f"a picture is of a Result, not of a {type(result).__name__}: of a "
                 "state of equilibrium_near give Result.of_state(ply, conditions, state)"
             )
     several = [result.ply.formulation.title for result in results]

@@ -93,6 +93,22 @@ def test_triangles_of_a_sphere_shear_a_ply_as_the_sphere_does(
     assert "beyond_tool" not in found
 
 
+def test_a_shell_with_both_its_sides_and_a_tool_turned_inside_out_are_told():
+    """Sides of a shell that are 3 mm apart, where triangles have edges of 7 mm."""
+    x, t = plate(height=lambda x, y: -(x**2 + y**2) / 400)
+    given = {"size": (4, 4), "width": 100.0, "height": 100.0}
+    _, plain = run(on_tool(drape.TriangleMesh(x, t), **given))
+    assert "off_triangles" not in plain
+    assert "faces_away" not in plain
+    _, away = run(on_tool(drape.TriangleMesh(x, t[::-1]), **given))
+    assert "turn its triangles round" in away["faces_away"]
+    assert away["max_shear_angle_deg"] == pytest.approx(plain["max_shear_angle_deg"])
+    both = np.hstack([x, x - np.array([[0], [0], [3]])])
+    shell = drape.TriangleMesh(both, np.hstack([t, t[::-1] + x.shape[1]]))
+    _, off = run(on_tool(shell, **given))
+    assert "give one side of a shell" in off["off_triangles"]
+
+
 def test_a_tool_that_is_moved_as_a_whole_shears_the_ply_alike(tool):
     """About y, in whose plane the normal is: x of the ply goes with the tool."""
     mesh = read_tool_mesh(tool)

@@ -141,7 +141,7 @@ def test_a_shallow_tool_is_seen_from_lower_down():
 def test_a_state_is_told_how_to_become_a_result(draped):
     with pytest.raises(ValueError, match=r"of a state .* give Result\.of_state\(ply"):
         plot.draped(draped.states[-1])
-    with pytest.raises(ValueError, match="a picture is of a Result, not of None"):
+    with pytest.raises(ValueError, match="a picture is of a Result, not of a None"):
         plot.shear_angle(None)
 
 

@@ -28,6 +28,12 @@ _ONE = 1e-6
 # turns by 45° along them.
 _BEYOND = 0.1
 
+# Share of the mean edge by which the smoothed surface may be off the triangles.
+# Chosen: even triangles on spheres, cylinders, cones and saddles are off by 0.06 at
+# most with 320 triangles on a sphere; both sides of a thin shell, and triangles that
+# are fourteen times as long as wide, by 0.25 and more.
+_OFF = 0.1
+
 # Share of the area around a vertex that its triangles must have in common: those of a
 # sharp cone have a tenth, those that are oriented by chance next to nothing.
 _FACING = 0.05
@@ -117,6 +123,24 @@ class TriangleMesh:
         )
         at_edge &= (shares == 0).any(axis=0)
         return np.where(at_edge & (along > _BEYOND * self._edge), along, 0.0)
+
+    def off_triangles(self, x: ndarray) -> ndarray:
+        """How far points on the smoothed surface are from the triangles in mm, (n,).
+
+        0 where that is no more than a tenth of the mean edge, and beyond the edges.
+
+        Parameters
+        ----------
+        x
+            Points on the surface in mm, shape (3, n).
+        """
+        tool = self.facets
+        (triangles,) = tool.cells
+        triangle, shares = closest_on_triangles(tool.points, triangles, x)
+        closest = (shares * tool.points[:, triangles[:, triangle]]).sum(axis=1)
+        away = np.linalg.norm(x - closest, axis=0)
+        off = (away > _OFF * self._edge) & (self.beyond_edges(x) == 0)
+        return np.where(off, away, 0.0)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""

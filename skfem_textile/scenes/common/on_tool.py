@@ -3,7 +3,14 @@
 import numpy as np
 from numpy import ndarray
 
-from ...drape import Axes, beyond_edges, bridging, contact_pressure, wrinkle_risk
+from ...drape import (
+    Axes,
+    beyond_edges,
+    bridging,
+    contact_pressure,
+    off_triangles,
+    wrinkle_risk,
+)
 from ...solve.result import Result
 
 _NO_NET = (
@@ -46,10 +53,22 @@ def measured_on_tool(result: Result, axes: Axes) -> dict[str, float | str]:
         found["beyond_tool_share_of_area"] = share(beyond)
         if beyond.any():
             found["beyond_tool"] = (
-                f"{100 * share(beyond):.2g} % of the ply is beyond the edges of the "
+                f"{100 * share(beyond):.3g} % of the ply is beyond the edges of the "
                 "tool, or over its holes, where its surface is a guess: trim there, or "
                 "take a smaller ply or a larger tool"
             )
+    off = off_triangles(ply, surface, u)
+    if off is not None and off.any():
+        found["off_triangles"] = (
+            f"under {100 * share(off):.3g} % of the ply the smoothed tool is off its "
+            "triangles by more than a tenth of their mean edge: give one side of a "
+            "shell, and triangles that are about as long as wide"
+        )
+    if (pressure < 0).all():
+        found["faces_away"] = (
+            "the tool would have to pull everywhere: turn its triangles round if the "
+            "ply lies on its other side"
+        )
     if not (np.any(ply.fabric.bending) or ply.load(u, t).any()):
         found["not_the_net"] = _NO_NET
     return found
