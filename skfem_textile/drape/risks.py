@@ -9,6 +9,10 @@ from ..solve.conditions.surface import Grown, Surface
 # Share of the largest tension below which one is none: forces balance no better.
 _NONE = 1e-8
 
+# Radius of curvature over the size of a ply above which what fibres press is none.
+# Chosen: on a flat tool round-off presses as on a radius of ten million sizes.
+_FLAT = 1e5
+
 
 def contact_pressure(
     ply: Body, surface: Surface, u: ndarray, t: float = 1.0
@@ -47,13 +51,17 @@ def contact_pressure(
     return ((hats @ force) / (hats[:, :n] @ shared)) @ hats
 
 
-def bridging(ply: Body, pressure: ndarray) -> ndarray:
+def bridging(ply: Body, u: ndarray, pressure: ndarray) -> ndarray:
     """Elements on which the surface would have to pull in the mean of their nodes.
+
+    By more than the largest fibre tension would on a surface that is all but flat.
 
     Parameters
     ----------
     ply
         The ply.
+    u
+        Displacement.
     pressure
         Contact pressure at its nodes, as of `contact_pressure`.
 
@@ -62,7 +70,9 @@ def bridging(ply: Body, pressure: ndarray) -> ndarray:
     ndarray
         Bool, shape (n_elements,), of the elements of ``ply.mesh``.
     """
-    return np.asarray(pressure[ply.mesh.t].mean(axis=0) < 0)
+    size = np.ptp(ply.nodes, axis=1).max()
+    none = np.abs(ply.fibre_tension(u)).max() / (_FLAT * size)
+    return np.asarray(pressure[ply.mesh.t].mean(axis=0) < -none)
 
 
 def beyond_edges(ply: Body, surface: Surface, u: ndarray) -> ndarray | None:

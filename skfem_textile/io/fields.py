@@ -53,7 +53,7 @@ def fields_on_tool(
     pressure = contact_pressure(ply, surface, u, t)
     of_elements = {
         "wrinkle_risk": wrinkle_risk(ply, u).astype(float),
-        "bridging": bridging(ply, pressure).astype(float),
+        "bridging": bridging(ply, u, pressure).astype(float),
     }
     beyond = beyond_edges(ply, surface, u)
     if beyond is not None:

@@ -109,6 +109,15 @@ def test_a_shell_with_both_its_sides_and_a_tool_turned_inside_out_are_told():
     assert "give one side of a shell" in off["off_triangles"]
 
 
+def test_a_ply_on_a_flat_tool_bridges_nothing():
+    """However it is inclined; round-off presses and pulls by 1e-8 N/mm²."""
+    x, t = plate(height=lambda x, y: 0.3 * x - 0.2 * y)
+    tool, middle = drape.TriangleMesh(x, t), np.zeros(3)
+    _, found = run(on_tool(tool, point=middle, size=(6, 6), width=120.0, height=120.0))
+    assert 0 < abs(found["min_contact_pressure_N_per_mm2"]) < 1e-7
+    assert found["bridging_share_of_area"] == 0
+
+
 def test_a_tool_that_is_moved_as_a_whole_shears_the_ply_alike(tool):
     """About y, in whose plane the normal is: x of the ply goes with the tool."""
     mesh = read_tool_mesh(tool)

@@ -46,7 +46,7 @@ def measured_on_tool(result: Result, axes: Axes) -> dict[str, float | str]:
     pressure = contact_pressure(ply, surface, u, t)
     found["max_contact_pressure_N_per_mm2"] = float(pressure.max())
     found["min_contact_pressure_N_per_mm2"] = float(pressure.min())
-    found["bridging_share_of_area"] = share(bridging(ply, pressure))
+    found["bridging_share_of_area"] = share(bridging(ply, u, pressure))
     found["wrinkle_risk_share_of_area"] = share(wrinkle_risk(ply, u))
     beyond = beyond_edges(ply, surface, u)
     if beyond is not None:
