@@ -12,7 +12,7 @@ from ..solve.conditions.surface import Surface
 class Axes(NamedTuple):
     """Axes of a ply among those of its tool.
 
-    Attributes
+    Parameters
     ----------
     origin
         Where the origin of the ply is, in mm, shape (3,).
