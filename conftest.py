@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).parent
 MODULES_THAT_DRAW = (
@@ -16,6 +17,10 @@ MODULES_THAT_DRAW = (
     "skfem_textile/*/figure.py",
     "studies/*/figure*.py",
 )
+# No test times: a machine may be busy with other work.
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
+
 MISSING = [name for name in ("pyvista", "matplotlib") if find_spec(name) is None]
 
 

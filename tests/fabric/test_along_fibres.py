@@ -112,7 +112,7 @@ def test_lines_meet_at_the_sides_however_many_there_are_along_each(height):
     np.testing.assert_array_equal(edges_along(mesh, 45, 135), 1)
 
 
-@settings(max_examples=30, deadline=None, phases=[Phase.explicit, Phase.generate])
+@settings(max_examples=30, phases=[Phase.explicit, Phase.generate])
 @given(
     warp=st.integers(0, 180),
     crossing=st.integers(5, 175),

@@ -36,7 +36,7 @@ FORMULATIONS = [
     *(Full(), OnePoint(0.0), OnePoint(3.0), OnePoint(3.0, "continuity")),
     *(Macro(), Quadratic()),
 ]
-few = settings(max_examples=15, deadline=None)
+few = settings(max_examples=15)
 
 
 class Stiffening(Linear):

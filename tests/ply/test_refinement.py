@@ -32,7 +32,7 @@ from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 
 FORMULATIONS = [Macro(), OnePoint(), Full(), Quadratic(), Quadratic(80.0)]
-few = settings(max_examples=20, deadline=None, phases=[Phase.explicit, Phase.generate])
+few = settings(max_examples=20, phases=[Phase.explicit, Phase.generate])
 
 
 def sheet(seed=1):

@@ -90,7 +90,7 @@ def integral(function, a, b, kinks):
 
 
 @every_law
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(shares=st.tuples(st.floats(0, 1), st.floats(0, 1)))
 def test_value_and_tangent_are_the_exact_derivatives(law, ends, kinks, shares):
     """To 1e-8 of what is integrated, and round-off of the difference."""
