@@ -125,7 +125,9 @@ class HeldStiffness:
 
 
 class HeldStabilisation(HeldStiffness):
-    """C_s of `hourglass`: `stabilisation_stiffness` of warp and weft together.
+    """C_s of `hourglass` and `out_of_plane`: that of warp and weft together.
+
+    It is `stabilisation_stiffness`.
 
     Parameters
     ----------
@@ -135,10 +137,14 @@ class HeldStabilisation(HeldStiffness):
         Elements over which the state is averaged; all of their parts have one C_s.
     by_tension
         Whether tension counts.
+    by_grip
+        Whether the angle between the families counts: in the plane.
     """
 
-    def __init__(self, fabric: Fabric, basis: MeanBasis, by_tension: bool) -> None:
-        self._by_tension = by_tension
+    def __init__(
+        self, fabric: Fabric, basis: MeanBasis, by_tension: bool, by_grip: bool = True
+    ) -> None:
+        self._by_tension, self._by_grip = by_tension, by_grip
         super().__init__("C_s", fabric, basis)
 
     def _of_state(
@@ -150,7 +156,7 @@ class HeldStabilisation(HeldStiffness):
             G,
             E.mean(axis=0),
             self._by_tension * np.abs(T).mean(axis=0),
-            mean(w, np.abs(kin.cos_angle(F, *A))),
+            self._by_grip * mean(w, np.abs(kin.cos_angle(F, *A))),
         )
         return self._basis.to_ply_points(np.broadcast_to(C_s, self._basis.dx.shape))
 

@@ -115,15 +115,11 @@ class OutOfPlane(FormTerm):
     Parameters
     ----------
     C_s
-        A number in N/mm, or what the term of `hourglass` holds: both have one
-        stiffness.
-    most
-        The largest stiffness, one for each element, shape (n_elements, 1): where
-        fibres resist bending, that leaves little to be held.
+        Stiffness in N/mm, one for each element, shape (n_elements, 1); with a memory
+        the largest that is taken of what it holds.
     """
 
-    C_s: float | HeldStabilisation
-    most: float | ndarray = np.inf
+    C_s: ndarray
 
     def parameters(self, t: float) -> Parameters:
         """What the forms are given beside the displacement."""
@@ -142,10 +138,9 @@ class OutOfPlane(FormTerm):
         return self._numbers.matrices(u, self._stiffness, convex)
 
     @property
-    def _stiffness(self) -> float | ndarray:
-        given = self.C_s
-        C_s = given if isinstance(given, float) else given.parameters["C_s"]
-        return np.minimum(C_s, self.most)
+    def _stiffness(self) -> ndarray:
+        held = np.inf if self.memory is None else self.memory.parameters["C_s"]
+        return np.minimum(held, self.C_s)
 
     @cached_property
     def _numbers(self) -> OutOfPlaneKernel:
@@ -163,27 +158,33 @@ def hourglass_terms(
         return []
     C_s = None if stabilisation == "auto" else float(stabilisation)
     corners = hourglass_basis(basis)
-    held = _automatic(basis, fabric) if C_s is None else None
     definition, kernel = forms.hourglass(fabric, C_s), HourglassKernel(fabric, C_s)
+    held = _automatic(basis, fabric) if C_s is None else None
     terms: list[Term] = [stabilising_term(definition, corners, kernel, held)]
     if components(basis) == 3:
-        given = "out_of_plane", forms.out_of_plane(), corners
-        stiffness = float(stabilisation) if held is None else held
-        most = _most_against_twist(fabric, corners)
-        terms.append(OutOfPlane(*given, C_s=stiffness, most=most, role="stabilisation"))
+        out_of_plane = OutOfPlane(
+            "out_of_plane",
+            forms.out_of_plane(),
+            corners,
+            C_s=_most_against_twist(np.inf if C_s is None else C_s, fabric, corners),
+            role="stabilisation",
+            memory=_automatic(basis, fabric, by_grip=False) if C_s is None else None,
+        )
+        terms.append(out_of_plane)
     return terms
 
 
-def _most_against_twist(fabric: Fabric, basis: HourglassBasis) -> ndarray:
-    """C_s with which elements resist twist with a share of their bending stiffness.
+def _most_against_twist(C_s: float, fabric: Fabric, basis: HourglassBasis) -> ndarray:
+    """The largest C_s out of the plane, shape (n_elements, 1).
 
+    Where fibres resist bending, elements resist twist with a share of that at most.
     A bending stiffness D resists a curvature κ with ½ D κ² per area; C_s resists a
     twist κ of a square of area A with ½ C_s A/6 κ².
     """
     least = np.minimum(*fabric.bending)
     D = np.broadcast_to(least, basis.dx[:, 0].shape)[:, None]
     most = _TWIST_OVER_BENDING * 6 * D / basis.dx.sum(axis=1, keepdims=True)
-    return np.where(D > 0, most, np.inf)
+    return np.where(D > 0, np.minimum(C_s, most), C_s)
 
 
 def hourglass_basis(basis: CellBasis) -> HourglassBasis:
@@ -192,10 +193,12 @@ def hourglass_basis(basis: CellBasis) -> HourglassBasis:
     return HourglassBasis(basis.mesh, d, mapping=basis.mapping, dofs=basis.dofs)
 
 
-def _automatic(basis: CellBasis, fabric: Fabric) -> HeldStabilisation:
+def _automatic(
+    basis: CellBasis, fabric: Fabric, by_grip: bool = True
+) -> HeldStabilisation:
     """C_s of each element.  The tension at a single point is not that of the fabric."""
     if isinstance(basis, MeanBasis):
-        return HeldStabilisation(fabric, basis, by_tension=True)
+        return HeldStabilisation(fabric, basis, True, by_grip)
     points = MeanBasis(
         basis.mesh,
         basis.elem,
@@ -203,7 +206,7 @@ def _automatic(basis: CellBasis, fabric: Fabric) -> HeldStabilisation:
         dofs=basis.dofs,
         quadrature=CENTRE,
     )
-    return HeldStabilisation(fabric, points, by_tension=False)
+    return HeldStabilisation(fabric, points, False, by_grip)
 
 
 def stabilising_term(

@@ -120,7 +120,8 @@ class Problem:
         Returns
         -------
         bool
-            Whether it does, by more than a small share.
+            Whether it does, by more than a small share, or a term more than doubles
+            its own: then the tangent of those before tells little of those at ``u``.
         """
         if not self.holds_stiffness:
             return False
@@ -128,8 +129,10 @@ class Problem:
         held, (before, _) = ply.remembered, self.energies(u)
         if ply.settle(u, tension):
             after, _ = self.energies(u)
-            energy = sum(before.values())
-            if abs(sum(after.values()) - energy) > _NEARLY_SETTLED * abs(energy):
+            energies = np.array([(before[name], after[name]) for name in before]).T
+            own, change = np.abs(energies[0]), energies[1] - energies[0]
+            much = abs(change.sum()) > _NEARLY_SETTLED * own.sum()
+            if much or (np.abs(change) > own).any():
                 return True
             ply.remembered = held
         return False
