@@ -129,6 +129,13 @@ def test_its_largest_error_falls_with_second_order_until_the_mesh_is_fine():
     assert (np.diff(np.log2(errors)) < -1.8).all()
 
 
+@pytest.mark.parametrize("tension", [0.1, 50.0])
+def test_the_tension_of_the_edges_takes_no_more_solves(tension):
+    for formulation, cells in ((Macro(), 8), (OnePoint(), 16)):
+        ply, conditions, start = chebyshev.problem(formulation, cells, tension=tension)
+        assert equilibrium_near(ply, conditions, start).linear_solves <= 8
+
+
 def test_a_coarse_mesh_takes_no_more_solves():
     """Its stiffnesses are those of predicted tensions, so that none is found again."""
     ply, conditions, start = chebyshev.problem(Macro(), 4)
