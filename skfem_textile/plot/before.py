@@ -9,8 +9,8 @@ from skfem import Mesh
 
 from ..fabric.directions.per_element import FibreDirections
 from ..mesh.splitting import original_elements
-from .drawing import draw
 from .lines import WARP, WEFT
+from .renderers.drawing import draw
 from .sheet import Fibres, Legend, Panel, Shape, Sheet, extent
 
 if TYPE_CHECKING:

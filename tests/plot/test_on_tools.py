@@ -11,7 +11,7 @@ plot = pytest.importorskip("skfem_textile.plot")
 pytest.importorskip("pyvista")
 Image = pytest.importorskip("PIL.Image")
 in_front_of_tool = pytest.importorskip("skfem_textile.plot.lines").in_front_of_tool
-shapes_of = pytest.importorskip("skfem_textile.plot.pictures").shapes_of
+shapes_of = pytest.importorskip("skfem_textile.plot.of_results").shapes_of
 Tool = pytest.importorskip("skfem_textile.plot.sheet").Tool
 eye_axes = pytest.importorskip("skfem_textile.plot.sheet").eye_axes
 tool_under = pytest.importorskip("skfem_textile.plot.on_tools.under_ply").tool_under

@@ -16,7 +16,7 @@ plot = pytest.importorskip("skfem_textile.plot")
 layout = pytest.importorskip("skfem_textile.plot.layout")
 lines = pytest.importorskip("skfem_textile.plot.lines")
 sheet = pytest.importorskip("skfem_textile.plot.sheet")
-drawing = pytest.importorskip("skfem_textile.plot.drawing")
+drawing = pytest.importorskip("skfem_textile.plot.renderers.drawing")
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ pv = pytest.importorskip("pyvista")
 matplotlib = pytest.importorskip("matplotlib")
 Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
-pictures = pytest.importorskip("skfem_textile.plot.pictures")
+shapes_of = pytest.importorskip("skfem_textile.plot.of_results").shapes_of
 Shape = pytest.importorskip("skfem_textile.plot.sheet").Shape
 offscreen = pytest.importorskip("skfem_textile.plot.renderers.offscreen")
 curves = pytest.importorskip("skfem_textile.plot.curves").curves
@@ -100,7 +100,7 @@ def arch():
 
 def test_a_ply_in_space_is_drawn_in_perspective(arch):
     """Parallel edges converge, and an element has its colour where it is seen."""
-    (shape,) = pictures.shapes_of([arch], arch.states[-1:])
+    (shape,) = shapes_of([arch], arch.states[-1:])
     left, right = (
         np.flatnonzero(np.isclose(arch.ply.nodes[0], x)) for x in (0.0, 100.0)
     )
@@ -118,7 +118,7 @@ def test_a_ply_in_space_is_drawn_in_perspective(arch):
 
 
 def test_vectors_turn_with_a_ply_in_perspective(arch):
-    (shape,) = pictures.shapes_of([arch], arch.states[-1:])
+    (shape,) = shapes_of([arch], arch.states[-1:])
     plain = Shape.of(arch.ply.mesh, arch.ply.nodal(arch.u))
     along = plain.points[plain.cells[0][1]] - plain.points[plain.cells[0][0]]
     seen = shape.points[shape.cells[0][1]] - shape.points[shape.cells[0][0]]
