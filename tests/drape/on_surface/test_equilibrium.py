@@ -11,10 +11,12 @@ from skfem_textile import (
     Fabric,
     LoadStepper,
     OnSurface,
+    Result,
     Traction,
     drape,
     equilibrium_near,
 )
+from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.solve.problem import Tangent
 
 
@@ -116,3 +118,18 @@ def test_a_run_goes_on_from_its_checkpoint_on_the_same_surface_only(tmp_path):
     np.testing.assert_allclose(stepper(100.0).run(resume=True).u, u, atol=1e-9)
     with pytest.raises(CheckpointError, match="surfaces"):
         stepper(101.0).run(resume=True)
+
+
+def test_a_state_without_a_run_has_a_result():
+    scene = hemisphere(size=(4, 4))
+    case = Case(scene=scene, fabric=Fabric(1e4, 0.1), steps=1)
+    ply, run = case.ply(), case.run()
+    state = equilibrium_near(ply, scene.conditions, run.u, warn_only=["stabilisation"])
+    result = Result.of_state(ply, scene.conditions, state)
+    assert result.converged
+    np.testing.assert_allclose(result.u, run.u, atol=1e-3)
+    found = scene.summary(result)
+    assert found["max_contact_pressure_N_per_mm2"] == pytest.approx(
+        scene.summary(run)["max_contact_pressure_N_per_mm2"], rel=1e-3
+    )
+    assert found["error_estimate"].startswith("none: ")
