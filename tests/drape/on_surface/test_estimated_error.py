@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 from laid_plies import positions
 
-from skfem_textile import (
-    AdaptiveStepper,
-    Macro,
-    OnePoint,
-    equilibrium_near,
-)
+from skfem_textile import AdaptiveStepper, Macro, OnePoint, equilibrium_near
 from skfem_textile.solve.stepping import error_estimate
 from skfem_textile.solve.stepping.error_estimate import estimated_error, problem_at
 from studies.formulations.drape import chebyshev
