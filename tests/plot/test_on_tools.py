@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import graph
 
 from skfem_textile import Fabric, Quadratic, Result, drape
 from skfem_textile.scenes import Case, hemisphere, strip
@@ -99,11 +100,7 @@ def test_lines_behind_a_tool_are_left_out_of_vectors():
 
 def plate(height):
     """A tool z = h(x, y) of triangles over 160 mm × 160 mm."""
-    s = np.linspace(-80, 80, 25)
-    x, y = (a.ravel() for a in np.meshgrid(s, s))
-    k = np.add.outer(25 * np.arange(24), np.arange(24)).ravel()
-    t = np.hstack([[k, k + 1, k + 26], [k, k + 26, k + 25]])
-    return drape.TriangleMesh(np.array([x, y, height(x, y)]), t)
+    return drape.TriangleMesh(*graph(np.linspace(-80, 80, 25), height))
 
 
 def bump(high):

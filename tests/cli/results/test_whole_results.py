@@ -1,6 +1,5 @@
 """Full disks, closed pipes and killed runs: one line, and results that are whole."""
 
-import errno
 import os
 import subprocess
 import sys
@@ -8,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from command_line import QUICK, is_whole
+from helpers import full_disk
 
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, StepError
 from skfem_textile.cli import main as cli
@@ -43,10 +43,6 @@ def test_a_summary_never_speaks_of_files_that_are_not_there(
     assert is_whole(out)
 
 
-def full(*_, **__):
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
 @pytest.mark.parametrize(
     ("options", "told"),
     [
@@ -63,7 +59,7 @@ def test_a_full_disk_is_named_and_what_is_left(
     before = (out / "summary.json").read_text()
     capsys.readouterr()
     with monkeypatch.context() as patch:
-        patch.setattr("meshio.Mesh.write", full)
+        patch.setattr("meshio.Mesh.write", full_disk)
         assert cli.main([*command, *options]) == 1
     printed, said = capsys.readouterr()
     assert printed == ""
@@ -86,14 +82,14 @@ def test_who_writes_one_thing_to_a_full_disk_is_told_where(
     scene = strip(size=(3, 4))
     ply = Ply(scene.mesh, Fabric(), OnePoint(10.0))
     result = LoadStepper(ply, scene.conditions, 1).run()
-    monkeypatch.setattr("meshio.Mesh.write", full)
-    monkeypatch.setattr("csv.DictWriter.writeheader", full)
+    monkeypatch.setattr("meshio.Mesh.write", full_disk)
+    monkeypatch.setattr("csv.DictWriter.writeheader", full_disk)
     with pytest.raises(OSError, match=r"No space left on device: '.*/out'"):
         write(result, tmp_path / "out")
 
 
 def test_a_disk_that_fills_while_files_are_moved_in_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(Path, "replace", full)
+    monkeypatch.setattr(Path, "replace", full_disk)
     message = r"cannot write results to .*/out: No space left on device"
     with (
         pytest.raises(OutputError, match=message),
@@ -108,7 +104,7 @@ def test_a_full_disk_leaves_the_result_of_a_run_to_its_caller(tmp_path, monkeypa
     ply = Ply(scene.mesh, Fabric(), OnePoint(10.0))
     conditions: dict[str, Condition] = scene.conditions
     stepper = LoadStepper(ply, conditions, 3, checkpoint=tmp_path / "c")
-    stepper.on_step = lambda state: monkeypatch.setattr("os.fsync", full)
+    stepper.on_step = lambda state: monkeypatch.setattr("os.fsync", full_disk)
     with pytest.raises(StepError, match=r"cannot write checkpoint .*/c: No space left"):
         stepper.run()
     assert [s.load_factor for s in stepper.result.states] == pytest.approx([0, 1 / 3])

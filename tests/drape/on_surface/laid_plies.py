@@ -1,13 +1,16 @@
 """Square plies that are laid on surfaces, held where their symmetry holds them."""
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, OnePoint, Ply, drape
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.problem import Problem
+from studies.formulations.drape import chebyshev
 
+RADIUS = 60.0
 SYMMETRY = {
     "x": Condition("left", (0.0, None, None)),
     "y": Condition("bottom", (None, 0.0, None)),
@@ -43,3 +46,18 @@ def laid(ply, surface, **options):
 def positions(ply, u):
     """Where the nodes are in space, shape (3, n)."""
     return np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+
+
+def rolled(X):
+    """Points of the flat ply on a cylinder of `RADIUS`, whose axis is y."""
+    angle = X[0] / RADIUS
+    return np.array([RADIUS * np.sin(angle), X[1], RADIUS * (np.cos(angle) - 1)])
+
+
+def in_net(X):
+    """Points of the flat ply in the Chebyshev net of the sphere."""
+    n = 200
+    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
+    s = np.linspace(0, chebyshev.SIDE, n + 1)
+    place = RegularGridInterpolator((s, s), np.moveaxis(net.positions, 0, -1), "cubic")
+    return place(X.T).T
