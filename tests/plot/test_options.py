@@ -197,5 +197,11 @@ def test_any_field_is_animated_on_one_scale(result, tmp_path):
             grey = np.asarray(moving.convert("L"), float)
             expected = 255 * np.abs(state.u).max() / 100
             assert (np.abs(grey - expected) < 3).sum() > 0.1 * grey.size
+    frames = []
+    for edges in (True, False):
+        plot.animation(result, file, size=40, show_edges=edges)
+        with Image.open(file) as moving:
+            frames.append(moving.convert("RGB").tobytes())
+    assert frames[0] != frames[1]
     with pytest.raises(ValueError, match="there is no field"):
         plot.animation(result, file, field="nothing")

@@ -325,5 +325,12 @@ def test_a_mesh_of_both_kinds_is_drawn_with_its_fibres_before_a_run(tmp_path):
     assert np.allclose(found, [0, 45, 90], atol=1e-4)
     assert np.allclose(ends.mean(axis=1)[0, :2], [0.5, 0.5])
     assert (tmp_path / "mesh.png").exists()
+    pictures = []
+    for edges in (True, False):
+        plotter = pv.Plotter(off_screen=True, window_size=(300, 300))
+        options = {"plotter": plotter, "show_edges": edges}
+        assert plot.mesh_and_fibres(mesh, directions, **options) is plotter
+        pictures.append(plotter.screenshot(return_img=True).tobytes())
+    assert pictures[0] != pictures[1]
     with pytest.raises(ValueError, match="3 directions for 4 elements"):
         plot.mesh_and_fibres(MeshQuad().refined(1), directions)
