@@ -1,6 +1,5 @@
 """What a ply is made of: fibre directions, and laws of tension and shear."""
 
-from .along_fibres import mesh_along_fibres
 from .fabric import Direction, Fabric, Family, unit_vectors
 from .law import BiaxialLaw, Law, Linear, Slopes, TwoLaws, is_zero
 from .law_plot import plot_law
@@ -14,6 +13,7 @@ from .laws.pretensioned import Pretensioned
 from .laws.sin2 import Sin2
 from .laws.tabulated import Tabulated
 from .laws.tangent_shear import TangentShear
+from .meshing.along_fibres import mesh_along_fibres
 
 __all__ = [
     "Asymmetric",

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..mesh.user_input import call_user_function, real_numbers
 from .law import BiaxialLaw, Law, Linear, TwoLaws, domain_of, law_at
+from .law_end import LawEnd, closest_end
 
 
 class Varied(Protocol):
@@ -31,45 +32,11 @@ Direction: TypeAlias = ArrayLike | Callable[[ndarray], ndarray] | Varied
 # Fibre families closer than this (radians) leave the fabric no second family.
 _PARALLEL = 1e-6
 
-# What is said where a law of shear ends at rest.
-_GO_ON = " (a table from 0 on needs odd=True, --shear-continuation odd)"
-
-# Share of where a law ends by which elements are as close to it as one.  Chosen:
-# half a degree at 50°, which a colour cannot tell.
-_AS_CLOSE = 0.01
-
 #: A number, such as a stiffness against bending, or one for each element.
 ByElement: TypeAlias = float | ndarray
 
 #: A stiffness, one for each element, or a law.
 Stiffness: TypeAlias = float | ndarray | Law
-
-
-class LawEnd(NamedTuple):
-    """A law that is close to an end of its domain.
-
-    Attributes
-    ----------
-    quantity
-        Of what it is a law: warp_strain, weft_strain or shear_angle.
-    value, end
-        The value that is closest to the end, and the end; angles in radians.
-    elements
-        Numbers of the elements that are as close.
-    """
-
-    quantity: str
-    value: float
-    end: float
-    elements: ndarray
-
-    def __str__(self) -> str:
-        name, (value, end) = self.quantity.replace("_", " "), self[1:3]
-        shown = f"{value:.3g}", f"{end:.3g}"
-        if self.quantity == "shear_angle":
-            shown = f"{np.degrees(value):.4g}°", f"{np.degrees(end):.4g}°"
-        said = f"the {name} is {shown[0]}, and its law ends at {shown[1]}"
-        return said + (_GO_ON if self.quantity == "shear_angle" and end == 0 else "")
 
 
 class Family(NamedTuple):
@@ -230,19 +197,8 @@ class Fabric:
 
         None if every law holds everywhere.
         """
-        names = "warp_strain", "weft_strain", "shear_angle"
-        found = []
-        for name, law, x in zip(names, self.laws, (*strain, angle), strict=True):
-            for end, side in zip(domain_of(law), (-1, 1), strict=True):
-                ends = np.broadcast_to(end, x.shape)
-                gaps = side * (ends - x)
-                at = int(np.argmin(gaps))
-                if np.isfinite(least := gaps.flat[at]):
-                    close = gaps <= least + _AS_CLOSE * np.abs(ends)
-                    elements = np.flatnonzero(close.any(axis=1))
-                    place = float(x.flat[at]), float(ends.flat[at]), elements
-                    found.append((least, LawEnd(name, *place)))
-        return min(found, key=lambda each: each[0])[1] if found else None
+        domains = [domain_of(law) for law in self.laws]
+        return closest_end(domains, (*strain, angle))
 
     def directions(
         self, x: ndarray, element: ndarray | None = None

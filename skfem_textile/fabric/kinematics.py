@@ -99,8 +99,7 @@ def fibre_strain_dd(F: ndarray, A: ndarray) -> ndarray:
     """Second derivative ∂²ε/∂F² = (δ_ik/λ² − 2 a_i a_k/λ⁴) A_J A_L."""
     a = fibre(F, A)
     e = a / dot(a, a)
-    delta = np.eye(len(a)).reshape(len(a), len(a), *(1,) * (a.ndim - 1))
-    second = delta / dot(a, a) - 2 * np.einsum("i...,k...->ik...", e, e)
+    second = _delta(a) / dot(a, a) - 2 * np.einsum("i...,k...->ik...", e, e)
     return np.einsum("ik...,J...,L...->iJkL...", second, A, A)
 
 
@@ -119,8 +118,7 @@ def stretch_dd(F: ndarray, A: ndarray) -> ndarray:
     """Second derivative ∂²λ/∂F² = (δ_ik − e_i e_k)/λ A_J A_L; none along the fibre."""
     a, length = fibre(F, A), stretch(F, A)
     e = a / length
-    delta = np.eye(len(a)).reshape(len(a), len(a), *(1,) * (a.ndim - 1))
-    m = (delta - np.einsum("i...,k...->ik...", e, e)) / length
+    m = (_delta(a) - np.einsum("i...,k...->ik...", e, e)) / length
     return np.einsum("ik...,J...,L...->iJkL...", m, A, A)
 
 
@@ -227,6 +225,11 @@ def _side(A1: ndarray, A2: ndarray) -> ndarray:
     return np.sign(cross(A1, A2))
 
 
+def _delta(a: ndarray) -> ndarray:
+    """δ_ik of the components of vectors, with axes of one for their points."""
+    return np.eye(len(a)).reshape(len(a), len(a), *(1,) * (a.ndim - 1))
+
+
 def _unit(c: ndarray) -> ndarray:
     return c / np.sqrt(dot(c, c))
 
@@ -236,20 +239,20 @@ def _cofactor(F: ndarray) -> ndarray:
     return np.array([[F[1, 1], -F[1, 0]], [-F[0, 1], F[0, 0]]])
 
 
-def _rotated(a: ndarray) -> ndarray:
+def rotated(a: ndarray) -> ndarray:
     """The vector a rotated by +90°."""
     return np.stack([-a[1], a[0]])
 
 
 def _inclination_d(F: ndarray, A: ndarray) -> ndarray:
     a = fibre(F, A)
-    return np.einsum("i...,J...->iJ...", _rotated(a) / dot(a, a), A)
+    return np.einsum("i...,J...->iJ...", rotated(a) / dot(a, a), A)
 
 
 def _inclination_dd(F: ndarray, A: ndarray) -> ndarray:
     """∂²θ/∂F² = −(p_i a_k + a_i p_k) A_J A_L / λ⁴."""
     a = fibre(F, A)
     e = a / dot(a, a)
-    half = np.einsum("i...,k...->ik...", _rotated(e), e)
+    half = np.einsum("i...,k...->ik...", rotated(e), e)
     second = half + half.swapaxes(0, 1)
     return -np.einsum("ik...,J...,L...->iJkL...", second, A, A)

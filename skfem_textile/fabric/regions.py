@@ -36,7 +36,7 @@ class RegionalLaw:
             Of any shape that broadcasts with the arguments of the law; all elements,
             shape (n_elements, 1), if not given.
         """
-        region = self.region[:, None] if element is None else self.region[element]
+        region = _region_at(self.region, element)
         return RegionalLaw([law_at(law, element) for law in self.laws], region)
 
     def energy(self, x: ndarray) -> ndarray:
@@ -83,7 +83,7 @@ class RegionalTensions(BiaxialLaw):
 
     def at(self, element: ndarray | None = None) -> "RegionalTensions":
         """The law at points, by the numbers of their elements; see `RegionalLaw.at`."""
-        region = self.region[:, None] if element is None else self.region[element]
+        region = _region_at(self.region, element)
         return RegionalTensions([law_at(law, element) for law in self.laws], region)
 
     def energy(self, strain: ndarray) -> ndarray:
@@ -115,6 +115,11 @@ class RegionalTensions(BiaxialLaw):
         return np.array([_chosen(self.region, of_family) for of_family in ends])
 
 
+def _region_at(region: ndarray, element: ndarray | None) -> ndarray:
+    """The regions at points, by the numbers of their elements; of all, (n, 1)."""
+    return region[:, None] if element is None else region[element]
+
+
 def _chosen(region: ndarray, values: Sequence[Any]) -> ndarray:
     """Of one value or array for each law that of the law at each point."""
     region, *every = np.broadcast_arrays(region, *values)
@@ -138,7 +143,7 @@ class RegionalDirection:
 
     def at(self, name: str, x: ndarray, element: ndarray | None) -> ndarray:
         """Unit vectors at points, given as for `unit_vectors`."""
-        region = self.region[:, None] if element is None else self.region[element]
+        region = _region_at(self.region, element)
         shape = np.broadcast_shapes(x.shape[1:], region.shape)
         x = np.broadcast_to(x, (2, *shape))
         region = np.broadcast_to(region, shape)

@@ -159,9 +159,7 @@ def write_directions(
     """
     path, points = Path(path), mesh.p if points is None else points
     cells, _ = original_elements(mesh)
-    n_elements, n = sum(cell.shape[1] for cell in cells), directions.warp.shape[1]
-    if n != n_elements:
-        raise ValueError(f"{n} directions for {n_elements} elements")
+    directions.refuse_other(cells)
     suffix = path.suffix.lower()
     if suffix == ".vtu":
         _write_vtu(path, cells, points, directions)

@@ -77,10 +77,15 @@ class Boundary:
         return middle + _INSIDE * height * np.stack([-y, x])
 
 
+def signed_areas(x: ndarray, y: ndarray) -> ndarray:
+    """Areas of polygons by their corners, (k, n), positive where anticlockwise."""
+    return 0.5 * (x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)).sum(axis=0)
+
+
 def boundary_of(mesh: Mesh) -> Boundary:
     """The boundary of a mesh; no edge may belong to more than two cells."""
     x, y = mesh.p[:, mesh.t] - mesh.p[:, mesh.t[:1]]
-    area = 0.5 * (x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)).sum(axis=0)
+    area = signed_areas(x, y)
     single = np.bincount(mesh.t2f.ravel()) == 1
     side, cell = np.nonzero(single[mesh.t2f])
     ends = np.stack([mesh.t[side, cell], np.roll(mesh.t, -1, axis=0)[side, cell]])

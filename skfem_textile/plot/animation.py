@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..solve.result import Result
-from .drawing import new_plotter, pixels, pyvista_renderer
 from .fields import Field, field_of, reach, values_of
 from .layout import lay_out
+from .of_results import shapes_of
 from .picture_files import picture_path, write
-from .pictures import shapes_of
+from .renderers.drawing import new_plotter, pixels, pyvista_renderer
 from .sheet import Legend, Panel, Scale, Sheet, extent
 
 # Dots per inch: of a picture for a screen.

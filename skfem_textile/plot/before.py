@@ -9,8 +9,8 @@ from skfem import Mesh
 
 from ..fabric.directions.per_element import FibreDirections
 from ..mesh.splitting import original_elements
-from .drawing import draw
 from .lines import WARP, WEFT
+from .renderers.drawing import draw
 from .sheet import Fibres, Legend, Panel, Shape, Sheet, extent
 
 if TYPE_CHECKING:
@@ -53,9 +53,8 @@ def mesh_and_fibres(
         element.
     """
     cells, _ = original_elements(mesh)
-    n_elements, n = sum(cell.shape[1] for cell in cells), directions.warp.shape[1]
-    if n != n_elements:
-        raise ValueError(f"{n} directions for {n_elements} elements")
+    directions.refuse_other(cells)
+    n = directions.warp.shape[1]
     shape = Shape(np.pad(mesh.p, ((0, 1), (0, 0))).T, cells)
     fibres = Fibres(_unit(directions.warp), _unit(directions.weft))
     panel = Panel(f"Mesh and fibres, {n} elements", shape, fibres=fibres)

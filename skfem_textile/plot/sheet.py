@@ -9,6 +9,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy import ndarray
 from skfem import Mesh
 
+from ..mesh.contact import signed_areas
+
 # Least extent of a scale, in its unit.  Chosen: above the rounding of zero.
 _LEAST_EXTENT = 1e-8
 
@@ -89,7 +91,7 @@ class Shape(NamedTuple):
         areas = []
         for cell in self.cells:
             x, y, _ = self.points[cell].transpose(2, 0, 1)
-            areas.append(0.5 * (x * np.roll(y, -1, 0) - y * np.roll(x, -1, 0)).sum(0))
+            areas.append(signed_areas(x, y))
         return np.sqrt(np.abs(np.concatenate(areas)))
 
     def edges(self, outer: bool) -> ndarray:

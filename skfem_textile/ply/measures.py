@@ -11,7 +11,7 @@ from skfem.helpers import ddot
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
-from ..fabric.fabric import LawEnd
+from ..fabric.law_end import LawEnd
 from ..mesh.bases import components, node_dofs
 from ..mesh.corners import Corners, sided
 

@@ -10,7 +10,7 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 
 if TYPE_CHECKING:
-    from ..fabric.fabric import LawEnd
+    from ..fabric.law_end import LawEnd
     from ..mesh.pattern import Pattern
     from .conditions.surface_nodes import SurfaceNodes
 

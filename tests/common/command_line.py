@@ -1,5 +1,6 @@
 """Runs of the command line, for tests."""
 
+import json
 from pathlib import Path
 
 from skfem_textile.cli import main as cli
@@ -28,3 +29,13 @@ def refused(capsys, *arguments):
     assert out == ""
     assert err.count("\n") == 1
     return err
+
+
+def is_whole(out):
+    """Whether the files of which a summary speaks are there, if it is."""
+    if not (out / "summary.json").exists():
+        return True
+    steps = json.loads((out / "summary.json").read_text())["load_steps"]
+    rows = (out / "history.csv").read_text().count("\n") - 1
+    files = list((out / "fields").glob("step_*.vtu"))
+    return rows == len(files) == steps + 1

@@ -1,10 +1,13 @@
-"""What several tests need: distorted meshes and arbitrary states."""
+"""What several tests need: distorted meshes, triangles in space, arbitrary states."""
 
+import errno
+import os
 from importlib.util import find_spec
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import BiaxialLaw, Full, Macro, OnePoint, Quadratic
@@ -194,3 +197,36 @@ TRIANGLE_AND_QUAD = (
     np.array([[0.0, 1.0, 1.0, 0.0, 2.0], [0.0, 0.0, 1.0, 1.0, 0.5]]),
     [np.array([[1], [4], [2]]), np.array([[0], [1], [2], [3]])],
 )
+
+
+def graph(s, height):
+    """Points, (3, n²), and triangles, (3, 2 (n − 1)²), of z = h(x, y), x and y in s."""
+    x, y = (a.ravel() for a in np.meshgrid(s, s))
+    n = len(s)
+    k = np.add.outer(n * np.arange(n - 1), np.arange(n - 1)).ravel()
+    t = np.hstack([[k, k + 1, k + n + 1], [k, k + n + 1, k + n]])
+    return np.array([x, y, height(x, y) + 0 * x]), t
+
+
+def sphere(n):
+    """Points, (3, n), on a spiral around the unit sphere, and 2n − 4 triangles."""
+    k = np.arange(n) + 0.5
+    polar, around = np.arccos(1 - 2 * k / n), np.pi * (1 + 5**0.5) * k
+    x = np.array([np.cos(around), np.sin(around), np.ones(n)])
+    x[:2] *= np.sin(polar)
+    x[2] = np.cos(polar)
+    return x, facing_out(x, ConvexHull(x.T).simplices.T)
+
+
+def facing_out(x, triangles):
+    """Triangles around the origin, turned round where they face it."""
+    t = triangles.copy()
+    a, b, c = x[:, t].swapaxes(0, 1)
+    inwards = (np.cross(b - a, c - a, axis=0) * a).sum(axis=0) < 0
+    t[1:, inwards] = t[:0:-1, inwards]
+    return t
+
+
+def full_disk(*_, **__):
+    """What writing to a full disk does."""
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

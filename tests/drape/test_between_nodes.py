@@ -4,10 +4,10 @@ import logging
 
 import numpy as np
 import pytest
+from laid_plies import SYMMETRY, laid, positions
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import (
-    Condition,
     Fabric,
     LoadStepper,
     OnePoint,
@@ -53,15 +53,12 @@ def draped(surface, cells, formulation=None, mesh_of=MeshQuad):
     ply = Ply(mesh, fabric, formulation or OnePoint(), dimension=3, fibre_ends=ends)
     conditions = {
         "tool": OnSurface(surface),
-        "x": Condition("left", (0.0, None, None)),
-        "y": Condition("bottom", (None, 0.0, None)),
-    }
-    laid = drape.exponential_map(surface, ply.nodes)
-    return ply, conditions, drape.displacement(ply.nodes, laid)
+    } | SYMMETRY
+    return ply, conditions, laid(ply, surface)
 
 
 def gaps_at(ply, surface, u):
-    x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+    x = positions(ply, u)
     return gaps([(surface, np.arange(x.shape[1]))], x, ply.basis)
 
 
@@ -120,7 +117,7 @@ def test_the_gap_of_an_arc_is_its_sagitta(turn):
             np.linspace(0, 4 * turn * radius, 5), np.array([0.0, 1.0])
         )
         ply = Ply(mesh, Fabric(1e4, 0.1), formulation, dimension=3)
-        u = drape.displacement(ply.nodes, drape.exponential_map(cylinder, ply.nodes))
+        u = laid(ply, cylinder)
         found = gaps_at(ply, cylinder, u)
         low, high = bound
         exact = radius * (1 - np.cos(turn / 2))

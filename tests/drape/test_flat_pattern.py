@@ -6,21 +6,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from scipy.interpolate import RegularGridInterpolator
+from laid_plies import in_net, rolled
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, MeshError, Ply, drape, equilibrium_near
 from skfem_textile.io import write_pattern
 from studies.formulations.drape import chebyshev
 from studies.formulations.drape.cases import FORMULATIONS
-
-RADIUS = 60.0
-
-
-def rolled(X):
-    """Points of the flat ply on a cylinder, whose axis is y."""
-    angle = X[0] / RADIUS
-    return np.array([RADIUS * np.sin(angle), X[1], RADIUS * (np.cos(angle) - 1)])
 
 
 def on_cylinder(n):
@@ -58,18 +50,10 @@ def test_length_and_area_of_the_pattern_of_a_circle():
     assert pattern.area == pytest.approx(np.pi * 900, rel=2e-5)
 
 
-def exact_on_sphere(X):
-    n = 200
-    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
-    s = np.linspace(0, chebyshev.SIDE, n + 1)
-    place = RegularGridInterpolator((s, s), np.moveaxis(net.positions, 0, -1), "cubic")
-    return place(X.T).T
-
-
 def test_the_pattern_on_a_sphere_is_that_of_the_exact_net():
     """Of a ply that was draped, and of a net."""
     drawn = circle(360)
-    curve = exact_on_sphere(drawn)
+    curve = in_net(drawn)
     ply, conditions, start = chebyshev.problem(FORMULATIONS["macro"], 16)
     u = equilibrium_near(ply, conditions, start).u
     off = []

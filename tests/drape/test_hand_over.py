@@ -5,21 +5,12 @@ import csv
 import meshio
 import numpy as np
 import pytest
-from scipy.interpolate import RegularGridInterpolator
+from laid_plies import in_net, rolled
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import Fabric, MeshError, Ply, Quadratic, drape
 from skfem_textile.io import read_tool_mesh, write_fibres
 from studies.formulations.drape import chebyshev
-
-RADIUS = 60.0
-CYLINDER = drape.Cylinder(RADIUS, (0, 0, -RADIUS))
-
-
-def rolled(X):
-    """Points of the flat ply on the cylinder, whose axis is y."""
-    angle = X[0] / RADIUS
-    return np.array([RADIUS * np.sin(angle), X[1], RADIUS * (np.cos(angle) - 1)])
 
 
 def on_cylinder(n=24, turn=0.0, mesh=MeshQuad):
@@ -71,15 +62,6 @@ def test_fibres_along_and_around_a_cylinder_are_exact():
     np.testing.assert_allclose(fibres.shear_angle, 0, atol=1e-10)
 
 
-def exact_on_sphere(X):
-    """Positions of points of the flat ply in the Chebyshev net."""
-    n = 200
-    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
-    s = np.linspace(0, chebyshev.SIDE, n + 1)
-    place = RegularGridInterpolator((s, s), np.moveaxis(net.positions, 0, -1), "cubic")
-    return place(X.T).T
-
-
 def in_plane(v, normal):
     v = v - normal * (v * normal).sum(axis=0)
     return v / np.linalg.norm(v, axis=0)
@@ -87,7 +69,7 @@ def in_plane(v, normal):
 
 def test_fibres_on_a_sphere_tend_to_those_of_the_exact_net():
     """In the planes of the tool's elements, up to the edges, and the shear angle."""
-    part = tool(exact_on_sphere, 0, 100, 30)
+    part = tool(in_net, 0, 100, 30)
     s = np.linspace(0, 100, 31)
     X = np.array(np.meshgrid(*2 * [0.5 * (s[1:] + s[:-1])], indexing="ij"))
     X = X.reshape(2, -1)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import graph
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, LoadStepper, OnSurface, Ply, drape, equilibrium_near
@@ -146,12 +147,9 @@ def test_scale_and_place_make_no_difference(scale, away):
 @pytest.mark.parametrize("side", [20.0, 60.0, 150.0, 400.0])
 def test_triangles_are_sound_up_to_their_edges_and_beyond(side):
     s = np.linspace(-40, 40, 25)
-    x, y = np.meshgrid(s, s)
-    p = np.array([x, y, 20 * np.cos(x / 20) * np.cos(y / 25)]).reshape(3, -1)
-    k = np.add.outer(25 * np.arange(24), np.arange(24)).ravel()
-    t = np.hstack([[k, k + 1, k + 26], [k, k + 26, k + 25]])
     body = ply(side=side, cells=8, at=(-side / 2, -side / 2))
-    tool = drape.TriangleMesh(p, t)
+    waves = graph(s, lambda x, y: 20 * np.cos(x / 20) * np.cos(y / 25))
+    tool = drape.TriangleMesh(*waves)
     nodes = np.pad(body.nodes, ((0, 1), (0, 0)))
     OnSurface(tool).check("tool", nodes)
     with pytest.raises(ValueError, match="gradient of the surface differs"):

@@ -3,7 +3,7 @@
 import meshio
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull
+from helpers import sphere
 
 from skfem_textile import drape
 from skfem_textile.io import read_surface
@@ -13,20 +13,6 @@ from skfem_textile.solve.conditions.surface import Grown, OffSurfaceError, is_on
 RNG = np.random.default_rng(1)
 
 
-def sphere_mesh(n):
-    """A triangle mesh of the unit sphere from a spiral of n points."""
-    k = np.arange(n) + 0.5
-    polar, around = np.arccos(1 - 2 * k / n), np.pi * (1 + 5**0.5) * k
-    p = np.array([np.cos(around), np.sin(around), np.ones(n)])
-    p[:2] *= np.sin(polar)
-    p[2] = np.cos(polar)
-    t = ConvexHull(p.T).simplices.T.copy()
-    a, b, c = p[:, t[0]], p[:, t[1]], p[:, t[2]]
-    inwards = (np.cross(b - a, c - a, axis=0) * a).sum(axis=0) < 0
-    t[1:, inwards] = t[:0:-1, inwards]
-    return p, t
-
-
 SURFACES = {
     "plane": drape.Plane((1, 2, 3), (1, -2, 2)),
     "cylinder": drape.Cylinder(3.0, (1, 0, 2), (1, 2, 3)),
@@ -34,7 +20,7 @@ SURFACES = {
     "cone": drape.Cone(0.6, (1, 1, -9), (0.2, 0.1, 1)),
     "torus": drape.Torus(9.0, 2.0, (0, 1, 0), (0.3, 0, 1)),
     "double dome": drape.double_dome(6.0, 18.0, 7.5, 0.25, 6.0),
-    "triangles": drape.TriangleMesh(*[sphere_mesh(600)[0] * 5, sphere_mesh(600)[1]]),
+    "triangles": drape.TriangleMesh(*[sphere(600)[0] * 5, sphere(600)[1]]),
     "grown": Grown(drape.Sphere(4.0, (0, 0, -4)), np.zeros(3), 0.3),
 }
 
@@ -115,7 +101,7 @@ def test_a_surface_grows_out_of_its_tangent_plane():
 
 @pytest.mark.parametrize("form", ["binary", "ascii"])
 def test_normals_of_an_stl_file_are_those_of_the_sphere(tmp_path, form):
-    p, t = sphere_mesh(2502)
+    p, t = sphere(2502)
     assert t.shape[1] == 5000
     file = tmp_path / "sphere.stl"
     meshio.Mesh(100 * p.T, [("triangle", t.T)]).write(file, binary=form == "binary")
@@ -141,7 +127,7 @@ def test_normals_and_curvatures_of_triangles_are_continuous():
 
 
 def test_bad_surfaces_are_refused(tmp_path):
-    p, t = sphere_mesh(30)
+    p, t = sphere(30)
     for build, message in (
         (lambda: drape.Sphere(-1.0), "radius must be a positive number"),
         (lambda: drape.Plane(normal=(0, 0, 0)), "normal must not be zero"),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import facing_out, graph
 
 from skfem_textile import drape
 
@@ -11,11 +12,7 @@ SIDE, CELLS = 60.0, 30
 def bowl(hole=0.0):
     """A shallow bowl over a square of triangles, with a square hole in its middle."""
     s = np.linspace(-SIDE / 2, SIDE / 2, CELLS + 1)
-    x, y = np.meshgrid(s, s)
-    p = np.array([x, y, (x**2 + y**2) / 200]).reshape(3, -1)
-    k = np.add.outer((CELLS + 1) * np.arange(CELLS), np.arange(CELLS)).ravel()
-    across = k + CELLS + 2
-    t = np.hstack([[k, k + 1, across], [k, across, across - 1]])
+    p, t = graph(s, lambda x, y: (x**2 + y**2) / 200)
     centres = p[:2, t].mean(axis=1)
     return drape.TriangleMesh(p, t[:, np.abs(centres).max(axis=0) > hole / 2])
 
@@ -55,9 +52,7 @@ def test_points_in_a_hole_are_beyond_its_edges():
 
 def test_a_closed_surface_has_no_edges_to_go_beyond():
     x, t = drape.triangles_on(drape.Sphere(1.0), *np.full((2, 3), [[-1.1], [1.1]]), 12)
-    a, b, c = x[:, t].swapaxes(0, 1)
-    inwards = (np.cross(b - a, c - a, axis=0) * a).sum(axis=0) < 0
-    t[1:, inwards] = t[:0:-1, inwards]
+    t = facing_out(x, t)
     rng = np.random.default_rng(2)
     assert not drape.TriangleMesh(x, t).beyond_edges(rng.normal(size=(3, 99))).any()
 

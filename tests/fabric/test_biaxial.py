@@ -23,6 +23,7 @@ from skfem_textile import (
 from skfem_textile.fabric import plot_law
 from skfem_textile.fabric.law import mean_slope
 from skfem_textile.fabric.law_check import check_laws
+from skfem_textile.fabric.law_plot import plot_tensions
 from skfem_textile.mesh.splitting import cut
 
 LAWS = {
@@ -169,6 +170,10 @@ def test_plots_have_a_line_of_each_family_for_each_ratio():
     assert len(axes.lines) == 8
     assert axes.get_ylabel().startswith("tension T (N/mm)")
     assert len(plot_law(law, Figure().subplots()).lines) == 8
+    warp, weft = plot_tensions(law, Figure().subplots(), ratios=[2.0]).lines
+    for i, line in enumerate((warp, weft)):
+        x, y = line.get_data()
+        np.testing.assert_allclose(y, law.value(np.array([x, 2.0 * x]))[i])
 
 
 # The check of laws

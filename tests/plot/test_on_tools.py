@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
+from helpers import graph
 
 from skfem_textile import Fabric, Quadratic, Result, drape
 from skfem_textile.scenes import Case, hemisphere, strip
 from skfem_textile.scenes import drape as on_tool
 
 plot = pytest.importorskip("skfem_textile.plot")
-pytest.importorskip("pyvista")
+pv = pytest.importorskip("pyvista")
 Image = pytest.importorskip("PIL.Image")
 in_front_of_tool = pytest.importorskip("skfem_textile.plot.lines").in_front_of_tool
-shapes_of = pytest.importorskip("skfem_textile.plot.pictures").shapes_of
+shapes_of = pytest.importorskip("skfem_textile.plot.of_results").shapes_of
 Tool = pytest.importorskip("skfem_textile.plot.sheet").Tool
 eye_axes = pytest.importorskip("skfem_textile.plot.sheet").eye_axes
 tool_under = pytest.importorskip("skfem_textile.plot.on_tools.under_ply").tool_under
@@ -81,6 +82,23 @@ def test_quadratic_triangles_on_a_tool_are_drawn_with_their_pressure(tmp_path):
     assert {"Shear angle", "Contact pressure"} <= {*words}
 
 
+def test_a_state_of_a_ply_on_a_tool_goes_into_the_subplots_of_a_plotter(draped):
+    drawn = []
+    for state, edges in ((0, None), (1, None), (1, False)):
+        plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=(600, 300))
+        found = plot.draped(draped, plotter=plotter, state=state, show_edges=edges)
+        assert found is plotter
+        assert [bool(renderer.actors) for renderer in plotter.renderers] == [True] * 2
+        drawn.append(plotter.screenshot(return_img=True))
+    assert len({picture.tobytes() for picture in drawn}) == 3
+
+
+def test_the_picture_of_plies_on_tools_is_as_wide_as_it_is_told(draped, tmp_path):
+    plot.draped(draped, filename=tmp_path / "x.png", size=100)
+    with Image.open(tmp_path / "x.png") as image:
+        assert image.size[0] == pytest.approx(100 / 25.4 * 300, abs=1)
+
+
 def test_what_is_on_no_tool_is_not_drawn_as_draped():
     with pytest.raises(ValueError, match="a ply is on no tool"):
         plot.draped(result_of(strip(size=(2, 3))))
@@ -99,11 +117,7 @@ def test_lines_behind_a_tool_are_left_out_of_vectors():
 
 def plate(height):
     """A tool z = h(x, y) of triangles over 160 mm × 160 mm."""
-    s = np.linspace(-80, 80, 25)
-    x, y = (a.ravel() for a in np.meshgrid(s, s))
-    k = np.add.outer(25 * np.arange(24), np.arange(24)).ravel()
-    t = np.hstack([[k, k + 1, k + 26], [k, k + 26, k + 25]])
-    return drape.TriangleMesh(np.array([x, y, height(x, y)]), t)
+    return drape.TriangleMesh(*graph(np.linspace(-80, 80, 25), height))
 
 
 def bump(high):

@@ -1,53 +1,19 @@
-"""What pictures take: plotters, colours, limits, edges, states, sizes and formats."""
+"""What pictures take: plotters, colours, limits, states, formats, and refusals."""
 
 import re
 
 import numpy as np
 import pytest
-from skfem import MeshQuad
 
-from skfem_textile import Fabric, Full, LoadStepper, Ply, StepError, split
-from skfem_textile.scenes import bias_extension, strip
+from skfem_textile import Fabric, Full, LoadStepper, Ply, StepError
+from skfem_textile.scenes import strip
 
 pv = pytest.importorskip("pyvista")
 matplotlib = pytest.importorskip("matplotlib")
 Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
-layout = pytest.importorskip("skfem_textile.plot.layout")
-lines = pytest.importorskip("skfem_textile.plot.lines")
+drawing = pytest.importorskip("skfem_textile.plot.renderers.drawing")
 sheet = pytest.importorskip("skfem_textile.plot.sheet")
-drawing = pytest.importorskip("skfem_textile.plot.drawing")
-
-
-@pytest.fixture(scope="module")
-def result():
-    scene = strip(size=(3, 4))
-    return LoadStepper(Ply(scene.mesh, Fabric(1e4), Full()), scene.conditions, 4).run()
-
-
-@pytest.fixture(scope="module")
-def fine():
-    """40×80 quadrilaterals, each split in four, 80 mm high on the picture."""
-    mesh = split(bias_extension(size=(40, 80), mesh="irregular").mesh)
-    shape = at_rest(mesh)
-    return mesh, shape, 80 / np.ptp(shape.points[:, 1])
-
-
-def at_rest(mesh):
-    return sheet.Shape.of(mesh, np.zeros((2, mesh.nvertices)))
-
-
-@pytest.fixture
-def sheets(monkeypatch):
-    """Every sheet that is drawn, by pyvista or matplotlib, with its layout."""
-    seen, lay_out = [], drawing.lay_out
-
-    def watched(drawn, size):
-        seen.append((drawn, lay_out(drawn, size)))
-        return seen[-1][1]
-
-    monkeypatch.setattr(drawing, "lay_out", watched)
-    return seen
 
 
 def coloured(plotter):
@@ -147,61 +113,6 @@ def test_values_beyond_the_limits_have_arrows(result, sheets):
         assert tuple(map(len, bar.tips)) == ends
 
 
-def test_edges_are_drawn_where_there_is_room(result, fine):
-    """And in any case the outline."""
-    coarse = sheet.Panel("", at_rest(result.ply.mesh))
-    split_mesh, shape, fine_scale = fine
-    small = sheet.Panel("", shape)
-
-    def drawn(panel, scale, show_edges):
-        return [len(x.ends) for x in lines.lines_of(panel, scale, show_edges)]
-
-    for panel, scale, mesh in (
-        (coarse, 0.5, result.ply.mesh),
-        (small, fine_scale, split_mesh),
-    ):
-        every, outer = mesh.facets.shape[1], len(mesh.boundary_facets())
-        by_itself = [every, outer] if panel is coarse else [outer]
-        assert drawn(panel, scale, None) == by_itself
-        assert drawn(panel, scale, True) == [every, outer]
-        assert drawn(panel, scale, False) == [outer]
-
-
-def test_fibres_of_small_elements_are_thinned_to_a_spacing(fine):
-    _, shape, scale = fine
-    points, elements, _ = lines.places_of_fibres(shape, scale)
-    apart = np.linalg.norm(points[:, None] - points[None], axis=-1) * scale
-    nearest = np.sort(apart, axis=1)[:, 1]
-    np.testing.assert_allclose(nearest, 2.4, rtol=1e-9)
-    area = np.prod(np.ptp(shape.points[:, :2], axis=0)) * scale**2
-    assert len(points) == pytest.approx(area / 2.4**2, rel=0.05)
-    away = np.linalg.norm(points - shape.centres[elements], axis=1)
-    assert (away <= shape.sides[elements]).all()
-
-
-@pytest.mark.parametrize("n", [10, 40])
-def test_fibres_end_within_a_slanted_outline(n):
-    """Of large elements, and of elements that are thinned to a grid."""
-    mesh = MeshQuad.init_tensor(*2 * [np.linspace(0.0, 60.0, n + 1)])
-    slant = 1.2
-    shape = sheet.Shape.of(mesh, np.stack([slant * mesh.p[1], 0 * mesh.p[1]]))
-    along, across = (np.tile(v, (n**2, 1)) for v in ([1.0, 0, 0], [0, 1.0, 0]))
-    panel = sheet.Panel("", shape, fibres=sheet.Fibres(along, across))
-    for family in lines.lines_of(panel, 1.0, show_edges=False)[1:]:
-        x, y, _ = family.ends.reshape(-1, 3).T
-        for inside in (x - slant * y, y):
-            assert inside.min() > -1e-9
-            assert inside.max() < 60.0 + 1e-9
-        assert len(family.ends) > 80
-
-
-def test_a_point_is_in_the_element_that_holds_it(result):
-    u = result.ply.nodal(result.u)
-    shape = sheet.Shape.of(result.ply.mesh, u)
-    assert lines.holding(shape, shape.centres).tolist() == list(range(12))
-    assert lines.holding(shape, shape.points.max(axis=0)[None] + 1.0).tolist() == [-1]
-
-
 @pytest.mark.parametrize("suffix", ["svg", "pdf", "eps"])
 def test_vectors_are_vectors(result, tmp_path, suffix):
     file = tmp_path / f"x.{suffix}"
@@ -239,76 +150,6 @@ def test_colours_of_vectors_are_those_of_pixels(result, tmp_path):
     assert (np.abs(pixels - vectors).max(axis=-1) > 60).mean() < 0.02
 
 
-@pytest.mark.parametrize(
-    ("n", "size", "pixels"),
-    [
-        (1, None, 85 / 25.4 * 300),
-        (2, None, 85 / 25.4 * 300),
-        (3, None, 174 / 25.4 * 300),
-        (1, 60, 60 / 25.4 * 300),
-        (1, (60, 50), 60 / 25.4 * 300),
-    ],
-)
-def test_pictures_fit_a_journal_at_300_dots_per_inch(result, tmp_path, n, size, pixels):
-    plot.shear_angle(*[result] * n, filename=tmp_path / "x.png", size=size)
-    with Image.open(tmp_path / "x.png") as image:
-        assert image.info["dpi"] == pytest.approx((300, 300), abs=0.01)
-        assert image.size[0] == pytest.approx(pixels, abs=1)
-        if isinstance(size, tuple):
-            assert image.size[1] == pytest.approx(50 / 25.4 * 300, abs=1)
-
-
-@pytest.mark.parametrize("size", [0, -5, np.nan, (80, 0), (1, 2, 3), (80, 15), 5])
-def test_sizes_without_room_are_refused(result, size):
-    with pytest.raises(ValueError, match=r"size"):
-        plot.shear_angle(result, size=size)
-
-
-TITLES = ["short", "a title of many words that has to go onto several lines of text"]
-LABELS = {"Shear angle (°)": (0, 60), "A longer label (N mm/mm²)": (-1.2e-3, 1.3e5)}
-
-
-@pytest.mark.parametrize("n", [1, 2, 4])
-@pytest.mark.parametrize("title", [*TITLES, "donaudampfschifffahrt" * 5])
-@pytest.mark.parametrize(("label", "reach"), LABELS.items())
-def test_nothing_on_a_picture_is_on_something_else(
-    result, sheets, n, title, label, reach
-):
-    """Boxes of titles, plies, scales, numbers, labels and keys, all within the page."""
-    shape = at_rest(result.ply.mesh)
-    scale = sheet.Scale.of(label, reach, "viridis", None)
-    panels = [sheet.Panel(title, shape, np.zeros(12), scale)] * n
-    keys = [("Warp", "k"), ("A key with a name that is rather long", "k")]
-    legend = sheet.Legend(0, n, scale, keys)
-    drawn = sheet.Sheet([panels] * 2, [legend], sheet.extent([shape]))
-    page = layout.lay_out(drawn)
-    boxes = list(boxes_of(page))
-    for i, (x, y, right, top) in enumerate(boxes):
-        assert -0.01 <= x < right <= page.width + 0.01
-        assert -0.01 <= y < top <= page.height + 0.01
-        for a, b, c, d in boxes[:i]:
-            assert min(right, c) <= max(x, a) or min(top, d) <= max(y, b)
-
-
-def boxes_of(page):
-    """Left, low, right and top of everything on a page."""
-    places = [place for row in page.places for place in row]
-    writings = [line for place in places for line in place.title]
-    for box in [place.ply for place in places] + [
-        bar.box for below in page.below for bar in below.bars
-    ]:
-        yield box.x, box.y, box.x + box.width, box.y + box.height
-    for below in page.below:
-        writings += below.writings
-        for stroke in below.strokes:
-            yield stroke.x, stroke.y - 0.2, stroke.x + layout.KEY, stroke.y + 0.2
-    for text, x, y, size, align in writings:
-        width = layout.text_width(text, size)
-        left = x if align == "left" else x - width / 2
-        half = 0.6 * size * layout.POINT
-        yield left, y - half, left + width, y + half
-
-
 def test_a_refusal_shows_why_and_where(result, sheets):
     error = StepError("stopped at load factor 0.5: folded", result, np.array([3, 7]))
     plotter = plot.verdict(error)
@@ -335,14 +176,6 @@ def test_where_a_law_ends_its_argument_is_shown(result, sheets, quantity):
     assert sheets[1][0].legends[0].scale.label == "Displacement (mm)"
 
 
-def test_small_refused_elements_have_rings(fine):
-    _, shape, scale = fine
-    panel = sheet.Panel("", shape, marked=np.array([100]))
-    _, marks = lines.lines_of(panel, scale, None)
-    reach = np.ptp(marks.ends.reshape(-1, 3), axis=0)[:2] * scale
-    assert (reach > 3).all()
-
-
 def test_a_verdict_is_told_in_words(result, sheets):
     plot.verdict(result)
     found = result.states[-1].verdict
@@ -364,5 +197,11 @@ def test_any_field_is_animated_on_one_scale(result, tmp_path):
             grey = np.asarray(moving.convert("L"), float)
             expected = 255 * np.abs(state.u).max() / 100
             assert (np.abs(grey - expected) < 3).sum() > 0.1 * grey.size
+    frames = []
+    for edges in (True, False):
+        plot.animation(result, file, size=40, show_edges=edges)
+        with Image.open(file) as moving:
+            frames.append(moving.convert("RGB").tobytes())
+    assert frames[0] != frames[1]
     with pytest.raises(ValueError, match="there is no field"):
         plot.animation(result, file, field="nothing")

@@ -16,7 +16,7 @@ pv = pytest.importorskip("pyvista")
 matplotlib = pytest.importorskip("matplotlib")
 Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
-pictures = pytest.importorskip("skfem_textile.plot.pictures")
+shapes_of = pytest.importorskip("skfem_textile.plot.of_results").shapes_of
 Shape = pytest.importorskip("skfem_textile.plot.sheet").Shape
 offscreen = pytest.importorskip("skfem_textile.plot.renderers.offscreen")
 curves = pytest.importorskip("skfem_textile.plot.curves").curves
@@ -100,7 +100,7 @@ def arch():
 
 def test_a_ply_in_space_is_drawn_in_perspective(arch):
     """Parallel edges converge, and an element has its colour where it is seen."""
-    (shape,) = pictures.shapes_of([arch], arch.states[-1:])
+    (shape,) = shapes_of([arch], arch.states[-1:])
     left, right = (
         np.flatnonzero(np.isclose(arch.ply.nodes[0], x)) for x in (0.0, 100.0)
     )
@@ -118,7 +118,7 @@ def test_a_ply_in_space_is_drawn_in_perspective(arch):
 
 
 def test_vectors_turn_with_a_ply_in_perspective(arch):
-    (shape,) = pictures.shapes_of([arch], arch.states[-1:])
+    (shape,) = shapes_of([arch], arch.states[-1:])
     plain = Shape.of(arch.ply.mesh, arch.ply.nodal(arch.u))
     along = plain.points[plain.cells[0][1]] - plain.points[plain.cells[0][0]]
     seen = shape.points[shape.cells[0][1]] - shape.points[shape.cells[0][0]]
@@ -325,5 +325,12 @@ def test_a_mesh_of_both_kinds_is_drawn_with_its_fibres_before_a_run(tmp_path):
     assert np.allclose(found, [0, 45, 90], atol=1e-4)
     assert np.allclose(ends.mean(axis=1)[0, :2], [0.5, 0.5])
     assert (tmp_path / "mesh.png").exists()
+    pictures = []
+    for edges in (True, False):
+        plotter = pv.Plotter(off_screen=True, window_size=(300, 300))
+        options = {"plotter": plotter, "show_edges": edges}
+        assert plot.mesh_and_fibres(mesh, directions, **options) is plotter
+        pictures.append(plotter.screenshot(return_img=True).tobytes())
+    assert pictures[0] != pictures[1]
     with pytest.raises(ValueError, match="3 directions for 4 elements"):
         plot.mesh_and_fibres(MeshQuad().refined(1), directions)

@@ -1,6 +1,4 @@
-import errno
 import hashlib
-import os
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
@@ -9,6 +7,7 @@ from threading import Event
 
 import numpy as np
 import pytest
+from helpers import full_disk
 from sweep_cases import lines, square
 
 from skfem_textile.solve.sweep import sweep
@@ -180,15 +179,12 @@ def test_of_two_sweeps_on_one_file_the_second_is_told(out, thread):
 
 
 def test_a_full_disk_is_told_and_the_next_sweep_goes_on(out, thread, monkeypatch):
-    def full(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
     told = r"cannot write results to .*/out.jsonl: No space left on device; .* remains"
     results = sweep(square, range(3), thread, out=out)
     next(results)
     with monkeypatch.context() as patch:
         patch.setattr(
-            "skfem_textile.solve.sweep.results_file.open", full, raising=False
+            "skfem_textile.solve.sweep.results_file.open", full_disk, raising=False
         )
         with pytest.raises(OSError, match=told):
             next(results)

@@ -12,6 +12,7 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ...mesh.splitting import original_elements
+from ..kinematics import rotated
 from .per_element import FibreDirections
 
 log = logging.getLogger(__name__)
@@ -42,18 +43,16 @@ def directions_warning(mesh: Mesh, directions: FibreDirections) -> str:
         Directions in these elements.
     """
     cells, _ = original_elements(mesh)
-    n_elements, n = sum(cell.shape[1] for cell in cells), directions.warp.shape[1]
-    if n != n_elements:
-        raise ValueError(f"{n} directions for {n_elements} elements")
+    directions.refuse_other(cells)
     for name in ("warp", "weft"):
         direction = getattr(directions, name)
         for number, edges in _edges(mesh, cells).items():
-            for how, turned in (("along", edges), ("across", _across(edges))):
+            for how, turned in (("along", edges), ("across", rotated(edges))):
                 near = _apart_deg(direction, turned) < _ALONG_DEG
                 if near.mean() >= _SHARE and _spread_deg(edges) > _ONE_WAY_DEG:
                     return (
-                        f"the {name} runs {how} edge {number} of {near.sum()} of {n} "
-                        "elements, though these edges go several ways: "
+                        f"the {name} runs {how} edge {number} of {near.sum()} of "
+                        f"{near.size} elements, though these edges go several ways: "
                         "directions seem to follow the numbering of nodes; state them "
                         "by angles, vectors or a reference curve"
                     )
@@ -78,10 +77,6 @@ def _edges(mesh: Mesh, cells: tuple[ndarray, ...]) -> dict[int, ndarray]:
         )
         for i in range(least)
     }
-
-
-def _across(v: ndarray) -> ndarray:
-    return np.stack([-v[1], v[0]])
 
 
 def _apart_deg(u: ndarray, v: ndarray) -> ndarray:

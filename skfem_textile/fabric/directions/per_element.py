@@ -1,5 +1,6 @@
 """Directions of both fibre families in each element, as vectors and as angles."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -64,6 +65,18 @@ class FibreDirections:
         pair = self.warp, self.weft
         warp, weft = (np.degrees(np.arctan2(y + 0.0, x)) for x, y in pair)  # no -0.0
         return warp, weft
+
+    def refuse_other(self, cells: Sequence[ndarray]) -> None:
+        """Refuse elements, arrays (k, n_k), of which there are more or fewer.
+
+        Raises
+        ------
+        ValueError
+            If there is not one direction for each element.
+        """
+        n_elements, n = sum(cell.shape[1] for cell in cells), self.warp.shape[1]
+        if n != n_elements:
+            raise ValueError(f"{n} directions for {n_elements} elements")
 
     def on(self, fabric: Fabric) -> Fabric:
         """The laws of a fabric, with these directions."""

@@ -9,11 +9,11 @@ import numpy as np
 from ...io.fields import fields_on_tool
 from ...solve.result import Result
 from ...solve.states import State
-from ..drawing import draw
 from ..fields import FIELDS, reach
 from ..layout import PAGE
 from ..lines import REFUSED
-from ..pictures import chosen, on_one_scale
+from ..of_results import chosen, on_one_scale
+from ..renderers.drawing import draw
 from ..sheet import Legend, Panel, Scale, Sheet, extent
 
 if TYPE_CHECKING:

@@ -60,12 +60,21 @@ class FibreDeformation:
 
     def forces(self, T: Values, M: Values, block: slice) -> ndarray:
         """T v + M ∂Γ of warp and weft, T and M those of a block, shape (2, P, d, n)."""
-        return fibre_forces(self.v[..., block], T, M)
+        v = self.v[..., block]
+        forces = np.zeros(v.shape) if T is None else T[:, :, None] * v
+        if M is not None:
+            signed = np.array([M, -M])
+            forces[:, :, 0] -= signed * v[:, :, 1]
+            forces[:, :, 1] += signed * v[:, :, 0]
+        return forces
 
     def stiffness(
         self, stress: "Stress", block: slice, convex: bool
     ) -> tuple[ndarray, ndarray | None]:
         """E v vᵀ + T ∂²ε + M ∂²Γ with the stress of a block.
+
+        M ∂²Γ is ½ |M| of (v − s ∂Γ)(v − s ∂Γ)ᵀ − (v + s ∂Γ)(v + s ∂Γ)ᵀ, s = sign M, of
+        which only the first is kept where it is to be convex.
 
         Parameters
         ----------
@@ -82,12 +91,35 @@ class FibreDeformation:
             Of each fibre with itself, per b_a b_c, shape (2, P, d (d + 1)/2, n); and of
             warp with weft, (P, d (d + 1)/2, n), None where they do not couple.
         """
-        return fibre_stiffness(self.v[..., block], *stress, convex), None
+        T, M, E = stress
+        x, y = self.v[:, :, 0, block], self.v[:, :, 1, block]
+        xx, xy, yy = x * x, x * y, y * y
+        minus_theta, minus_eps = 2 * xy, xx - yy  # the xx entries of −∂²θ and −∂²ε
+        first = second = np.zeros(1)
+        if T is not None:
+            first, second = T * minus_eps, T * minus_theta
+        if M is not None and not convex:
+            signed = np.array([M, -M])
+            first, second = first - signed * minus_theta, second + signed * minus_eps
+        own = np.empty((*x.shape[:2], 3, x.shape[-1]))
+        own[:, :, 0], own[:, :, 1], own[:, :, 2] = -first, -second, first
+        if E is not None:
+            own[:, :, 0] += E * xx
+            own[:, :, 1] += E * xy
+            own[:, :, 2] += E * yy
+        if M is not None and convex:
+            turn = np.sign(np.array([M, -M]))
+            first, second = x + turn * y, y - turn * x
+            own[:, :, 0] += 0.5 * np.abs(M) * first**2
+            own[:, :, 1] += 0.5 * np.abs(M) * first * second
+            own[:, :, 2] += 0.5 * np.abs(M) * second**2
+        return own, None
 
     def angle_derivatives(self, block: slice) -> tuple[ndarray, ndarray]:
         """∂Γ by warp and weft, shape (P, d, n) each."""
-        warp, weft = self.v[..., block]
-        return rotated(warp), -rotated(weft)
+        v = self.v[..., block]
+        warp, weft = np.stack([-v[:, :, 1], v[:, :, 0]], axis=2)
+        return warp, -weft
 
 
 class Stress(NamedTuple):
@@ -311,57 +343,10 @@ def same_deformation(one: IntegrationPoints, other: IntegrationPoints) -> bool:
     return np.array_equal(*factors) and np.array_equal(one.A, other.A)
 
 
-def fibre_forces(v: ndarray, T: Values, M: Values) -> ndarray:
-    """T v + M Jv of the warp, T v − M Jv of the weft: shape (2, P, 2, n)."""
-    forces = np.zeros(v.shape) if T is None else T[:, :, None] * v
-    if M is not None:
-        signed = np.array([M, -M])
-        forces[:, :, 0] -= signed * v[:, :, 1]
-        forces[:, :, 1] += signed * v[:, :, 0]
-    return forces
-
-
-def fibre_stiffness(
-    v: ndarray, T: Values, M: Values, E: Values, convex: bool
-) -> ndarray:
-    """E v vᵀ + T ∂²ε + M ∂²θ per b_a b_c as (xx, xy, yy), shape (2, P, 3, n).
-
-    M ∂²Γ is ½ |M| of (v − s ∂Γ)(v − s ∂Γ)ᵀ − (v + s ∂Γ)(v + s ∂Γ)ᵀ, s = sign M, of
-    which only the first is kept where it is to be convex.
-    """
-    x, y = v[:, :, 0], v[:, :, 1]
-    xx, xy, yy = x * x, x * y, y * y
-    minus_theta, minus_eps = 2 * xy, xx - yy  # the xx entries of −∂²θ and −∂²ε
-    first = second = np.zeros(1)
-    if T is not None:
-        first, second = T * minus_eps, T * minus_theta
-    if M is not None and not convex:
-        signed = np.array([M, -M])
-        first, second = first - signed * minus_theta, second + signed * minus_eps
-    stiffness = np.empty((*v.shape[:2], 3, v.shape[-1]))
-    stiffness[:, :, 0], stiffness[:, :, 1], stiffness[:, :, 2] = -first, -second, first
-    if E is not None:
-        stiffness[:, :, 0] += E * xx
-        stiffness[:, :, 1] += E * xy
-        stiffness[:, :, 2] += E * yy
-    if M is not None and convex:
-        turn = np.sign(np.array([M, -M]))
-        first, second = x + turn * y, y - turn * x
-        stiffness[:, :, 0] += 0.5 * np.abs(M) * first**2
-        stiffness[:, :, 1] += 0.5 * np.abs(M) * first * second
-        stiffness[:, :, 2] += 0.5 * np.abs(M) * second**2
-    return stiffness
-
-
 def angle_between(z: ndarray) -> ndarray:
     """Angle from the first to the second fibre in (−π, π]."""
     (x1, y1), (x2, y2) = z.transpose(0, 2, 1, 3)
     return np.arctan2(x1 * y2 - y1 * x2, x1 * x2 + y1 * y2)
-
-
-def rotated(v: ndarray) -> ndarray:
-    """Jv, of components on the last axis but one."""
-    return np.stack([-v[..., 1, :], v[..., 0, :]], axis=-2)
 
 
 def add_symmetric(K: ndarray, stiffness: ndarray) -> None:

@@ -52,13 +52,8 @@ class TensionKernel:
         self, group: ElementGroup, fibres: Deformations, w: Parameters
     ) -> list[Stress]:
         """Tension and its slope."""
-        if "tension" in w:
-            T = [
-                _resisting(self.fabric) * T_p
-                for T_p in group.values_at_points(w["tension"])
-            ]
-        else:
-            T = _tensions("value", group, fibres)
+        T = _given_tension(self.fabric, group, w)
+        T = T or _tensions("value", group, fibres)
         slopes = _slopes_at_points(group, fibres)
         return [
             Stress(tension=p.dx * T_p, slope=p.dx * _own_less_cross(s))
@@ -195,12 +190,8 @@ class MeanTensionKernel:
         """Tension λ ∂ψ/∂λ, and its slope λ² E_d + T in a strain that deviates."""
         stretches, means = _stretches(group, fibres)
         E_d = self._deviation_stiffness(group, w)
-        if "tension" in w:
-            T = [
-                _resisting(self.fabric) * T_p
-                for T_p in group.values_at_points(w["tension"])
-            ]
-        else:
+        T = _given_tension(self.fabric, group, w)
+        if not T:
             N = _laws(group.fabric, "value", np.log(means)) / means
             T = [stretch * (N + E_d * (stretch - means)) for stretch in stretches]
         return [
@@ -308,6 +299,13 @@ def _resisting(fabric: Fabric) -> ndarray:
     """1 for a family that has a tension law, 0 for one that has none; (2, 1, 1)."""
     resists = [not is_zero(family.tension) for family in fabric.families]
     return np.array(resists, dtype=float)[:, None, None]
+
+
+def _given_tension(fabric: Fabric, group: ElementGroup, w: Parameters) -> list[ndarray]:
+    """Tensions at the points that stand for those of the laws; none if not given."""
+    if "tension" not in w:
+        return []
+    return [_resisting(fabric) * T for T in group.values_at_points(w["tension"])]
 
 
 def _tensions(part: str, group: ElementGroup, fibres: Deformations) -> list[ndarray]:

@@ -13,6 +13,7 @@ from skfem import Mesh
 
 from ...drape import Axes, ToolMesh, TriangleMesh
 from ...drape.elements import boundary_edges
+from ...mesh.contact import signed_areas
 from ...registration import Option, SceneRegistration
 from ...solve.conditions.surface import OffSurfaceError, onto
 from ..scene import Scene
@@ -89,7 +90,7 @@ def _refuse_small(facets: ToolMesh, ply: Mesh) -> None:
     a, b, c = facets.points[:, facets.triangles()].swapaxes(0, 1)
     of_tool = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
     x, y = ply.p[:, ply.t]
-    of_ply = 0.5 * np.abs((x * np.roll(y, -1, 0) - y * np.roll(x, -1, 0)).sum(0)).sum()
+    of_ply = np.abs(signed_areas(x, y)).sum()
     if of_ply > _MOST_AREA * of_tool:
         raise ValueError(
             f"drape: the ply has {of_ply:.4g} mm2, the tool {of_tool:.4g} mm2 in all: "

@@ -16,8 +16,8 @@ def _where(where: Any) -> Case:
     return Case(lambda b: b.with_clamp(where, 0.1, _UP), "'c'")
 
 
-def _direction(direction: Any, names: str | None = "'c'") -> Case:
-    return Case(lambda b: b.with_clamp("top", 0.1, direction), names)
+def _direction(direction: Any) -> Case:
+    return Case(lambda b: b.with_clamp("top", 0.1, direction), "'c'")
 
 
 def _value(value: Any) -> Case:
@@ -32,8 +32,8 @@ def _both(c: Condition, d: Condition) -> Case:
     return Case(lambda b: b.run({"clamp": b.clamp, "c": c, "d": d}), "'c' and 'd'")
 
 
-def _all(conditions: Any, names: str = "condition") -> Case:
-    return Case(lambda b: b.run(conditions), names)
+def _all(conditions: Any) -> Case:
+    return Case(lambda b: b.run(conditions), "condition")
 
 
 def _late(bad: float) -> Callable:
@@ -129,9 +129,9 @@ _REFUSED = {
 }
 
 
-def _on_top(where: Callable[[Specimen], Any], value: Any = 0.1) -> Case:
+def _on_top(where: Callable[[Specimen], Any]) -> Case:
     """A condition on the top, which is given in another way than by name."""
-    return Case(lambda b: b.with_clamp(where(b), value, _UP), None, lifted(0.1))
+    return Case(lambda b: b.with_clamp(where(b), 0.1, _UP), None, lifted(0.1))
 
 
 def _rising(direction: Any, value: Any = 0.1) -> Case:

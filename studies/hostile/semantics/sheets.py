@@ -24,11 +24,11 @@ def sheet(nx: int = 4, ny: int = 4, width: float = 4.0, height: float = 4.0) -> 
     )
 
 
-def jittered(given: Sheet, rng: Generator, share: float = 0.2) -> Sheet:
-    """A rectangle of unit cells, its inner nodes moved at random."""
+def jittered(given: Sheet, rng: Generator) -> Sheet:
+    """A rectangle of unit cells, its inner nodes moved at random by up to 0.2."""
     low, high = given.p.min(axis=1)[:, None], given.p.max(axis=1)[:, None]
     inner = ((given.p > low) & (given.p < high)).all(axis=0)
-    move = share * (2 * rng.random(given.p.shape) - 1)
+    move = 0.2 * (2 * rng.random(given.p.shape) - 1)
     return given._replace(p=given.p + move * inner)
 
 

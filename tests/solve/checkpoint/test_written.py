@@ -1,11 +1,10 @@
 """What is written, and what is left of it where that fails or is cut short."""
 
-import errno
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import full_disk
 from strip_runs import assert_same, interrupted_at, stepper, whole
 
 from skfem_textile import (
@@ -114,11 +113,8 @@ def test_the_next_run_removes_what_a_killed_one_left_half_done(tmp_path, resume)
 
 
 def test_a_full_disk_is_left_no_half_of_a_file(tmp_path, monkeypatch):
-    def full(descriptor):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
     def fill(state):
-        monkeypatch.setattr("os.fsync", full)
+        monkeypatch.setattr("os.fsync", full_disk)
 
     told = (
         "cannot write checkpoint .*/c: No space left on device; what it holds remains"

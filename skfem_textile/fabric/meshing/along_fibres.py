@@ -15,9 +15,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skfem import Mesh, MeshQuad, MeshTri
 
-from ..mesh.checks import MeshError, refuse_positions, with_edges
+from ...mesh.checks import MeshError, refuse_positions, with_edges
+from ..fabric import Fabric
 from .cells_of_net import cells_of_net
-from .fabric import Fabric
 
 log = logging.getLogger(__name__)
 

@@ -5,10 +5,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .layout import PRINTED, Layout, default_width, lay_out
-from .picture_files import is_vector, picture_path, save, save_pixels
-from .renderers.offscreen import require_offscreen
-from .sheet import Sheet
+from ..layout import PRINTED, Layout, default_width, lay_out
+from ..picture_files import is_vector, picture_path, save, save_pixels
+from ..sheet import Sheet
+from .offscreen import require_offscreen
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -33,7 +33,7 @@ def draw(
         return _draw_into(plotter, sheet, path, size)
     layout = lay_out(sheet, size)
     if is_vector(path):
-        from .renderers.with_matplotlib import figure_of
+        from .with_matplotlib import figure_of
 
         figure = figure_of(sheet, layout)
         save(figure, path)
@@ -63,7 +63,7 @@ def new_plotter(layout: Layout, dots_per_inch: float) -> "pv.Plotter":
 def pyvista_renderer() -> Any:
     """The module that draws with pyvista, which takes a second to load."""
     try:
-        return import_module(".renderers.with_pyvista", __package__)
+        return import_module(".with_pyvista", __package__)
     except ModuleNotFoundError as error:
         message = f"{error}: pip install 'skfem-textile[plot]'"
         raise ModuleNotFoundError(message, name=error.name) from None

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from skfem import MeshQuad
+from laid_plies import SYMMETRY, laid, positions, problem_of, square
 
 from skfem_textile import (
     Condition,
@@ -12,30 +12,16 @@ from skfem_textile import (
     Macro,
     OnePoint,
     OnSurface,
-    Ply,
     StepError,
     drape,
     equilibrium_near,
 )
 from skfem_textile.scenes import Case, double_dome
-from skfem_textile.solve.conditions import Constraints
-from skfem_textile.solve.linear import solver_named
-from skfem_textile.solve.problem import Problem, Tangent
+from skfem_textile.solve.problem import Tangent
 from skfem_textile.solve.problem import tangent as tangent_module
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.stepping.growth import grown
 from studies.formulations.drape import chebyshev
-
-SYMMETRY = {
-    "x": Condition("left", (0.0, None, None)),
-    "y": Condition("bottom", (None, 0.0, None)),
-}
-
-
-def square(side, cells, fabric, formulation=None, corner=(0.0, 0.0)):
-    s = np.linspace(0, side, cells + 1)
-    mesh = MeshQuad.init_tensor(s, s).translated(corner).with_defaults()
-    return Ply(mesh, fabric, formulation or OnePoint(), dimension=3)
 
 
 def test_a_ply_grows_with_the_surface():
@@ -46,7 +32,7 @@ def test_a_ply_grows_with_the_surface():
     result = LoadStepper(ply, conditions, 2).run()
     assert result.converged
     for state, radius in zip(result.states, (np.inf, 200.0, 100.0), strict=True):
-        x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(state.u)
+        x = positions(ply, state.u)
         sagitta = x[2] + (x**2).sum(axis=0) / (2 * radius)
         np.testing.assert_allclose(sagitta, 0.0, atol=1e-8)
     assert "nothing that moves" in result.summary()["error_estimate"]
@@ -78,8 +64,7 @@ def test_a_double_dome_grows_in_one_step_of_a_few_solves(fibres, stretch):
 def problem_and_start(ply, surface, **which):
     """The problem at the end of growth, and the ply at rest."""
     conditions = {"on": OnSurface(surface, **which)} | SYMMETRY
-    constraints = Constraints(ply.basis, conditions)
-    problem = Problem(ply, constraints, solver_named("superlu"))
+    problem = problem_of(ply, conditions)
     return problem.at(1.0), problem.start(ply.basis.zeros())
 
 
@@ -89,7 +74,7 @@ def test_a_start_on_a_grown_cylinder_is_the_rolled_ply():
     cylinder = drape.Cylinder(40.0, (0, 0, -40))
     problem, rest = problem_and_start(ply, cylinder)
     half = problem.at(0.5).start(grown(problem.at(0.5), rest).u)
-    exact = drape.displacement(ply.nodes, drape.exponential_map(cylinder, ply.nodes))
+    exact = laid(ply, cylinder)
     assert np.abs(half.u - exact).max() > 1.0
     for start in (rest, half):
         off = np.abs(grown(problem, start).u - exact).max()
@@ -123,7 +108,7 @@ FAR = 1e4
 
 def far_ply():
     """A quarter ply that touches its sphere far from the origin."""
-    ply = square(60.0, 4, Fabric(1e5, 0.1), Macro(), (FAR, -FAR))
+    ply = square(60.0, 4, Fabric(1e5, 0.1), Macro(), corner=(FAR, -FAR))
     sphere = drape.Sphere(100.0, (FAR, -FAR, -100.0))
     return ply, {"on": OnSurface(sphere, touch=(FAR, -FAR))} | SYMMETRY
 
@@ -142,11 +127,8 @@ def test_a_ply_without_surfaces_balances_to_its_displacements_alone():
     found = []
     for corner in (0.0, FAR):
         ply = square(60.0, 4, Fabric(1e5, 0.1), corner=(corner, corner))
-        constraints = Constraints(ply.basis, {"flat": Condition("left")})
-        problem, u = (
-            Problem(ply, constraints, solver_named("superlu")),
-            ply.basis.zeros(),
-        )
+        problem = problem_of(ply, {"flat": Condition("left")})
+        u = ply.basis.zeros()
         tangent = Tangent(problem, u, np.ones((2, *ply.fibre_tension(u).shape[1:])))
         found.append(tangent.tolerance(u, problem.residual(u)))
     assert found[1] == pytest.approx(found[0], rel=1e-6)
@@ -155,9 +137,9 @@ def test_a_ply_without_surfaces_balances_to_its_displacements_alone():
 def test_where_rounding_is_left_the_refusal_says_so(monkeypatch):
     monkeypatch.setattr(tangent_module, "_ROUNDINGS", 0.01)
     ply, conditions = far_ply()
-    start = drape.exponential_map(conditions["on"].surface, ply.nodes, (FAR, -FAR))
+    start = laid(ply, conditions["on"].surface, touch=(FAR, -FAR))
     with pytest.raises(NoEquilibriumError, match="N unbalanced") as error:
-        equilibrium_near(ply, conditions, drape.displacement(ply.nodes, start))
+        equilibrium_near(ply, conditions, start)
     assert "nearer to the origin" in error.value.advice
 
 

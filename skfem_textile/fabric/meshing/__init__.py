@@ -1,0 +1,1 @@
+"""Meshes whose edges lie along fibres."""

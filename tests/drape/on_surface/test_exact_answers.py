@@ -1,0 +1,167 @@
+"""Plies on surfaces against exact answers: shear angles and contact pressure."""
+
+import numpy as np
+import pytest
+from laid_plies import SYMMETRY, laid, square
+from skfem import MeshQuad, MeshTri
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Macro,
+    OnePoint,
+    OnSurface,
+    Ply,
+    Quadratic,
+    Traction,
+    drape,
+    equilibrium_near,
+)
+from studies.formulations.drape import chebyshev
+
+SADDLE = drape.HeightField(
+    lambda x, y: drape.Height(
+        *(0.002 * (x * x - y * y), 0.004 * x, -0.004 * y),
+        *(0.004 + 0 * x, 0 * x, -0.004 + 0 * x),
+    )
+)
+
+
+@pytest.mark.parametrize("cells", [16, 32])
+@pytest.mark.parametrize(
+    ("formulation", "bounds"),
+    [(Macro(), {16: 0.1, 32: 0.03}), (OnePoint(), {16: 0.05, 32: 0.015})],
+)
+def test_the_chebyshev_net_is_found_in_a_few_solves(formulation, bounds, cells):
+    parts = 2 if isinstance(formulation, Macro) else 1
+    ply, conditions, start = chebyshev.problem(formulation, cells // parts)
+    state = equilibrium_near(ply, conditions, start)
+    largest, _ = chebyshev.error(ply, state.u)
+    assert largest < bounds[cells]
+    assert state.linear_solves <= 8
+    assert state.verdict.stable
+
+
+def test_its_largest_error_falls_with_second_order_until_the_mesh_is_fine():
+    """What is stabilised out of the plane does not resist the warp of a sphere."""
+    errors = []
+    for parts in (16, 32, 64):
+        ply, conditions, start = chebyshev.problem(Macro(), parts)
+        state = equilibrium_near(ply, conditions, start)
+        assert state.linear_solves <= 8
+        errors.append(chebyshev.error(ply, state.u)[0])
+    assert (np.diff(np.log2(errors)) < -1.8).all()
+
+
+@pytest.mark.parametrize("tension", [0.1, 50.0])
+def test_the_tension_of_the_edges_takes_no_more_solves(tension):
+    for formulation, cells in ((Macro(), 8), (OnePoint(), 16)):
+        ply, conditions, start = chebyshev.problem(formulation, cells, tension=tension)
+        assert equilibrium_near(ply, conditions, start).linear_solves <= 8
+
+
+def test_a_coarse_mesh_takes_no_more_solves():
+    """Its stiffnesses are those of predicted tensions, so that none is found again."""
+    ply, conditions, start = chebyshev.problem(Macro(), 4)
+    state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
+    assert state.linear_solves <= 8
+
+
+def test_a_net_is_as_good_a_start():
+    ply, conditions, _ = chebyshev.problem(OnePoint(), 16)
+    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / 16, (0, 16), (0, 16))
+    start = drape.displacement(ply.nodes, net.at(ply.nodes))
+    state = equilibrium_near(ply, conditions, start)
+    assert chebyshev.error(ply, state.u)[0] < 0.05
+    assert state.linear_solves <= 6
+
+
+def rolled(angle, formulation, q=1.0, side=chebyshev.SIDE, mesh=MeshQuad, warn_only=()):
+    """A ply rolled around a cylinder of radius 60, pulled along and around it."""
+    radius = 60.0
+    end = side / radius
+    loads = [
+        Traction("right", (q * np.cos(end), 0, -q * np.sin(end))),
+        Traction("top", (0.0, q, 0.0)),
+    ]
+    c, s = np.cos(angle), np.sin(angle)
+    fabric = Fabric(1e5, 0.1, warp=(c, s), weft=(-s, c))
+    ply = square(side, 12, fabric, formulation, loads, mesh=mesh)
+    cylinder = drape.Cylinder(radius, (0, 0, -radius))
+    conditions = {"on": OnSurface(cylinder)} | SYMMETRY
+    start = laid(ply, cylinder)
+    state = equilibrium_near(ply, conditions, start, warn_only=warn_only)
+    return ply, cylinder, state
+
+
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
+def test_a_cylinder_shears_no_ply_and_presses_by_tension_over_radius(formulation):
+    ply, cylinder, state = rolled(0.0, formulation)
+    assert np.abs(ply.shear_angle(state.u)).max() < 1e-8
+    pressure = drape.contact_pressure(ply, cylinder, state.u)
+    inner = ply.nodes[0] < chebyshev.SIDE - 1e-9
+    np.testing.assert_allclose(pressure[inner], 1.0 / 60.0, rtol=0.02)
+    assert not drape.wrinkle_risk(ply, state.u).any()
+
+
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
+def test_a_cylinder_shears_no_bias_ply_but_by_the_pull_on_its_last_elements(
+    formulation,
+):
+    """Which lie askew to it by h/(2R): q h²/(8R² (q + 2G)) with fibres at ±45°."""
+    q, shear, radius = 1.0, 0.1, 60.0
+    ply, _, state = rolled(np.pi / 4, formulation, q=0.0)
+    assert np.abs(ply.shear_angle(state.u)).max() < 1e-8
+    ply, _, state = rolled(np.pi / 4, formulation, q)
+    h = chebyshev.SIDE / (12 * (2 if isinstance(formulation, Macro) else 1))
+    exact = q * h**2 / (8 * radius**2 * (q + 2 * shear))
+    np.testing.assert_allclose(np.abs(ply.shear_angle(state.u)), exact, rtol=0.01)
+
+
+def test_the_sphere_presses_by_the_sum_of_tensions_over_its_radius():
+    ply, conditions, start = chebyshev.problem(OnePoint(), 24)
+    state = equilibrium_near(ply, conditions, start)
+    pressure = drape.contact_pressure(ply, chebyshev.SPHERE, state.u)
+    tension = ply.fibre_tension(state.u)[..., 0].sum(axis=0)
+    angle = ply.shear_angle(state.u)[:, 0]
+    exact = tension / chebyshev.RADIUS / np.cos(angle)
+    centres = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+    inner = (centres < 0.95 * chebyshev.SIDE).all(axis=0)
+    of_elements = pressure[ply.mesh.t].mean(axis=0)
+    np.testing.assert_allclose(of_elements[inner], exact[inner], rtol=0.02)
+
+
+@pytest.mark.parametrize("tension", [(3.0, 1.0), (1.0, 3.0)])
+def test_a_saddle_presses_or_would_have_to_pull(tension):
+    """Fibres along x lift off the saddle, those along y press on it."""
+    loads = [
+        Traction(name, sign * tension[i] * np.eye(3)[i])
+        for name, i, sign in zip(
+            *(("left", "right", "bottom", "top"), (0, 0, 1, 1), (-1, 1, -1, 1)),
+            strict=True,
+        )
+    ]
+    s = np.linspace(-30, 30, 13)
+    mesh = MeshQuad.init_tensor(s, s).with_defaults()
+    ply = Ply(mesh, Fabric(1e5, 0.1), OnePoint(), loads, dimension=3)
+    (middle,) = np.flatnonzero((ply.nodes == 0).all(axis=0))
+    conditions = {
+        "on": OnSurface(SADDLE),
+        "x": Condition(lambda X: np.abs(X[0]) < 1e-9, (0.0, None, None)),
+        "y": Condition(lambda X: np.abs(X[1]) < 1e-9, (None, 0.0, None)),
+    }
+    start = laid(ply, SADDLE)
+    state = equilibrium_near(ply, conditions, start)
+    pressure = drape.contact_pressure(ply, SADDLE, state.u)
+    warp, weft = tension
+    assert pressure[middle] == pytest.approx(0.004 * (weft - warp), rel=0.02)
+
+
+@pytest.mark.parametrize("formulation", [Macro(), Quadratic(80.0), OnePoint()])
+def test_triangles_press_as_quadrilaterals_do(formulation):
+    """A cylinder presses by q/R whatever the elements; all forces add up to it."""
+    warned = "stabilisation", "deviation"
+    ply, cylinder, state = rolled(0.0, formulation, 1.0, 60.0, MeshTri, warned)
+    pressure = drape.contact_pressure(ply, cylinder, state.u)
+    inner = (ply.nodes[0] > 4.0) & (ply.nodes[0] < 56.0)
+    np.testing.assert_allclose(pressure[inner], 1.0 / 60.0, rtol=0.02)

@@ -1,0 +1,31 @@
+"""A result to draw, and what is drawn of it.
+
+Nothing here imports what draws: where that is missing the tests are skipped.
+"""
+
+import pytest
+
+from skfem_textile import Fabric, Full, LoadStepper, Ply
+from skfem_textile.scenes import strip
+
+
+@pytest.fixture(scope="session")
+def result():
+    """To be drawn, not to be changed."""
+    scene = strip(size=(3, 4))
+    return LoadStepper(Ply(scene.mesh, Fabric(1e4), Full()), scene.conditions, 4).run()
+
+
+@pytest.fixture
+def sheets(monkeypatch):
+    """Every sheet that is drawn, by pyvista or matplotlib, with its layout."""
+    from skfem_textile.plot.renderers import drawing
+
+    seen, lay_out = [], drawing.lay_out
+
+    def watched(drawn, size):
+        seen.append((drawn, lay_out(drawn, size)))
+        return seen[-1][1]
+
+    monkeypatch.setattr(drawing, "lay_out", watched)
+    return seen

@@ -1,0 +1,80 @@
+"""What stands where on a picture: sizes, and nothing on something else."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pyvista")
+Image = pytest.importorskip("PIL.Image")
+plot = pytest.importorskip("skfem_textile.plot")
+layout = pytest.importorskip("skfem_textile.plot.layout")
+sheet = pytest.importorskip("skfem_textile.plot.sheet")
+
+
+@pytest.mark.parametrize(
+    ("n", "size", "pixels"),
+    [
+        (1, None, 85 / 25.4 * 300),
+        (2, None, 85 / 25.4 * 300),
+        (3, None, 174 / 25.4 * 300),
+        (1, 60, 60 / 25.4 * 300),
+        (1, (60, 50), 60 / 25.4 * 300),
+    ],
+)
+def test_pictures_fit_a_journal_at_300_dots_per_inch(result, tmp_path, n, size, pixels):
+    plot.shear_angle(*[result] * n, filename=tmp_path / "x.png", size=size)
+    with Image.open(tmp_path / "x.png") as image:
+        assert image.info["dpi"] == pytest.approx((300, 300), abs=0.01)
+        assert image.size[0] == pytest.approx(pixels, abs=1)
+        if isinstance(size, tuple):
+            assert image.size[1] == pytest.approx(50 / 25.4 * 300, abs=1)
+
+
+@pytest.mark.parametrize("size", [0, -5, np.nan, (80, 0), (1, 2, 3), (80, 15), 5])
+def test_sizes_without_room_are_refused(result, size):
+    with pytest.raises(ValueError, match=r"size"):
+        plot.shear_angle(result, size=size)
+
+
+TITLES = ["short", "a title of many words that has to go onto several lines of text"]
+LABELS = {"Shear angle (°)": (0, 60), "A longer label (N mm/mm²)": (-1.2e-3, 1.3e5)}
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+@pytest.mark.parametrize("title", [*TITLES, "donaudampfschifffahrt" * 5])
+@pytest.mark.parametrize(("label", "reach"), LABELS.items())
+def test_nothing_on_a_picture_is_on_something_else(
+    result, sheets, n, title, label, reach
+):
+    """Boxes of titles, plies, scales, numbers, labels and keys, all within the page."""
+    shape = sheet.Shape.of(result.ply.mesh, np.zeros_like(result.ply.mesh.p))
+    scale = sheet.Scale.of(label, reach, "viridis", None)
+    panels = [sheet.Panel(title, shape, np.zeros(12), scale)] * n
+    keys = [("Warp", "k"), ("A key with a name that is rather long", "k")]
+    legend = sheet.Legend(0, n, scale, keys)
+    drawn = sheet.Sheet([panels] * 2, [legend], sheet.extent([shape]))
+    page = layout.lay_out(drawn)
+    boxes = list(boxes_of(page))
+    for i, (x, y, right, top) in enumerate(boxes):
+        assert -0.01 <= x < right <= page.width + 0.01
+        assert -0.01 <= y < top <= page.height + 0.01
+        for a, b, c, d in boxes[:i]:
+            assert min(right, c) <= max(x, a) or min(top, d) <= max(y, b)
+
+
+def boxes_of(page):
+    """Left, low, right and top of everything on a page."""
+    places = [place for row in page.places for place in row]
+    writings = [line for place in places for line in place.title]
+    for box in [place.ply for place in places] + [
+        bar.box for below in page.below for bar in below.bars
+    ]:
+        yield box.x, box.y, box.x + box.width, box.y + box.height
+    for below in page.below:
+        writings += below.writings
+        for stroke in below.strokes:
+            yield stroke.x, stroke.y - 0.2, stroke.x + layout.KEY, stroke.y + 0.2
+    for text, x, y, size, align in writings:
+        width = layout.text_width(text, size)
+        left = x if align == "left" else x - width / 2
+        half = 0.6 * size * layout.POINT
+        yield left, y - half, left + width, y + half
