@@ -11,6 +11,8 @@ plot = pytest.importorskip("skfem_textile.plot")
 pytest.importorskip("pyvista")
 Image = pytest.importorskip("PIL.Image")
 in_front_of_tool = pytest.importorskip("skfem_textile.plot.lines").in_front_of_tool
+FIELDS = pytest.importorskip("skfem_textile.plot.fields").FIELDS
+on_one_scale = pytest.importorskip("skfem_textile.plot.pictures").on_one_scale
 shapes_of = pytest.importorskip("skfem_textile.plot.pictures").shapes_of
 Tool = pytest.importorskip("skfem_textile.plot.sheet").Tool
 eye_axes = pytest.importorskip("skfem_textile.plot.sheet").eye_axes
@@ -79,6 +81,15 @@ def test_quadratic_triangles_on_a_tool_are_drawn_with_their_pressure(tmp_path):
     figure = plot.draped(result, filename=tmp_path / "x.pdf")
     words = [text.get_text() for text in figure.axes[0].texts]
     assert {"Shear angle", "Contact pressure"} <= {*words}
+
+
+def test_the_largest_shear_that_is_drawn_is_that_of_the_summary(draped):
+    """The scale ends at the next round number."""
+    states, shear = draped.states[-1:], FIELDS["shear_angle"]
+    (values,), scale = on_one_scale([draped], states, shear)
+    largest = draped.summary()["max_shear_angle_deg"]
+    assert np.abs(values).max() == largest
+    assert scale.high >= largest > scale.high - 5
 
 
 def test_what_is_on_no_tool_is_not_drawn_as_draped():
