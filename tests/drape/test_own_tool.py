@@ -367,7 +367,6 @@ def test_what_is_no_tool_is_refused_in_one_line(number, tmp_path, capsys):
         (("--part-mesh", "none.stl"), "none.stl: no such file"),
         (("--trim", "none.csv"), "No such file"),
         (("--width", "-5"), "the width must be positive"),
-        (("--rotate", "10"), "is in space and is not turned"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(tool, options, reason, tmp_path, capsys):

@@ -177,6 +177,7 @@ REGISTRATION = SceneRegistration(
         ),
         *(one for one in options(WIDTH, HEIGHT) if one.name != "part"),
     ),
+    dimension=3,
     on_tool=True,
     rank=12,
 )
