@@ -33,7 +33,7 @@ _MOST_AREA = 2.0
 # above what a mesh is rounded to.
 _MOST, _SETTLED, _STRAIGHT = 50, 1e-9, 1e-3
 
-# Slope up to which a plane is level, or upright and across the x axis.
+# Slope up to which a plane is level.
 _LEVEL = 0.02
 
 
@@ -70,12 +70,6 @@ def drape(
         raise ValueError(
             f"drape: the tool has no triangle at {_said(place)}, where the ply is to "
             "touch it: give another --point"
-        )
-    normal = tool.gradient(place[:, None])[:, 0]
-    if np.hypot(*normal[1:]) <= _LEVEL * abs(normal[0]):
-        raise ValueError(
-            f"drape: at {_said(place)} the normal of the tool is its x axis, along "
-            "which x of the ply cannot be: turn the tool, or give another --point"
         )
     axes = Axes.at(tool, place)
     surface = tool.moved(*axes)
