@@ -105,6 +105,25 @@ class TriangleMesh:
         x
             Points on the surface in mm, shape (3, n).
         """
+        return self._away(x)[1]
+
+    def off_triangles(self, x: ndarray) -> ndarray:
+        """How far points on the smoothed surface are from the triangles in mm, (n,).
+
+        0 where that is no more than a tenth of the mean edge, and beyond the edges.
+
+        Parameters
+        ----------
+        x
+            Points on the surface in mm, shape (3, n).
+        """
+        away, beyond = self._away(x)
+        distance = np.linalg.norm(away, axis=0)
+        off = (distance > _OFF * self._edge) & (beyond == 0)
+        return np.where(off, distance, 0.0)
+
+    def _away(self, x: ndarray) -> tuple[ndarray, ndarray]:
+        """Points as seen from the closest ones of the triangles, and `beyond_edges`."""
         tool = self.facets
         (triangles,) = tool.cells
         triangle, shares = closest_on_triangles(tool.points, triangles, x)
@@ -122,25 +141,8 @@ class TriangleMesh:
             place @ np.array([held.min(axis=0), held.max(axis=0)]), place @ edges
         )
         at_edge &= (shares == 0).any(axis=0)
-        return np.where(at_edge & (along > _BEYOND * self._edge), along, 0.0)
-
-    def off_triangles(self, x: ndarray) -> ndarray:
-        """How far points on the smoothed surface are from the triangles in mm, (n,).
-
-        0 where that is no more than a tenth of the mean edge, and beyond the edges.
-
-        Parameters
-        ----------
-        x
-            Points on the surface in mm, shape (3, n).
-        """
-        tool = self.facets
-        (triangles,) = tool.cells
-        triangle, shares = closest_on_triangles(tool.points, triangles, x)
-        closest = (shares * tool.points[:, triangles[:, triangle]]).sum(axis=1)
-        away = np.linalg.norm(x - closest, axis=0)
-        off = (away > _OFF * self._edge) & (self.beyond_edges(x) == 0)
-        return np.where(off, away, 0.0)
+        beyond = at_edge & (along > _BEYOND * self._edge)
+        return away, np.where(beyond, along, 0.0)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
