@@ -101,7 +101,12 @@ def test_a_shell_with_both_its_sides_and_a_tool_turned_inside_out_are_told():
     assert "off_triangles" not in plain
     assert "faces_away" not in plain
     _, away = run(on_tool(drape.TriangleMesh(x, t[::-1]), **given))
-    assert "turn its triangles round" in away["faces_away"]
+    assert "faces down where the ply touches it" in away["faces_away"]
+    bumped = plate(height=lambda x, y: bump(x, y) - bump(x - 60, y))
+    _, both_ways = run(on_tool(drape.TriangleMesh(bumped[0], bumped[1][::-1]), **given))
+    assert both_ways["min_contact_pressure_N_per_mm2"] < 0
+    assert both_ways["max_contact_pressure_N_per_mm2"] > 0
+    assert "faces down where the ply touches it" in both_ways["faces_away"]
     assert away["max_shear_angle_deg"] == pytest.approx(plain["max_shear_angle_deg"])
     both = np.hstack([x, x - np.array([[0], [0], [3]])])
     shell = drape.TriangleMesh(both, np.hstack([t, t[::-1] + x.shape[1]]))
@@ -334,7 +339,7 @@ def refused_tools(folder):
     yield folder / "no.stl", "no.stl: no such file"
     empty = folder / "empty.stl"
     empty.write_text(EMPTY)
-    yield empty, "empty.stl: "
+    yield empty, "empty.stl: it has no triangles"
     yield write(folder / "few.stl", x[:, :], t[:, :3]), "vertices are too few"
     yield write(folder / "facing.stl", x, facing), "orient them alike"
     bad = x.copy()
@@ -345,9 +350,12 @@ def refused_tools(folder):
     hollow = plate(height=lambda x, y: -bump(x, y))
     yield write(folder / "hollow.stl", *hollow), "is at its edge or on a slope"
     yield write(folder / "metres.stl", 1e-3 * x, t), "a smaller ply, or a file in mm"
+    for scale in (1e3, 1e30):
+        large = write(folder / f"{scale:g}.stl", scale * x, t)
+        yield large, "take a larger ply, or a file in mm"
 
 
-@pytest.mark.parametrize("number", range(8))
+@pytest.mark.parametrize("number", range(10))
 def test_what_is_no_tool_is_refused_in_one_line(number, tmp_path, capsys):
     file, reason = list(refused_tools(tmp_path))[number]
     assert command(tmp_path / "out", tool=file) == 2
@@ -362,6 +370,7 @@ def test_what_is_no_tool_is_refused_in_one_line(number, tmp_path, capsys):
     [
         (("--point", "0", "0", "nan"), "--point must be three numbers"),
         (("--point", "0", "0", "90"), "from the tool: give a point on it"),
+        (("--point", "0", "0", "1e306"), "from the tool: give a point on it"),
         (("--point", "130", "0", "0"), "the tool has no triangle at 129.8"),
         (("--point", "0", "0"), "expected 3 arguments"),
         (("--part-mesh", "none.stl"), "none.stl: no such file"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skfem_textile import drape
+from skfem_textile import MeshError, drape
 
 SIDE, CELLS = 60.0, 30
 
@@ -60,6 +60,13 @@ def test_a_closed_surface_has_no_edges_to_go_beyond():
     t[1:, inwards] = t[:0:-1, inwards]
     rng = np.random.default_rng(2)
     assert not drape.TriangleMesh(x, t).beyond_edges(rng.normal(size=(3, 99))).any()
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e160, 1e306])
+def test_a_surface_whose_areas_are_not_finite_is_refused(scale):
+    facets = bowl().facets
+    with pytest.raises(MeshError, match=r"extend over .* mm: give a file in mm"):
+        drape.TriangleMesh(scale * facets.points, facets.triangles())
 
 
 def test_derivatives_at_the_same_points_are_found_once(monkeypatch):

@@ -23,6 +23,9 @@ _REACH = 2.0
 # in single precision.
 _ONE = 1e-6
 
+# Least and largest extent in mm.  Chosen: squares of areas are finite, and not zero.
+_LEAST, _LARGEST = 1e-50, 1e50
+
 # Share of the mean edge by which a point may lie beyond the edges of the triangles.
 # Chosen: a curved outline lies beyond its chords by a tenth of their length where it
 # turns by 45° along them.
@@ -182,8 +185,13 @@ def _merged(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
         raise MeshError("a surface: triangles must be numbers of vertices, (3, n)")
     if triangles.min() < 0 or triangles.max() >= vertices.shape[1]:
         raise MeshError("a surface: a triangle has a vertex that is not there")
-    extent = np.ptp(vertices, axis=1).max()
-    rounded = np.round(vertices / (_ONE * extent or 1.0)).T
+    with np.errstate(over="ignore"):
+        extent = np.ptp(vertices, axis=1).max()
+    if not _LEAST < extent < _LARGEST:
+        raise MeshError(
+            f"a surface: its vertices extend over {extent:.3g} mm: give a file in mm"
+        )
+    rounded = np.round(vertices / (_ONE * extent)).T
     _, first, number = np.unique(
         rounded, axis=0, return_index=True, return_inverse=True
     )

@@ -28,6 +28,10 @@ _AS_HIGH = 1e-6
 # needs half of its area.
 _MOST_AREA = 2.0
 
+# Area of the mean triangle over that of the ply from which the ply is refused.  Chosen:
+# a ply ten times smaller than a triangle sees nothing of the tool's shape.
+_COARSE = 100.0
+
 # Iterations at most to where the tool is level, the step over the longest edge that
 # ends them, and that edge over the radius of a curve that counts as straight.  Chosen:
 # above what a mesh is rounded to.
@@ -58,8 +62,8 @@ def drape(
     Raises
     ------
     ValueError
-        As from `laid`, or if the tool has no such point, is not level there, or is much
-        smaller than the ply.
+        As from `laid`, or if the tool has no such point, is not level there, is much
+        smaller than the ply, or has triangles that are much larger.
     """
     facets = tool.facets
     if point is None:
@@ -75,19 +79,25 @@ def drape(
     surface = tool.moved(*axes)
     whole: LaidPly = {**ply, "part": "whole"}
     scene = laid("drape", surface, mesh, **whole, axes=axes)
-    _refuse_small(facets, scene.mesh)
+    _refuse_sizes(facets, scene.mesh)
     return scene
 
 
-def _refuse_small(facets: ToolMesh, ply: Mesh) -> None:
+def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
     a, b, c = facets.points[:, facets.triangles()].swapaxes(0, 1)
-    of_tool = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0)
+    of_tool, of_triangle = areas.sum(), areas.mean()
     x, y = ply.p[:, ply.t]
     of_ply = 0.5 * np.abs((x * np.roll(y, -1, 0) - y * np.roll(x, -1, 0)).sum(0)).sum()
     if of_ply > _MOST_AREA * of_tool:
         raise ValueError(
             f"drape: the ply has {of_ply:.4g} mm2, the tool {of_tool:.4g} mm2 in all: "
             "take a smaller ply, or a file in mm"
+        )
+    if of_triangle > _COARSE * of_ply:
+        raise ValueError(
+            f"drape: the ply has {of_ply:.4g} mm2, a triangle of the tool "
+            f"{of_triangle:.4g} mm2 in the mean: take a larger ply, or a file in mm"
         )
 
 
@@ -97,7 +107,8 @@ def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
         raise ValueError(f"drape: --point must be three numbers, got {point.tolist()}")
     near = tool.facets.longest_edges().max()
     try:
-        place = onto(tool, point[:, None])[:, 0]
+        with np.errstate(all="ignore"):  # what is far away is refused
+            place = onto(tool, point[:, None])[:, 0]
     except OffSurfaceError:
         place = np.full(3, np.inf)
     if not np.linalg.norm(place - point) <= near:
