@@ -30,7 +30,14 @@ _SCRIPTS = {
         "two_fabrics",
     ),
     "meshes": ("hole", "gmsh_mesh", "from_abaqus", "along_fibres"),
-    "loads": ("loads", "limit_load", "hanging_sheet", "pressure", "double_dome"),
+    "loads": (
+        "loads",
+        "limit_load",
+        "hanging_sheet",
+        "pressure",
+        "double_dome",
+        "own_tool",
+    ),
     "runs": ("sweep", "to_a_tolerance"),
 }
 

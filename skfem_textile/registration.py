@@ -107,6 +107,9 @@ class SceneRegistration(Registration):
     defaults
         Values of options that are not its own, by the names of the options, where they
         are to be other than those of other scenes.
+    dimension
+        Components of the displacement, 3 of a ply in space.  Problems in the plane can
+        be turned.
     on_tool
         Whether the ply lies on a tool.
     """
@@ -114,6 +117,7 @@ class SceneRegistration(Registration):
     size: tuple[int, int]
     jitter: float = 0.3
     defaults: Mapping[str, Any] = field(default_factory=dict)
+    dimension: int = 2
     on_tool: bool = False
 
 

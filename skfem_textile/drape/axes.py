@@ -8,6 +8,9 @@ from numpy import ndarray
 from ..solve.conditions.geodesics import tangents
 from ..solve.conditions.surface import Surface
 
+# Slope of a plane against one across the x axis up to which x has no direction in it.
+_ACROSS = 0.02
+
 
 class Axes(NamedTuple):
     """Axes of a ply among those of its tool.
@@ -28,13 +31,11 @@ class Axes(NamedTuple):
         """Those of a ply that touches a surface at a point, shape (3,).
 
         z is the normal, and x is the tool's as far as it lies in the tangent plane.
-
-        Raises
-        ------
-        ValueError
-            If the normal is along x.
+        Where the normal is along x, to 1°, z of the tool takes the place of its x.
         """
-        plane = tangents(surface, point, (1.0, 0.0, 0.0))
+        normal = surface.gradient(point[:, None])[:, 0]
+        across = np.hypot(*normal[1:]) <= _ACROSS * abs(normal[0])
+        plane = tangents(surface, point, (0.0, 0.0, 1.0) if across else (1.0, 0.0, 0.0))
         return cls(point, np.column_stack([plane, np.cross(*plane.T)]))
 
     def of_tool(self, x: ndarray) -> ndarray:

@@ -20,6 +20,13 @@ _SPACING = 0.5
 # as long in the flat ply.
 _JUMP = 10.0
 
+# Most points of an outline.  Chosen: to find them takes a minute.
+_MOST = 1_000_000
+
+# Area over squared length up to which an outline encloses nothing.  Chosen: far below
+# any strip, and above rounding.
+_NOTHING = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class FlatPattern:
@@ -113,8 +120,15 @@ def flat_pattern(
             f"flat pattern: the outline jumps by {steps.max():.3g} mm at {place}: the "
             "ply lies on itself there, or the curve goes around the tool"
         )
-    _refuse_crossing(outline[:, steps > 0], points[:, steps > 0])
-    return FlatPattern(outline, points, warp, weft)
+    if steps.any():
+        _refuse_crossing(outline[:, steps > 0], points[:, steps > 0])
+    pattern = FlatPattern(outline, points, warp, weft)
+    if not pattern.area > _NOTHING * pattern.length**2:
+        raise ValueError(
+            "flat pattern: the outline encloses no area: give a curve that goes around "
+            "the part, and not there and back"
+        )
+    return pattern
 
 
 def _places(sheet: Sheet, points: ndarray) -> Places:
@@ -139,8 +153,11 @@ def _refuse_crossing(outline: ndarray, points: ndarray) -> None:
     n = np.arange(outline.shape[1])
     edges = Boundary(outline, np.array([n, np.roll(n, -1)]), n, np.ones(len(n)))
     contact = contact_of(edges)
-    if contact is None:  # more edges than can be judged
-        return
+    if contact is None:
+        raise ValueError(
+            "flat pattern: too many points of the outline are close to each other to "
+            "tell whether it crosses itself: give fewer, or a larger spacing"
+        )
     at = np.concatenate([contact.crossing, contact.doubled])
     if at.size:
         place = np.round(points[:, at[0]], 3).tolist()
@@ -164,7 +181,15 @@ def _closed(curve: ArrayLike) -> ndarray:
 def _spaced(points: ndarray, spacing: float) -> ndarray:
     """A closed curve with points at most a spacing apart."""
     after = np.roll(points, -1, axis=1)
-    counts = np.ceil(np.linalg.norm(after - points, axis=0) / spacing).astype(int)
+    with np.errstate(over="ignore"):  # infinitely many are refused
+        parts = np.linalg.norm(after - points, axis=0) / spacing
+    counts = np.maximum(np.ceil(parts), 1.0)
+    if not counts.sum() <= _MOST:
+        raise ValueError(
+            f"flat pattern: the outline would have {counts.sum():.3g} points, {_MOST} "
+            "at most: give fewer, or a larger spacing"
+        )
+    counts = counts.astype(int)
     start = np.repeat(np.arange(len(counts)), counts)
     number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     share = number / counts[start]

@@ -22,6 +22,9 @@ _BETWEEN = 0.5
 # Share of the longest edge that counts as on the edge of an element.
 _ON_EDGE = 1e-6
 
+# Coordinate in mm from which points are as far away.  Chosen: its square is finite.
+_FAR = 1e100
+
 #: Largest distance of a point from the ply that lies at it, over the longest edge.
 #: The chord of an arc of 90° is 0.21 of its length away from the arc.
 REACH = 0.25
@@ -139,7 +142,7 @@ class Sheet:
             of the sheet's longest edge if not given.  Smaller than the thickness of a
             tool whose other side is not draped.
         """
-        n = points.shape[1]
+        n, points = points.shape[1], np.clip(points, -_FAR, _FAR)
         reach = REACH * self.longest_edge if reach is None else reach
         most = np.broadcast_to(np.asarray(reach, dtype=float), n)
         tree, radii = self._tree

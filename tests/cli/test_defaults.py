@@ -8,6 +8,7 @@ import pytest
 from command_line import refused
 
 from skfem_textile.cli import main as cli
+from skfem_textile.cli.case import case_from_tables
 from skfem_textile.cli.case.options import options_of
 from skfem_textile.scenes import SCENES
 
@@ -99,6 +100,14 @@ def test_the_help_of_a_scene_tells_its_own_defaults(capsys, scene, said):
     text = " ".join(capsys.readouterr().out.split())
     for words in said:
         assert words in text
+
+
+@pytest.mark.parametrize("scene", [name for name in SCENES if name != "drape"])
+def test_scenes_in_the_plane_alone_offer_to_be_turned(scene):
+    dimension = case_from_tables({"scene": {"name": scene}}).scene.dimension
+    names = {option.name for option in options_of(SCENES[scene])}
+    assert dimension == SCENES[scene].dimension
+    assert ("rotate" in names) == (dimension == 2)
 
 
 def test_defaults_of_scenes_are_those_of_options():

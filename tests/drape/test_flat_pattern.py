@@ -11,6 +11,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Fabric, MeshError, Ply, drape, equilibrium_near
 from skfem_textile.io import write_pattern
+from skfem_textile.mesh import contact
 from studies.formulations.drape import chebyshev
 from studies.formulations.drape.cases import FORMULATIONS
 
@@ -27,6 +28,11 @@ def on_cylinder(n):
 def circle(n, middle=50.0, radius=30.0):
     t = np.linspace(0, 2 * np.pi, n, endpoint=False)
     return middle + radius * np.array([np.cos(t), np.sin(t)])
+
+
+def there_and_back():
+    x = 50 + 30 * np.cos(np.linspace(0, 2 * np.pi, 60, endpoint=False))
+    return np.array([x, 0.5 * x + 10])
 
 
 def test_the_pattern_on_a_cylinder_is_the_unrolled_curve():
@@ -113,6 +119,12 @@ def test_a_closed_tool_has_no_boundary():
         (rolled(circle(60, 80.0)), None, r"does not lie on \d+ of \d+ points"),
         (rolled(circle(60)) * 1000, None, r"does not lie on \d+ of \d+ points"),
         (rolled(circle(60)) * 1e15, None, r"does not lie on \d+ of 60 points"),
+        (rolled(circle(60)) * 1e305, None, r"does not lie on \d+ of 60 points"),
+        (rolled(circle(60, radius=1e-300)), None, "three points at least"),
+        (np.array([[0, 0, 1], [0, 1, 0], [0, 0, 0]]) * 1e-300, None, "no area"),
+        (rolled(there_and_back()), None, "encloses no area"),
+        (rolled(circle(60)), 1e-5, r"1.88e\+07 points, 1000000 at most"),
+        (rolled(circle(60)), 1e-320, "inf points, 1000000 at most"),
         (circle(60), None, r"shape \(3, n\)"),
         (np.full((3, 9), np.nan), None, "finite points"),
         (np.ones((3, 9)), None, "three points at least"),
@@ -243,6 +255,13 @@ def test_a_curve_where_the_ply_lies_on_itself_is_refused():
     ring = [10 * np.sin(t), 0 * t, 10 * np.cos(t) - 10]
     with pytest.raises(ValueError, match=r"the outline jumps by 6\d.* mm at"):
         drape.flat_pattern(sheet, ring)
+
+
+def test_an_outline_that_cannot_be_judged_is_refused(monkeypatch):
+    sheet = on_cylinder(12)
+    monkeypatch.setattr(contact, "_MOST_PAIRS", 100)
+    with pytest.raises(ValueError, match="to tell whether it crosses itself: give"):
+        drape.flat_pattern(sheet, rolled(circle(720)))
 
 
 def test_the_spacing_of_a_pattern_is_finite():

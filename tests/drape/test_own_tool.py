@@ -45,7 +45,12 @@ def test_a_shell_with_both_its_sides_and_a_tool_turned_inside_out_are_told():
     assert "off_triangles" not in plain
     assert "faces_away" not in plain
     _, away = run(on_tool(drape.TriangleMesh(x, t[::-1]), **given))
-    assert "turn its triangles round" in away["faces_away"]
+    assert "faces down where the ply touches it" in away["faces_away"]
+    bumped = plate(height=lambda x, y: bump(x, y) - bump(x - 60, y))
+    _, both_ways = run(on_tool(drape.TriangleMesh(bumped[0], bumped[1][::-1]), **given))
+    assert both_ways["min_contact_pressure_N_per_mm2"] < 0
+    assert both_ways["max_contact_pressure_N_per_mm2"] > 0
+    assert "faces down where the ply touches it" in both_ways["faces_away"]
     assert away["max_shear_angle_deg"] == pytest.approx(plain["max_shear_angle_deg"])
     both = np.hstack([x, x - np.array([[0], [0], [3]])])
     shell = drape.TriangleMesh(both, np.hstack([t, t[::-1] + x.shape[1]]))
@@ -147,8 +152,18 @@ def test_a_regular_coarse_tool_is_the_same_surface_in_the_axes_of_the_ply(point)
     scene.conditions["tool"].at("tool", 0.5)  # it touches the plane of the ply
 
 
-def test_a_normal_along_x_is_refused():
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("tilt", [-0.005, 0.0, 0.005])
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_wall_is_seen_from_where_it_faces(axis, tilt, side):
+    """Upright to half a degree; z of the tool stands in for x across the wall."""
     x, t = plate()
-    upright = drape.TriangleMesh(x[[2, 0, 1]], t)
-    with pytest.raises(ValueError, match="the normal of the tool is its x axis"):
-        on_tool(upright, point=(30.0, 5.0, 0.0))
+    order = {"x": [2, 0, 1], "y": [1, 2, 0]}[axis]
+    x = np.array([[1], [1], [side]]) * x + np.array([[0], [0], [tilt]]) * x[:1]
+    wall = drape.TriangleMesh(x[order], t[::side])
+    place = np.array([5.0, 0.0, 30.0 * side])[order]
+    turn = on_tool(wall, point=place, tension=0.0).axes.turn
+    outwards = side * np.eye(3)["xyz".index(axis)]
+    first = np.eye(3)[{"x": 2, "y": 0}[axis]]
+    expected = np.column_stack([first, np.cross(outwards, first), outwards])
+    np.testing.assert_allclose(turn, expected, atol=0.03)

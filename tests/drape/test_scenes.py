@@ -242,7 +242,7 @@ def test_what_does_not_fit_a_tool_is_refused(make, reason):
         (("hemisphere", "--fibres", "20", "--part", "quarter"), "take the whole ply"),
         (("hemisphere", "--part", "half"), "invalid choice: 'half'"),
         (("hemisphere", "--width", "320", "--height", "320"), "threads fold"),
-        (("saddle", "--rotate", "10"), "is in space and is not turned"),
+        (("saddle", "--rotate", "10"), "unrecognized arguments: --rotate 10"),
         (("cylinder", "--tension", "-1"), "edge tension must be 0 or positive"),
     ],
 )

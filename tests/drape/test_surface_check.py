@@ -1,11 +1,22 @@
 """Surfaces whose gradient or Hessian contradicts them are refused, and no others."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from helpers import graph
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, LoadStepper, OnSurface, Ply, drape, equilibrium_near
+from skfem_textile import (
+    Condition,
+    Fabric,
+    LoadStepper,
+    OnSurface,
+    Ply,
+    StepError,
+    drape,
+    equilibrium_near,
+)
 from skfem_textile.solve.conditions.surface import Grown
 
 
@@ -68,7 +79,7 @@ def test_a_part_that_contradicts_another_is_refused_before_any_work(
     message = (
         rf"condition 'tool': {part} of the surface differs from the slope of {whole} "
         rf"at \({number}, {number}, {number}\): along [xyz] .*{whole}.* changes by "
-        rf"{number} per mm, and .*{part}.* is {number}"
+        rf"{number} per mm, and .*{part}.* is {number}; slopes are over 0.1 mm: "
     )
     wrong, body = Changed(surface, **{part: change}), ply()
     with pytest.raises(ValueError, match=message) as error:
@@ -85,8 +96,8 @@ def test_the_message_has_both_numbers_at_the_place():
     with pytest.raises(ValueError, match="differs") as error:
         bind(wrong)
     words = str(error.value).split()
-    slope, own = float(words[words.index("by") + 1]), float(words[-1])
-    assert own == pytest.approx(0.5 * slope, rel=0.01)
+    slope, own = float(words[words.index("by") + 1]), words[words.index("is") + 1]
+    assert float(own.strip(";")) == pytest.approx(0.5 * slope, rel=0.01)
 
 
 SOUND = {
@@ -156,12 +167,53 @@ def test_triangles_are_sound_up_to_their_edges_and_beyond(side):
         OnSurface(Changed(tool, gradient=lambda g: 1.05 * g)).check("tool", nodes)
 
 
-def test_a_surface_that_raises_beyond_the_nodes_is_not_refused():
-    def domed(x, y):
-        if np.min(x) < 0 or np.max(x) > 100:
-            raise RuntimeError("beyond the table")
-        zero = np.zeros_like(x)
-        return drape.Height(x * x / 300, x / 150, zero, zero + 1 / 150, zero, zero)
+def limited(error, lowest=-np.inf, furthest=100.0):
+    """A sphere that raises an error of points that are low or far away."""
 
-    bind_at = np.pad(ply().nodes, ((0, 1), (0, 0)))
-    OnSurface(drape.HeightField(domed)).check("tool", bind_at)
+    def call(part, x):
+        if np.min(x[2]) < lowest or np.max(x[0]) > furthest:
+            raise error("beyond the table")
+        return getattr(SPHERE, part)(x)
+
+    surface = Changed(SPHERE)
+    for part in ("level", "gradient", "hessian"):
+        setattr(surface, part, partial(call, part))
+    return surface
+
+
+@pytest.mark.parametrize("error", [RuntimeError, ValueError, KeyError, OverflowError])
+def test_a_surface_that_is_not_defined_beyond_the_nodes_is_not_refused(error):
+    nodes = np.pad(ply().nodes, ((0, 1), (0, 0)))
+    assert nodes[0].max() == 100
+    OnSurface(limited(error)).check("tool", nodes)
+
+
+def test_another_error_beyond_the_nodes_is_told_with_its_cause():
+    said = "'tool': level of the surface fails: TypeError beyond the table"
+    with pytest.raises(ValueError, match=said) as found:
+        bind(limited(TypeError))
+    assert isinstance(found.value.__cause__, TypeError)
+
+
+def test_arrays_of_another_shape_beside_the_nodes_are_refused():
+    nodes = ply().nodes.shape[1]
+    wrong = Changed(SPHERE, hessian=lambda H: H if H.shape[2] == nodes else H[0])
+    with pytest.raises(ValueError, match="hessian of the surface must have the shape"):
+        bind(wrong)
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyError])
+@pytest.mark.parametrize("lowest", [-2.0, -30.0])
+def test_a_run_whose_surface_ends_stops_at_the_last_good_state(error, lowest):
+    """In an iteration, or where geodesics carry the ply before it."""
+    tool = OnSurface(limited(error, lowest, np.inf))
+    held = {"tool": tool, "x": Condition([0], (0.0, 0.0, None))}
+    held["turn"] = Condition([1], (0.0, None, None))
+    said = f"of the surface fails: {error.__name__} .?beyond the table.?; try a surface"
+    with pytest.raises(StepError, match=said) as stop:
+        LoadStepper(bent(ply()), held, 2).run()
+    assert "\n" not in str(stop.value)
+
+
+def bent(body):
+    return Ply(body.mesh, Fabric(1e4, 0.1, bending=(5.0, 5.0)), dimension=3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers import facing_out, graph
 
-from skfem_textile import drape
+from skfem_textile import MeshError, drape
 
 SIDE, CELLS = 60.0, 30
 
@@ -55,6 +55,13 @@ def test_a_closed_surface_has_no_edges_to_go_beyond():
     t = facing_out(x, t)
     rng = np.random.default_rng(2)
     assert not drape.TriangleMesh(x, t).beyond_edges(rng.normal(size=(3, 99))).any()
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e160, 1e306])
+def test_a_surface_whose_areas_are_not_finite_is_refused(scale):
+    facets = bowl().facets
+    with pytest.raises(MeshError, match=r"extend over .* mm: give a file in mm"):
+        drape.TriangleMesh(scale * facets.points, facets.triangles())
 
 
 def test_derivatives_at_the_same_points_are_found_once(monkeypatch):

@@ -12,6 +12,8 @@ plot = pytest.importorskip("skfem_textile.plot")
 pv = pytest.importorskip("pyvista")
 Image = pytest.importorskip("PIL.Image")
 in_front_of_tool = pytest.importorskip("skfem_textile.plot.lines").in_front_of_tool
+FIELDS = pytest.importorskip("skfem_textile.plot.fields").FIELDS
+on_one_scale = pytest.importorskip("skfem_textile.plot.of_results").on_one_scale
 shapes_of = pytest.importorskip("skfem_textile.plot.of_results").shapes_of
 Tool = pytest.importorskip("skfem_textile.plot.sheet").Tool
 eye_axes = pytest.importorskip("skfem_textile.plot.sheet").eye_axes
@@ -82,21 +84,9 @@ def test_quadratic_triangles_on_a_tool_are_drawn_with_their_pressure(tmp_path):
     assert {"Shear angle", "Contact pressure"} <= {*words}
 
 
-def test_a_state_of_a_ply_on_a_tool_goes_into_the_subplots_of_a_plotter(draped):
-    drawn = []
-    for state, edges in ((0, None), (1, None), (1, False)):
-        plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=(600, 300))
-        found = plot.draped(draped, plotter=plotter, state=state, show_edges=edges)
-        assert found is plotter
-        assert [bool(renderer.actors) for renderer in plotter.renderers] == [True] * 2
-        drawn.append(plotter.screenshot(return_img=True))
-    assert len({picture.tobytes() for picture in drawn}) == 3
-
-
-def test_the_picture_of_plies_on_tools_is_as_wide_as_it_is_told(draped, tmp_path):
-    plot.draped(draped, filename=tmp_path / "x.png", size=100)
-    with Image.open(tmp_path / "x.png") as image:
-        assert image.size[0] == pytest.approx(100 / 25.4 * 300, abs=1)
+FIELDS = pytest.importorskip("skfem_textile.plot.fields").FIELDS
+on_one_scale = pytest.importorskip("skfem_textile.plot.of_results").on_one_scale
+shapes_of = pytest.importorskip("skfem_textile.plot.of_results").shapes_of
 
 
 def test_what_is_on_no_tool_is_not_drawn_as_draped():

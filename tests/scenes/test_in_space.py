@@ -88,7 +88,6 @@ def test_what_does_not_fit_a_scene_in_space_is_refused(tmp_path, capsys):
     line = "run", "cantilever", "--out", str(tmp_path), "--no-render"
     for extra, reason in (
         (("--bending-warp", "-1"), "bending of warp"),
-        (("--rotate", "30"), "is not turned"),
         (("--force", "right=0,1"), "shape (3,)"),
     ):
         assert cli.main([*line, *extra]) == 2

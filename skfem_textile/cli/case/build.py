@@ -103,7 +103,7 @@ def _scene_of(values: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
         own["tool"] = _tool(own["tool"])
     made = {name: values[name] for name in ("size", "jitter", "seed")}
     scene = registration.build(mesh=mesh, **made, **own)
-    return scene.rotated(np.radians(values["rotate"])), values
+    return scene.rotated(np.radians(values.get("rotate", 0.0))), values
 
 
 def _read(file: str, values: Mapping[str, Any]) -> Mesh:

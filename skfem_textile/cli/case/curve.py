@@ -27,9 +27,13 @@ def curve_of(scene: Scene, result: Result) -> dict[str, ndarray]:
     degrees that the displacement means if no fibre stretches, and the shear force per
     length.  Of another scene the mean displacement and the force of the driven edge
     along the axis along which it moves further.
+
+    A force is 0 where it is below what nodes in balance may leave of it.
     """
     moved = np.array([scene.driven_displacement(state) for state in result.states])
     force = np.array([scene.reaction(state) for state in result.states])
+    left = np.array([state.tolerance for state in result.states])
+    force[np.abs(force) <= result.ply.nodes.shape[1] * left[:, None]] = 0.0
     if scene.shear_test is None:
         axis = np.abs(moved).max(axis=0).argmax()
         return {DISPLACEMENT: moved[:, axis], FORCE: force[:, axis]}

@@ -8,8 +8,9 @@ SEED = 1
 
 
 def scene_options(scene: SceneRegistration) -> tuple[Option, ...]:
-    """The options that are the scene's own, and by how much it is turned."""
-    return (*scene.options, angle("rotate", 0.0, "turn it all"))
+    """The options that are the scene's own, and how far it is turned in its plane."""
+    turned = angle("rotate", 0.0, "turn it all")
+    return (*scene.options, *([turned] * (scene.dimension == 2)))
 
 
 def mesh_options(scene: SceneRegistration) -> tuple[Option, ...]:

@@ -155,4 +155,4 @@ def _drawn_curves(
             for name, (title, *_) in CURVES.items()
             if (Path(scratch) / name).is_file()
         }
-    return drawn, ""
+    return drawn, "No force drives the run."

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from ...scenes import Scene
 from ...solve.result import Result, StepError
 from ..case.curve import Curve, completed, curve_of
@@ -65,7 +67,10 @@ def draw(
 
 
 def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
-    """Draw what `CURVES` says into a folder, as far as run or test have the columns."""
+    """Draw what `CURVES` says into a folder, as far as run or test have the columns.
+
+    A run without a force is not drawn by itself.
+    """
     from ...plot.curves import curves
 
     for name, (title, x, y) in CURVES.items():
@@ -75,7 +80,7 @@ def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
             for label, curve in both.items()
             if x in curve and y in curve
         }
-        if "run" in lines:
+        if "run" in lines and any(np.any(force) for _, force in lines.values()):
             curves({title: lines}, _axis(x), _axis(y), folder / name)
 
 

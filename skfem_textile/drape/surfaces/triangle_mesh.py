@@ -23,6 +23,9 @@ _REACH = 2.0
 # in single precision.
 _ONE = 1e-6
 
+# Least and largest extent in mm.  Chosen: squares of areas are finite, and not zero.
+_LEAST, _LARGEST = 1e-50, 1e50
+
 # Share of the mean edge by which a point may lie beyond the edges of the triangles.
 # Chosen: a curved outline lies beyond its chords by a tenth of their length where it
 # turns by 45° along them.
@@ -105,6 +108,25 @@ class TriangleMesh:
         x
             Points on the surface in mm, shape (3, n).
         """
+        return self._away(x)[1]
+
+    def off_triangles(self, x: ndarray) -> ndarray:
+        """How far points on the smoothed surface are from the triangles in mm, (n,).
+
+        0 where that is no more than a tenth of the mean edge, and beyond the edges.
+
+        Parameters
+        ----------
+        x
+            Points on the surface in mm, shape (3, n).
+        """
+        away, beyond = self._away(x)
+        distance = np.linalg.norm(away, axis=0)
+        off = (distance > _OFF * self._edge) & (beyond == 0)
+        return np.where(off, distance, 0.0)
+
+    def _away(self, x: ndarray) -> tuple[ndarray, ndarray]:
+        """Points as seen from the closest ones of the triangles, and `beyond_edges`."""
         tool = self.facets
         (triangles,) = tool.cells
         triangle, shares = closest_on_triangles(tool.points, triangles, x)
@@ -122,25 +144,8 @@ class TriangleMesh:
             place @ np.array([held.min(axis=0), held.max(axis=0)]), place @ edges
         )
         at_edge &= (shares == 0).any(axis=0)
-        return np.where(at_edge & (along > _BEYOND * self._edge), along, 0.0)
-
-    def off_triangles(self, x: ndarray) -> ndarray:
-        """How far points on the smoothed surface are from the triangles in mm, (n,).
-
-        0 where that is no more than a tenth of the mean edge, and beyond the edges.
-
-        Parameters
-        ----------
-        x
-            Points on the surface in mm, shape (3, n).
-        """
-        tool = self.facets
-        (triangles,) = tool.cells
-        triangle, shares = closest_on_triangles(tool.points, triangles, x)
-        closest = (shares * tool.points[:, triangles[:, triangle]]).sum(axis=1)
-        away = np.linalg.norm(x - closest, axis=0)
-        off = (away > _OFF * self._edge) & (self.beyond_edges(x) == 0)
-        return np.where(off, away, 0.0)
+        beyond = at_edge & (along > _BEYOND * self._edge)
+        return away, np.where(beyond, along, 0.0)
 
     def level(self, x: ndarray) -> ndarray:
         """φ, shape (n,)."""
@@ -180,8 +185,13 @@ def _merged(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
         raise MeshError("a surface: triangles must be numbers of vertices, (3, n)")
     if triangles.min() < 0 or triangles.max() >= vertices.shape[1]:
         raise MeshError("a surface: a triangle has a vertex that is not there")
-    extent = np.ptp(vertices, axis=1).max()
-    rounded = np.round(vertices / (_ONE * extent or 1.0)).T
+    with np.errstate(over="ignore"):
+        extent = np.ptp(vertices, axis=1).max()
+    if not _LEAST < extent < _LARGEST:
+        raise MeshError(
+            f"a surface: its vertices extend over {extent:.3g} mm: give a file in mm"
+        )
+    rounded = np.round(vertices / (_ONE * extent)).T
     _, first, number = np.unique(
         rounded, axis=0, return_index=True, return_inverse=True
     )

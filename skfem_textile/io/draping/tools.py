@@ -40,15 +40,15 @@ def _points_and_cells(
 ) -> tuple[ndarray, tuple[ndarray, ...]]:
     """What a `ToolMesh` is made of, as it stands in a file."""
     raw, _ = read_raw(Path(path))
-    if np.shape(raw.points)[1:] != (3,):
-        raise MeshError("its points must have three coordinates")
     cells = tuple(
         np.asarray(block.data, dtype=int).T
         for block in raw.cells
         if block.type in ("triangle", "quad")
     )
-    if not cells:
+    if not any(map(np.size, cells)):
         raise MeshError("it has no triangles or quadrilaterals")
+    if np.shape(raw.points)[1:] != (3,):
+        raise MeshError("its points must have three coordinates")
     return np.asarray(raw.points).T, cells
 
 

@@ -64,7 +64,12 @@ def measured_on_tool(result: Result, axes: Axes) -> dict[str, float | str]:
             "triangles by more than a tenth of their mean edge: give one side of a "
             "shell, and triangles that are about as long as wide"
         )
-    if (pressure < 0).all():
+    if surface.gradient(np.zeros((3, 1)))[2, 0] < 0:
+        found["faces_away"] = (
+            "the tool faces down where the ply touches it: turn its triangles round if "
+            "the ply lies above it, for pressures have the other sign now"
+        )
+    elif (pressure < 0).all():
         found["faces_away"] = (
             "the tool would have to pull everywhere: turn its triangles round if the "
             "ply lies on its other side"

@@ -131,5 +131,6 @@ REGISTRATION = SceneRegistration(
             unit="N_per_mm2",
         ),
     ),
+    dimension=3,
     rank=7,
 )

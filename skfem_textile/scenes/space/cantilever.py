@@ -138,5 +138,6 @@ REGISTRATION = SceneRegistration(
             unit="N_per_mm2",
         ),
     ),
+    dimension=3,
     rank=6,
 )

@@ -57,6 +57,7 @@ REGISTRATION = SceneRegistration(
         radius_option(RADIUS, "radius of the cylinder"),
         *options(WIDTH, HEIGHT),
     ),
+    dimension=3,
     on_tool=True,
     rank=9,
 )

@@ -38,6 +38,7 @@ REGISTRATION = SceneRegistration(
     jitter=0.0,
     defaults=DEFAULTS,
     options=options(WIDTH, HEIGHT),
+    dimension=3,
     on_tool=True,
     rank=10,
 )

@@ -29,12 +29,16 @@ _AS_HIGH = 1e-6
 # needs half of its area.
 _MOST_AREA = 2.0
 
+# Area of the mean triangle over that of the ply from which the ply is refused.  Chosen:
+# a ply ten times smaller than a triangle sees nothing of the tool's shape.
+_COARSE = 100.0
+
 # Iterations at most to where the tool is level, the step over the longest edge that
 # ends them, and that edge over the radius of a curve that counts as straight.  Chosen:
 # above what a mesh is rounded to.
 _MOST, _SETTLED, _STRAIGHT = 50, 1e-9, 1e-3
 
-# Slope up to which a plane is level, or upright and across the x axis.
+# Slope up to which a plane is level.
 _LEVEL = 0.02
 
 
@@ -59,8 +63,8 @@ def drape(
     Raises
     ------
     ValueError
-        As from `laid`, or if the tool has no such point, is not level there, or is much
-        smaller than the ply.
+        As from `laid`, or if the tool has no such point, is not level there, is much
+        smaller than the ply, or has triangles that are much larger.
     """
     facets = tool.facets
     if point is None:
@@ -72,29 +76,29 @@ def drape(
             f"drape: the tool has no triangle at {_said(place)}, where the ply is to "
             "touch it: give another --point"
         )
-    normal = tool.gradient(place[:, None])[:, 0]
-    if np.hypot(*normal[1:]) <= _LEVEL * abs(normal[0]):
-        raise ValueError(
-            f"drape: at {_said(place)} the normal of the tool is its x axis, along "
-            "which x of the ply cannot be: turn the tool, or give another --point"
-        )
     axes = Axes.at(tool, place)
     surface = tool.moved(*axes)
     whole: LaidPly = {**ply, "part": "whole"}
     scene = laid("drape", surface, mesh, **whole, axes=axes)
-    _refuse_small(facets, scene.mesh)
+    _refuse_sizes(facets, scene.mesh)
     return scene
 
 
-def _refuse_small(facets: ToolMesh, ply: Mesh) -> None:
+def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
     a, b, c = facets.points[:, facets.triangles()].swapaxes(0, 1)
-    of_tool = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0)
+    of_tool, of_triangle = areas.sum(), areas.mean()
     x, y = ply.p[:, ply.t]
     of_ply = np.abs(signed_areas(x, y)).sum()
     if of_ply > _MOST_AREA * of_tool:
         raise ValueError(
             f"drape: the ply has {of_ply:.4g} mm2, the tool {of_tool:.4g} mm2 in all: "
             "take a smaller ply, or a file in mm"
+        )
+    if of_triangle > _COARSE * of_ply:
+        raise ValueError(
+            f"drape: the ply has {of_ply:.4g} mm2, a triangle of the tool "
+            f"{of_triangle:.4g} mm2 in the mean: take a larger ply, or a file in mm"
         )
 
 
@@ -104,7 +108,8 @@ def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
         raise ValueError(f"drape: --point must be three numbers, got {point.tolist()}")
     near = tool.facets.longest_edges().max()
     try:
-        place = onto(tool, point[:, None])[:, 0]
+        with np.errstate(all="ignore"):  # what is far away is refused
+            place = onto(tool, point[:, None])[:, 0]
     except OffSurfaceError:
         place = np.full(3, np.inf)
     if not np.linalg.norm(place - point) <= near:
@@ -178,6 +183,7 @@ REGISTRATION = SceneRegistration(
         ),
         *(one for one in options(WIDTH, HEIGHT) if one.name != "part"),
     ),
+    dimension=3,
     on_tool=True,
     rank=12,
 )

@@ -85,6 +85,7 @@ REGISTRATION = SceneRegistration(
         radius_option(RADIUS, "radius of the sphere"),
         *options(WIDTH, HEIGHT),
     ),
+    dimension=3,
     on_tool=True,
     rank=8,
 )

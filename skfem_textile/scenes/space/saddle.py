@@ -57,6 +57,7 @@ REGISTRATION = SceneRegistration(
         radius_option(RADIUS, "radius of both curvatures in the middle"),
         *options(WIDTH, HEIGHT),
     ),
+    dimension=3,
     on_tool=True,
     rank=11,
 )

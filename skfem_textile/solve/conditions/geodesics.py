@@ -22,6 +22,10 @@ _ACCURACY = 1e-3
 # last a step is at most.
 _CAUTION, _SHORTER, _LONGER = 0.9, 0.2, 5.0
 
+# Sine of the angle to an upright plane up to which one is upright.  Chosen: above what
+# smoothed triangles of an upright wall are off, and below the draft of moulds.
+_UPRIGHT = 0.01
+
 # Smallest error that is divided by, in mm.
 _TINY = 1e-100
 
@@ -129,8 +133,8 @@ def _ends(
 def tangents(surface: Surface, point: ndarray, first: ndarray | tuple) -> ndarray:
     """Unit vectors of the ply's x and y in the tangent plane at a point, shape (3, 2).
 
-    y is to the left of x, seen from above: from the side on which z increases, where
-    the tangent plane is not upright.
+    y is to the left of x, seen from above: from the side on which z increases.  Where
+    the tangent plane is upright it is seen from the side on which φ is positive.
 
     Raises
     ------
@@ -138,12 +142,15 @@ def tangents(surface: Surface, point: ndarray, first: ndarray | tuple) -> ndarra
         If the direction of x is normal to the surface.
     """
     n = surface.gradient(point[:, None])[:, 0]
-    n = n / np.linalg.norm(n) * np.copysign(1.0, n[2])
+    n = n / np.linalg.norm(n)
+    n = n * np.copysign(1.0, n[2] if abs(n[2]) > _UPRIGHT else 1.0)
     x = np.asarray(first, dtype=float)
     length = np.linalg.norm(x)
     x = x - n * (n @ x)
     if not np.linalg.norm(x) > 1e-6 * length:
-        raise ValueError(f"the direction {first} is normal to the surface")
+        raise ValueError(
+            f"the direction {first} is normal to the surface: give another as first"
+        )
     x = x / np.linalg.norm(x)
     return np.array([x, np.cross(n, x)]).T
 

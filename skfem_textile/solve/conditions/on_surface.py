@@ -8,9 +8,9 @@ from skfem import CellBasis
 
 from ...mesh.bases import node_positions
 from ...mesh.selection import Where, selected_nodes
-from ...mesh.user_input import call_user_function
+from ..states import NoEquilibriumError
 from .surface import Grown, Surface
-from .surface_check import check_derivatives
+from .surface_check import Asked, check_derivatives
 
 # Distance of the surface from the plane of the ply where they touch, as a share of the
 # largest coordinate, and the sine of the angle between them, that count as none.
@@ -81,23 +81,21 @@ class OnSurface:
             If a method is missing, fails, gives arrays of another shape, or
             contradicts another.
         """
-        n = x.shape[1]
-        shapes = {"level": (n,), "gradient": (3, n), "hessian": (3, 3, n)}
+        methods = "level", "gradient", "hessian"
         if isinstance(self.surface, type) or not all(
-            hasattr(self.surface, method) for method in shapes
+            hasattr(self.surface, method) for method in methods
         ):
             raise ValueError(
                 f"condition {name!r}: a surface must be like drape.Sphere(100.0), with "
-                f"{', '.join(shapes)}, not {self.surface!r}"
+                f"{', '.join(methods)}, not {self.surface!r}"
             )
-        for method, shape in shapes.items():
-            what = f"condition {name!r}: {method} of the surface"
-            found = call_user_function(what, getattr(self.surface, method), x)
-            if np.shape(found) != shape:
-                raise ValueError(
-                    f"{what} must have the shape {shape}, not {np.shape(found)}"
-                )
-        check_derivatives(name, self.surface, x)
+        surface = Asked(name, self.surface)
+        try:
+            for method in methods:
+                getattr(surface, method)(x)
+            check_derivatives(surface, x)
+        except NoEquilibriumError as error:
+            raise ValueError(str(error)) from error.__cause__
 
     def at(self, name: str, t: float) -> Surface:
         """The surface at a load factor.

@@ -1,15 +1,19 @@
-"""Whether gradient and Hessian of a surface are the slopes of level and gradient.
+"""Surfaces of users: what they say, and whether its parts contradict each other.
 
-Between two points of a line a slope must be some value of the derivative between those
-at its ends.  That holds where the derivative jumps too.  Where it turns round it may
-fail, but not on three intervals on end: there the parts contradict each other.
+Gradient and Hessian are to be the slopes of level and gradient.  Between two points of
+a line a slope must be some value of the derivative between those at its ends.  That
+holds where the derivative jumps too.  Where it turns round it may fail, but not on
+three intervals on end: there the parts contradict each other.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
+from ...mesh.user_input import call_user_function
+from ..states import NoEquilibriumError
 from .surface import Surface
 
 # Nodes near which a surface is asked, and the length of an interval over the extent of
@@ -25,10 +29,58 @@ _ENDS = np.arange(-2, 3)
 # more iterations.
 _OFF, _NOISE, _ROUNDING = 1e-2, 1e-9, 64 * 2.0**-53
 
+# What a function may raise of points at which it need not be defined: beyond the nodes.
+_UNDEFINED = (ValueError, ArithmeticError, LookupError, RuntimeError, AssertionError)
+
 # Steps at most to the surface.
 _MOST = 20
 
 _AXES = "xyz"
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A surface of a user, whose errors say of what they are.
+
+    Its methods raise a `NoEquilibriumError` with the error of the user as its cause, or
+    if an array has another shape.
+
+    Parameters
+    ----------
+    name
+        Name of the condition.
+    surface
+        The surface.
+    """
+
+    name: str
+    surface: Surface
+
+    def level(self, x: ndarray) -> ndarray:
+        """φ, shape (n,)."""
+        return self._value("level", x, ())
+
+    def gradient(self, x: ndarray) -> ndarray:
+        """∇φ, shape (3, n)."""
+        return self._value("gradient", x, (3,))
+
+    def hessian(self, x: ndarray) -> ndarray:
+        """∇²φ, shape (3, 3, n)."""
+        return self._value("hessian", x, (3, 3))
+
+    def _value(self, method: str, x: ndarray, rows: tuple[int, ...]) -> ndarray:
+        what = f"condition {self.name!r}: {method} of the surface"
+        try:
+            found = call_user_function(what, getattr(self.surface, method), x)
+        except ValueError as error:
+            advice = "a surface that goes on beyond the ply, or a smaller ply"
+            raise NoEquilibriumError(str(error), advice=advice) from error.__cause__
+        shape = *rows, x.shape[1]
+        if np.shape(found) != shape:
+            raise NoEquilibriumError(
+                f"{what} must have the shape {shape}, not {np.shape(found)}"
+            )
+        return np.asarray(found)
 
 
 class _Found(NamedTuple):
@@ -41,24 +93,25 @@ class _Found(NamedTuple):
     derivative: float
 
 
-def check_derivatives(name: str, surface: Surface, x: ndarray) -> None:
+def check_derivatives(surface: Asked, x: ndarray) -> None:
     """Refuse a surface whose parts contradict each other where a ply may lie.
 
     It is asked at some points of it, to which slopes of level lead from nodes.
 
     Parameters
     ----------
-    name
-        Name of the condition.
     surface
-        The surface.
+        The surface, with the name of the condition.
     x
         Reference positions of the nodes in mm, shape (3, n).
 
     Raises
     ------
     ValueError
-        If they do; the message names the part, the place and both numbers.
+        If they do; the message names the part, the place, both numbers and the length
+        over which they differ.
+    NoEquilibriumError
+        If a function of the surface fails with an error that is not one of its domain.
     """
     h = _INTERVAL * float(np.ptp(x, axis=1).max())
     if not h:
@@ -74,16 +127,19 @@ def check_derivatives(name: str, surface: Surface, x: ndarray) -> None:
             level = surface.level(flat).reshape(1, *lines.shape[1:])
             gradient = surface.gradient(flat).reshape(lines.shape)
             hessian = surface.hessian(flat).reshape(3, *lines.shape)
-    except Exception:  # a user's function may raise beyond the nodes
-        return
-    axis = np.arange(3)
+    except NoEquilibriumError as error:
+        if isinstance(error.__cause__, _UNDEFINED):
+            return
+        raise
+    axis, name = np.arange(3), surface.name
     found = _contradiction(lines, level, gradient[axis, axis][None], h)
     if found is not None:
         along = _AXES[found.axis]
         raise ValueError(
             f"condition {name!r}: gradient of the surface differs from the slope of "
             f"level {_at(found)}: along {along} level changes by {found.slope:.4g} per "
-            f"mm, and the {along} component of gradient is {found.derivative:.4g}"
+            f"mm, and the {along} component of gradient is {found.derivative:.4g}; "
+            f"{_over(h)}"
         )
     found = _contradiction(lines, gradient, hessian[:, axis, axis], h)
     if found is not None:
@@ -91,12 +147,20 @@ def check_derivatives(name: str, surface: Surface, x: ndarray) -> None:
             f"condition {name!r}: hessian of the surface differs from the slope of "
             f"gradient {_at(found)}: along {_AXES[found.axis]} the {_AXES[found.row]} "
             f"component of gradient changes by {found.slope:.4g} per mm, and "
-            f"hessian[{found.row}, {found.axis}] is {found.derivative:.4g}"
+            f"hessian[{found.row}, {found.axis}] is {found.derivative:.4g}; {_over(h)}"
         )
 
 
 def _at(found: _Found) -> str:
     return f"at ({', '.join(f'{c:.6g}' for c in found.place)})"
+
+
+def _over(h: float) -> str:
+    """The length over which slopes were taken, and what it means."""
+    return (
+        f"slopes are over {h:.3g} mm: correct the derivative, or smooth waves that are "
+        f"shorter than {3 * h:.3g} mm, which no ply of this size follows"
+    )
 
 
 def _on_surface(surface: Surface, x: ndarray, h: float) -> ndarray:

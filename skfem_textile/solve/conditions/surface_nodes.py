@@ -18,6 +18,7 @@ from ..states import NoEquilibriumError
 from .between_nodes import Gaps, gaps
 from .geodesics import exponential_map
 from .surface import OffSurfaceError, is_on, onto
+from .surface_check import Asked
 
 if TYPE_CHECKING:
     from .on_surface import OnSurface
@@ -142,7 +143,7 @@ class SurfaceNodes:
 
     def _found_contact(self, u: ndarray, t: float) -> Contact:
         x = self._positions(u)
-        surfaces = [(c.at(name, t), x[:, own]) for name, c, own in self._parts]
+        surfaces = [(s, x[:, own]) for s, own in self._surfaces(t)]
         level = np.concatenate([s.level(at) for s, at in surfaces])
         gradient = np.concatenate([s.gradient(at) for s, at in surfaces], axis=1)
         along = np.einsum("nij,jn->in", self._projector, gradient)
@@ -159,7 +160,7 @@ class SurfaceNodes:
     def hessian(self, u: ndarray, t: float) -> ndarray:
         """∇²φ at the nodes, shape (n, 3, 3)."""
         x = self._positions(u)
-        parts = [c.at(name, t).hessian(x[:, own]) for name, c, own in self._parts]
+        parts = [s.hessian(x[:, own]) for s, own in self._surfaces(t)]
         return np.concatenate(parts, axis=2).transpose(2, 0, 1)
 
     def turn(self, u: ndarray, t: float) -> csr_matrix:
@@ -208,14 +209,14 @@ class SurfaceNodes:
             If a node does not get there.
         """
         x, place = self._positions(u), 0
-        for name, condition, own in self._parts:
+        for surface, own in self._surfaces(t):
             free = self._projector[place : place + len(own)]
             place += len(own)
             try:
-                x[:, own] = onto(condition.at(name, t), x[:, own], free)
+                x[:, own] = onto(surface, x[:, own], free)
             except OffSurfaceError as error:
                 raise NoEquilibriumError(
-                    f"condition {name!r}: {error}",
+                    f"condition {surface.name!r}: {error}",
                     advice="more steps, or a start that is nearer to the surface",
                 ) from None
         return (x - self._X).T.ravel()
@@ -236,12 +237,13 @@ class SurfaceNodes:
         name, condition, _ = self._parts[0]
         if condition.where is not None:
             return None
+        X, touch = self._X[:2], condition.touch
         try:
             self._laid = {
                 s: self._laid[s]
                 if s in self._laid
                 else exponential_map(
-                    condition.at(name, s), self._X[:2], condition.touch, steps=_STEPS
+                    Asked(name, condition.at(name, s)), X, touch, steps=_STEPS
                 )
                 for s in (before, t)
             }
@@ -253,12 +255,11 @@ class SurfaceNodes:
     def are_on(self, u: ndarray, t: float) -> bool:
         """Whether the nodes are on their surfaces."""
         x = self._positions(u)
-        return all(is_on(c.at(name, t), x[:, own]) for name, c, own in self._parts)
+        return all(is_on(s, x[:, own]) for s, own in self._surfaces(t))
 
     def gaps(self, u: ndarray, t: float, basis: CellBasis) -> Gaps:
         """How far elements lie off their surfaces between nodes."""
-        surfaces = [(c.at(name, t), own) for name, c, own in self._parts]
-        return gaps(surfaces, self._positions(u), basis)
+        return gaps(self._surfaces(t), self._positions(u), basis)
 
     def levels(self, t: float) -> ndarray:
         """φ and ∇φ of each surface at a probe of positions, to tell surfaces apart."""
@@ -296,6 +297,10 @@ class SurfaceNodes:
         if name not in kept:
             kept[name] = found(u, t)
         return kept[name]
+
+    def _surfaces(self, t: float) -> list[tuple[Asked, ndarray]]:
+        """The surfaces at a load factor, and the nodes on each."""
+        return [(Asked(name, c.at(name, t)), own) for name, c, own in self._parts]
 
     def _positions(self, u: ndarray) -> ndarray:
         return self._X + u.reshape(-1, 3).T

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 from command_line import DRAWN, run
 
-from skfem_textile import Ply
+from skfem_textile import Fabric, Ply
 from skfem_textile.cli import main as cli
+from skfem_textile.cli.case.curve import curve_of
 from skfem_textile.cli.results import pictures
+from skfem_textile.cli.results.curves_of_tests import DISPLACEMENT, FORCE
+from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes.bias_extension import WIDTH
 
 
@@ -73,6 +76,23 @@ def test_the_load_is_drawn_over_the_displacement_of_the_driven_edge(
     theta, gamma = np.radians(45.0), np.radians(40.0)
     turned = np.sin(theta + np.array([0.0, 0.5, 1.0]) * gamma / 2)
     assert moved == pytest.approx(WIDTH * np.tan(theta) * (turned / np.sin(theta) - 1))
+
+
+def test_a_load_that_is_round_off_alone_is_not_drawn(tmp_path):
+    """The forces of a tool without friction cancel where nothing else pulls the ply."""
+    pytest.importorskip("matplotlib")
+    scene = hemisphere(size=(4, 4), tension=0.0)
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+    result = Case(scene=scene, fabric=fabric, steps=1).run()
+    curve = curve_of(scene, result)
+    assert curve[DISPLACEMENT][-1] < -10
+    assert scene.reaction(result.states[-1]).any()
+    assert not curve[FORCE].any()
+    pictures.draw_curves(curve, None, tmp_path)
+    assert not list(tmp_path.iterdir())
+    test = {DISPLACEMENT: np.array([0.0, -9.0]), FORCE: np.array([0.0, 2.0])}
+    pictures.draw_curves(curve, test, tmp_path)
+    assert [file.name for file in tmp_path.iterdir()] == ["load.png"]
 
 
 def test_without_gl_everything_else_is_written(tmp_path, capsys, monkeypatch):
