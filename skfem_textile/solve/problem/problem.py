@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 # comes back in the reactions is to be seen to ten digits.
 _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 
-# Share of the energy by which stiffnesses of the discretisation may be off on the way.
-_NEARLY_SETTLED = 0.002
+# Shares of the energy by which stiffnesses of the discretisation may be off on the way;
+# the second where one doubles the energy of a term.  Chosen: the tangent with the old
+# stiffness then foretells ten times the change that there will be.
+_NEARLY_SETTLED, _WHERE_ONE_DOUBLES = 0.002, 0.0001
 
 
 class Problem:
@@ -120,8 +122,7 @@ class Problem:
         Returns
         -------
         bool
-            Whether it does, by more than a small share, or a term more than doubles
-            its own: then the tangent of those before tells little of those at ``u``.
+            Whether it does, by more than a small share.
         """
         if not self.holds_stiffness:
             return False
@@ -131,8 +132,9 @@ class Problem:
             after, _ = self.energies(u)
             energies = np.array([(before[name], after[name]) for name in before]).T
             own, change = np.abs(energies[0]), energies[1] - energies[0]
-            much = abs(change.sum()) > _NEARLY_SETTLED * own.sum()
-            if much or (np.abs(change) > own).any():
+            doubles = (np.abs(change) > own).any()
+            share = _WHERE_ONE_DOUBLES if doubles else _NEARLY_SETTLED
+            if abs(change.sum()) > share * own.sum():
                 return True
             ply.remembered = held
         return False
