@@ -4,6 +4,7 @@ The ply touches the tool at one point.  The axes of the scene have their origin 
 and z along the normal of the tool, so that the surface grows out of the ply's plane.
 """
 
+import logging
 from collections.abc import Sequence
 from typing import Unpack
 
@@ -14,9 +15,13 @@ from skfem import Mesh
 from ...drape import Axes, ToolMesh, TriangleMesh
 from ...drape.elements import boundary_edges
 from ...registration import Option, SceneRegistration
+from ...solve.conditions import OnSurface
 from ...solve.conditions.surface import OffSurfaceError, onto
 from ..scene import Scene
+from .foreseen import tell_of_net
 from .laid import DEFAULTS, LaidPly, from_options, laid, options
+
+log = logging.getLogger(__name__)
 
 #: Sides of the ply in mm.
 WIDTH, HEIGHT = 180.0, 180.0
@@ -27,6 +32,10 @@ _AS_HIGH = 1e-6
 # Area of a ply over that of its tool from which it is refused: one that shears by 60°
 # needs half of its area.
 _MOST_AREA = 2.0
+
+# The same below which one of them seems to be in other units.  Chosen: that of a patch
+# of 100 mm on a tool of 10 m; a tool in micrometres makes it a millionth.
+_LEAST_AREA = 1e-4
 
 # Iterations at most to where the tool is level, the step over the longest edge that
 # ends them, and that edge over the radius of a curve that counts as straight.  Chosen:
@@ -81,20 +90,23 @@ def drape(
     surface = tool.moved(*axes)
     whole: LaidPly = {**ply, "part": "whole"}
     scene = laid("drape", surface, mesh, **whole, axes=axes)
-    _refuse_small(facets, scene.mesh)
+    _check_sizes(facets, scene.mesh)
+    on_tool, fibres = scene.conditions["tool"], float(ply.get("fibres", 0.0))
+    assert isinstance(on_tool, OnSurface)
+    tell_of_net(on_tool, scene.mesh.p, (fibres, fibres + np.pi / 2), axes)
     return scene
 
 
-def _refuse_small(facets: ToolMesh, ply: Mesh) -> None:
+def _check_sizes(facets: ToolMesh, ply: Mesh) -> None:
     a, b, c = facets.points[:, facets.triangles()].swapaxes(0, 1)
     of_tool = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
     x, y = ply.p[:, ply.t]
     of_ply = 0.5 * np.abs((x * np.roll(y, -1, 0) - y * np.roll(x, -1, 0)).sum(0)).sum()
+    areas = f"drape: the ply has {of_ply:.4g} mm2, the tool {of_tool:.4g} mm2 in all"
     if of_ply > _MOST_AREA * of_tool:
-        raise ValueError(
-            f"drape: the ply has {of_ply:.4g} mm2, the tool {of_tool:.4g} mm2 in all: "
-            "take a smaller ply, or a file in mm"
-        )
+        raise ValueError(f"{areas}: take a smaller ply, or a file in mm")
+    if of_ply < _LEAST_AREA * of_tool:
+        log.warning("%s: if that is not meant take a file in mm", areas)
 
 
 def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
