@@ -190,10 +190,26 @@ def test_nodes_that_hold_a_ply_on_its_tool_are_no_load():
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
     result = Case(scene=scene, fabric=fabric, steps=2).run()
     state = result.states[-1]
-    held = max(np.abs(state.reactions[name]).max() for name in ("middle_x", "turn"))
+    held = max(
+        np.abs(state.reactions[name]).max() for name in ("middle_x", "turn_left")
+    )
     assert held > 1e3 * state.tolerance
     assert result.estimated_error.load is None
     assert result.estimated_error.shear_angle > 0
+
+
+@pytest.mark.parametrize("tension", [0.0, 2.0])
+def test_half_a_turn_leaves_a_ply_on_a_double_dome_as_it_is(tension):
+    """Forces that keep it from turning are alike on both sides of its middle."""
+    given = {"width": 160.0, "height": 110.0, "size": (6, 6), "part": "whole"}
+    scene = double_dome(fibres=np.radians(30), tension=tension, **given)
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+    result = Case(scene=scene, fabric=fabric, steps=2).run()
+    ply, angle = result.ply, result.ply.shear_angle(result.u).mean(axis=1)
+    centre = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+    across = np.linalg.norm(centre[:, :, None] + centre[:, None], axis=0).argmin(axis=0)
+    assert np.degrees(np.abs(angle).max()) > 0.5
+    assert np.degrees(np.abs(angle - angle[across]).max()) < 1e-8
 
 
 def skew_bump():
