@@ -1,6 +1,7 @@
 """The course of a run: progress bar, log and exit code."""
 
 import logging
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, TypeAlias
 
 from ..solve.result import StepError
@@ -8,6 +9,8 @@ from ..solve.states import Iteration, State
 from .interruption import INTERRUPTED
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from ..solve.stepper import LoadStepper
     from ..solve.stepping.adaptive import AdaptiveStepper
 
@@ -36,14 +39,7 @@ def load(
     tuple
         Exit code, a message for the end, and the error that stopped the run.
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    console = Console(stderr=True)
-    columns = (BarColumn(), TextColumn("{task.description}"))
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
+    with _bar() as bar:
         _log(verbose)
         task = bar.add_task("load factor 0", total=1.0)
 
@@ -67,6 +63,24 @@ def load(
                 raise
             return INTERRUPTED, _interrupted(stepper), None
     return 0, "", None
+
+
+def shown(what: str) -> AbstractContextManager[object]:
+    """Show on a terminal what is under way, where nothing tells how far it is."""
+    bar = _bar()
+    bar.add_task(what, total=None)
+    return bar
+
+
+def _bar() -> "Progress":
+    """A bar on a terminal, which goes away at its end; none elsewhere."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    console = Console(stderr=True)
+    columns = (BarColumn(), TextColumn("{task.description}"))
+    off = not console.is_terminal
+    return Progress(*columns, console=console, transient=True, disable=off)
 
 
 def _interrupted(stepper: "Stepper") -> str:

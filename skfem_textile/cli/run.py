@@ -20,7 +20,7 @@ from .case.curve import CURVE, curve_of, write_curve
 from .case.written import WRITTEN_FILES, WrittenCase, refuse_foreign_case
 from .interruption import INTERRUPTED, held
 from .output import OutputError, complain, say
-from .progress import STOPPED_EARLY, load
+from .progress import STOPPED_EARLY, load, shown
 from .results import pictures
 from .results.curves_of_tests import read_test_curve
 from .results.result_folder import ResultFolder
@@ -69,7 +69,8 @@ def run(
     """
     from .. import io  # loads meshio
 
-    stepper = stepper_of(_checkpoint(options))
+    with shown("preparing the ply"):  # nets on a tool take long
+        stepper = stepper_of(_checkpoint(options))
     named = values["test_curve"]
     test = None if named is None else read_test_curve(named)
     refuse_foreign_case(options.out)
@@ -99,7 +100,8 @@ def run(
             complete = True
         if code != INTERRUPTED:
             # With the estimated error.
-            summary = case.summary(result) | said_before | handed
+            with shown("estimating the error"):
+                summary = case.summary(result) | said_before | handed
             _write_again(summary, options.out)
     except OutputError as error:
         raise OutputError(f"{error}; {_kept(stepper)}") from None
@@ -192,7 +194,7 @@ def _draw(case: Case, run: Result | StepError, test: "Curve | None", out: Path) 
     The numbers are already written.
     """
     try:
-        with ResultFolder(out, _PICTURES) as folder:
+        with ResultFolder(out, _PICTURES) as folder, shown("drawing pictures"):
             pictures.draw(case.scene, run, test, folder)
     except Exception as error:
         say(f"no pictures: {printable(error)}")

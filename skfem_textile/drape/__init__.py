@@ -11,6 +11,7 @@ from .risks import (
     bridging,
     contact_pressure,
     off_triangles,
+    turn_of_normal,
     wrinkle_risk,
 )
 from .sheet import Places, Sheet
@@ -57,5 +58,6 @@ __all__ = [
     "net",
     "off_triangles",
     "triangles_on",
+    "turn_of_normal",
     "wrinkle_risk",
 ]

@@ -26,6 +26,20 @@ _MOST, _EXACT = 30, 1e-11
 _FOLDED = 0.01
 
 
+class NetError(ValueError):
+    """A net that cannot be laid.
+
+    Attributes
+    ----------
+    place
+        Where it ends in mm, shape (3,).
+    """
+
+    def __init__(self, what: str, place: ndarray, advice: str = "") -> None:
+        super().__init__(f"net: {what} at {np.round(place, 3).tolist()}{advice}")
+        self.place = place
+
+
 def net(
     surface: Surface,
     cell: float,
@@ -62,9 +76,10 @@ def net(
 
     Raises
     ------
+    NetError
+        If the net folds or leaves the surface before it is whole.
     ValueError
-        If the net folds or leaves the surface before it is whole, or an argument is
-        not valid.
+        If an argument is not valid.
 
     Examples
     --------
@@ -162,8 +177,7 @@ def _pinned(surface: Surface, x: ndarray, step: ndarray, cell: float) -> ndarray
         if not np.isfinite(rows).all() or abs(np.linalg.det(rows)) < _FOLDED:
             break
         s = s - np.linalg.solve(rows, off)
-    place = np.round(x, 3).tolist()
-    raise ValueError(f"net: its first thread leaves the surface at {place}")
+    raise NetError("its first thread leaves the surface", x)
 
 
 def _up_to(ends: ndarray, shape: tuple[int, int]) -> ndarray:
@@ -203,7 +217,7 @@ def _crossings(
 
     Raises
     ------
-    ValueError
+    NetError
         If there is none.
     """
     x = a + b - corner
@@ -230,9 +244,9 @@ def _crossings(
     found = (np.abs(off) <= _EXACT * cell).all(axis=0) & (sine > _FOLDED)
     found &= across.sum(axis=0) > 0
     if not found.all():
-        place = np.round(corner[:, np.flatnonzero(~found)[0]], 3).tolist()
-        raise ValueError(
-            f"net: the threads fold onto one another or leave the surface at {place}: "
-            "take fewer cells, or start elsewhere"
+        raise NetError(
+            "the threads fold onto one another or leave the surface",
+            corner[:, np.flatnonzero(~found)[0]],
+            ": take fewer cells, or start elsewhere",
         )
     return x

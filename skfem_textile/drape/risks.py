@@ -119,6 +119,27 @@ def off_triangles(ply: Body, surface: Surface, u: ndarray) -> ndarray | None:
     return None if off is None else (off(x)[ply.mesh.t] > 0).any(axis=0)
 
 
+def turn_of_normal(ply: Body, surface: Surface, u: ndarray) -> ndarray:
+    """Largest angle between the normals of a surface at two corners of an element.
+
+    Parameters
+    ----------
+    ply, surface, u
+        As of `beyond_edges`.
+
+    Returns
+    -------
+    ndarray
+        In radians, shape (n_elements,), of the elements of ``ply.mesh``.
+    """
+    x, tool = _on_grown(ply, surface, u)
+    normal = tool.gradient(x)
+    corners = (normal / np.linalg.norm(normal, axis=0))[:, ply.mesh.t]
+    one, other = np.triu_indices(corners.shape[1], 1)
+    apart = np.linalg.norm(corners[:, one] - corners[:, other], axis=0).max(axis=0)
+    return np.asarray(2 * np.arcsin(np.minimum(0.5 * apart, 1.0)))
+
+
 def _on_grown(ply: Body, surface: Surface, u: ndarray) -> tuple[ndarray, Surface]:
     """Positions of the nodes on the surface as it is when it has grown, and that."""
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)

@@ -165,7 +165,8 @@ class Result:
         ``estimated_load_error``, a share of the load, and
         ``estimated_shear_angle_error_deg`` tell what the mesh costs, as far as a finer
         one shows it (`estimated_error`).  ``error_estimate`` says how they were found;
-        where they are None it begins with "none: " and says why.
+        where both are None it begins with "none: " and says why.  A ply that a tool
+        alone shapes has an error of the shear angle, and none of a load.
         """
         ply, u, verdict = self.ply, self.u, self.states[-1].verdict
         shares = self.states[-1].shares
@@ -201,14 +202,16 @@ class Result:
         """The estimated error, and how it was found or why not."""
         error = self.estimated_error
         angle = error.shear_angle
+        how = "none" if angle is None else "by a finer mesh"
+        if error.reason:
+            none = "" if angle is None else "; of the load none"
+            how = f"{how}{none}: {error.reason}"
         return {
             "estimated_load_error": error.load,
             "estimated_shear_angle_error_deg": (
                 None if angle is None else float(np.degrees(angle))
             ),
-            "error_estimate": (
-                f"none: {error.reason}" if error.reason else "by a finer mesh"
-            ),
+            "error_estimate": how,
         }
 
     def __repr__(self) -> str:

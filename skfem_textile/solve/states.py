@@ -158,7 +158,7 @@ class ErrorEstimate:
     shear_angle
         Root of the mean square over the ply, in radians; None if there is none.
     reason
-        Why there is none; else empty.
+        Why there is none, or none of a load; else empty.
     """
 
     load: float | None = None

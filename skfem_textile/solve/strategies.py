@@ -37,6 +37,12 @@ LESS_ROUNDING = (
     "is rounding"
 )
 
+# What to do where a ply on a surface finds no balance.
+_ON_SURFACE = (
+    "tension on the edges, fibres that resist bending, or elements that are smaller "
+    "against the corners of the surface"
+)
+
 # Halvings of an increment in a line search.
 _LINE_SEARCH_HALVINGS = 20
 
@@ -215,16 +221,21 @@ def balanced(
         altered += tangent.altered
         if altered > most_altered:
             raise NoEquilibriumError(
-                f"more than {most_altered:g} tangents were indefinite on the way"
+                f"more than {most_altered:g} tangents were indefinite on the way",
+                problem.around(problem.unfixed(f, u)),
+                advice=_ON_SURFACE if problem.surfaces else "",
             )
         if residuals[-1] <= tolerance and problem.is_fixed(u, fixed_values):
             return Equilibrium(u, f, tuple(residuals), tolerance, altered)
     stalled = residuals[-1] <= _STALLED * tolerance
+    stiffer = (
+        _ON_SURFACE if problem.surfaces else "more steps, or a larger stabilisation"
+    )
     raise NoEquilibriumError(
         f"{residuals[-1]:.2g} N unbalanced after {most} iterations, "
         f"tolerance {tolerance:.2g} N",
         problem.around(problem.unfixed(f, u)),
-        advice=LESS_ROUNDING if stalled else "more steps, or a larger stabilisation",
+        advice=LESS_ROUNDING if stalled else stiffer,
     )
 
 

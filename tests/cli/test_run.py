@@ -227,3 +227,29 @@ def test_a_folder_of_any_name_is_told_in_one_line(tmp_path):
     assert (tmp_path / name / "summary.json").exists()
     assert child.stderr == b""
     assert child.stdout.splitlines()[-1].startswith(b"results in ")
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_every_long_part_of_a_run_is_told_on_a_terminal_alone(tmp_path, terminal):
+    pty = pytest.importorskip("pty")
+    line = "-m", "skfem_textile", "run", "trellis", "--size", "2x2", "--steps", "1"
+    ours, theirs = pty.openpty() if terminal else os.pipe()
+    with subprocess.Popen(
+        [sys.executable, *line, "--out", str(tmp_path / "out")],
+        env=os.environ | {"TERM": "xterm", "COLUMNS": "100"},
+        stdout=subprocess.DEVNULL,
+        stderr=theirs,
+    ) as child:
+        os.close(theirs)
+        shown = b"".join(iter(lambda: read(ours), b""))
+    os.close(ours)
+    assert child.returncode == 0
+    parts = b"preparing the ply", b", mixed ", b"estimating", b"drawing pictures"
+    assert [part in shown for part in parts] == [terminal] * 4
+
+
+def read(end):
+    try:
+        return os.read(end, 1 << 16)
+    except OSError:  # the other end of a terminal is closed
+        return b""

@@ -15,8 +15,10 @@ from ...drape import Axes, ToolMesh, TriangleMesh
 from ...drape.elements import boundary_edges
 from ...mesh.contact import signed_areas
 from ...registration import Option, SceneRegistration
+from ...solve.conditions import OnSurface
 from ...solve.conditions.surface import OffSurfaceError, onto
 from ..scene import Scene
+from .foreseen import tell_of_net
 from .laid import DEFAULTS, LaidPly, from_options, laid, options
 
 #: Sides of the ply in mm.
@@ -29,9 +31,9 @@ _AS_HIGH = 1e-6
 # needs half of its area.
 _MOST_AREA = 2.0
 
-# Area of the mean triangle over that of the ply from which the ply is refused.  Chosen:
-# a ply ten times smaller than a triangle sees nothing of the tool's shape.
-_COARSE = 100.0
+# The same below which one of them is in other units.  Chosen: a patch of 100 mm on a
+# tool of 10 m has 1e-4; a tool in micrometres makes it a millionth at most.
+_LEAST_AREA = 1e-5
 
 # Iterations at most to where the tool is level, the step over the longest edge that
 # ends them, and that edge over the radius of a curve that counts as straight.  Chosen:
@@ -81,25 +83,22 @@ def drape(
     whole: LaidPly = {**ply, "part": "whole"}
     scene = laid("drape", surface, mesh, **whole, axes=axes)
     _refuse_sizes(facets, scene.mesh)
+    on_tool, fibres = scene.conditions["tool"], float(ply.get("fibres", 0.0))
+    assert isinstance(on_tool, OnSurface)
+    tell_of_net(on_tool, scene.mesh.p, (fibres, fibres + np.pi / 2), axes)
     return scene
 
 
 def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
     a, b, c = facets.points[:, facets.triangles()].swapaxes(0, 1)
-    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0)
-    of_tool, of_triangle = areas.sum(), areas.mean()
+    of_tool = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
     x, y = ply.p[:, ply.t]
     of_ply = np.abs(signed_areas(x, y)).sum()
+    areas = f"drape: the ply has {of_ply:.4g} mm2, the tool {of_tool:.4g} mm2 in all"
     if of_ply > _MOST_AREA * of_tool:
-        raise ValueError(
-            f"drape: the ply has {of_ply:.4g} mm2, the tool {of_tool:.4g} mm2 in all: "
-            "take a smaller ply, or a file in mm"
-        )
-    if of_triangle > _COARSE * of_ply:
-        raise ValueError(
-            f"drape: the ply has {of_ply:.4g} mm2, a triangle of the tool "
-            f"{of_triangle:.4g} mm2 in the mean: take a larger ply, or a file in mm"
-        )
+        raise ValueError(f"{areas}: take a smaller ply, or a file in mm")
+    if of_ply < _LEAST_AREA * of_tool:
+        raise ValueError(f"{areas}: take a larger ply, or a file in mm")
 
 
 def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:

@@ -13,7 +13,7 @@ from numpy import ndarray
 from skfem import CellBasis, FacetBasis, LinearForm, asm
 from skfem.helpers import dot
 
-from ...drape import net
+from ...drape import Net, net
 from ...fabric.law import Law
 from ...ply.term import Term
 from ...solve.conditions import OnSurface
@@ -95,20 +95,7 @@ class EdgeTension:
 
     def _directions(self, points: ndarray, t: float) -> ndarray:
         """Directions of warp and weft in a net, shape (2, 3, n)."""
-        cell = float(np.ptp(points, axis=1).max()) / _CELLS
-        flat = np.array([np.cos(self.angles), np.sin(self.angles)])
-        touch = self.on_tool.touch
-        ends = np.linalg.solve(flat, points - np.array(touch)[:, None]) / cell
-        further = [[[i], [j]] for i in (-_BEYOND, _BEYOND) for j in (-_BEYOND, _BEYOND)]
-        over = np.hstack([ends + np.array(step) for step in further])
-        reach = np.array([np.maximum(-over.min(axis=1), 0), over.max(axis=1)])
-        warp, weft = np.ceil(reach).astype(int).T.tolist()
-        laid = net(
-            *(self.on_tool.at("tool", t), cell, tuple(warp), tuple(weft)),
-            angles=self.angles,
-            touch=touch,
-            over=cell * flat @ over + np.array(touch)[:, None],
-        )
+        laid = net_over(points, self.on_tool, t, self.angles)
         return laid.tangents(points)
 
     def _moment(self, angle: ndarray) -> ndarray:
@@ -125,6 +112,46 @@ class EdgeTension:
                 "give the fibres a bending stiffness"
             )
         return moment
+
+
+def net_over(
+    points: ndarray,
+    on_tool: OnSurface,
+    t: float,
+    angles: tuple[float, float],
+    beyond: int = _BEYOND,
+) -> Net:
+    """A net that reaches up to points of a ply, or beyond them.
+
+    Parameters
+    ----------
+    points
+        Points of the flat ply in mm, shape (2, n).
+    on_tool, t
+        The surface, and the load factor to which it has grown.
+    angles
+        Inclination of warp and weft at rest in radians.
+    beyond
+        Cells that it reaches beyond them.
+
+    Raises
+    ------
+    ValueError
+        As from `net`.
+    """
+    cell = float(np.ptp(points, axis=1).max()) / _CELLS
+    flat, touch = np.array([np.cos(angles), np.sin(angles)]), on_tool.touch
+    ends = np.linalg.solve(flat, points - np.array(touch)[:, None]) / cell
+    further = [[[i], [j]] for i in (-beyond, beyond) for j in (-beyond, beyond)]
+    over = np.hstack([ends + np.array(step) for step in further])
+    reach = np.array([np.maximum(-over.min(axis=1), 0), over.max(axis=1)])
+    warp, weft = np.ceil(reach).astype(int).T.tolist()
+    return net(
+        *(on_tool.at("tool", t), cell, tuple(warp), tuple(weft)),
+        angles=angles,
+        touch=touch,
+        over=cell * flat @ over + np.array(touch)[:, None],
+    )
 
 
 class _Tractions(Term):

@@ -2,8 +2,9 @@
 
 The tool touches the ply at its middle, the origin.  A quarter of the ply is enough
 where tool and fibres have planes of symmetry, with fibres along the sides or at 45° to
-them.  Otherwise the whole ply is held at its middle: a node near it stays where
-geodesics lay it, and a node on its x axis does not turn around it.
+them.  Otherwise the whole ply is held along x at its middle, and along y at two nodes
+of its x axis, one on each side, where geodesics lay them.  On a tool that half a turn
+leaves as it is, these forces leave the ply so too.
 """
 
 from collections.abc import Callable, Sequence
@@ -196,23 +197,24 @@ def _in_planes(name: str, mesh: Mesh) -> dict[str, Condition]:
 
 
 def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition]:
-    """Conditions that hold a whole ply at its middle."""
+    """Conditions that hold a whole ply at its middle, as many as rigid motions."""
     low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
     if (low >= 0).any() or (high <= 0).any():
         raise MeshError(f"{name}: the origin must be inside the mesh of a whole ply")
 
-    def nearest(place: tuple[float, float]) -> ndarray:
-        return np.array([np.hypot(*(mesh.p - np.array(place)[:, None])).argmin()])
+    def nearest(place: ndarray) -> ndarray:
+        return np.array([np.hypot(*(mesh.p - place[:, None])).argmin()])
 
     def moves(axis: int) -> Callable[[ndarray, float], ndarray]:
         return lambda X, t: exponential_map(on_tool.at("tool", t), X)[axis] - X[axis]
 
-    middle, beside = nearest((0.0, 0.0)), nearest((0.5 * float(high[0]), 0.0))
     x, y = np.eye(3)[:2]
+    middle, right = nearest(np.zeros(2)), nearest(np.array([0.5 * float(high[0]), 0.0]))
+    left = nearest(-mesh.p[:, right[0]])
     return {
         "middle_x": Condition(middle, moves(0), direction=x),
-        "middle_y": Condition(middle, moves(1), direction=y),
-        "turn": Condition(beside, moves(1), direction=y),
+        "turn_left": Condition(left, moves(1), direction=y),
+        "turn_right": Condition(right, moves(1), direction=y),
     }
 
 

@@ -17,7 +17,7 @@ from ..linear import solver_named
 from ..problem import Problem, Tangent
 from ..states import ErrorEstimate, NoEquilibriumError, State
 from ..strategies import definite, no_contact, within_laws
-from .work import change_of, refuse_round_off, work
+from .work import NO_LOAD, carries_load, change_of, work
 
 #: Error of the shear angle over the change that halved elements make, and error of the
 #: load over the share of the energy that stabilisation and deviations carry:
@@ -94,44 +94,49 @@ def problem_at(
 def _estimate(
     ply: Body, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
-    """The estimate.
+    """The estimate; of the shear angle alone where a surface shapes a ply without load.
 
     Raises
     ------
     NoEquilibriumError
         If the finer ply has no state near.
     ValueError
-        If there is no finer ply, or nothing that does work.
+        If there is no finer ply, or nothing shapes the ply.
     """
     coarse, u = problem_at(ply, conditions, solver, state.load_factor), state.u
     motion, forces = Tangent(coarse, u).settled(coarse.residual(u))
     before = work(coarse, forces, u := u + motion)
-    refuse_round_off(before, coarse, state)
+    loaded = carries_load(before, coarse, state)
+    if not loaded and coarse.surfaces is None:
+        raise ValueError(NO_LOAD)
     finer: Any = ply.finer()
     fine = problem_at(finer.ply, conditions, solver, state.load_factor)
     carried, tension = finer.carry(u)
-    fine_u, after = _moved(fine, carried, tension, before)
-    change = change_of(before, after)
+    fine_u, after = _moved(fine, carried, tension, before, loaded)
     angle, fine_angle = (
         of.ply.shear_angle(x).mean(axis=1) for of, x in ((coarse, u), (fine, fine_u))
     )
     off = fine_angle - angle[finer.parent]
     rms = np.sqrt(np.average(off**2, weights=fine.ply.basis.dx.sum(axis=1)))
+    change = change_of(before, after) if loaded else 0.0
     if not np.isfinite([change, rms]).all():
         raise NoEquilibriumError("it is not finite")
+    shear_angle = float(SHEAR_ANGLE_OVER_CHANGE * rms)
+    if not loaded:
+        return ErrorEstimate(None, shear_angle, NO_LOAD)
     carried = sum(state.shares.get("energy", {}).values())
-    load = max(change, LOAD_OVER_SHARE * carried)
-    return ErrorEstimate(float(load), float(SHEAR_ANGLE_OVER_CHANGE * rms))
+    return ErrorEstimate(float(max(change, LOAD_OVER_SHARE * carried)), shear_angle)
 
 
 def _moved(
-    problem: Problem, u: ndarray, tension: ndarray, before: ndarray
+    problem: Problem, u: ndarray, tension: ndarray, before: ndarray, loaded: bool
 ) -> tuple[ndarray, ndarray]:
     """A displacement nearer to the equilibrium, and the work there to first order.
 
     Where a law ends, increments are shortened.  Then more of them are made, half as
     long as soon as the work goes to and fro, until it is settled at a whole one whose
-    tangent is not altered.
+    tangent is not altered.  Without a load, work tells nothing: a second increment
+    whose tangent is not altered settles it.
 
     Raises
     ------
@@ -159,7 +164,7 @@ def _moved(
                 raise NoEquilibriumError("its load is not finite")
             calm = number == 1 and not tangent.altered
             near = whole and not tangent.altered and change < size
-            settled = moved <= _SETTLED * change
+            settled = loaded and moved <= _SETTLED * change
             if (settled and near) if shortened else (settled or calm):
                 return problem.moved(u, du), now
             if shortened and number > 1 and moved > moved_before / 2:
@@ -173,6 +178,8 @@ def _moved(
         if number == 0 or shortened:
             ply.settle(u, tension)
         number += 1
+    if not loaded:
+        raise NoEquilibriumError("its tangent is not stable")
     raise NoEquilibriumError(
         f"after {number} increments its load still changes by {moved / size:.1%}"
     )

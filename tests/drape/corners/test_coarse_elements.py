@@ -1,0 +1,76 @@
+"""Elements that are large against the fillets of a tool are told, and what they cost.
+
+The tool is a box with rounded edges and walls of 50°.
+"""
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, drape
+from skfem_textile.scenes import Case
+from skfem_textile.scenes.space.laid import laid
+
+SIDE, TOP, CORNER, SLOPE = 140.0, 35.0, 3.0, np.tan(np.radians(50))
+
+
+def box(fillet):
+    """A flat top of half the width TOP, fillets around it, and walls."""
+    width = fillet * SLOPE / np.hypot(1, SLOPE)
+
+    def at(x, y):
+        p, q = np.maximum(x - TOP, 0), np.maximum(y - TOP, 0)
+        rho = np.maximum(np.hypot(p, q), 1e-9)
+        s = np.clip(rho - CORNER, 0, width)
+        root = np.sqrt(fillet**2 - s**2)
+        h = root - fillet - SLOPE * np.maximum(rho - CORNER - width, 0)
+        slope, c, n = -s / root, p / rho, q / rho
+        on_fillet = (rho > CORNER) & (rho < CORNER + width)
+        bend = np.where(on_fillet, -(fillet**2) / root**3, 0)
+        around = np.where((p > 0) & (q > 0), slope / rho, 0)
+        return drape.Height(
+            *(h, slope * c, slope * n, bend * c * c + around * n * n),
+            *((bend - around) * c * n, bend * n * n + around * c * c),
+        )
+
+    return drape.HeightField(at)
+
+
+def draped(fillet, cells):
+    """Shear angles of a quarter in degrees by row and column, and its summary."""
+    size = cells, cells
+    scene = laid("box", box(fillet), "irregular", size=size, width=SIDE, height=SIDE)
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
+    result = Case(scene=scene, fabric=fabric, steps=4).run()
+    ply, rows = result.ply, 2 * cells
+    angle = np.degrees(ply.shear_angle(result.u).mean(axis=1))
+    centre = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+    i, j = np.floor(centre * rows / (0.5 * SIDE)).astype(int)
+    by_row = np.zeros((rows, rows))
+    by_row[i, j] = angle
+    return by_row, scene.summary(result)
+
+
+@pytest.mark.parametrize(
+    ("fillet", "turn", "least", "most"), [(20.0, 25, 0.3, 1.0), (8.0, 40, 1.0, 4.0)]
+)
+def test_from_30_degrees_of_turn_shear_is_off_by_more_than_a_degree(
+    fillet, turn, least, most
+):
+    """Against elements of a third of the size."""
+    coarse, found = draped(fillet, 6)
+    fine, _ = draped(fillet, 18)
+    means = fine.reshape(12, 3, 12, 3).mean(axis=(1, 3))
+    error = np.abs(coarse - means).max()
+    print(fillet, found["max_turn_of_normal_deg"], error, found.get("coarse_elements"))
+    assert found["max_turn_of_normal_deg"] == pytest.approx(turn, abs=5)
+    assert least < error < most
+    assert ("coarse_elements" in found) == (turn > 30)
+
+
+def test_the_turn_of_the_normal_is_the_arc_of_an_element():
+    sphere = drape.Sphere(100.0, (0, 0, -100))
+    scene = laid("ball", sphere, "irregular", size=(4, 4), width=80.0, height=80.0)
+    result = Case(scene=scene, fabric=Fabric(1e5, 0.1, scene.warp, scene.weft)).run()
+    turn = drape.turn_of_normal(result.ply, result.tool(1.0), result.u)
+    diagonal = np.hypot(5, 5) / 100  # macro-elements have two parts a side
+    assert turn[0] == pytest.approx(diagonal, rel=0.02)

@@ -1,0 +1,77 @@
+"""What a tool asks of a ply is told before the ply is draped."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import Fabric, StepError, drape
+from skfem_textile.scenes import Case
+from skfem_textile.scenes import drape as on_tool
+
+# Half a side of the top, and the height, of a box.
+TOP, HEIGHT = 60.0, 40.0
+
+
+def box(slope_deg, edge=6.0):
+    """Top and walls of a box; the walls lean by the angle."""
+    n, m = round(TOP / edge), round(HEIGHT / edge)
+    inner = np.linspace(-TOP, TOP, 2 * n + 1)
+    down = np.arange(1, m + 1) * HEIGHT / m
+    lean = 1 / np.tan(np.radians(slope_deg))
+    k = np.r_[-m - n : m + n + 1]
+    i, j = (a.ravel() for a in np.meshgrid(k, k))
+    depth = np.r_[0.0, down][np.maximum(np.maximum(abs(i), abs(j)) - n, 0)]
+    at = inner[np.clip(i, -n, n) + n], inner[np.clip(j, -n, n) + n]
+    # Lines of the grid beyond the top go down the wall: those beyond a corner end
+    # in its edge, so that their triangles have no area.
+    x, y = (a * (1 + depth * lean / TOP) for a in at)
+    size = len(k)
+    c = np.add.outer(size * np.arange(size - 1), np.arange(size - 1)).ravel()
+    t = np.hstack([[c, c + 1, c + size + 1], [c, c + size + 1, c + size]])
+    return drape.TriangleMesh(np.array([x, y, -depth]), t)
+
+
+def told(caplog, tool, **given):
+    given = {"width": 160.0, "height": 160.0, "tension": 0.0, "size": (6, 6)} | given
+    scene = on_tool(tool, **given)
+    return scene, [record.getMessage() for record in caplog.records]
+
+
+def test_a_net_that_folds_behind_the_corner_of_a_box_is_told(caplog):
+    _, said = told(caplog, box(89.0))
+    (line,) = said
+    assert "their net folds at" in line
+    assert "let the ply end before that corner" in line
+    place = np.array(line.partition("(")[2].partition(")")[0].split(","), dtype=float)
+    assert np.abs(np.abs(place[:2]) - TOP).max() < 15
+
+
+@pytest.mark.parametrize("fibres", [0.0, 0.5])
+def test_shear_behind_a_corner_is_its_curvature(caplog, fibres):
+    """Of the angles around the corner 2π lacks what the net shears by."""
+    slope = np.radians(67)
+    hip = np.array([1, 1, -np.tan(slope)]) / np.sqrt(2 + np.tan(slope) ** 2)
+    lacks = 2 * np.pi - 0.5 * np.pi - 2 * np.arccos(-hip[0])
+    _, said = told(caplog, box(67.0), fibres=fibres)
+    (line,) = said
+    shear = float(line.partition("shear by ")[2].split()[0])
+    assert shear == pytest.approx(np.degrees(lacks), abs=6)
+
+
+@pytest.mark.parametrize(
+    ("slope", "side"), [(45.0, 160.0), (89.0, 90.0)], ids=["flat walls", "small ply"]
+)
+def test_nothing_is_told_where_a_net_lies(caplog, slope, side):
+    _, said = told(caplog, box(slope), width=side, height=side)
+    assert not said
+
+
+def test_a_drape_that_is_refused_names_elements_and_what_to_do(caplog):
+    scene, _ = told(caplog, box(89.0))
+    case = Case(scene=scene, fabric=Fabric(1e4, 0.1, scene.warp, scene.weft), steps=1)
+    stepper = case.stepper()
+    stepper.max_halvings = 1
+    with pytest.raises(StepError) as error:
+        stepper.run()
+    assert error.value.elements.size
+    assert "(element " in str(error.value)
+    assert "; try " in str(error.value)
