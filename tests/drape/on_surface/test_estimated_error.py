@@ -2,12 +2,30 @@
 
 import numpy as np
 import pytest
+from helpers import graph
 from laid_plies import positions
 
-from skfem_textile import AdaptiveStepper, Macro, OnePoint, equilibrium_near
+from skfem_textile import (
+    AdaptiveStepper,
+    Fabric,
+    Macro,
+    OnePoint,
+    drape,
+    equilibrium_near,
+)
+from skfem_textile.scenes import Case, hemisphere
+from skfem_textile.scenes import drape as on_tool
 from skfem_textile.solve.stepping import error_estimate
 from skfem_textile.solve.stepping.error_estimate import estimated_error, problem_at
 from studies.formulations.drape import chebyshev
+
+
+def skew_bump():
+    def height(x, y):
+        a, b = x - 15, y - 20
+        return 20 * np.exp(-(a**2 + 2 * b**2 + 0.7 * x * y) / 2500) - 0.001 * x**2
+
+    return drape.TriangleMesh(*graph(np.linspace(-100, 100, 29), height))
 
 
 def of_constant_angles(ply, u):
@@ -36,7 +54,7 @@ def test_the_estimate_is_of_a_finer_ply_on_the_surface():
     fine = problem_at(finer.ply, conditions, "superlu", 1.0)
     carried, tension = finer.carry(state.u)
     assert not fine.surfaces.are_on(carried, 1.0)
-    u, _ = error_estimate._moved(fine, carried, tension, np.zeros(2))
+    u, _ = error_estimate._moved(fine, carried, tension, np.zeros(2), loaded=True)
     assert fine.surfaces.are_on(u, 1.0)
 
 
@@ -49,3 +67,29 @@ def test_a_run_to_a_tolerance_refines_on_a_surface():
     assert result.ply.basis.N > ply.basis.N
     x = positions(result.ply, result.u)
     np.testing.assert_allclose(chebyshev.SPHERE.level(x), 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("fibres", [0, 30, 45])
+def test_a_ply_that_the_tool_alone_shapes_has_an_error_of_the_shear_angle(fibres):
+    """At every angle of the fibres, held by planes of symmetry or at its middle."""
+    scene = hemisphere(fibres=np.radians(fibres), tension=0.0, size=(4, 4))
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+    found = Case(scene=scene, fabric=fabric, steps=2).run().summary()
+    assert found["estimated_load_error"] is None
+    assert 0.1 < found["estimated_shear_angle_error_deg"] < 20
+    said = "by a finer mesh; of the load none: nothing that moves carries a load"
+    assert found["error_estimate"] == said
+
+
+def test_nodes_that_hold_a_ply_on_its_tool_are_no_load():
+    """They follow the tool, and on a tool without symmetry they are pulled."""
+    scene = on_tool(skew_bump(), tension=0.0, size=(4, 4), width=150.0, height=150.0)
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+    result = Case(scene=scene, fabric=fabric, steps=2).run()
+    state = result.states[-1]
+    held = max(
+        np.abs(state.reactions[name]).max() for name in ("middle_x", "turn_left")
+    )
+    assert held > 1e3 * state.tolerance
+    assert result.estimated_error.load is None
+    assert result.estimated_error.shear_angle > 0
