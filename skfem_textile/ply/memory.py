@@ -138,7 +138,7 @@ class HeldStabilisation(HeldStiffness):
     by_tension
         Whether tension counts.
     by_grip
-        Whether the angle between the families counts: in the plane.
+        Whether the angle between the families counts.
     """
 
     def __init__(

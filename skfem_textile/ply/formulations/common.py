@@ -168,7 +168,7 @@ def hourglass_terms(
             corners,
             C_s=_most_against_twist(np.inf if C_s is None else C_s, fabric, corners),
             role="stabilisation",
-            memory=_automatic(basis, fabric, by_grip=False) if C_s is None else None,
+            memory=_automatic(basis, fabric, across=True) if C_s is None else None,
         )
         terms.append(out_of_plane)
     return terms
@@ -194,11 +194,14 @@ def hourglass_basis(basis: CellBasis) -> HourglassBasis:
 
 
 def _automatic(
-    basis: CellBasis, fabric: Fabric, by_grip: bool = True
+    basis: CellBasis, fabric: Fabric, across: bool = False
 ) -> HeldStabilisation:
-    """C_s of each element.  The tension at a single point is not that of the fabric."""
+    """C_s of each element in the plane, or across it: there by shear stiffness alone.
+
+    The tension at a single point is not that of the fabric.
+    """
     if isinstance(basis, MeanBasis):
-        return HeldStabilisation(fabric, basis, True, by_grip)
+        return HeldStabilisation(fabric, basis, not across, not across)
     points = MeanBasis(
         basis.mesh,
         basis.elem,
@@ -206,7 +209,7 @@ def _automatic(
         dofs=basis.dofs,
         quadrature=CENTRE,
     )
-    return HeldStabilisation(fabric, points, False, by_grip)
+    return HeldStabilisation(fabric, points, False, not across)
 
 
 def stabilising_term(
