@@ -11,6 +11,7 @@ from skfem_textile.ply.term import Term
 from skfem_textile.ply.terms import Formulation
 
 from .published import DRAPINGS
+from .rolled import BIAS, CYLINDER, FAN, SQUARES
 
 
 class Flat(Macro):
@@ -127,9 +128,9 @@ def all_cases() -> Iterator[Case]:
     for name in DRAPINGS:
         for parts in (1, 2):
             yield Case(PUBLISHED, parts, surface=name)
-    for surface in ("cylinder, 0/90", "cylinder, ±45", "cone, 0/90"):
-        for q, name, parts in product((0.0, 1.0), both, (16, 32, 64)):
-            yield Case(ROLLED, parts, name, tension=q, surface=surface)
+    for how, q in (*product((CYLINDER, BIAS, FAN), (0.0, 1.0)), (SQUARES, 0.0)):
+        for name, parts in product(both, (16, 32, 64)):
+            yield Case(ROLLED, parts, name, tension=q, surface=how)
     timed = *both, "2×2 points", "quadratic triangles", "split triangles"
     starts = EXPONENTIAL, FROM_NET, GROWTH
     for name, start, parts in product(timed, starts, (8, 16, 32, 64)):

@@ -1,20 +1,15 @@
 """What is measured of each case."""
 
-from collections.abc import Callable
 from time import process_time
 
 import numpy as np
 from numpy import ndarray
 from scipy.spatial import ConvexHull
-from skfem import MeshQuad
 
 from skfem_textile import (
-    Condition,
-    Fabric,
     OnSurface,
     Ply,
     Surface,
-    Traction,
     drape,
     equilibrium_near,
 )
@@ -22,14 +17,11 @@ from skfem_textile.solve.conditions import Conditions
 from skfem_textile.solve.states import NoEquilibriumError, State
 
 from ...study import Row
-from . import chebyshev, published
+from . import chebyshev, published, rolled
 from .cases import FORMULATIONS, FROM_NET, NET, PUBLISHED, SPHERE, Case
+from .rolled import FAN
 
 _SHEAR = 0.1
-
-#: Radius of the cylinder in mm, half angle of the cone in radians, and how far from its
-#: tip the ply begins, in mm.
-RADIUS, CONE_ANGLE, FROM_TIP = 60.0, 0.4, 150.0
 
 
 def row_of(case: Case) -> Row:
@@ -39,7 +31,7 @@ def row_of(case: Case) -> Row:
     if case.kind == PUBLISHED:
         return _published(case)
     ply, conditions, surface, start = (
-        on_sphere(case) if case.kind == SPHERE else _rolled(case)
+        on_sphere(case) if case.kind == SPHERE else _on_developable(case)
     )
     began = process_time()
     try:
@@ -157,89 +149,31 @@ def on_sphere(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
     return ply, conditions, surface, start
 
 
-def _rolled(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
-    """A ply on a cylinder or a cone, pulled on all sides by the same tension, or none.
-
-    A side of it lies in a plane of symmetry along the cone, two sides on the cylinder.
-    """
-    s = np.linspace(0, chebyshev.SIDE, _cells(case) + 1)
-    mesh = MeshQuad.init_tensor(s, s).with_defaults()
-    c, a = (np.sqrt(0.5), np.sqrt(0.5)) if "45" in case.surface else (1.0, 0.0)
-    surface: Surface
-    if case.surface.startswith("cone"):
-        tip = np.array([-FROM_TIP, 0.0, 0.0])
-        axis = np.array([np.cos(CONE_ANGLE), 0.0, -np.sin(CONE_ANGLE)])
-        surface, rolled = drape.Cone(CONE_ANGLE, tip, axis), _on_cone
-    else:
-        surface, rolled = drape.Cylinder(RADIUS, (0, 0, -RADIUS)), _on_cylinder
-
-    def along(i: int, sign: float) -> Callable:
-        return lambda X: sign * case.tension * rolled(X)[1][i]
-
-    loads = [Traction("right", along(0, 1.0)), Traction("top", along(1, 1.0))]
-    if rolled is _on_cone:
-        loads.append(Traction("left", along(0, -1.0)))
-        held = Condition(lambda X: np.hypot(*X) < 1e-9)
-    else:
-        held = Condition("left", (0.0, None, None))
-    loads = loads if case.tension else []
-    fabric = Fabric(case.stretch, _SHEAR, warp=(c, a), weft=(-a, c))
-    ply = Ply(mesh, fabric, FORMULATIONS[case.formulation], loads, dimension=3)
-    conditions: Conditions = {
-        "on": OnSurface(surface),
-        "held": held,
-        "y": Condition("bottom", (None, 0.0, None)),
-    }
-    start, _ = rolled(ply.nodes)
-    return ply, conditions, surface, drape.displacement(ply.nodes, start)
-
-
-def _on_cylinder(X: ndarray) -> tuple[ndarray, ndarray]:
-    """Positions of points of the flat ply, and the directions of its x and y."""
-    angle, zero = X[0] / RADIUS, np.zeros_like(X[0])
-    c, s = np.cos(angle), np.sin(angle)
-    place = np.array([RADIUS * s, X[1], RADIUS * (c - 1)])
-    return place, np.array([[c, zero, -s], [zero, zero + 1, zero]])
-
-
-def _on_cone(X: ndarray) -> tuple[ndarray, ndarray]:
-    """The same on the cone, which touches the plane of the ply along the x axis."""
-    r, polar = np.hypot(X[0] + FROM_TIP, X[1]), np.arctan2(X[1], X[0] + FROM_TIP)
-    c, s = np.cos(CONE_ANGLE), np.sin(CONE_ANGLE)
-    angle, zero = polar / s, np.zeros_like(polar)
-    cosine, sine = np.cos(angle), np.sin(angle)
-    along = np.array([c * c + s * s * cosine, s * sine, -c * s + s * c * cosine])
-    around = np.array([-s * sine, cosine, -c * sine])
-    place = r * along + np.array([zero - FROM_TIP, zero, zero])
-    first = np.cos(polar) * along - np.sin(polar) * around
-    second = np.sin(polar) * along + np.cos(polar) * around
-    return place, np.array([first, second])
+def _on_developable(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
+    formulation = FORMULATIONS[case.formulation]
+    cells, given = _cells(case), (case.tension, case.stretch, _SHEAR)
+    return rolled.problem(case.surface, formulation, cells, case.parts, *given)
 
 
 def _pressure_error(case: Case, ply: Ply, surface: Surface, u: ndarray) -> float | None:
-    """Largest relative error of the contact pressure but along the free edges.
+    """Largest error of the mean contact pressure of an element, as a share.
 
-    On the sphere it is that of the tensions found, (T₁ + T₂)/(R cos Γ); on cylinder and
-    cone that of the tension q on all sides, q (κ₁ + κ₂).
+    That of elements along edges that are pulled is left out.  On the sphere the exact
+    one is that of the tensions found, (T₁ + T₂)/(R cos Γ).
     """
     if not case.tension:
         return None
-    corners = ply.mesh.p[:, ply.mesh.t]
-    centres = corners.mean(axis=1)
-    off_edges = corners < chebyshev.SIDE
-    if case.surface.startswith("cone"):  # whose left edge is free too
-        off_edges[0] &= corners[0] > 0
-    on_edge = ply.on_users_elements(~off_edges.all(axis=(0, 1)))
-    inner = on_edge[ply.parent] == 0
+    mesh = ply.users_mesh
+    pulled = ("right", "top", "left") if case.surface == FAN else ("right", "top")
+    edges = np.hstack([mesh.boundaries[name] for name in pulled])
+    on_edge = np.isin(mesh.t, mesh.facets[:, edges])
+    inner = ~on_edge[:, ply.parent].any(axis=0)
     if case.kind == SPHERE:
         tension = ply.fibre_tension(u).mean(axis=2).sum(axis=0)
         angle = ply.shear_angle(u, ply.centre)[:, 0]
         exact = tension / chebyshev.RADIUS / np.cos(angle)
     else:
-        radius = np.full(centres.shape[1], RADIUS)
-        if case.surface.startswith("cone"):
-            from_tip = np.hypot(centres[0] + FROM_TIP, centres[1])
-            radius = from_tip * np.tan(CONE_ANGLE)
-        exact = case.tension / radius
+        centres = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+        exact = rolled.pressure(case.surface, case.tension, centres)
     found = drape.contact_pressure(ply, surface, u)[ply.mesh.t].mean(axis=0)
     return float(np.abs(found / exact - 1)[inner].max())

@@ -18,6 +18,8 @@ from skfem_textile import (
     equilibrium_near,
 )
 from studies.formulations.drape import chebyshev
+from studies.formulations.drape import rolled as rolled_plies
+from studies.formulations.drape.rolled import FAN
 
 SADDLE = drape.HeightField(
     lambda x, y: drape.Height(
@@ -116,6 +118,37 @@ def test_a_cylinder_shears_no_bias_ply_but_by_the_pull_on_its_last_elements(
     h = chebyshev.SIDE / (12 * (2 if isinstance(formulation, Macro) else 1))
     exact = q * h**2 / (8 * radius**2 * (q + 2 * shear))
     np.testing.assert_allclose(np.abs(ply.shear_angle(state.u)), exact, rtol=0.01)
+
+
+@pytest.mark.parametrize("tension", [0.0, 1.0])
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
+@pytest.mark.parametrize(
+    "how", [rolled_plies.CYLINDER, rolled_plies.BIAS, rolled_plies.FAN]
+)
+def test_no_ply_shears_whose_elements_lie_between_generators(how, formulation, tension):
+    """Pulled in the planes of its strips, or not."""
+    cells = 6 if isinstance(formulation, Macro) else 12
+    ply, conditions, surface, start = rolled_plies.problem(
+        how, formulation, cells, 12, tension
+    )
+    state = equilibrium_near(ply, conditions, start)
+    assert np.abs(ply.shear_angle(state.u)).max() < 1e-10
+    pressure = drape.contact_pressure(ply, surface, state.u)
+    mesh = ply.users_mesh
+    on_edge = np.isin(mesh.t, mesh.boundary_nodes()).any(axis=0)[ply.parent]
+    inner = np.setdiff1d(ply.mesh.t, ply.mesh.t[:, on_edge])
+    exact = rolled_plies.pressure(how, tension, ply.nodes)
+    np.testing.assert_allclose(pressure[inner], exact[inner], rtol=0.01, atol=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 25.0, 45.0])
+def test_no_ply_shears_on_a_cone_at_any_angle_of_its_fibres(degrees):
+    plain, conditions, _, start = rolled_plies.problem(FAN, Macro(), 6, 12)
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    fabric = Fabric(1e5, 0.1, warp=(c, s), weft=(-s, c))
+    ply = Ply(plain.users_mesh, fabric, Macro(), dimension=3)
+    state = equilibrium_near(ply, conditions, start)
+    assert np.abs(ply.shear_angle(state.u)).max() < 1e-10
 
 
 def test_the_sphere_presses_by_the_sum_of_tensions_over_its_radius():
