@@ -19,9 +19,9 @@ _COMPRESSION_SHARES = (1.0, 0.5, 0.0)
 # fabric at rest.  Where the iteration ends does not depend on it.
 _FIRST_TENSION = 0.1
 
-# The same where nodes are on surfaces, at least.  Chosen: a start there is far from
-# inextensible; without loads a sphere takes fewest solves with it.
-_FIRST_TENSION_ON_SURFACE = 1.0
+# The same where nodes are on surfaces over the shear stiffness, at least.  Chosen: a
+# start there is far from inextensible; without loads a sphere takes fewest solves.
+_OVER_SHEAR_STIFFNESS = 10.0
 
 # Share of the largest force that is unbalanced near an equilibrium.  Chosen: from there
 # on the mean stretches are known well enough for a stiffness.
@@ -242,6 +242,8 @@ def balanced(
 def _first_tangent(problem: Problem, start: Start) -> Tangent:
     """The tangent at the start; where it is singular, that of fibres in tension.
 
+    On surfaces the stiffnesses of the discretisation then are those of this tension.
+
     Raises
     ------
     NoEquilibriumError
@@ -253,8 +255,11 @@ def _first_tangent(problem: Problem, start: Start) -> Tangent:
     tension = problem.ply.geometric_tension(start.u, np.zeros_like(start.u))
     if regular:  # but surfaces have moved with the load factor
         return definite(problem, start.u, tension)
-    size = _tension_of_loads(problem, start.u) if problem.surfaces else _FIRST_TENSION
-    first = np.full_like(tension, size)
+    if problem.surfaces:
+        first = np.full_like(tension, _tension_of_loads(problem, start.u))
+        problem.ply.settle(start.u, first)
+    else:
+        first = np.full_like(tension, _FIRST_TENSION)
     return Tangent(problem, start.u, first, contact=no_contact(problem))
 
 
@@ -267,8 +272,9 @@ def _tension_of_loads(problem: Problem, u: ndarray) -> float:
     ply = problem.ply
     along = ply.nodal(problem.unfixed(problem.load(u), u))
     sides = 2 * np.sqrt(ply.basis.dx.sum())
-    tension = float(np.linalg.norm(along, axis=0).sum() / sides)
-    return max(tension, _FIRST_TENSION_ON_SURFACE)
+    G = ply.fabric.shear_law.tangent(np.zeros((ply.basis.nelems, 1))).mean()
+    least = float(_OVER_SHEAR_STIFFNESS * G) or _FIRST_TENSION
+    return max(float(np.linalg.norm(along, axis=0).sum() / sides), least)
 
 
 def definite(

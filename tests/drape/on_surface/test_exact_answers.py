@@ -55,10 +55,12 @@ def test_its_largest_error_falls_with_second_order_until_the_mesh_is_fine():
     assert (np.diff(np.log2(errors)) < -1.8).all()
 
 
-@pytest.mark.parametrize("tension", [0.1, 50.0])
-def test_the_tension_of_the_edges_takes_no_more_solves(tension):
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e3])
+@pytest.mark.parametrize(("shear", "tension"), [(0.1, 0.1), (0.1, 50.0), (1e-4, 20.0)])
+def test_no_stiffness_tension_or_unit_of_force_takes_more_solves(shear, tension, unit):
     for formulation, cells in ((Macro(), 8), (OnePoint(), 16)):
-        ply, conditions, start = chebyshev.problem(formulation, cells, tension=tension)
+        given = (unit * x for x in (1e5, shear, tension))
+        ply, conditions, start = chebyshev.problem(formulation, cells, *given)
         assert equilibrium_near(ply, conditions, start).linear_solves <= 8
 
 
