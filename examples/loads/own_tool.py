@@ -81,6 +81,7 @@ print(f"cut {pattern.area:.0f} mm² along {pattern.length:.0f} mm")
 assert pattern.area > np.pi * 80**2
 io.write_pattern(folder / "pattern.svg", pattern)
 np.savetxt(folder / "trim.csv", curve.T, delimiter=",", header="x,y,z", comments="")
+print("tool.stl, trim.csv and pattern.svg are in", folder)
 
 # %%
 # The part from above, and its flat pattern. Lines follow the warp (blue) and the weft
