@@ -117,9 +117,10 @@ def test_a_whole_ply_is_held_by_three_nodes_however_coarse_its_mesh(size):
 
 
 def test_a_ply_of_two_elements_along_x_is_laid(tmp_path):
-    line = "run hemisphere --fibres 30 --size 2x8 --tension 0 --no-render --out".split()
+    line = ["run", "hemisphere", "--fibres", "30", "--size", "2x8", "--tension", "0"]
     bending = ["--bending-warp", "5", "--bending-weft", "5"]
-    assert cli.main([*line, str(tmp_path / "out"), *bending]) == 0
+    out = ["--no-render", "--out", str(tmp_path / "out")]
+    assert cli.main([*line, *bending, *out]) == 0
 
 
 def test_a_mesh_with_no_three_nodes_to_hold_is_refused():
