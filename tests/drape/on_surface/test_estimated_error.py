@@ -110,6 +110,17 @@ def test_a_ply_that_the_tool_alone_shapes_has_an_error_of_the_shear_angle(fibres
     assert found["error_estimate"] == said
 
 
+def test_forces_of_nodes_that_hold_a_ply_are_not_told_off(caplog):
+    """They follow the tool; a point force tells of the elements around it alone."""
+    size = {"size": (8, 8), "width": 150.0, "height": 150.0}
+    scene = on_tool(skew_bump(), fibres=0.5, **size)
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
+    result = Case(scene=scene, fabric=fabric, steps=2).run()
+    assert result.states[-1].shares["turn_left_reaction"]["deviation"] > 0.25
+    assert "turn_left" not in caplog.text
+    assert "turn_right" not in caplog.text
+
+
 def test_nodes_that_hold_a_ply_on_its_tool_are_no_load():
     """They follow the tool, and on a tool without symmetry they are pulled."""
     scene = on_tool(skew_bump(), tension=0.0, size=(4, 4), width=150.0, height=150.0)
