@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 # the corners of boxes with walls of 45°, 67° and 78° nets shear by 21°, 52° and 72°,
 # with changes of 11° to 24°, 33° to 54° and 51° to 77°.  Under tension 16×16 elements
 # get over the second in short load steps and 8×8 do not.  Over a sphere nets shear by
-# up to 72°, with changes of 28° at most.
+# up to 72°; where it is more than 45° changes are 28° at most.
 _MOST_SHEAR, _MOST_CHANGE = 45.0, 30.0
 
 # No tension or stiffness mends it.  Rounding a corner spreads its curvature and leaves
