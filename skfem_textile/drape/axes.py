@@ -8,8 +8,9 @@ from numpy import ndarray
 from ..solve.conditions.geodesics import tangents
 from ..solve.conditions.surface import Surface
 
-# Slope of a plane against one across the x axis up to which x has no direction in it.
-_ACROSS = 0.02
+# Slope of a plane against one across the x axis up to which x has no direction in it,
+# 1°.
+_ACROSS = 0.0175
 
 
 class Axes(NamedTuple):

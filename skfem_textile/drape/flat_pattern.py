@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ..mesh.contact import Boundary, contact_of
+from ..mesh.contact import Boundary, contact_of, signed_areas
 from ..mesh.user_input import real_numbers
 from .sheet import Places, Sheet
 from .tool_mesh import curve_length
@@ -60,8 +60,7 @@ class FlatPattern:
     @property
     def signed_area(self) -> float:
         """The area in mm², below zero where the outline goes clockwise."""
-        (x, y), (x_next, y_next) = self.outline, np.roll(self.outline, -1, axis=1)
-        return 0.5 * float((x * y_next - x_next * y).sum())
+        return float(signed_areas(*self.outline))
 
 
 def flat_pattern(

@@ -40,6 +40,10 @@ class NetError(ValueError):
         self.place = place
 
 
+class FoldedNetError(NetError):
+    """A net whose threads fold onto one another."""
+
+
 def net(
     surface: Surface,
     cell: float,
@@ -77,7 +81,7 @@ def net(
     Raises
     ------
     NetError
-        If the net folds or leaves the surface before it is whole.
+        If the net folds, as `FoldedNetError`, or leaves the surface before it is whole.
     ValueError
         If an argument is not valid.
 
@@ -217,7 +221,7 @@ def _crossings(
 
     Raises
     ------
-    NetError
+    FoldedNetError
         If there is none.
     """
     x = a + b - corner
@@ -244,7 +248,7 @@ def _crossings(
     found = (np.abs(off) <= _EXACT * cell).all(axis=0) & (sine > _FOLDED)
     found &= across.sum(axis=0) > 0
     if not found.all():
-        raise NetError(
+        raise FoldedNetError(
             "the threads fold onto one another or leave the surface",
             corner[:, np.flatnonzero(~found)[0]],
             ": take fewer cells, or start elsewhere",

@@ -39,8 +39,8 @@ LESS_ROUNDING = (
 
 # What to do where a ply on a surface finds no balance.
 _ON_SURFACE = (
-    "tension on the edges, fibres that resist bending, or elements that are smaller "
-    "against the corners of the surface"
+    "a ply that ends before sharp corners of the surface; where it has none, tension "
+    "on the edges or fibres that resist bending"
 )
 
 # Halvings of an increment in a line search.
@@ -214,6 +214,7 @@ def balanced(
     """
     residuals: list[float] = []
     altered = 0
+    on_surface = _ON_SURFACE if problem.surfaces else ""
     for tangent, u, f in islice(iterates, most):
         residuals.append(problem.unbalanced(f, u))
         tolerance = tangent.tolerance(u, f)
@@ -223,19 +224,17 @@ def balanced(
             raise NoEquilibriumError(
                 f"more than {most_altered:g} tangents were indefinite on the way",
                 problem.around(problem.unfixed(f, u)),
-                advice=_ON_SURFACE if problem.surfaces else "",
+                advice=on_surface,
             )
         if residuals[-1] <= tolerance and problem.is_fixed(u, fixed_values):
             return Equilibrium(u, f, tuple(residuals), tolerance, altered)
     stalled = residuals[-1] <= _STALLED * tolerance
-    stiffer = (
-        _ON_SURFACE if problem.surfaces else "more steps, or a larger stabilisation"
-    )
+    advice = on_surface or "more steps, or a larger stabilisation"
     raise NoEquilibriumError(
         f"{residuals[-1]:.2g} N unbalanced after {most} iterations, "
         f"tolerance {tolerance:.2g} N",
         problem.around(problem.unfixed(f, u)),
-        advice=LESS_ROUNDING if stalled else stiffer,
+        advice=LESS_ROUNDING if stalled else advice,
     )
 
 

@@ -133,14 +133,17 @@ class Trial:
 
     @property
     def point_supports(self) -> list[str]:
-        """Conditions of one node that is held where it was at rest.
+        """Conditions of one node that is held where it was at rest, or on a surface.
 
-        How a force at a point spreads to the elements around it tells of these alone.
+        A surface that grows takes the node along.  How a force at a point spreads to
+        the elements around it tells of these alone.
         """
         constraints, u = self.problem.constraints, self.equilibrium.u
         held = np.abs(turned(u, constraints.turn)[constraints.prescribed])
         moved = constraints.prescribed[held > _ROUND_OFF * np.abs(u).max(initial=0.0)]
         moved_nodes = moved // len(self.problem.ply.nodal(u))
+        if surfaces := self.problem.surfaces:
+            moved_nodes = np.setdiff1d(moved_nodes, surfaces.nodes)
         return [
             name
             for name, nodes in constraints.nodes.items()

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from skfem import MeshQuad
+from skfem import MeshQuad, MeshTri
 
 from skfem_textile import (
     Fabric,
@@ -101,6 +101,34 @@ def test_a_saddle_is_bridged_where_warp_and_weft_change_places():
     assert pressure.max() == pytest.approx(-pressure.min(), rel=1e-3)
     assert 0.3 < found["bridging_share_of_area"] < 0.6
     assert found["exact_answer"] == "none: no exact answer is known"
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 2), (2, 1), (2, 8), (3, 3), (5, 4)])
+def test_a_whole_ply_is_held_by_three_nodes_however_coarse_its_mesh(size):
+    scene = hemisphere(size=size, part="whole")
+    names = "middle_x", "turn_left", "turn_right"
+    nodes = [scene.conditions[name].where[0] for name in names]
+    assert len(set(nodes)) == 3
+    middle, left, right = scene.mesh.p[:, nodes].T
+    assert left[0] < 0 < right[0]
+    if size != (1, 2):  # where the node across is the one of the middle
+        np.testing.assert_allclose(left, -right)
+    assert np.hypot(*middle) == np.hypot(*scene.mesh.p).min()
+
+
+def test_a_ply_of_two_elements_along_x_is_laid(tmp_path):
+    line = ["run", "hemisphere", "--fibres", "30", "--size", "2x8", "--tension", "0"]
+    bending = ["--bending-warp", "5", "--bending-weft", "5"]
+    out = ["--no-render", "--out", str(tmp_path / "out")]
+    assert cli.main([*line, *bending, *out]) == 0
+
+
+def test_a_mesh_with_no_three_nodes_to_hold_is_refused():
+    one = MeshTri(
+        np.array([[-90.0, 90, 90], [-50, -90, 90]]), np.array([[0], [1], [2]])
+    )
+    with pytest.raises(MeshError, match="no three such nodes: refine it"):
+        hemisphere(mesh=one, part="whole")
 
 
 def test_where_the_shear_is_largest_is_told_on_the_tool():

@@ -215,5 +215,28 @@ def test_a_run_whose_surface_ends_stops_at_the_last_good_state(error, lowest):
     assert "\n" not in str(stop.value)
 
 
+def test_a_surface_that_fails_where_the_ply_touches_it_is_refused():
+    def single(part, x):
+        if x.shape[1] == 1:
+            raise KeyError("one point")
+        return getattr(SPHERE, part)(x)
+
+    surface = Changed(SPHERE)
+    for part in ("level", "gradient", "hessian"):
+        setattr(surface, part, partial(single, part))
+    said = "'tool': level of the surface fails: KeyError 'one point'"
+    with pytest.raises(ValueError, match=said) as found:
+        LoadStepper(ply(), {"tool": OnSurface(surface)}, 1).run()
+    assert isinstance(found.value.__cause__, KeyError)
+
+
+def test_a_surface_that_fails_beside_the_nodes_has_no_checkpoint(tmp_path):
+    body = ply()
+    held = {"tool": OnSurface(limited(KeyError)), "x": Condition([0], (0.0, 0.0, None))}
+    said = "'tool': level of the surface fails: KeyError 'beyond the table'"
+    with pytest.raises(ValueError, match=said):
+        LoadStepper(bent(body), held, 1, checkpoint=tmp_path / "run").run()
+
+
 def bent(body):
     return Ply(body.mesh, Fabric(1e4, 0.1, bending=(5.0, 5.0)), dimension=3)

@@ -9,8 +9,9 @@ SEED = 1
 
 def scene_options(scene: SceneRegistration) -> tuple[Option, ...]:
     """The options that are the scene's own, and how far it is turned in its plane."""
-    turned = angle("rotate", 0.0, "turn it all")
-    return (*scene.options, *([turned] * (scene.dimension == 2)))
+    if scene.dimension == 3:
+        return scene.options
+    return (*scene.options, angle("rotate", 0.0, "turn it all"))
 
 
 def mesh_options(scene: SceneRegistration) -> tuple[Option, ...]:

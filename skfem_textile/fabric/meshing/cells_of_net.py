@@ -5,6 +5,8 @@ from itertools import pairwise
 import numpy as np
 from numpy import ndarray
 
+from ...mesh.contact import signed_areas
+
 
 def cells_of_net(
     outline: ndarray, a: ndarray, b: ndarray, near: float
@@ -55,8 +57,7 @@ def cells_of_net(
 def _distances(outline: ndarray, points: ndarray) -> ndarray:
     """Distances of points from the sides, shape (n_sides, ...), positive inside."""
     side = np.roll(outline, -1, axis=1) - outline
-    area = outline[0] @ np.roll(outline[1], -1) - outline[1] @ np.roll(outline[0], -1)
-    normal = np.sign(area) * np.stack([-side[1], side[0]])
+    normal = np.sign(signed_areas(*outline)) * np.stack([-side[1], side[0]])
     normal /= np.linalg.norm(normal, axis=0)
     offset = np.sum(normal * outline, axis=0)
     return np.tensordot(normal.T, points, 1) - offset[:, None, None]

@@ -1,5 +1,7 @@
 """Figures of a ply that lies on a tool."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy import ndarray
 
@@ -12,6 +14,8 @@ from ...drape import (
     turn_of_normal,
     wrinkle_risk,
 )
+from ...solve.body import Body
+from ...solve.conditions import Surface
 from ...solve.result import Result
 
 _NO_NET = (
@@ -28,7 +32,7 @@ _COARSE = 30.0
 
 
 def measured_on_tool(result: Result, axes: Axes) -> dict[str, float | str]:
-    """Where the shear is largest, contact pressures, and shares of the ply's area.
+    """Where the shear is largest, contact pressures, shares of the ply's area, advice.
 
     Places are in the axes of the tool, among which ``axes`` are those of the ply.
     Empty of a ply that is on no tool.
@@ -37,60 +41,94 @@ def measured_on_tool(result: Result, axes: Axes) -> dict[str, float | str]:
     surface = result.tool(t)
     if surface is None:
         return {}
-    area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
+    found = _Found(
+        contact_pressure(ply, surface, u, t),
+        np.degrees(turn_of_normal(ply, surface, u)),
+        beyond_edges(ply, surface, u),
+    )
+    figures, advice = _figures(result, found), _advice(result, surface, found)
+    return {**_places(result, axes), **figures, **advice}
 
-    def share(elements: ndarray) -> float:
-        return float(area[elements].sum() / area.sum())
 
+class _Found(NamedTuple):
+    """Pressures at nodes, and of each element the turn and whether it is beyond."""
+
+    pressure: ndarray
+    turn_deg: ndarray
+    beyond: ndarray | None
+
+
+def _places(result: Result, axes: Axes) -> dict[str, float]:
+    """Where the ply touches the tool at first, and where it shears most."""
+    ply, u = result.ply, result.u
     sheared = np.abs(ply.shear_angle(u)).max(axis=1).argmax()
     corners = ply.mesh.t[:, sheared]
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
     place = axes.of_tool(x[:, corners].mean(axis=1, keepdims=True))[:, 0]
-    found: dict[str, float | str] = {
+    return {
         f"{what}_at_{axis}_mm": at
         for what, point in (("touches", axes.origin), ("max_shear_angle", place))
         for axis, at in zip("xyz", point.tolist(), strict=True)
     }
-    pressure = contact_pressure(ply, surface, u, t)
-    found["max_contact_pressure_N_per_mm2"] = float(pressure.max())
-    found["min_contact_pressure_N_per_mm2"] = float(pressure.min())
-    found["bridging_share_of_area"] = share(bridging(ply, u, pressure))
-    found["wrinkle_risk_share_of_area"] = share(wrinkle_risk(ply, u))
-    beyond = beyond_edges(ply, surface, u)
-    if beyond is not None:
-        found["beyond_tool_share_of_area"] = share(beyond)
-        if beyond.any():
-            found["beyond_tool"] = (
-                f"{100 * share(beyond):.3g} % of the ply is beyond the edges of the "
-                "tool, or over its holes, where its surface is a guess: trim there, or "
-                "take a smaller ply or a larger tool"
-            )
+
+
+def _figures(result: Result, found: _Found) -> dict[str, float]:
+    ply, u, pressure = result.ply, result.u, found.pressure
+    figures = {
+        "max_contact_pressure_N_per_mm2": float(pressure.max()),
+        "min_contact_pressure_N_per_mm2": float(pressure.min()),
+        "bridging_share_of_area": _share(ply, bridging(ply, u, pressure)),
+        "wrinkle_risk_share_of_area": _share(ply, wrinkle_risk(ply, u)),
+        "max_turn_of_normal_deg": float(found.turn_deg.max()),
+    }
+    if found.beyond is not None:
+        figures["beyond_tool_share_of_area"] = _share(ply, found.beyond)
+    return figures
+
+
+def _advice(result: Result, surface: Surface, found: _Found) -> dict[str, str]:
+    """What keeps figures from being true, and what to do."""
+    ply, u, (pressure, turn, beyond) = result.ply, result.u, found
+    advice: dict[str, str] = {}
+    if beyond is not None and beyond.any():
+        advice["beyond_tool"] = (
+            f"{100 * _share(ply, beyond):.3g} % of the ply is beyond the edges of the "
+            "tool, or over its holes, where its surface is a guess: trim there, or "
+            "take a smaller ply or a larger tool"
+        )
     off = off_triangles(ply, surface, u)
     if off is not None and off.any():
-        found["off_triangles"] = (
-            f"under {100 * share(off):.3g} % of the ply the smoothed tool is off its "
-            "triangles by more than a tenth of their mean edge: give one side of a "
+        advice["off_triangles"] = (
+            f"under {100 * _share(ply, off):.3g} % of the ply the smoothed tool is off "
+            "its triangles by more than a tenth of their mean edge: give one side of a "
             "shell, and triangles that are about as long as wide"
         )
-    turn = np.degrees(turn_of_normal(ply, surface, u))
-    found["max_turn_of_normal_deg"] = float(turn.max())
     if (coarse := turn > _COARSE).any():
-        found["coarse_elements"] = (
+        advice["coarse_elements"] = (
             f"the normal of the tool turns by up to {turn.max():.0f} degrees over one "
-            f"element, by more than {_COARSE:.0f} under {100 * share(coarse):.3g} % of "
-            "the ply: shear angles may be off by several degrees near its edges and "
-            f"fillets, take elements of {_COARSE / turn.max():.0%} of the size there"
+            f"element, by more than {_COARSE:.0f} under {100 * _share(ply, coarse):.3g}"
+            " % of the ply: shear angles may be off by up to 3 degrees near its edges "
+            f"and fillets, take elements of {_COARSE / turn.max():.0%} of the size "
+            "there"
         )
     if surface.gradient(np.zeros((3, 1)))[2, 0] < 0:
-        found["faces_away"] = (
+        advice["faces_away"] = (
             "the tool faces down where the ply touches it: turn its triangles round if "
             "the ply lies above it, for pressures have the other sign now"
         )
     elif (pressure < 0).all():
-        found["faces_away"] = (
+        advice["faces_away"] = (
             "the tool would have to pull everywhere: turn its triangles round if the "
             "ply lies on its other side"
         )
-    if not (np.any(ply.fabric.bending) or ply.load(u, t).any()):
-        found["not_the_net"] = _NO_NET
-    return found
+    if not (
+        np.any(ply.fabric.bending) or ply.load(u, result.states[-1].load_factor).any()
+    ):
+        advice["not_the_net"] = _NO_NET
+    return advice
+
+
+def _share(ply: Body, elements: ndarray) -> float:
+    """Share of the area of a ply that some of its elements have."""
+    area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
+    return float(area[elements].sum() / area.sum())

@@ -13,14 +13,14 @@ from numpy import ndarray
 from skfem import CellBasis, FacetBasis, LinearForm, asm
 from skfem.helpers import dot
 
-from ...drape import Net, net
 from ...fabric.law import Law
 from ...ply.term import Term
 from ...solve.conditions import OnSurface
+from ..common.net_over import net_over
 
-# Load factors at which nets are laid, with tractions linear in between, and cells of a
-# net over the longer side of the ply.  Chosen: directions at the last are off by 1e-4.
-_STATIONS, _CELLS = np.linspace(0.0, 1.0, 5), 64
+# Load factors at which nets are laid, with tractions linear in between.  Chosen:
+# directions at the last are off by 1e-4.
+_STATIONS = np.linspace(0.0, 1.0, 5)
 
 # Cells that a net reaches beyond the ply.
 _BEYOND = 2
@@ -95,7 +95,7 @@ class EdgeTension:
 
     def _directions(self, points: ndarray, t: float) -> ndarray:
         """Directions of warp and weft in a net, shape (2, 3, n)."""
-        laid = net_over(points, self.on_tool, t, self.angles)
+        laid = net_over(points, self.on_tool, t, self.angles, _BEYOND)
         return laid.tangents(points)
 
     def _moment(self, angle: ndarray) -> ndarray:
@@ -112,46 +112,6 @@ class EdgeTension:
                 "give the fibres a bending stiffness"
             )
         return moment
-
-
-def net_over(
-    points: ndarray,
-    on_tool: OnSurface,
-    t: float,
-    angles: tuple[float, float],
-    beyond: int = _BEYOND,
-) -> Net:
-    """A net that reaches up to points of a ply, or beyond them.
-
-    Parameters
-    ----------
-    points
-        Points of the flat ply in mm, shape (2, n).
-    on_tool, t
-        The surface, and the load factor to which it has grown.
-    angles
-        Inclination of warp and weft at rest in radians.
-    beyond
-        Cells that it reaches beyond them.
-
-    Raises
-    ------
-    ValueError
-        As from `net`.
-    """
-    cell = float(np.ptp(points, axis=1).max()) / _CELLS
-    flat, touch = np.array([np.cos(angles), np.sin(angles)]), on_tool.touch
-    ends = np.linalg.solve(flat, points - np.array(touch)[:, None]) / cell
-    further = [[[i], [j]] for i in (-beyond, beyond) for j in (-beyond, beyond)]
-    over = np.hstack([ends + np.array(step) for step in further])
-    reach = np.array([np.maximum(-over.min(axis=1), 0), over.max(axis=1)])
-    warp, weft = np.ceil(reach).astype(int).T.tolist()
-    return net(
-        *(on_tool.at("tool", t), cell, tuple(warp), tuple(weft)),
-        angles=angles,
-        touch=touch,
-        over=cell * flat @ over + np.array(touch)[:, None],
-    )
 
 
 class _Tractions(Term):

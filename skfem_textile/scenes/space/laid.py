@@ -3,7 +3,7 @@
 The tool touches the ply at its middle, the origin.  A quarter of the ply is enough
 where tool and fibres have planes of symmetry, with fibres along the sides or at 45° to
 them.  Otherwise the whole ply is held along x at its middle, and along y at two nodes
-of its x axis, one on each side, where geodesics lay them.  On a tool that half a turn
+near its x axis, one on each side, where geodesics lay them.  On a tool that half a turn
 leaves as it is, these forces leave the ply so too.
 """
 
@@ -197,20 +197,34 @@ def _in_planes(name: str, mesh: Mesh) -> dict[str, Condition]:
 
 
 def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition]:
-    """Conditions that hold a whole ply at its middle, as many as rigid motions."""
+    """Conditions on three nodes of a whole ply, as many as rigid motions on a plane.
+
+    The node nearest to the middle is held along x.  That nearest to the middle of the
+    right half of the x axis, and the one across from it on the left, are held along y.
+    """
     low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
     if (low >= 0).any() or (high <= 0).any():
         raise MeshError(f"{name}: the origin must be inside the mesh of a whole ply")
 
-    def nearest(place: ndarray) -> ndarray:
-        return np.array([np.hypot(*(mesh.p - place[:, None])).argmin()])
+    def nearest(place: ndarray, among: ndarray) -> ndarray:
+        if not among.size:
+            raise MeshError(
+                f"{name}: a whole ply is held at its middle and at one node on either "
+                "side of it along x, and this mesh has no three such nodes: refine it"
+            )
+        away = mesh.p[:, among] - place[:, None]
+        return among[[np.hypot(*away).argmin()]]
 
     def moves(axis: int) -> Callable[[ndarray, float], ndarray]:
         return lambda X, t: exponential_map(on_tool.at("tool", t), X)[axis] - X[axis]
 
     x, y = np.eye(3)[:2]
-    middle, right = nearest(np.zeros(2)), nearest(np.array([0.5 * float(high[0]), 0.0]))
-    left = nearest(-mesh.p[:, right[0]])
+    nodes, off = np.arange(mesh.p.shape[1]), _OFF * np.ptp(mesh.p)
+    middle = nearest(np.zeros(2), nodes)
+    others = nodes[nodes != middle]
+    half = np.array([0.5 * float(high[0]), 0.0])
+    right = nearest(half, others[mesh.p[0, others] > off])
+    left = nearest(-mesh.p[:, right[0]], others[mesh.p[0, others] < -off])
     return {
         "middle_x": Condition(middle, moves(0), direction=x),
         "turn_left": Condition(left, moves(1), direction=y),

@@ -8,9 +8,9 @@ from skfem import CellBasis
 
 from ...mesh.bases import node_positions
 from ...mesh.selection import Where, selected_nodes
-from ..states import NoEquilibriumError
+from .asked import Asked
 from .surface import Grown, Surface
-from .surface_check import Asked, check_derivatives
+from .surface_check import check_derivatives
 
 # Distance of the surface from the plane of the ply where they touch, as a share of the
 # largest coordinate, and the sine of the angle between them, that count as none.
@@ -90,12 +90,9 @@ class OnSurface:
                 f"{', '.join(methods)}, not {self.surface!r}"
             )
         surface = Asked(name, self.surface)
-        try:
-            for method in methods:
-                getattr(surface, method)(x)
-            check_derivatives(surface, x)
-        except NoEquilibriumError as error:
-            raise ValueError(str(error)) from error.__cause__
+        for method in methods:
+            getattr(surface, method)(x)
+        check_derivatives(name, surface, x)
 
     def at(self, name: str, t: float) -> Surface:
         """The surface at a load factor.
@@ -103,12 +100,12 @@ class OnSurface:
         Raises
         ------
         ValueError
-            If it is still to grow, and does not touch the plane of the ply.
+            If it is still to grow, and fails or does not touch the plane of the ply.
         """
         if t == 1:
             return self.surface
         point = np.array([*self.touch, 0.0])
-        if off := _off_plane(self.surface, point):
+        if off := _off_plane(Asked(name, self.surface), point):
             raise ValueError(
                 f"condition {name!r}: the surface cannot grow out of the ply, for it "
                 f"does not touch the plane z = 0 at {self.touch}, where it {off}: move "

@@ -1,4 +1,4 @@
-"""Surfaces of users: what they say, and whether its parts contradict each other.
+"""Whether the parts of a user's surface contradict each other.
 
 Gradient and Hessian are to be the slopes of level and gradient.  Between two points of
 a line a slope must be some value of the derivative between those at its ends.  That
@@ -6,13 +6,11 @@ holds where the derivative jumps too.  Where it turns round it may fail, but not
 three intervals on end: there the parts contradict each other.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
-from ...mesh.user_input import call_user_function
 from ..states import NoEquilibriumError
 from .surface import Surface
 
@@ -38,51 +36,6 @@ _MOST = 20
 _AXES = "xyz"
 
 
-@dataclass(frozen=True, eq=False)
-class Asked:
-    """A surface of a user, whose errors say of what they are.
-
-    Its methods raise a `NoEquilibriumError` with the error of the user as its cause, or
-    if an array has another shape.
-
-    Parameters
-    ----------
-    name
-        Name of the condition.
-    surface
-        The surface.
-    """
-
-    name: str
-    surface: Surface
-
-    def level(self, x: ndarray) -> ndarray:
-        """φ, shape (n,)."""
-        return self._value("level", x, ())
-
-    def gradient(self, x: ndarray) -> ndarray:
-        """∇φ, shape (3, n)."""
-        return self._value("gradient", x, (3,))
-
-    def hessian(self, x: ndarray) -> ndarray:
-        """∇²φ, shape (3, 3, n)."""
-        return self._value("hessian", x, (3, 3))
-
-    def _value(self, method: str, x: ndarray, rows: tuple[int, ...]) -> ndarray:
-        what = f"condition {self.name!r}: {method} of the surface"
-        try:
-            found = call_user_function(what, getattr(self.surface, method), x)
-        except ValueError as error:
-            advice = "a surface that goes on beyond the ply, or a smaller ply"
-            raise NoEquilibriumError(str(error), advice=advice) from error.__cause__
-        shape = *rows, x.shape[1]
-        if np.shape(found) != shape:
-            raise NoEquilibriumError(
-                f"{what} must have the shape {shape}, not {np.shape(found)}"
-            )
-        return np.asarray(found)
-
-
 class _Found(NamedTuple):
     """A contradiction: row, axis and place of its middle, slope and derivative."""
 
@@ -93,15 +46,17 @@ class _Found(NamedTuple):
     derivative: float
 
 
-def check_derivatives(surface: Asked, x: ndarray) -> None:
+def check_derivatives(name: str, surface: Surface, x: ndarray) -> None:
     """Refuse a surface whose parts contradict each other where a ply may lie.
 
     It is asked at some points of it, to which slopes of level lead from nodes.
 
     Parameters
     ----------
+    name
+        Name of the condition.
     surface
-        The surface, with the name of the condition.
+        The surface.
     x
         Reference positions of the nodes in mm, shape (3, n).
 
@@ -131,7 +86,7 @@ def check_derivatives(surface: Asked, x: ndarray) -> None:
         if isinstance(error.__cause__, _UNDEFINED):
             return
         raise
-    axis, name = np.arange(3), surface.name
+    axis = np.arange(3)
     found = _contradiction(lines, level, gradient[axis, axis][None], h)
     if found is not None:
         along = _AXES[found.axis]

@@ -15,10 +15,10 @@ from scipy.sparse import bsr_matrix, csr_matrix, identity
 from skfem import CellBasis
 
 from ..states import NoEquilibriumError
+from .asked import Asked, SurfaceError
 from .between_nodes import Gaps, gaps
 from .geodesics import exponential_map
 from .surface import OffSurfaceError, is_on, onto
-from .surface_check import Asked
 
 if TYPE_CHECKING:
     from .on_surface import OnSurface
@@ -262,10 +262,20 @@ class SurfaceNodes:
         return gaps(self._surfaces(t), self._positions(u), basis)
 
     def levels(self, t: float) -> ndarray:
-        """φ and ∇φ of each surface at a probe of positions, to tell surfaces apart."""
+        """φ and ∇φ of each surface at a probe of positions, to tell surfaces apart.
+
+        Raises
+        ------
+        ValueError
+            If a surface fails there.
+        """
         probe = self._X + 0.1 * np.sin(np.arange(self._X.size)).reshape(self._X.shape)
-        surfaces = [(c.at(name, t), probe[:, own]) for name, c, own in self._parts]
-        return np.concatenate([[*s.level(x), *s.gradient(x).flat] for s, x in surfaces])
+        surfaces = [(s, probe[:, own]) for s, own in self._surfaces(t)]
+        try:
+            found = [[*s.level(x), *s.gradient(x).flat] for s, x in surfaces]
+        except SurfaceError as error:
+            raise ValueError(str(error)) from error.__cause__
+        return np.concatenate(found)
 
     def facing(self, u: ndarray, t: float, elements: ndarray, n: ndarray) -> ndarray:
         """1 for elements that face their surface as most do, −1 for the others.

@@ -133,56 +133,98 @@ def _moved(
 ) -> tuple[ndarray, ndarray]:
     """A displacement nearer to the equilibrium, and the work there to first order.
 
-    Where a law ends, increments are shortened.  Then more of them are made, half as
-    long as soon as the work goes to and fro, until it is settled at a whole one whose
-    tangent is not altered.  Without a load, work tells nothing: a second increment
-    whose tangent is not altered settles it.
+    A second increment whose tangent is not altered settles it, unless the first had to
+    be shortened.  Otherwise the work tells, and without a load nothing does.
 
     Raises
     ------
     NoEquilibriumError
         If the increments do not settle.
     """
-    ply, constraints = problem.ply, problem.constraints
-    values, size = constraints.fixed_values(problem.load_factor), np.abs(before).sum()
-    contact = no_contact(problem)
     u = problem.moved(u, np.zeros_like(u))
     if not problem.in_domain(u):
         raise NoEquilibriumError("this state is past the end of a law there")
-    last, moved, length, whole, shortened = before, np.inf, 1.0, True, False
-    number = 0
-    while number < (_MOST_SHORTENED if shortened else _MOST_INCREMENTS):
-        tangent, f = definite(problem, u, tension, contact), problem.residual(u)
-        if number == 0:
-            du = tangent.increment(f, u, values)
-        else:
-            du, forces = tangent.settled(f)
-            now = work(problem, forces, u + du)
-            moved_before = moved
-            moved, change = (np.abs((now - x).sum()) for x in (last, before))
-            if not np.isfinite(now).all():
-                raise NoEquilibriumError("its load is not finite")
-            calm = number == 1 and not tangent.altered
-            near = whole and not tangent.altered and change < size
-            settled = loaded and moved <= _SETTLED * change
-            if (settled and near) if shortened else (settled or calm):
-                return problem.moved(u, du), now
-            if shortened and number > 1 and moved > moved_before / 2:
-                length = 0.5
-            last = now
-        step = within_laws(problem, u, length * du)
-        whole = np.array_equal(step, length * du)
-        shortened = shortened or not whole
-        tension, contact = ply.geometric_tension(u, step), tangent.contact(f, step)
-        u = problem.moved(u, step)
-        if number == 0 or shortened:
-            ply.settle(u, tension)
-        number += 1
-    if not loaded:
+    way = _Way(problem, u, tension)
+    values = problem.constraints.fixed_values(problem.load_factor)
+    way.go(way.tangent.increment(way.f, way.u, values))
+    if not loaded and way.shortened:
+        raise NoEquilibriumError(
+            "its first increment reaches the end of a law, and without a load nothing "
+            "tells when further ones are enough"
+        )
+    if not loaded and way.tangent.altered:
         raise NoEquilibriumError("its tangent is not stable")
+    if way.shortened or way.tangent.altered:
+        return _settled(way, before)
+    du, now = way.ahead()
+    return problem.moved(way.u, du), now
+
+
+def _settled(way: "_Way", before: ndarray) -> tuple[ndarray, ndarray]:
+    """Where the work is settled, as of `_moved`.
+
+    Where a law ends, increments are shortened.  Then more of them are made, half as
+    long as soon as the work goes to and fro, until it is settled at a whole one whose
+    tangent is not altered.
+    """
+    last, moved, length, size = before, np.inf, 1.0, np.abs(before).sum()
+    while way.number < (_MOST_SHORTENED if way.shortened else _MOST_INCREMENTS):
+        du, now = way.ahead()
+        moved_before = moved
+        moved, change = (np.abs((now - x).sum()) for x in (last, before))
+        if not np.isfinite(now).all():
+            raise NoEquilibriumError("its load is not finite")
+        near = way.whole and not way.tangent.altered and change < size
+        if moved <= _SETTLED * change and (near or not way.shortened):
+            return way.problem.moved(way.u, du), now
+        if way.shortened and way.number > 1 and moved > moved_before / 2:
+            length = 0.5
+        last = now
+        way.go(length * du)
     raise NoEquilibriumError(
-        f"after {number} increments its load still changes by {moved / size:.1%}"
+        f"after {way.number} increments its load still changes by {moved / size:.1%}"
     )
+
+
+class _Way:
+    """Increments of a problem from a displacement, within its laws.
+
+    Attributes
+    ----------
+    u, f, tangent
+        Displacement, forces and tangent after the increments.
+    number
+        How many there were.
+    whole, shortened
+        Whether the last one was not shortened, and whether any was.
+    """
+
+    def __init__(self, problem: Problem, u: ndarray, tension: ndarray) -> None:
+        self.problem, self.number, self.whole, self.shortened = problem, 0, True, False
+        self._at(u, tension, no_contact(problem))
+
+    def _at(self, u: ndarray, tension: ndarray, contact: ndarray | None) -> None:
+        self.u, self.tangent = u, definite(self.problem, u, tension, contact)
+        self.f = self.problem.residual(u)
+
+    def go(self, du: ndarray) -> None:
+        """Make an increment, as long as the laws allow."""
+        problem, ply = self.problem, self.problem.ply
+        step = within_laws(problem, self.u, du)
+        self.whole = np.array_equal(step, du)
+        self.shortened = self.shortened or not self.whole
+        tension = ply.geometric_tension(self.u, step)
+        contact = self.tangent.contact(self.f, step)
+        u = problem.moved(self.u, step)
+        if self.number == 0 or self.shortened:
+            ply.settle(u, tension)
+        self.number += 1
+        self._at(u, tension, contact)
+
+    def ahead(self) -> tuple[ndarray, ndarray]:
+        """The next increment, and the work after it to first order."""
+        du, forces = self.tangent.settled(self.f)
+        return du, work(self.problem, forces, self.u + du)
 
 
 def refuse_single_nodes(ply: Body, conditions: Conditions) -> None:

@@ -61,7 +61,6 @@ def test_from_30_degrees_of_turn_shear_is_off_by_more_than_a_degree(
     fine, _ = draped(fillet, 18)
     means = fine.reshape(12, 3, 12, 3).mean(axis=(1, 3))
     error = np.abs(coarse - means).max()
-    print(fillet, found["max_turn_of_normal_deg"], error, found.get("coarse_elements"))
     assert found["max_turn_of_normal_deg"] == pytest.approx(turn, abs=5)
     assert least < error < most
     assert ("coarse_elements" in found) == (turn > 30)

@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 
-from skfem_textile import Fabric, StepError, drape
+from skfem_textile import Fabric, OnSurface, StepError, drape
+from skfem_textile.drape.kinematic_net import NetError
 from skfem_textile.scenes import Case
 from skfem_textile.scenes import drape as on_tool
+from skfem_textile.scenes.common.net_over import net_over
+from skfem_textile.scenes.space import foreseen
 
 # Half a side of the top, and the height, of a box.
 TOP, HEIGHT = 60.0, 40.0
+
+SPHERE, H = drape.Sphere(100.0, (0, 0, -100)), np.pi / 2
 
 
 def box(slope_deg, edge=6.0):
@@ -62,6 +67,31 @@ def test_shear_behind_a_corner_is_its_curvature(caplog, fibres):
 )
 def test_nothing_is_told_where_a_net_lies(caplog, slope, side):
     _, said = told(caplog, box(slope), width=side, height=side)
+    assert not said
+
+
+@pytest.mark.parametrize(("size", "fibres"), [((8, 8), 0.3), ((16, 16), 0.0)])
+def test_shear_of_smooth_curvature_is_not_told(caplog, size, fibres):
+    """Around a sphere a net shears as far as behind a corner, but by and by."""
+    s = np.linspace(-150, 150, 51)
+    X = np.array(np.meshgrid(s, s)).reshape(2, -1)
+    x = drape.exponential_map(SPHERE, X * np.abs(X).max(axis=0) / np.hypot(*X + 1e-9))
+    c = np.add.outer(51 * np.arange(50), np.arange(50)).ravel()
+    t = np.hstack([[c, c + 1, c + 52], [c, c + 52, c + 51]])
+    tool = drape.TriangleMesh(x, t)
+    given = {"width": 200.0, "height": 200.0, "size": size, "fibres": fibres}
+    scene, said = told(caplog, tool, **given)
+    net = net_over(scene.mesh.p, OnSurface(SPHERE), 1.0, (fibres, fibres + H))
+    assert np.degrees(np.nanmax(np.abs(net.shear_angle()))) > 45
+    assert not said
+
+
+def test_a_first_thread_that_leaves_the_tool_is_no_fold(caplog, monkeypatch):
+    def leaves(*_):
+        raise NetError("its first thread leaves the surface", np.zeros(3))
+
+    monkeypatch.setattr(foreseen, "net_over", leaves)
+    _, said = told(caplog, box(89.0))
     assert not said
 
 

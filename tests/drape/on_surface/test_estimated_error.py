@@ -15,6 +15,7 @@ from skfem_textile import (
 )
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
+from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.stepping import error_estimate
 from skfem_textile.solve.stepping.error_estimate import estimated_error, problem_at
 from studies.formulations.drape import chebyshev
@@ -58,6 +59,34 @@ def test_the_estimate_is_of_a_finer_ply_on_the_surface():
     assert fine.surfaces.are_on(u, 1.0)
 
 
+@pytest.mark.parametrize(
+    ("shortened", "reason"), [(False, "not stable"), (True, "reaches the end of a law")]
+)
+def test_without_a_load_one_increment_tells_why_there_is_no_estimate(
+    shortened, reason, monkeypatch
+):
+    ply, conditions, start = chebyshev.problem(OnePoint(), 4)
+    state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
+    finer = ply.finer()
+    fine = problem_at(finer.ply, conditions, "superlu", 1.0)
+    made, find = [], error_estimate.definite
+
+    def altered(*arguments):
+        tangent = find(*arguments)
+        tangent.altered = not shortened
+        return tangent
+
+    def within(problem, u, du):
+        made.append(du)
+        return du / 2 if shortened else du
+
+    monkeypatch.setattr(error_estimate, "definite", altered)
+    monkeypatch.setattr(error_estimate, "within_laws", within)
+    with pytest.raises(NoEquilibriumError, match=reason):
+        error_estimate._moved(fine, *finer.carry(state.u), np.zeros(2), loaded=False)
+    assert len(made) == 1
+
+
 def test_a_run_to_a_tolerance_refines_on_a_surface():
     ply, conditions, _ = chebyshev.problem(Macro(), 4)
     result = AdaptiveStepper(
@@ -79,6 +108,17 @@ def test_a_ply_that_the_tool_alone_shapes_has_an_error_of_the_shear_angle(fibres
     assert 0.1 < found["estimated_shear_angle_error_deg"] < 20
     said = "by a finer mesh; of the load none: nothing that moves carries a load"
     assert found["error_estimate"] == said
+
+
+def test_forces_of_nodes_that_hold_a_ply_are_not_told_off(caplog):
+    """They follow the tool; a point force tells of the elements around it alone."""
+    size = {"size": (8, 8), "width": 150.0, "height": 150.0}
+    scene = on_tool(skew_bump(), fibres=0.5, **size)
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft)
+    result = Case(scene=scene, fabric=fabric, steps=2).run()
+    assert result.states[-1].shares["turn_left_reaction"]["deviation"] > 0.25
+    assert "turn_left" not in caplog.text
+    assert "turn_right" not in caplog.text
 
 
 def test_nodes_that_hold_a_ply_on_its_tool_are_no_load():
