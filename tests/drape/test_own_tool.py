@@ -167,3 +167,16 @@ def test_a_wall_is_seen_from_where_it_faces(axis, tilt, side):
     first = np.eye(3)[{"x": 2, "y": 0}[axis]]
     expected = np.column_stack([first, np.cross(outwards, first), outwards])
     np.testing.assert_allclose(turn, expected, atol=0.03)
+
+
+def test_edge_tensions_that_do_not_balance_are_told():
+    """The rest of them is at the nodes that keep the ply from sliding."""
+    tool = drape.TriangleMesh(*plate())
+    given = {"width": 100.0, "height": 100.0, "size": (6, 6)}
+    _, off_top = run(on_tool(tool, point=(30.0, 0.0, 22.6), **given))
+    assert "tensions of the edges do not balance" in off_top["held_askew"]
+    assert off_top["max_holding_force_N"] > 10
+    _, on_top = run(on_tool(tool, **given))
+    assert "held_askew" not in on_top
+    _, without = run(on_tool(tool, point=(30.0, 0.0, 22.6), tension=0.0, **given))
+    assert "held_askew" not in without

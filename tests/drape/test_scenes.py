@@ -304,3 +304,11 @@ def test_a_table_from_zero_on_is_told_what_it_lacks():
     fabric = Fabric(1e4, law, scene.warp, scene.weft)
     with pytest.raises(StepError, match="a table from 0 on needs odd=True"):
         Case(scene=scene, fabric=fabric).run()
+
+
+def test_a_ply_off_its_middle_has_no_exact_answer():
+    for off, told in ((0.0, None), (-10.0, "touches the pole in its middle")):
+        lines = np.linspace(-40, 40, 7)
+        mesh = MeshQuad.init_tensor(lines + off, lines)
+        misfit = hemisphere(mesh, part="whole").misfit
+        assert (told in misfit) if told else not misfit

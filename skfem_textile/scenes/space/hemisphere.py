@@ -66,7 +66,9 @@ def _off_exact(X: ndarray, fibres: float, radius: float) -> str:
     eighths = fibres / (np.pi / 4)
     if abs(eighths - round(eighths)) > _OFF:
         return "the net is known of fibres along the sides or at 45 degrees to them"
-    width, height = np.ptp(X, axis=1)
+    low, high, (width, height) = X.min(axis=1), X.max(axis=1), np.ptp(X, axis=1)
+    if low.min() < -_OFF * width and np.abs(low + high).max() > _OFF * width:
+        return "the net is known of a ply that touches the pole in its middle"
     if round(eighths) % 2 and abs(width - height) > _OFF * width:
         return "with fibres at 45 degrees to the sides the net is known of a square"
     if np.abs(_threads(X, fibres, radius)).max() > chebyshev.FOLD:

@@ -145,7 +145,9 @@ def laid(
         fibre_ends=dict.fromkeys(held, "mirror"),
         loads_of=edge_tension,
         figures=partial(shear_errors, exact=exact),
-        measured=partial(measured_on_tool, axes=axes),
+        measured=partial(
+            measured_on_tool, axes=axes, holding=() if held else tuple(held_at)
+        ),
         misfit=misfit(flat, held) or off_exact(flat.p),
         axes=axes,
     )
