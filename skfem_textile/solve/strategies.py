@@ -43,8 +43,9 @@ _ON_SURFACE = (
     "on the edges or fibres that resist bending"
 )
 
-# Halvings of an increment in a line search.
-_LINE_SEARCH_HALVINGS = 20
+# Halvings of an increment in a line search, and until every law has a value: shorter
+# ones than that lead nowhere in the iterations that are allowed.
+_LINE_SEARCH_HALVINGS, _HALVINGS_WITHIN_LAWS = 20, 12
 
 # Share of the slope by which the energy must fall in a line search (Armijo 1966; the
 # value is the usual one), and round-off as a share of the energy.
@@ -116,10 +117,13 @@ class Mixed:
             f = problem.residual(u)
             if not near and problem.unbalanced(f, u) <= _NEAR * np.abs(f).max():
                 near = True
-                # On a surface its forces are so large that this is early: tensions at
-                # u are not yet what they will be, but predicted ones are.
-                known = tension if problem.surfaces else None
-                f = problem.residual(u) if problem.settle(u, known) else f
+                if problem.surfaces:
+                    # Its forces are so large that this is early: tensions at u are not
+                    # yet what they will be, but predicted ones are.
+                    settled = problem.ply.settle(u, tension)
+                else:
+                    settled = problem.settle(u)
+                f = problem.residual(u) if settled else f
             yield Iterate(tangent, u, f)
             tangent = definite(problem, u, tension, contact)
             du = self._shortened(problem, tangent.increment(f, u, fixed_values))
@@ -325,7 +329,7 @@ def within_laws(problem: Problem, u: ndarray, du: ndarray) -> ndarray:
     NoEquilibriumError
         If none is short enough.
     """
-    for _ in range(_LINE_SEARCH_HALVINGS):
+    for _ in range(_HALVINGS_WITHIN_LAWS):
         if problem.in_domain(u + du):
             return du
         du = du / 2
