@@ -245,7 +245,8 @@ def balanced(
 def _first_tangent(problem: Problem, start: Start) -> Tangent:
     """The tangent at the start; where it is singular, that of fibres in tension.
 
-    On surfaces the stiffnesses of the discretisation then are those of this tension.
+    On surfaces the stiffnesses of the discretisation then are those of the tension that
+    loads give: of a ply at rest they are too small where it is large.
 
     Raises
     ------
@@ -258,11 +259,13 @@ def _first_tangent(problem: Problem, start: Start) -> Tangent:
     tension = problem.ply.geometric_tension(start.u, np.zeros_like(start.u))
     if regular:  # but surfaces have moved with the load factor
         return definite(problem, start.u, tension)
+    size = _FIRST_TENSION
     if problem.surfaces:
-        first = np.full_like(tension, _tension_of_loads(problem, start.u))
-        problem.ply.settle(start.u, first)
-    else:
-        first = np.full_like(tension, _FIRST_TENSION)
+        of_loads = np.full_like(tension, _tension_of_loads(problem, start.u))
+        problem.ply.settle(start.u, of_loads)
+        G = problem.ply.fabric.shear_law.tangent(np.zeros((tension.shape[1], 1))).mean()
+        size = max(float(of_loads.max()), _OVER_SHEAR_STIFFNESS * G) or size
+    first = np.full_like(tension, size)
     return Tangent(problem, start.u, first, contact=no_contact(problem))
 
 
@@ -275,9 +278,7 @@ def _tension_of_loads(problem: Problem, u: ndarray) -> float:
     ply = problem.ply
     along = ply.nodal(problem.unfixed(problem.load(u), u))
     sides = 2 * np.sqrt(ply.basis.dx.sum())
-    G = ply.fabric.shear_law.tangent(np.zeros((ply.basis.nelems, 1))).mean()
-    least = float(_OVER_SHEAR_STIFFNESS * G) or _FIRST_TENSION
-    return max(float(np.linalg.norm(along, axis=0).sum() / sides), least)
+    return float(np.linalg.norm(along, axis=0).sum() / sides)
 
 
 def definite(

@@ -196,12 +196,12 @@ def hourglass_basis(basis: CellBasis) -> HourglassBasis:
 def _automatic(
     basis: CellBasis, fabric: Fabric, across: bool = False
 ) -> HeldStabilisation:
-    """C_s of each element in the plane, or across it: there by shear stiffness alone.
+    """C_s of each element in the plane, or across it, where grip does not count.
 
     The tension at a single point is not that of the fabric.
     """
     if isinstance(basis, MeanBasis):
-        return HeldStabilisation(fabric, basis, not across, not across)
+        return HeldStabilisation(fabric, basis, by_tension=True, by_grip=not across)
     points = MeanBasis(
         basis.mesh,
         basis.elem,
@@ -209,7 +209,7 @@ def _automatic(
         dofs=basis.dofs,
         quadrature=CENTRE,
     )
-    return HeldStabilisation(fabric, points, False, not across)
+    return HeldStabilisation(fabric, points, by_tension=False, by_grip=not across)
 
 
 def stabilising_term(

@@ -61,7 +61,8 @@ def test_no_stiffness_tension_or_unit_of_force_takes_more_solves(shear, tension,
     for formulation, cells in ((Macro(), 8), (OnePoint(), 16)):
         given = (unit * x for x in (1e5, shear, tension))
         ply, conditions, start = chebyshev.problem(formulation, cells, *given)
-        assert equilibrium_near(ply, conditions, start).linear_solves <= 8
+        state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
+        assert state.linear_solves <= 8
 
 
 def test_a_coarse_mesh_takes_no_more_solves():
