@@ -73,7 +73,7 @@ class FibreDeformation:
     ) -> tuple[ndarray, ndarray | None]:
         """E v vᵀ + T ∂²ε + M ∂²Γ with the stress of a block.
 
-        M ∂²Γ is ½ |M| of (v − s ∂Γ)(v − s ∂Γ)ᵀ − (v + s ∂Γ)(v + s ∂Γ)ᵀ, s = sign M, of
+        M ∂²Γ is ½ s M of (v − s ∂Γ)(v − s ∂Γ)ᵀ − (v + s ∂Γ)(v + s ∂Γ)ᵀ, s = sign M, of
         which only the first is kept where it is to be convex.
 
         Parameters
