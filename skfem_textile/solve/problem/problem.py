@@ -107,26 +107,16 @@ class Problem:
         """Nodal forces of the loads."""
         return self.ply.load(u, self.load_factor) + self.held
 
-    def settle(self, u: ndarray, tension: ndarray | None = None) -> bool:
+    def settle(self, u: ndarray) -> bool:
         """Hold the stiffnesses at ``u`` in place of others, if that changes the energy.
 
-        Parameters
-        ----------
-        u
-            Displacement.
-        tension
-            Fibre tensions that take the place of those at ``u``, if given.
-
-        Returns
-        -------
-        bool
-            Whether it does, by more than a small share.
+        Returns whether it does, by more than a small share.
         """
         if not self.holds_stiffness:
             return False
         ply = self.ply
         held, (before, _) = ply.remembered, self.energies(u)
-        if ply.settle(u, tension):
+        if ply.settle(u):
             after, _ = self.energies(u)
             energy = sum(before.values())
             if abs(sum(after.values()) - energy) > _NEARLY_SETTLED * abs(energy):
