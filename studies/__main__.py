@@ -1,4 +1,7 @@
-"""Run a study: ``python -m studies NAME --out DIR``.  Without a name, list them."""
+"""Run a study: ``python -m studies NAME --out DIR``.  Without a name, list them.
+
+``python -m studies figures`` writes the results of the studies into the pages.
+"""
 
 import argparse
 import os
@@ -12,6 +15,7 @@ from typing import Any, NoReturn
 from skfem_textile.cli.interruption import INTERRUPTED, raised
 from skfem_textile.cli.output import OutputError, complain, say, silence
 
+from .common import provenance
 from .common.workers import executor_of
 from .study import Row, Study, descriptions, load
 
@@ -59,6 +63,8 @@ def _answer(words: list[str]) -> int:
         return 0
     parser = _Parser(prog="python -m studies", description=__doc__)
     names = parser.add_subparsers(dest="study", metavar="NAME", required=True)
+    pages = names.add_parser("figures", help="write results into the pages")
+    pages.add_argument("--check", action="store_true", help="compare, write nothing")
     study: Study[Any] | None = None
     for name, description in descriptions().items():
         options = names.add_parser(name, help=description, description=description)
@@ -66,6 +72,10 @@ def _answer(words: list[str]) -> int:
             study = load(name)
             _add_options(options, study)
     chosen = parser.parse_args(words)
+    if chosen.study == "figures":
+        from .figures.program import main as figures
+
+        return figures(chosen.check)
     assert study is not None
     return _run(study, chosen)
 
@@ -100,7 +110,7 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
     if study.timed:  # before libraries of linear algebra are loaded
         os.environ.update(dict.fromkeys(_THREADS, "1"))
     cases = _cases(study, options)
-    written = study.written(cases)
+    written = [*study.written(cases), provenance.FILE]
     results = ResultFolder(options.out, written)
     kept = options.out / f"{options.study}-unfinished.jsonl"
     if kept.is_file() and kept.stat().st_size and not options.resume:
@@ -117,11 +127,11 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         code, complaint = INTERRUPTED, "interrupted; --resume runs what is left"
     finally:  # a study that stops still reports
-        for case in cases:
-            rows += rows_by_name.get(study.name(case), [])
+        rows = _with_earlier(study, options, rows_by_name)
         if rows:
             with results as folder:
-                _write(study.tables(rows), folder)
+                record = {provenance.FILE: provenance.recorded(options)}
+                _write(study.tables(rows) | record, folder)
     if not (complaint and rows):
         kept.unlink(missing_ok=True)
     pictures = [name for name in study.pictures if name in written]
@@ -169,7 +179,27 @@ def _examine(
             study.examine, cases, executor, out=kept, key=study.name
         ):
             say(study.line(rows))
-            rows_by_name[study.name(case)] = rows
+            rows_by_name[study.name(case)] = [
+                {"case": study.name(case)} | row for row in rows
+            ]
+
+
+def _with_earlier(
+    study: Study[Any], options: argparse.Namespace, rows_by_name: dict[str, list[Row]]
+) -> list[Row]:
+    """The rows in the order of the cases; those of other cases stay as they are."""
+    if options.case and rows_by_name:
+        try:
+            stored = study.stored(options.out)
+        except FileNotFoundError:
+            stored = []
+        earlier: dict[str, list[Row]] = {}
+        for row in stored:
+            if "case" in row:
+                earlier.setdefault(row["case"], []).append(row)
+        rows_by_name = earlier | rows_by_name
+    names = (study.name(case) for case in study.cases(options))
+    return [row for name in names for row in rows_by_name.get(name, [])]
 
 
 def _write(texts: dict[str, str], folder: Path) -> None:

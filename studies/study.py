@@ -1,4 +1,4 @@
-"""The protocol of all studies: cases, the rows of each case, tables and figures.
+"""The protocol of all studies: cases, the rows of each case, tables and results.
 
 A study is a folder at any depth with a module `study` that defines ``STUDY``.  Its name
 is the folder's, and the first line of the folder's docstring is its description.
@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
+
+from .common.tables import rows_of_csv
 
 Case = TypeVar("Case")
 
@@ -25,14 +27,26 @@ class Study(Generic[Case]):
     Attributes
     ----------
     files, pictures
-        Names of the files that `tables` and `draw` may write.
+        Names of the files that `tables` and `draw` may write.  The first file that
+        ends with ``.csv`` contains the rows, unless `stored` is overridden.
     timed
         Whether cases are timed.  Timed cases run one at a time, on one thread.
+    folder
+        Folder of the published results below ``docs``; empty if it has the name of the
+        study.
+    sample
+        Name of a case of a few seconds, which ``python -m studies figures --check``
+        computes again; empty if there is none.
+    volatile
+        Parts of the names of columns that differ from run to run, such as times.
     """
 
     files: ClassVar[tuple[str, ...]] = ()
     pictures: ClassVar[tuple[str, ...]] = ()
     timed: ClassVar[bool] = False
+    folder: ClassVar[str] = ""
+    sample: ClassVar[str] = ""
+    volatile: ClassVar[tuple[str, ...]] = ("second", "time")
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         """Add further command-line options; by default none."""
@@ -54,8 +68,26 @@ class Study(Generic[Case]):
         raise NotImplementedError
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        """The text of each file by its name; the rows may come from some cases only."""
+        """The text of each file by its name, a function of the rows alone.
+
+        The rows may come from some cases only.
+        """
         raise NotImplementedError
+
+    def stored(self, folder: Path) -> list[Row]:
+        """The rows that a run wrote into a folder; every row has all columns.
+
+        Raises
+        ------
+        FileNotFoundError
+            If the folder has no results.
+        """
+        data = next(name for name in self.files if name.endswith(".csv"))
+        return rows_of_csv((folder / data).read_text(encoding="utf-8"))
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        """Results for prose by name, in words and with their units; by default none."""
+        return {}
 
     def draw(self, rows: list[Row], folder: Path) -> None:
         """Draw `pictures` into a folder; by default none."""

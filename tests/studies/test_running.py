@@ -1,16 +1,19 @@
 """How studies are run: listed, chosen, interrupted, killed and resumed."""
 
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from processes import is_alive, wait_until
 
 from studies import __main__
-from studies.common.tables import csv_table
+from studies.common.tables import csv_table, rows_of_csv
 from studies.study import Study, descriptions, load
 
 ROOT = Path(__file__).parents[2]
@@ -32,10 +35,10 @@ class Squares(Study):
         return f"square of {case}"
 
     def examine(self, case):
-        return [{"case": case, "square": case**2, "process": os.getpid()}]
+        return [{"number": case, "square": case**2, "process": os.getpid()}]
 
     def line(self, rows):
-        return f"{rows[0]['case']}: {rows[0]['square']}"
+        return f"{rows[0]['number']}: {rows[0]['square']}"
 
     def tables(self, rows):
         return {"squares.csv": csv_table(rows)}
@@ -77,8 +80,28 @@ def test_every_case_is_examined_and_reported(squares, tmp_path, capsys):
     assert squares() == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[:-1] == ["1: 1", "2: 4", "3: 9"]
-    assert [p.name for p in tmp_path.iterdir()] == ["squares.csv"]
+    assert {p.name for p in tmp_path.iterdir()} == {"squares.csv", "provenance.json"}
     assert (tmp_path / "squares.csv").read_bytes().count(b"\n") == 4
+
+
+def test_results_say_where_they_come_from(squares, tmp_path):
+    squares("--bad", "5")
+    (run,) = json.loads((tmp_path / "provenance.json").read_text())["squares"]
+    assert run["options"] == {"bad": 5}
+    assert re.fullmatch("[0-9a-f]{40}", run["commit"])
+    assert run["packages"]["numpy"] == np.__version__
+    squares("--case", "square of 1")
+    runs = json.loads((tmp_path / "provenance.json").read_text())["squares"]
+    assert [one["options"].get("case") for one in runs] == [None, ["square of 1"]]
+
+
+def test_a_run_of_some_cases_leaves_the_others_as_they_are(squares, tmp_path):
+    squares()
+    file = tmp_path / "squares.csv"
+    file.write_text(file.read_text().replace("square of 3,3,9", "square of 3,3,-9"))
+    squares("--case", "square of 2")
+    squared = [row["square"] for row in rows_of_csv(file.read_text())]
+    assert squared == [1, 4, -9]
 
 
 def test_cases_are_chosen_by_name(squares, capsys):
@@ -166,7 +189,7 @@ def test_a_study_that_was_killed_goes_on_and_its_report_is_the_same(tmp_path):
     assert not kept.exists()
     subprocess.run([*command, "whole"], **options, check=True)
     files = [p.name for p in (tmp_path / "whole").iterdir()]
-    assert len(files) == 3
+    assert len(files) == 4
     for name in files:
         ours, theirs = (tmp_path / d / name for d in ("killed", "whole"))
         assert ours.read_bytes() == theirs.read_bytes()

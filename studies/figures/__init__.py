@@ -1,0 +1,1 @@
+"""Results of studies in the pages: written, compared and computed again."""

@@ -1,0 +1,99 @@
+"""Results in prose that no marker makes."""
+
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+from .pages import MARKED, ROOT
+
+#: Phrases with a number that is no result: a setting, a definition, the literature.
+SETTINGS = Path(__file__).with_name("settings.toml")
+
+#: Pages that say results: all but those that describe interfaces alone.
+CHECKED = (
+    ROOT / "README.md",
+    ROOT / "paper" / "paper.md",
+    *(
+        ROOT / "docs" / f"{name}.md"
+        for name in (
+            *("index", "benchmarks", "adaptive", "angles", "calibration", "drape"),
+            *("error-time", "formulations", "hostile", "inf_sup", "laws", "paper"),
+            *("space", "speed", "stability", "validation", "verification"),
+        )
+    ),
+    *sorted((ROOT / "docs" / "how-to").glob("*.md")),
+    *sorted((ROOT / "docs" / "tutorial").glob("*.md")),
+)
+
+# What is no prose: code, formulas, addresses, commands of MyST and front matter.
+_NO_PROSE = re.compile(
+    r"\A---\n.*?\n---$"
+    r"|^```(?!\{(?:figure|image)).*?^```$|^```[^\n]*$|^:\w+:[^\n]*$"
+    r"|``[^`]+``|`[^`]*`|\$\$.*?\$\$|\$[^$\n]*\$|\]\([^)]*\)|<[^>\n]*>",
+    re.M | re.S,
+)
+
+# A number, and what makes it a result: a unit, a per cent, a factor, a ratio, a count
+# of what was run, or its size and precision alone.
+_NUMBER = r"[−+-]?\d[\d.,]*\d?(?:·10)?[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]*"
+_UNIT = (
+    r"\s?%|\s?°|\s(?:per cent|mm|N|GPa|MPa|s|ms|µs|h|min|seconds?|minutes?|hours?"
+    r"|GiB|MiB|GB|MB|times|iterations|solves|cases|runs|problems|medians|meshes"
+    r"|trials|files|seeds|unknowns|elements)\b"
+)
+_RESULT = re.compile(
+    rf"(?<![\w.=/^§])(?:1/{_NUMBER}|{_NUMBER}(?:{_UNIT})|{_NUMBER} of (?:the )?\d+"
+    rf"|{_NUMBER}\s?×(?!\s?\d)|[−+-]?\d+\.\d+|(?!(?:19|20)\d\d\b)\d{{3,}}\b)"
+)
+
+# A number after an equals sign is a setting.
+_ONE = rf"{_NUMBER}(?:{_UNIT})?"
+_SET = re.compile(rf"=\s*{_ONE}(?:(?:,| and| or| to) {_ONE})*")
+
+
+def settings() -> dict[str, list[str]]:
+    """The reviewed phrases of each page."""
+    return tomllib.loads(SETTINGS.read_text(encoding="utf-8"))
+
+
+def unmarked() -> list[str]:
+    """Results without a marker, and reviewed phrases that no page has any more."""
+    reviewed, defects = settings(), []
+    for page in CHECKED:
+        name = str(page.relative_to(ROOT))
+        prose = of_page(page.read_text(encoding="utf-8"))
+        for phrase in reviewed.get(name, []):
+            if phrase not in prose:
+                defects.append(f"{SETTINGS.name}: {name} does not say {phrase!r}")
+            prose = prose.replace(phrase, " ")
+        defects += [
+            f"{name}: no marker makes {found!r} in {near!r}"
+            for found, near in results_in(prose)
+        ]
+    return defects
+
+
+def of_page(text: str) -> str:
+    r"""The prose of a page outside markers, with single spaces.
+
+    Examples
+    --------
+    >>> of_page("Within `3 %` or <!--a.b-->4 %<!--/-->, at\nmost.")
+    'Within · or ·, at most.'
+    """
+    return " ".join(_NO_PROSE.sub("·", MARKED.sub("·", text)).split())
+
+
+def results_in(prose: str) -> Iterator[tuple[str, str]]:
+    """Each result in some prose, with the words around it.
+
+    Examples
+    --------
+    >>> [result for result, _ in results_in("It takes 3.2 s with γ = 40° on 5 meshes.")]
+    ['3.2 s', '5 meshes']
+    """
+    prose = _SET.sub("=", prose)
+    for match in _RESULT.finditer(prose):
+        start, end = max(match.start() - 30, 0), match.end() + 30
+        yield match[0], prose[start:end]
