@@ -1,113 +1,60 @@
-"""Many cases at a glance, as coloured cells, with matplotlib."""
+"""The outcomes of all cases as bars, with matplotlib."""
 
 import os
-from collections.abc import Mapping, Sequence
-from typing import TypeAlias
+from collections import Counter
+from collections.abc import Sequence
 
-import matplotlib as mpl
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Rectangle
 
-from ..common.figures import figure_of, legend
+from ..common.figures import figure_of
+from ..study import Row
 from .outcomes import OUTCOMES
-from .tables import Cell
 
-#: Lines by their label, each with a cell for every column.
-Lines: TypeAlias = Mapping[str, Sequence[Cell]]
+# Colours of the outcomes: dark to light where a run is sound, warm where it fails.
+_COLOURS = "#0072B2", "#9CCBE8", "#F0C04A", "#CC79A7", "#D55E00"
 
-_COLOURS = dict(
-    zip(OUTCOMES, ("#0072B2", "#56B4E9", "#E69F00", "#CC79A7", "#D55E00"), strict=True)
-)
-
-_ROW, _CELL, _LABEL = 0.19, 0.42, 2.65  # inches
-
-# Panels side by side among which the groups are shared out, in their order.
-_PANELS = 3
+# Points a letter; width and height of a bar in inches.  A page prints 6.3 inches.
+_FONT, _WIDTH, _BAR = 9, 6.3, 0.24
 
 
 def draw_outcomes(
-    groups: Mapping[str, Lines],
-    steps: Sequence[int],
-    filename: str | os.PathLike[str] | None = None,
+    rows: Sequence[Row], filename: str | os.PathLike[str] | None = None
 ) -> Figure:
-    """Lines of cells in groups, each cell in the colours of its outcomes.
+    """A bar for each family of problems, as long as its cases are many.
 
     Parameters
     ----------
-    groups
-        The lines of each group by its title, with a cell for each number of steps.
-    steps
-        Numbers of load steps.
+    rows
+        Rows with ``family`` and ``outcome``.
     filename
-        Where to write a PNG.
+        Where to write a picture.
 
     Examples
     --------
-    >>> stiff = [({"right": 1}, "5"), ({"right": 2, "wrong": 1}, "2/3")]
-    >>> figure = draw_outcomes({"fibres": {"stiff": stiff}}, [1, 2])
-    >>> [text.get_text() for text in figure.axes[0].texts]
-    ['fibres', '1', '2', 'stiff', '5', '2/3']
-    >>> [round(part.get_width() / _CELL, 2) for part in figure.axes[0].patches]
-    [1.0, 1.0, 0.67, 0.33, 1.0]
+    >>> row = {"family": "crossing", "outcome": "right"}
+    >>> (axes,) = draw_outcomes([row, row | {"outcome": "wrong"}]).axes
+    >>> [text.get_text() for text in axes.get_yticklabels()]
+    ['crossing']
     """
-    shared = _shared_out(groups)
-    height = max(sum(len(lines) + 2 for lines in panel.values()) for panel in shared)
-    width = _LABEL + _CELL * len(steps)
-    size = len(shared) * (width + 0.2), (height + 3) * _ROW
-    with figure_of(size, filename, font_size=8) as figure:
-        for i, panel in enumerate(shared, start=1):
-            axes = figure.add_subplot(1, len(shared), i)
-            axes.set(xlim=(-_LABEL, _CELL * len(steps)), ylim=(height * _ROW, 0))
-            axes.set_axis_off()
-            _panel(axes, panel, steps)
-        patches = [Patch(color=colour, label=k) for k, colour in _COLOURS.items()]
-        title = (
-            "Linear solves, or on how many meshes it is right, by number of load steps"
-        )
-        legend(figure, patches, len(_COLOURS), title=title)
+    families: dict[str, Counter[str]] = {}
+    for row in rows:
+        families.setdefault(row["family"], Counter())[row["outcome"]] += 1
+    whole: Counter[str] = sum(families.values(), Counter())
+    size = _WIDTH, _BAR * (len(families) + 5)
+    with figure_of(size, filename, font_size=_FONT) as figure:
+        axes = figure.add_subplot()
+        for y, counts in enumerate(families.values()):
+            start = 0
+            for kind, colour in zip(OUTCOMES, _COLOURS, strict=True):
+                width = counts[kind]
+                axes.barh(y, width, left=start, color=colour, height=0.75)
+                start += width
+        axes.set_yticks(range(len(families)), list(families))
+        axes.invert_yaxis()
+        axes.set_xlabel("Cases")
+        axes.spines["left"].set_visible(False)
+        axes.tick_params(axis="y", length=0)
+        for kind, colour in zip(OUTCOMES, _COLOURS, strict=True):
+            axes.barh(0, 0, color=colour, label=f"{kind}: {whole[kind]}")
+        figure.legend(loc="outside lower center", ncols=2, frameon=False)
     return figure
-
-
-def _panel(
-    axes: mpl.axes.Axes,
-    panel: Mapping[str, Lines],
-    steps: Sequence[int],
-) -> None:
-    y = 0.0
-    for group, lines in panel.items():
-        y += _ROW
-        axes.text(-_LABEL, y, group, weight="bold", va="center")
-        for x, n in enumerate(steps):
-            axes.text((x + 0.5) * _CELL, y, str(n), ha="center", va="center")
-        for label, line in lines.items():
-            y += _ROW
-            axes.text(-_LABEL + 0.1, y, label, va="center")
-            for x, cell in enumerate(line):
-                _draw(axes, cell, x * _CELL, y)
-        y += _ROW
-
-
-def _draw(axes: mpl.axes.Axes, cell: Cell, x: float, y: float) -> None:
-    """Draw a cell from x on, in the middle of the line at y."""
-    counts, text = cell
-    left, bottom = x, y - 0.5 * _ROW
-    for kind, count in counts.items():
-        width = _CELL * count / sum(counts.values())
-        axes.add_patch(
-            Rectangle((left, bottom), width, _ROW, color=_COLOURS[kind], lw=0)
-        )
-        left += width
-    axes.add_patch(Rectangle((x, bottom), _CELL, _ROW, fill=False, edgecolor="white"))
-    axes.text(x + 0.5 * _CELL, y, text, color="white", ha="center", va="center")
-
-
-def _shared_out(groups: Mapping[str, Lines]) -> list[dict[str, Lines]]:
-    """The groups in order, in panels of about the same height."""
-    whole = sum(len(lines) + 2 for lines in groups.values())
-    shared: list[dict[str, Lines]] = [{} for _ in range(_PANELS)]
-    before = 0
-    for group, lines in groups.items():
-        middle = before + 0.5 * (len(lines) + 2)
-        shared[min(int(_PANELS * middle / whole), _PANELS - 1)][group] = lines
-        before += len(lines) + 2
-    return [panel for panel in shared if panel]

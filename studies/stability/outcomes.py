@@ -1,15 +1,12 @@
-"""How the cases of the stability study end: the rules, and the counts."""
+"""How the cases of the stability study end: the rules."""
 
-from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
-from ..study import Row
-
-RIGHT, OTHER = "right", "right, another equilibrium"
+RIGHT, OTHER = "right", "on another equilibrium, and reported"
 REFUSED, MISSED = "refused", "refused though solvable"
 WRONG = "wrong"
 
@@ -84,30 +81,6 @@ def outcome(end: End, reference: End, solvable: bool) -> str:
     if end.agrees(reference):
         return RIGHT
     return WRONG if end.path_resolved else OTHER
-
-
-def summary(rows: list[Row]) -> dict[str, Any]:
-    """The number of cases by outcome, and what the runs say about their path."""
-    n = Counter(row["outcome"] for row in rows)
-    solvable = sum(row["solvable"] for row in rows)
-    agreeing = [row for row in rows if row["agrees"]]
-    in_doubt = sum(not row["path_resolved"] for row in agreeing)
-    right = n[RIGHT] + n[OTHER]
-    return {
-        "problems": len({(row["family"], row["problem"]) for row in rows}),
-        "cases": len(rows),
-        "right": right,
-        "right_on_another_equilibrium": n[OTHER],
-        "refused": n[REFUSED] + n[MISSED],
-        "refused_though_solvable": n[MISSED],
-        "wrong": n[WRONG],
-        "solvable": solvable,
-        "share_right_of_solvable": right / max(solvable, 1),
-        "share_right_as_400_steps_of_solvable": n[RIGHT] / max(solvable, 1),
-        "agree_with_400_steps": len(agreeing),
-        "agree_but_path_not_resolved": in_doubt,
-        "share_of_these_not_resolved": in_doubt / max(len(agreeing), 1),
-    }
 
 
 def _off(ours: Any, theirs: Any, nothing: float) -> float:

@@ -5,8 +5,8 @@ in 400.  A run ends as
 
 - *right*: on a stable, unfolded equilibrium, with the energy and the reactions that 400
   steps reach, to 1 %; if the mesh can represent the exact motion, on that motion;
-- *right, another equilibrium*: on a stable, unfolded equilibrium with other energies or
-  reactions, if the run itself says that its path was not resolved;
+- *on another equilibrium, and reported*: on a stable, unfolded equilibrium with other
+  energies or reactions, if the run itself says that its path was not resolved;
 - *refused*: with an error;
 - *refused though solvable*: with an error, if another run of the same formulation,
   in other steps or by another strategy, finds a stable, unfolded equilibrium;
@@ -28,12 +28,12 @@ from skfem_textile.solve.result import StepError
 from skfem_textile.solve.stepper import DEFAULT_STRATEGIES, LoadStepper
 
 from ..common.log import errors_only
-from ..common.tables import csv_table, json_text
+from ..common.tables import csv_table
 from ..study import Row, Study
-from .outcomes import End, outcome, summary
+from .outcomes import End, outcome
 from .problems import Extreme, extremes
 from .soundness import is_sound
-from .tables import markdown, picture_lines
+from .tables import in_words, markdown
 
 STEPS = (1, 2, 5, 20, 100)
 _REFERENCE = 400
@@ -58,8 +58,9 @@ _FIGURES = (
 class Stability(Study[Extreme]):
     """Every problem in few and in many steps, each run with its outcome."""
 
-    files = ("stability.csv", "summary.json", "stability.md")
-    pictures = ("stability.png",)
+    files = ("stability.csv", "stability.md")
+    pictures = ("outcomes.png", "outcomes.svg")
+    sample = "folding, trellis, G = 0, one point, seed 2"
 
     def cases(self, options: argparse.Namespace) -> list[Extreme]:
         return extremes()
@@ -102,14 +103,17 @@ class Stability(Study[Extreme]):
     def tables(self, rows: list[Row]) -> dict[str, str]:
         return {
             "stability.csv": csv_table(rows),
-            "summary.json": json_text(summary(rows)),
             "stability.md": markdown(rows, STEPS),
         }
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        return in_words(rows)
 
     def draw(self, rows: list[Row], folder: Path) -> None:
         from .figure import draw_outcomes
 
-        draw_outcomes(picture_lines(rows, STEPS), STEPS, folder / "stability.png")
+        for name in self.pictures:
+            draw_outcomes(rows, folder / name)
 
 
 STUDY = Stability()

@@ -1,8 +1,7 @@
-"""Tables of the stability study: counts by family, and what was refused or wrong."""
+"""Results of the stability study: counts by family, and what was refused or wrong."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TypeAlias
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -10,11 +9,14 @@ from ..common.tables import markdown_table
 from ..study import Row
 from .outcomes import MISSED, OTHER, OUTCOMES, REFUSED, RIGHT, WRONG
 
-#: How many of each kind a cell of the figure stands for, and its text.
-Cell: TypeAlias = tuple[Mapping[str, int], str]
-
 # Titles of the columns of the outcomes.
-_TITLES = "right", "another", "refused", "though solvable", "wrong"
+_TITLES = (
+    *("right", "on another equilibrium, reported", "refused"),
+    *("refused though solvable", "wrong"),
+)
+
+# Names of the outcomes in `in_words`.
+_NAMES = "right", "other", "refused", "missed", "wrong"
 
 
 def markdown(rows: list[Row], steps: Sequence[int]) -> str:
@@ -30,6 +32,50 @@ def markdown(rows: list[Row], steps: Sequence[int]) -> str:
     return f"{_counts(rows)}\n{_failures(rows, steps)}"
 
 
+def in_words(rows: list[Row]) -> dict[str, str]:
+    """Counts of the outcomes, and how far off the right and the other ones are."""
+    by = {
+        name: [row for row in rows if row["outcome"] == outcome]
+        for name, outcome in zip(_NAMES, OUTCOMES, strict=True)
+    }
+    resolved = [row for row in by["right"] if row["path_resolved"]]
+    own = [row for row in by["right"] if row["corners_energy"]]
+    problems = {(row["family"], row["problem"]) for row in rows}
+    several = {
+        (row["family"], row["problem"])
+        for row in by["other"]
+        if row["family"].startswith("laws")
+    }
+    laws = {problem for problem in problems if problem[0].startswith("laws")}
+    return {
+        **{name: str(len(group)) for name, group in by.items()},
+        "cases": str(len(rows)),
+        "problems": str(len(problems)),
+        "solvable": str(sum(row["solvable"] for row in rows)),
+        "other_off": _per_cent(map(_off, by["other"])),
+        "other_in_laws": str(sum(r["family"].startswith("laws") for r in by["other"])),
+        "right_resolved": str(len(resolved)),
+        "right_resolved_off": _per_cent(map(_off, resolved)),
+        "right_unresolved": str(len(by["right"]) - len(resolved)),
+        "law_problems_with_several": f"{len(several)} of {len(laws)}",
+        "refused_problems": str(len({row["problem"] for row in by["refused"]})),
+        "corners": str(len(own)),
+        "corners_share": _per_cent(r["corners_energy"] / r["energy"] for r in own),
+        "right_min_det_F": f"{min(row['min_det_F'] for row in by['right']):.2g}",
+        "solves_1_step": _median_solves(rows, 1),
+        "solves_20_steps": _median_solves(rows, 20),
+    }
+
+
+def _off(row: Row) -> float:
+    return float(max(row["energy_off"], row["reactions_off"]))
+
+
+def _per_cent(shares: Iterable[float]) -> str:
+    """The largest share, in per cent with two digits."""
+    return f"{100 * max(shares, default=0.0):.2g} %"
+
+
 def _counts(rows: list[Row]) -> str:
     groups: dict[str, list[Row]] = {}
     for row in rows:
@@ -37,12 +83,12 @@ def _counts(rows: list[Row]) -> str:
     lines = []
     for family, group in (groups | {"all": rows}).items():
         n = Counter(row["outcome"] for row in group)
-        agreeing = [row for row in group if row["agrees"]]
-        counts = [len(group), *(n[kind] for kind in OUTCOMES), len(agreeing)]
-        counts.append(sum(not row["path_resolved"] for row in agreeing))
+        right = [row for row in group if row["outcome"] == RIGHT]
+        counts = [len(group), *(n[kind] for kind in OUTCOMES)]
+        counts.append(sum(not row["path_resolved"] for row in right))
         solves = [_median_solves(group, steps) for steps in (1, 20)]
         lines.append([family, *counts, *solves])
-    columns = "cases", *_TITLES, "as 400 steps", "of these not resolved"
+    columns = "cases", *_TITLES, "right, path not resolved"
     return markdown_table(["family", *columns, "solves, 1 step", "20 steps"], lines)
 
 
@@ -88,34 +134,3 @@ def _median_solves(rows: Iterable[Row], steps: int) -> str:
         if row["steps"] == steps and row["outcome"] in (RIGHT, OTHER)
     ]
     return f"{np.median(solves):g}" if solves else "-"
-
-
-def picture_lines(
-    rows: list[Row], steps: Sequence[int]
-) -> dict[str, dict[str, list[Cell]]]:
-    """Lines of the figure, by family and kind, with a cell for each number of steps.
-
-    Problems that differ only in their seed share a line, with the shares of the
-    outcomes and the number of right ones.
-    """
-    groups: dict[str, dict[str, dict[int, list[Row]]]] = {}
-    for row in rows:
-        line = groups.setdefault(row["family"], {}).setdefault(row["kind"], {})
-        line.setdefault(row["steps"], []).append(row)
-    return {
-        family: {
-            kind: [_cell(line.get(n, [])) for n in steps]
-            for kind, line in kinds.items()
-        }
-        for family, kinds in groups.items()
-    }
-
-
-def _cell(rows: list[Row]) -> Cell:
-    """Counts of the outcomes in their order, and the text of the cell."""
-    n = Counter(row["outcome"] for row in rows)
-    if len(rows) > 1:
-        text = f"{n[RIGHT] + n[OTHER]}/{len(rows)}"
-    else:
-        text = "".join(str(row["linear_solves"]) for row in rows if not row["message"])
-    return {kind: n[kind] for kind in OUTCOMES if n[kind]}, text

@@ -24,9 +24,7 @@ FIGURES = {
         {"mm": {("a", "b"): ([1], [1])}}, file
     ),
     "constants": lambda file: draw_constants([], file),
-    "outcomes": lambda file: draw_outcomes(
-        {"title": {"line": [({"right": 1}, "1")]}}, [1], file
-    ),
+    "outcomes": lambda file: draw_outcomes([{"family": "a", "outcome": "right"}], file),
 }
 
 

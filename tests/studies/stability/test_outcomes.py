@@ -3,6 +3,7 @@
 import numpy as np
 
 from studies.stability import outcomes as ends
+from studies.stability import tables
 from studies.stability.outcomes import End, outcome
 
 
@@ -46,28 +47,24 @@ def test_round_off_is_no_disagreement():
     assert outcome(none, end(0.0, (5e-9, 0.0)), True) == ends.WRONG
 
 
-def test_the_summary_counts():
-    def row(outcome, solvable=True, agrees=True, path_resolved=True, **head):
-        head = {"family": "f", "problem": "p"} | head
-        said = {"agrees": agrees, "path_resolved": path_resolved}
-        return head | {"outcome": outcome, "solvable": solvable} | said
+def test_each_of_the_five_outcomes_is_counted_by_itself():
+    """A right state and another equilibrium are not added to one number."""
 
-    rows = [row(ends.RIGHT)] * 3 + [row(ends.RIGHT, path_resolved=False, problem="q")]
-    rows += [row(ends.OTHER, agrees=False, path_resolved=False)] * 2
-    rows += [row(ends.MISSED, agrees=False), row(ends.WRONG, agrees=False)]
-    rows += [row(ends.REFUSED, solvable=False, agrees=False)] * 4
-    assert ends.summary(rows) == {
-        "problems": 2,
-        "cases": 12,
-        "right": 6,
-        "right_on_another_equilibrium": 2,
-        "refused": 5,
-        "refused_though_solvable": 1,
-        "wrong": 1,
-        "solvable": 8,
-        "share_right_of_solvable": 6 / 8,
-        "share_right_as_400_steps_of_solvable": 4 / 8,
-        "agree_with_400_steps": 4,
-        "agree_but_path_not_resolved": 1,
-        "share_of_these_not_resolved": 1 / 4,
-    }
+    def row(outcome, off=0.0, path_resolved=True, **head):
+        head = {"family": "laws: f", "problem": "p", "steps": 1} | head
+        figures = {"energy_off": off, "reactions_off": 0.0, "energy": 2.0}
+        figures |= {"corners_energy": 0.0, "min_det_F": 0.5, "linear_solves": 4}
+        figures |= {"solvable": outcome != ends.REFUSED}
+        return figures | head | {"outcome": outcome, "path_resolved": path_resolved}
+
+    rows = [row(ends.RIGHT, 0.001, corners_energy=0.1)] * 3
+    rows += [row(ends.RIGHT, 0.009, path_resolved=False, problem="q")]
+    rows += [row(ends.OTHER, 0.85, path_resolved=False)] * 2
+    rows += [row(ends.MISSED), row(ends.WRONG)] + [row(ends.REFUSED)] * 4
+    words = tables.in_words(rows)
+    counts = {"right": "4", "other": "2", "refused": "4", "missed": "1", "wrong": "1"}
+    assert {name: words[name] for name in counts} == counts
+    assert (words["cases"], words["problems"], words["solvable"]) == ("12", "2", "8")
+    assert (words["right_resolved"], words["right_resolved_off"]) == ("3", "0.1 %")
+    assert (words["other_off"], words["right_unresolved"]) == ("85 %", "1")
+    assert words["law_problems_with_several"] == "1 of 2"

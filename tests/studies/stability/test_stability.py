@@ -1,7 +1,5 @@
 """Runs of the study: how a problem is examined, and what the report says."""
 
-import csv
-import json
 from dataclasses import replace
 from functools import partial
 
@@ -15,8 +13,9 @@ from skfem_textile.scenes import Scene, picture_frame, strip
 from skfem_textile.solve.stepper import DEFAULT_STRATEGIES
 from skfem_textile.solve.verdict import CHECKS
 from studies.__main__ import main
+from studies.common import provenance
 from studies.stability import outcomes as ends
-from studies.stability import study, tables
+from studies.stability import study
 from studies.stability.problems import Extreme
 from studies.stability.study import STUDY
 
@@ -181,13 +180,13 @@ def test_an_interrupted_study_reports_on_what_it_has_and_goes_on(
     command = ["stability", "--no-render", "--out", str(out)]
     assert main(command) == 130
     assert "--resume" in capsys.readouterr().err
-    assert json.loads((out / "summary.json").read_text())["cases"] == 2
+    assert len(STUDY.stored(out)) == 2
     assert main(command) == 2
     assert "--resume" in capsys.readouterr().err
     assert main([*command, "--resume"]) == 0
     assert asked == ["one", "two", "two"]
-    assert json.loads((out / "summary.json").read_text())["cases"] == 4
-    assert {p.name for p in out.iterdir()} == set(STUDY.files)
+    assert len(STUDY.stored(out)) == 4
+    assert {p.name for p in out.iterdir()} == {*STUDY.files, provenance.FILE}
 
 
 def test_a_case_that_fails_is_named_and_the_others_are_reported(
@@ -204,7 +203,7 @@ def test_a_case_that_fails_is_named_and_the_others_are_reported(
     said = capsys.readouterr().err
     assert "plain, fails, 2×2: " in said
     assert "--resume" in said
-    assert json.loads((out / "summary.json").read_text())["cases"] == 2
+    assert len(STUDY.stored(out)) == 2
 
 
 def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
@@ -216,32 +215,15 @@ def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
     monkeypatch.setattr(study, "extremes", lambda: problems)
     out = tmp_path / "out"
     assert main(["stability", "--out", str(out)]) == 0
-    assert {p.name for p in out.iterdir()} == {*STUDY.files, *drawn_here(STUDY)}
-    summary = json.loads((out / "summary.json").read_text())
-    assert summary["cases"] == 6
-    assert summary["right"] == summary["solvable"] == 4
-    assert summary["refused"] == 2
-    assert summary["wrong"] == summary["refused_though_solvable"] == 0
-    assert summary["share_right_of_solvable"] == 1.0
-    with open(out / "stability.csv") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["steps"] for row in rows] == ["1", "5"] * 3
-    assert {row["path_resolved"] for row in rows[:2]} == {"True"}
+    written = {*STUDY.files, *drawn_here(STUDY), provenance.FILE}
+    assert {p.name for p in out.iterdir()} == written
+    rows = STUDY.stored(out)
+    assert [row["steps"] for row in rows] == [1, 5] * 3
+    assert all(row["path_resolved"] for row in rows[:2])
     table = (out / "stability.md").read_text()
-    assert "| plain | 2 | 2 | 0 | 0 | 0 | 0 | 2 | 0 |" in table
-    assert "| folding: turned over, 2×2 | 4 | 2 | 0 | 2 | 0 | 0 | 2 | 0 |" in table
+    assert STUDY.tables(rows)["stability.md"] == table
+    assert "| plain | 2 | 2 | 0 | 0 | 0 | 0 | 0 |" in table
+    assert "| folding: turned over, 2×2 | 4 | 2 | 0 | 2 | 0 | 0 | 0 |" in table
     assert "| folding, turned over, 2×2, seeds 0 | refused | 1, 5 | 0.66" in table
     assert "2 element(s) folded, det F" in table
     assert "plain, one, one point " in capsys.readouterr().out
-
-
-def test_meshes_that_differ_in_their_seed_share_a_line_of_the_picture():
-    def row(outcome, solves=3):
-        message = "" if outcome == ends.RIGHT else "stopped"
-        return {"outcome": outcome, "linear_solves": solves, "message": message}
-
-    right, refused = row(ends.RIGHT), row(ends.REFUSED)
-    assert tables._cell([right]) == ({ends.RIGHT: 1}, "3")
-    assert tables._cell([refused]) == ({ends.REFUSED: 1}, "")
-    shared = {ends.RIGHT: 2, ends.REFUSED: 1}
-    assert tables._cell([refused, right, right]) == (shared, "2/3")
