@@ -189,7 +189,7 @@ def test_a_study_that_was_killed_goes_on_and_its_report_is_the_same(tmp_path):
     assert not kept.exists()
     subprocess.run([*command, "whole"], **options, check=True)
     files = [p.name for p in (tmp_path / "whole").iterdir()]
-    assert len(files) == 4
+    assert len(files) == 3
     for name in files:
         ours, theirs = (tmp_path / d / name for d in ("killed", "whole"))
         assert ours.read_bytes() == theirs.read_bytes()
