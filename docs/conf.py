@@ -32,10 +32,10 @@ myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
 # It makes a dash of the two before an option.
 smartquotes = False
-# A folder with the name of a page holds tables, which that page includes.
+# Folders with results of studies contain tables, which pages include.
 exclude_patterns = [
     "_build",
-    *(page.stem for page in Path(__file__).parent.glob("*.md")),
+    *(file.parent.name for file in Path(__file__).parent.glob("*/provenance.json")),
 ]
 
 sphinx_gallery_conf = gallery_build.CONFIGURATION
@@ -60,6 +60,12 @@ def keep_numbers_whole(app, document):
             text.parent.replace(text, nodes.Text(joined))
 
 
+def remove_comments(app, name, source):
+    """Remove the markers of results, which are comments within sentences and cells."""
+    source[0] = re.sub(r"<!--.*?-->", "", source[0])
+
+
 def setup(app):
     """Connect what this file adds to Sphinx."""
+    app.connect("source-read", remove_comments)
     app.connect("doctree-read", keep_numbers_whole)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from skfem_textile.cli.output import complain, say
 
+from ..common import provenance
 from ..study import descriptions, load
 from .pages import PAGES, ROOT, filled, markers
 from .prose import unmarked
@@ -46,6 +47,9 @@ def main(check: bool) -> int:
         defects += unmarked()
         for name in descriptions():
             if _published(name):
+                folder = folder_of(name, load(name))
+                if name not in provenance.read(folder):
+                    defects.append(f"{_name(folder)} does not say where {name} is from")
                 defects += differences(name)
     for defect in defects:
         complain(defect)

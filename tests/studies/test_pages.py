@@ -1,0 +1,128 @@
+"""Pages say what the data of the studies say, or the check fails."""
+
+import pytest
+
+from studies.common.tables import csv_table, markdown_table, rows_of_csv
+from studies.figures import pages, program, prose, results
+from studies.study import Study
+
+PAGE = "# Page\n\nIt is off by <!--squares.largest-->9 mm<!--/--> with 5 % of noise.\n"
+SETTINGS = '"docs/page.md" = ["with 5 % of noise"]\n'
+
+
+class Squares(Study):
+    """A study of next to nothing."""
+
+    files = ("squares.csv", "squares.md")
+    sample = "2"
+
+    def cases(self, options):
+        return 2, 3
+
+    def examine(self, case):
+        return [{"number": case, "square": self.square(case), "seconds": 0.5}]
+
+    def square(self, number):
+        return float(number**2)
+
+    def tables(self, rows):
+        lines = [[row["number"], row["square"]] for row in rows]
+        return {
+            "squares.csv": csv_table(rows),
+            "squares.md": markdown_table(["number", "square"], lines),
+        }
+
+    def figures(self, rows):
+        return {"largest": f"{max(row['square'] for row in rows):g} mm"}
+
+
+@pytest.fixture
+def docs(tmp_path, monkeypatch):
+    """Documentation with one page and the results of one study."""
+    folder = tmp_path / "docs" / "squares"
+    folder.mkdir(parents=True)
+    study = Squares()
+    rows = [row for case in study.cases(None) for row in study.examine(case)]
+    for name, text in study.tables(rows).items():
+        (folder / name).write_text(text)
+    (folder / "provenance.json").write_text('{"squares": []}')
+    page, settings = tmp_path / "docs" / "page.md", tmp_path / "settings.toml"
+    page.write_text(PAGE)
+    settings.write_text(SETTINGS)
+    for module in (program, results):
+        monkeypatch.setattr(module, "load", lambda name: study)
+        monkeypatch.setattr(module, "ROOT", tmp_path)
+    monkeypatch.setattr(program, "descriptions", lambda: {"squares": "Squares"})
+    monkeypatch.setattr(program, "PAGES", (page,))
+    monkeypatch.setattr(prose, "CHECKED", (page,))
+    monkeypatch.setattr(prose, "ROOT", tmp_path)
+    monkeypatch.setattr(prose, "SETTINGS", settings)
+    return tmp_path / "docs"
+
+
+def replaced(file, old, new):
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+
+
+def test_pages_that_say_what_the_data_say_pass(docs, capsys):
+    assert program.main(check=True) == 0
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "named"),
+    [
+        ("page.md", "9 mm", "8 mm", "docs/page.md differs from its data"),
+        ("squares/squares.csv", "3,9.0", "3,9.5", "docs/page.md differs from its data"),
+        ("squares/squares.md", "9.0", "9.1", "docs/squares/squares.md differs"),
+        ("page.md", "noise", "noise in 3.2 s", "no marker makes '3.2 s'"),
+        ("page.md", "noise", "noise, 1/3.2 of it", "no marker makes '1/3.2'"),
+        ("page.md", "noise", "noise, 62 cases", "no marker makes '62 cases'"),
+        ("page.md", "noise", "noise; 1415 are right", "no marker makes '1415'"),
+        ("page.md", "5 %", "7 %", "does not say 'with 5 % of noise'"),
+        ("page.md", ".largest", ".least", "no result is named squares.least"),
+    ],
+)
+def test_a_change_of_a_page_or_its_data_is_found(docs, capsys, file, old, new, named):
+    replaced(docs / file, old, new)
+    assert program.main(check=True) == 1
+    assert named in capsys.readouterr().err
+
+
+def test_data_that_the_code_no_longer_gives_are_found(docs, monkeypatch, capsys):
+    monkeypatch.setattr(Squares, "square", lambda self, number: 1.001 * number**2)
+    assert program.main(check=True) == 1
+    said = capsys.readouterr().err
+    assert "squares, 2: square is 4.004, not 4.0" in said
+
+
+def test_results_without_their_origin_are_named(docs, capsys):
+    (docs / "squares" / "provenance.json").unlink()
+    assert program.main(check=True) == 1
+    assert "docs/squares does not say where squares is from" in capsys.readouterr().err
+
+
+def test_results_are_written_into_pages_and_tables(docs):
+    replaced(docs / "squares" / "squares.csv", "3,9.0", "3,16.0")
+    assert program.main(check=False) == 0
+    assert (
+        "by <!--squares.largest-->16 mm<!--/--> with" in (docs / "page.md").read_text()
+    )
+    assert "| 3 | 16.0 |" in (docs / "squares" / "squares.md").read_text()
+    rows = rows_of_csv((docs / "squares" / "squares.csv").read_text())
+    assert rows[1]["square"] == 16.0  # data are never written
+
+
+def test_every_page_with_prose_is_checked_and_every_marker_is_filled():
+    """A page of the documentation is looked at, or describes interfaces alone."""
+    docs = pages.ROOT / "docs"
+    names = {page.relative_to(docs).stem for page in docs.glob("*.md")}
+    interfaces = {"api", "architecture", "case-files", "cite", "decks"}
+    interfaces |= {"for-scikit-fem", "glossary", "internals", "theory", "theory-space"}
+    checked = {page.stem for page in prose.CHECKED if page.parent == docs}
+    assert names - interfaces == checked
+    for page in pages.PAGES:
+        text = page.read_text()
+        assert text.count("<!--/-->") == len([*pages.markers(text)]), page
