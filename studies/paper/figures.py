@@ -16,7 +16,7 @@ from .strips import Strip
 
 
 def draw(rows: Sequence[tuple[Strip, Row]], folder: Path) -> None:
-    """Draw the strips whose stabilisation has an energy, each with its row."""
+    """Draw the strips whose stabilisation has an energy, each with what it draws."""
     drawn = [(case, row) for case, row in rows if not case.is_of_rates]
     panels = {
         "Fig. 5": [

@@ -1,12 +1,13 @@
 """The two-element systems of Hamila & Boisse (2013) beside what the paper prints."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy import ndarray
 
 from ..common.tables import markdown_table
-from .two_element import MESHES, PrintedSystem, systems
+from ..study import Row
+from .two_element import MESHES, systems
 
 
 class Slip(NamedTuple):
@@ -94,16 +95,18 @@ def _jacobian_of_B(first: int, second: int) -> float:
     return float(np.linalg.det(np.array([g1, g2])))
 
 
-def report() -> dict[str, list[dict]]:
+def report() -> Row:
     """Systems and slips as plain data, ready for JSON."""
     return {
         "systems": [
             {
                 **system._asdict(),
+                "unknowns": list(system.unknowns),
                 "rows": system.rows.tolist(),
                 "solution": None
                 if system.solution is None
                 else system.solution.tolist(),
+                "equations": list(system.equations),
                 "printed": system.printed.tolist(),
                 "factor": None if np.isnan(system.factor) else system.factor,
                 "difference": system.difference.tolist(),
@@ -114,41 +117,47 @@ def report() -> dict[str, list[dict]]:
     }
 
 
-def table() -> str:
-    """Equations, systems and slips as Markdown tables."""
+def table(systems: Sequence[Row], slips: Sequence[Row]) -> str:
+    """Equations that the paper prints, systems and slips as Markdown tables.
+
+    Parameters
+    ----------
+    systems, slips
+        As from `report`.
+    """
     equations, solutions = [], []
-    for s in systems():
-        which = f"{s.mesh}, {s.points}, {s.element} along {s.direction}"
-        solutions.append([which, s.rank, _solution(s), s.conclusion])
-        for i, row in enumerate(s.rows):
-            printed, off = "-", "-"
-            if s.printed.size:
-                printed = _equation(s, s.printed[i])
-                off = f"{np.abs(s.difference[i]).max():.1e}"
-                off += f", after a factor {s.factor:g}" if s.factor != 1 else ""
-            computed = printed, _equation(s, row), off
-            equations.append([which, s.equations[i], *computed])
+    for s in systems:
+        which = f"{s['mesh']}, {s['points']}, {s['element']} along {s['direction']}"
+        solutions.append([which, s["rank"], _solution(s), s["conclusion"]])
+        compared = zip(
+            s["equations"], s["rows"], s["printed"], s["difference"], strict=False
+        )
+        for number, row, printed, difference in compared:
+            off = f"{np.abs(difference).max():.1e}"
+            off += f", after a factor {s['factor']:g}" if s["factor"] != 1 else ""
+            line = _equation(s, printed), _equation(s, row), off
+            equations.append([which, number, *line])
     tables: dict[tuple[str, ...], Any] = {
         ("system", "paper", "printed", "computed", "difference"): equations,
         ("system", "rank", "solution", "paper's conclusion"): solutions,
-        ("where", "printed", "correct", "computed"): slips(),
+        ("where", "printed", "correct", "computed"): [s.values() for s in slips],
     }
     return "\n".join(markdown_table(list(head), x) for head, x in tables.items())
 
 
-def _equation(system: PrintedSystem, row: ndarray) -> str:
-    a, b, right = (x + 0.0 for x in row.round(8))  # no minus zero
-    first, second = system.unknowns
+def _equation(system: Row, row: Sequence[float]) -> str:
+    a, b, right = (round(x, 8) + 0.0 for x in row)  # no minus zero
+    first, second = system["unknowns"]
     sign = "+" if b >= 0 else "-"
     left = f"{a:.10g} {first} {sign} {abs(b):.10g} {second}"
     return f"{left} = {right:.10g}"
 
 
-def _solution(system: PrintedSystem) -> str:
-    first, second = system.unknowns
-    if system.solution is None:
-        a, b, right = system.rows[0]
+def _solution(system: Row) -> str:
+    first, second = system["unknowns"]
+    if system["solution"] is None:
+        a, b, right = system["rows"][0]
         constant = f"{right / b:.6g} + " if right else ""
         return f"{second} = {constant}{-a / b:.6g} {first}"
-    x, y = system.solution + 0.0
+    x, y = (value + 0.0 for value in system["solution"])
     return f"{first} = {x:.6g}, {second} = {y:.6g}"

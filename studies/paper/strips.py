@@ -70,12 +70,24 @@ def _stabilised(kind: Kind) -> list[Strip]:
     ]
 
 
+#: The numbers of a strip by what tables call them, under their names in the summary.
+MEASURED = {
+    "strain": "max_fibre_strain",
+    "mesh strain": "mesh_fibre_strain",
+    "load (N)": "reaction_x",
+    "position, rms (mm)": "displacement_error_rms",
+    "max (mm)": "displacement_error_max",
+    "angle, rms (°)": "shear_angle_error_rms_deg",
+}
+
+
 @errors_only()
 def examined(case: Strip) -> Row:
     """Run a strip as far as it goes.
 
-    Its figures beside the paper's, its load curve as displacements at the top of the
-    right edge and forces on that edge, its last load factor and displacement.
+    Its row has its results beside those of the paper and, as ``drawn``, what pictures
+    need: the load curve as displacements at the top of the right edge and forces on
+    that edge, the last load factor and the last displacement.
     """
     scene, ply, outcome = strip(case.mesh), case.ply(), "stable"
     try:
@@ -86,27 +98,20 @@ def examined(case: Strip) -> Row:
         outcome = f"no acceptable state beyond load factor {t:.3f}; figures at that"
     summary = scene.summary(result)
     corner = int(np.argmax(scene.mesh.p.sum(axis=0)))
-    figures = {
+    return {
         "figure": case.figure,
         "mesh": case.mesh,
         "element": case.formulation.title,
         "outcome": outcome,
         "strain, paper": case.strain,
         "load, paper": case.load,
-        "strain": summary["max_fibre_strain"],
-        "mesh strain": summary["mesh_fibre_strain"],
-        "load (N)": summary["reaction_x"],
-        "position, rms (mm)": summary["displacement_error_rms"],
-        "max (mm)": summary["displacement_error_max"],
-        "angle, rms (°)": summary["shear_angle_error_rms_deg"],
-    }
-    return {
-        "case": case.name,
-        "figures": figures,
-        "curve": (
-            [float(ply.nodal(state.u)[0, corner]) for state in result.states],
-            [float(scene.reaction(state)[0]) for state in result.states],
-        ),
-        "load_factor": result.states[-1].load_factor,
-        "u": result.u.tolist(),
+        **{name: summary[key] for name, key in MEASURED.items()},
+        "drawn": {
+            "curve": (
+                [float(ply.nodal(state.u)[0, corner]) for state in result.states],
+                [float(scene.reaction(state)[0]) for state in result.states],
+            ),
+            "load_factor": result.states[-1].load_factor,
+            "u": result.u.tolist(),
+        },
     }

@@ -6,8 +6,10 @@ import pytest
 
 from skfem_textile import Full, OnePoint
 from studies.__main__ import main
+from studies.common.provenance import FILE
 from studies.paper import strips
-from studies.paper.printed import slips, table
+from studies.paper.printed import report, slips, table
+from studies.paper.study import STUDY
 from studies.paper.two_element import systems
 
 BY_NAME = {system[:4]: system for system in systems()}
@@ -69,8 +71,9 @@ def test_the_slips_are_slips():
 
 
 def test_the_tables_have_a_row_per_equation_system_and_slip():
-    tables = [part.splitlines() for part in table().split("\n\n")]
-    rows = 3 * 2 * 2 * (4 + 1), len(systems()), len(slips())
+    tables = [part.splitlines() for part in table(**report()).split("\n\n")]
+    printed = sum(len(system.printed) for system in systems())
+    rows = printed, len(systems()), len(slips())
     assert [len(lines) - 2 for lines in tables] == list(rows)
     for lines in tables:
         assert len({line.count("|") for line in lines}) == 1
@@ -80,7 +83,7 @@ def test_the_tables_have_a_row_per_equation_system_and_slip():
     "digits", ["1.42661107", "2.13991661", "-1.18884256", "1.54532201", "0.3185494"]
 )
 def test_the_table_shows_the_printed_digits(digits):
-    equations, *_ = table().split("\n\n")
+    equations, *_ = table(**report()).split("\n\n")
     printed = [line.split("|")[3] for line in equations.splitlines()]
     assert any(digits in cell for cell in printed)
 
@@ -88,10 +91,11 @@ def test_the_table_shows_the_printed_digits(digits):
 def test_two_elements_write_their_systems_alone(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["paper", "--case", "two elements", "--out", str(out)]) == 0
-    assert {file.name for file in out.iterdir()} == {"systems.json", "systems.md"}
-    report = json.loads((out / "systems.json").read_text())
-    assert len(report["systems"]) == 3 * 2 * 2 * 2
-    assert len(report["slips"]) == 8
+    names = {"systems.json", "systems.md", FILE}
+    assert {file.name for file in out.iterdir()} == names
+    written = json.loads((out / "systems.json").read_text())
+    assert len(written["systems"]) == 3 * 2 * 2 * 2
+    assert len(written["slips"]) == 8
     assert "0.38225928 u3 - 0.57338893 u4 = 0" in capsys.readouterr().out
 
 
@@ -109,7 +113,7 @@ def test_strips_are_tabled_and_one_that_stops_does_not_stop_the_others(
     monkeypatch.setattr(strips, "strips", lambda: FEW)
     out = tmp_path / "out"
     assert main(["paper", "--case", "Fig. *", "--out", str(out)]) == 0
-    names = {"paper.csv", "paper.md", "contact_sheet.png", "load_curves.png"}
+    names = {"paper.csv", "paper.md", "contact_sheet.png", "load_curves.png", FILE}
     assert {file.name for file in out.iterdir()} == names
     with open(out / "paper.csv") as file:
         rows = list(csv.DictReader(file))
@@ -121,3 +125,28 @@ def test_strips_are_tabled_and_one_that_stops_does_not_stop_the_others(
     assert float(rows[1]["load (N)"]) == pytest.approx(-3.49714, rel=1e-5)
     assert (out / "paper.md").read_text().count("\n") == 5
     assert "Fig. 11" in capsys.readouterr().out
+
+
+def test_a_run_of_the_two_elements_keeps_strips_and_pictures(
+    tmp_path, monkeypatch, capsys
+):
+    pytest.importorskip("pyvista")
+    monkeypatch.setattr(strips, "strips", lambda: FEW[:2])
+    out = str(tmp_path)
+    assert main(["paper", "--out", out]) == 0
+    names = {file.name for file in tmp_path.iterdir()}
+    rows = STUDY.stored(tmp_path)
+    assert [row["case"] for row in rows] == [*(x.name for x in FEW[:2]), "two elements"]
+    texts = {name: (tmp_path / name).read_bytes().decode() for name in STUDY.files}
+    assert STUDY.tables(rows) == texts
+    assert main(["paper", "--case", "two elements", "--out", out]) == 0
+    assert {file.name for file in tmp_path.iterdir()} == names
+    assert STUDY.stored(tmp_path) == rows
+
+
+def test_rates_differ_from_the_energy_by_what_differs_most():
+    energy = {"figure": "11c", "element": "one point, Cs = 10"}
+    energy |= dict.fromkeys(strips.MEASURED, -2.0)
+    rate = energy | {"element": "one point, Cs = 10, rate", "load (N)": -2.1}
+    assert STUDY.figures([energy, rate]) == {"rate_apart": "5.0 %"}
+    assert STUDY.figures([energy, rate | {"strain": -1.0}]) == {"rate_apart": "50.0 %"}
