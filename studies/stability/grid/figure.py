@@ -80,9 +80,8 @@ def _panel(
     ]
     pixels = np.ones((len(ratios), len(distortions), 3))
     for i, j, cell in every:
-        none = cell.load is None
-        colour = mpl.colors.to_rgb(_NO_RESULT if none else colours(norm(cell.load)))
-        pixels[i, j] = colour
+        name = _NO_RESULT if cell.load is None else colours(norm(cell.load))
+        pixels[i, j] = colour = mpl.colors.to_rgb(name)
         dark = np.dot(colour, (0.299, 0.587, 0.114)) < _DARK
         axes.text(
             j,
@@ -94,5 +93,8 @@ def _panel(
         )
     axes.imshow(pixels, aspect="auto", origin="lower")
     axes.set_xticks(range(len(distortions)), [f"{x:g}"[-3:] for x in distortions])
+    axes.set_xticks(np.arange(0.5, len(distortions) - 1), minor=True)
+    axes.set_yticks(np.arange(0.5, len(ratios) - 1), minor=True)
+    axes.grid(which="minor", color="white", linewidth=0.8)
     axes.spines[:].set_visible(False)
-    axes.tick_params(length=0)
+    axes.tick_params(which="both", length=0)

@@ -88,8 +88,8 @@ class Reference:
         with another formulation, as shares of the load.
         """
         loads = []
-        for formulation, cells in REFERENCES:
-            mesh = graded_mesh(np.pi / 4, WIDTH, cells, _GRADING)
+        for formulation, n in REFERENCES:
+            mesh = graded_mesh(np.pi / 4, WIDTH, n, _GRADING)
             scene = bias_extension(mesh, shear_angle=np.radians(ANGLE))
             ply = _ply(scene, self.ratio, formulation)
             result = LoadStepper(ply, scene.conditions, _REFERENCE_STEPS).run()
