@@ -35,6 +35,10 @@ RATIOS = (2e4, 2e5, 2e6)
 ACROSS = (16, 32)
 MESHES = {"quads": "irregular", "triangles": "delaunay"}
 
+#: Limits of the errors of median loads by the number of edges across, as shares, up to
+#: the inclination `STEEP` in degrees; twice as much above.
+LIMITS, STEEP = {16: 0.04, 32: 0.02}, 52.5
+
 #: Largest move of a node, as a share of the spacing.
 JITTER = 0.25
 
@@ -102,6 +106,11 @@ class Specimen:
     def fabric(self, scene: Scene) -> Fabric:
         """The fabric of the scene."""
         return Fabric(self.ratio * G, self.shear_law, scene.warp, scene.weft)
+
+
+def limit(inclination: float, across: int) -> float:
+    """Limit of the error of a median load, as a share of the reference."""
+    return LIMITS[across] * (2 if inclination > STEEP else 1)
 
 
 SPECIMENS = tuple(Specimen(*given) for given in product(INCLINATIONS, LAWS, RATIOS))

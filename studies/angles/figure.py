@@ -12,8 +12,17 @@ from matplotlib.patches import Patch
 
 from ..common.figures import colour_of, figure_of, legend, marker_of
 from ..study import Row
-from .cases import ACROSS, ANGLES, INCLINATIONS, LAWS, MESHES, RATIOS, Specimen
-from .tables import errors, limit
+from .cases import (
+    ACROSS,
+    ANGLES,
+    INCLINATIONS,
+    LAWS,
+    MESHES,
+    RATIOS,
+    Specimen,
+    limit,
+)
+from .tables import errors
 
 # Width in degrees over which the lines of a panel stand beside each other.
 _SPREAD = 3.0

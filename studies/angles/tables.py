@@ -7,17 +7,8 @@ import numpy as np
 
 from ..common.tables import markdown_table
 from ..study import Row
-from .cases import ACROSS, ANGLES, INCLINATIONS, MESHES, SPECIMENS, Specimen
+from .cases import ACROSS, ANGLES, INCLINATIONS, MESHES, SPECIMENS, Specimen, limit
 from .references import AGREEMENT, agree
-
-#: Most by which a median may be off by the number of edges across, as a share of the
-#: reference: up to this inclination, and twice as much above it.
-LIMITS, STEEP = {16: 0.04, 32: 0.02}, 52.5
-
-
-def limit(inclination: float, across: int) -> float:
-    """Most by which a median load may be off, as a share of the reference."""
-    return LIMITS[across] * (2 if inclination > STEEP else 1)
 
 
 def errors(

@@ -9,31 +9,38 @@ import numpy as np
 from skfem import Mesh
 
 from skfem_textile.fabric import CrimpToe, Fabric, Law, Linear, Tabulated, TensionOnly
-from skfem_textile.ply.formulations import OnePoint, Quadratic
+from skfem_textile.ply.formulations import Full, OnePoint, Quadratic
 from skfem_textile.ply.ply import DEFAULT
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 
-from .linear_triangles import LinearTriangles
+from ..angles.aligned_mesh import graded_mesh
+from ..angles.cases import (
+    ACROSS,
+    ANGLES,
+    GRADING,
+    JITTER,
+    JUDGING,
+    STEPS,
+    G,
+    Specimen,
+)
+
+#: The specimen of the study of angles with the linear law: its meshes, references and
+#: limits are those of this study.
+SPECIMEN = Specimen(45.0, "linear", 2e5)
 
 #: Sides in mm, and shear angle in radians at the end.
-SIDES, ANGLE = (50.0, 100.0), np.radians(40.0)
+SIDES, ANGLE = (50.0, 100.0), np.radians(ANGLES[-1])
 
-#: Load steps, and more of them where runs say that their path was not resolved.
-STEPS, MORE_STEPS = 4, 16
+#: Load steps of second runs with steep shear.
+MORE_STEPS = 2 * STEPS
 
-#: Stiffness of straight fibres and of shear at rest in N/mm.
-E, G = 1e5, 0.5
+#: Stiffness of straight fibres in N/mm.
+E = SPECIMEN.ratio * G
 
-#: Largest move of a node, as a share of the spacing.
-JITTER = 0.25
-
-#: Most by which the load may be off by the number of element edges across, and most by
-#: which two references may differ.
-LIMITS, AGREEMENT = {16: 0.02, 32: 0.01}, 0.005
-
-SEEDS = (1, 2, 3, 4, 5)
+SEEDS = JUDGING[0]
 
 
 @dataclass(frozen=True)
@@ -69,7 +76,7 @@ MATERIALS = (LINEAR, TOE, TENSION_ONLY, STEEP_SHEAR, STIFF_WARP)
 
 @dataclass(frozen=True)
 class Method:
-    """A formulation on meshes with so many element edges across, by seed."""
+    """A formulation on meshes with a number of element edges across, by seed."""
 
     name: str
     mesh: Callable[[int, int], Mesh]
@@ -83,9 +90,8 @@ def _irregular(kind: str, parts: int, across: int, seed: int) -> Mesh:
     return rectangle(*SIDES, (n, 2 * n), kind, JITTER, seed)
 
 
-def _along_fibres(across: int, seed: int) -> Mesh:
-    size, angles = (across, 2 * across), np.radians([45.0, 135.0])
-    return rectangle(*SIDES, size, "aligned", JITTER, seed, *angles)
+def _along_fibres(cells: int, seed: int) -> Mesh:
+    return graded_mesh(np.pi / 4, SIDES[0], cells, GRADING)
 
 
 #: The methods that are judged, and one beside them.
@@ -104,15 +110,20 @@ def judged_methods(material: Material) -> dict[Method, tuple[int, ...]]:
     return JUDGED | IN_MORE_STEPS if material is STEEP_SHEAR else JUDGED
 
 
-#: The references with their numbers of elements along the clamps.
-LINEAR_TRIANGLES = Method("linear triangles", _along_fibres, LinearTriangles())
-QUADRATIC = Method("quadratic triangles", _along_fibres, Quadratic())
-REFERENCES = {LINEAR_TRIANGLES: (64, 128, 256), QUADRATIC: (32, 64, 128)}
+#: The references with their numbers of cells along a side of a rhombus: the last is
+#: the converged one.
+FULL = Method("full", _along_fibres, Full())
+QUADRATIC = Method("quadratic", _along_fibres, Quadratic())
+REFERENCES = (FULL, 16), (QUADRATIC, 16), (QUADRATIC, 32)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A run: a material and a method, on a mesh with so many edges across."""
+    """A run: a material and a method, on a mesh.
+
+    ``across`` is the number of element edges across, of references the number of cells
+    along a side of a rhombus.
+    """
 
     group: str
     material: Material
@@ -127,11 +138,11 @@ class Case:
 
 
 def all_cases() -> Iterator[Case]:
-    """Every case, the references from coarse to fine."""
+    """Every case."""
+    for material in MATERIALS:
+        for method, cells in REFERENCES:
+            yield Case("reference", material, method, cells, 0)
     for material in MATERIALS:
         for method, seeds in judged_methods(material).items():
-            for across, seed in product(LIMITS, seeds):
+            for across, seed in product(ACROSS, seeds):
                 yield Case("judged", material, method, across, seed)
-    for i, material in product(range(3), MATERIALS):
-        for method, cells in REFERENCES.items():
-            yield Case("reference", material, method, cells[i], 0)

@@ -9,10 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from ..angles.cases import LIMITS
 from ..common.figures import colour_of, figure_of, legend, marker_of
 from ..study import Row
-from .cases import LIMITS, LINEAR, MATERIALS, judged_methods
-from .tables import converged, of
+from .cases import LINEAR, MATERIALS, judged_methods
+from .tables import errors
 
 # Methods beside each other in a column of width 1.
 _SPREAD = 0.25
@@ -55,15 +56,9 @@ def draw_errors(
 
 def _draw(axes: Axes, rows: Sequence[Row], across: int) -> None:
     for place, material in enumerate(MATERIALS):
-        end = converged(rows, material)
         for i, method in enumerate(judged_methods(LINEAR)):
-            loads = [
-                row["load"]
-                for row in of(rows, material, method)
-                if row["across"] == across
-            ]
-            x = np.full(len(loads), place + _SPREAD * (i - 1))
-            off = 100 * (np.array(loads) / end - 1)
+            off = 100 * errors(rows, material, method, across)
+            x = np.full(len(off), place + _SPREAD * (i - 1))
             axes.plot(x, off, linestyle="", alpha=0.7, **_style(i))
 
 

@@ -1,6 +1,6 @@
 """The bias extension with five laws: how far the load is from a converged one.
 
-The references are linear and quadratic triangles with edges along the fibres.  The
+The references are quadratic triangles along the fibres, as in the study of angles.  The
 default formulation is judged on irregular quadrilaterals and on Delaunay's triangles.
 """
 
@@ -17,7 +17,7 @@ from ..common.log import warnings_collected
 from ..common.tables import csv_table
 from ..study import Row, Study
 from .cases import Case, all_cases
-from .tables import judged, references
+from .tables import in_words, judged, references
 
 
 class Laws(Study[Case]):
@@ -25,6 +25,7 @@ class Laws(Study[Case]):
 
     files = ("laws.csv", "references.md", "judged.md")
     pictures = ("laws.png",)
+    sample = "linear: default, quads, 16 across, 1"
 
     def cases(self, options: argparse.Namespace) -> list[Case]:
         return list(all_cases())
@@ -71,6 +72,9 @@ class Laws(Study[Case]):
             "references.md": references(rows),
             "judged.md": judged(rows),
         }
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        return in_words(rows)
 
     def draw(self, rows: list[Row], folder: Path) -> None:
         from .figure import draw_errors

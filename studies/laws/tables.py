@@ -1,19 +1,21 @@
-"""Tables of the study of laws, in Markdown."""
+"""Tables and results in words of the study of laws."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ..angles.cases import ACROSS, LIMITS
+from ..angles.references import AGREEMENT
 from ..common.tables import markdown_table
 from ..study import Row
 from .cases import (
-    AGREEMENT,
-    LIMITS,
-    LINEAR_TRIANGLES,
+    IN_MORE_STEPS,
     MATERIALS,
-    QUADRATIC,
+    QUADS,
     REFERENCES,
+    STEEP_SHEAR,
+    TRIANGLES,
     Material,
     Method,
     judged_methods,
@@ -26,96 +28,155 @@ def of(rows: Sequence[Row], material: Material, method: Method) -> list[Row]:
     return [row for row in rows if (row["material"], row["method"]) == key]
 
 
-def by_refinement(
-    rows: Sequence[Row], material: Material, method: Method
-) -> dict[int, float]:
-    """Loads of a reference by the number of cells across, those that it reached."""
-    own = of(rows, material, method)
-    loads = {row["across"]: row["load"] for row in own if np.isfinite(row["load"])}
-    return dict(sorted(loads.items()))
-
-
 def converged(rows: Sequence[Row], material: Material) -> float:
-    """The load of the finest quadratic triangles; nan if there is none."""
-    return _last(by_refinement(rows, material, QUADRATIC), 1)
+    """The load in N of the finest reference; nan if there is none."""
+    return _loads(rows, material)[REFERENCES[-1]]
+
+
+def errors(
+    rows: Sequence[Row], material: Material, method: Method, across: int
+) -> np.ndarray:
+    """Errors of the loads of the seeds, as shares; nan if a run is refused."""
+    own = [row for row in of(rows, material, method) if row["across"] == across]
+    end = converged(rows, material)
+    return np.array([row["load"] / end - 1 for row in own])
 
 
 def references(rows: Sequence[Row]) -> str:
-    """The loads of the references, and by how much they differ."""
+    """The loads of the references, and how much they differ."""
     lines = []
     for material in MATERIALS:
-        loads = {m: by_refinement(rows, material, m) for m in REFERENCES}
-        line = [material.name]
-        for method, found in loads.items():
-            cells = REFERENCES[method]
-            line += [f"{found[n]:.2f}" if n in found else "-" for n in cells]
-        end = converged(rows, material)
-        apart = _last(loads[LINEAR_TRIANGLES], 1) / end - 1
-        line.append(_percent(apart))
-        line += [_percent(_last(x, 1) / _last(x, 2) - 1) for x in loads.values()]
-        line.append("yes" if abs(apart) <= AGREEMENT else "no")
-        lines.append(line)
-    head = ["material"]
-    for method, cells in REFERENCES.items():
-        name = method.name.removesuffix(" triangles")
-        head += [f"{name}, {n}: N" for n in cells]
-    head += ["apart", *(f"last halving, {m.name.split()[0]}" for m in REFERENCES)]
-    return markdown_table([*head, f"within {100 * AGREEMENT:g} %"], lines)
+        loads = _loads(rows, material)
+        apart, halving = _differences(loads)
+        lines.append(
+            [
+                material.name,
+                *(f"{x:.2f}" if np.isfinite(x) else "-" for x in loads.values()),
+                _percent(apart),
+                _percent(halving),
+                "yes" if max(abs(apart), abs(halving)) <= AGREEMENT else "no",
+            ]
+        )
+    head = [f"{method.name}, {cells} cells: N" for method, cells in REFERENCES]
+    head += ["apart", "last halving", f"within {100 * AGREEMENT:g} %"]
+    return markdown_table(["material", *head], lines)
 
 
 def judged(rows: Sequence[Row]) -> str:
-    """By how much loads are off, their medians and the worst seeds."""
+    """Errors of loads: their medians and the worst seeds."""
     lines = []
     for material in MATERIALS:
-        end = converged(rows, material)
         for method in judged_methods(material):
             line = [material.name, method.name]
             own = of(rows, material, method)
-            for across, limit in LIMITS.items():
+            for across in ACROSS:
+                off = errors(rows, material, method, across)
                 seeds = [row for row in own if row["across"] == across]
-                line += _cells(seeds, end, limit)
+                line += _cells(off, LIMITS[across], seeds)
             lines.append(line)
     head = ["material", "method"]
-    for across, limit in LIMITS.items():
-        head += [
-            f"{across} across: median",
-            "worst",
-            f"within {100 * limit:g} %",
-            "warned",
-        ]
+    for across in ACROSS:
+        limit = f"within {100 * LIMITS[across]:g} %"
+        head += [f"{across} across: median", "worst", limit, "warned"]
     return markdown_table(head, lines)
 
 
-def _cells(seeds: Sequence[Row], end: float, limit: float) -> list[str]:
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """The results that pages say, by name."""
+    words = {f"limit_{n}": f"{100 * LIMITS[n]:g} %" for n in ACROSS}
+    medians = dict(_medians(rows))
+    met = {
+        share: sum(abs(x) <= share * LIMITS[key[2]] for key, x in medians.items())
+        for share in (1.0, 0.5)
+    }
+    words["met"] = f"{met[1.0]} of {len(medians)}"
+    words["met_half"] = f"{met[0.5]} of {len(medians)}"
+    for name, method in (("quads", QUADS), ("triangles", TRIANGLES)):
+        for across in ACROSS:
+            own = {m: x for (m, *key), x in medians.items() if key == [method, across]}
+            steep = own.pop(STEEP_SHEAR)
+            key = f"{name}_{across}"
+            words[f"{key}_steep"] = _size(steep)
+            words[f"{key}_others"] = _size(max(own.values(), key=abs))
+            words[key] = _size(max([steep, *own.values()], key=abs))
+            worst = [errors(rows, m, method, across) for m in MATERIALS]
+            words[f"{key}_worst"] = _size(np.nanmax(np.abs(worst)))
+            met_here = sum(abs(x) <= LIMITS[across] for x in (steep, *own.values()))
+            words[f"{key}_met"] = f"{met_here} of {len(own) + 1}"
+    differences = [_differences(_loads(rows, m)) for m in MATERIALS]
+    words["references"] = f"{100 * np.max(np.abs(differences)):.2f} %"
+    words["in_more_steps"] = _size(_change_in_more_steps(rows))
+    return words
+
+
+def _medians(
+    rows: Sequence[Row],
+) -> Iterator[tuple[tuple[Material, Method, int], float]]:
+    """The median errors of the default formulation."""
+    for material in MATERIALS:
+        for method in (QUADS, TRIANGLES):
+            for across in ACROSS:
+                off = errors(rows, material, method, across)
+                yield (material, method, across), float(np.nanmedian(off))
+
+
+def _change_in_more_steps(rows: Sequence[Row]) -> float:
+    """The largest change of a median with steep shear in more steps, as a share."""
+    changes = [
+        np.nanmedian(errors(rows, STEEP_SHEAR, more, across))
+        - np.nanmedian(errors(rows, STEEP_SHEAR, method, across))
+        for method, more in zip((QUADS, TRIANGLES), IN_MORE_STEPS, strict=True)
+        for across in ACROSS
+    ]
+    return float(np.abs(changes).max())
+
+
+def _loads(rows: Sequence[Row], material: Material) -> dict[tuple[Method, int], float]:
+    """Loads of the references in N; nan where there is none."""
+    return {
+        (method, cells): next(
+            (r["load"] for r in of(rows, material, method) if r["across"] == cells),
+            np.nan,
+        )
+        for method, cells in REFERENCES
+    }
+
+
+def _differences(loads: dict[tuple[Method, int], float]) -> tuple[float, float]:
+    """Other formulation and last halving against the finest, as shares of the load."""
+    other, coarse, finest = loads.values()
+    return other / finest - 1, finest / coarse - 1
+
+
+def _cells(off: np.ndarray, limit: float, seeds: Sequence[Row]) -> list[str]:
     """Median, worst, whether the median is within the limit, and warnings."""
-    off = np.array([row["load"] / end - 1 for row in seeds])
-    off = off[np.isfinite(off)]
-    if not off.size:
+    known = off[np.isfinite(off)]
+    if not known.size:
         return ["-"] * 4
-    median, met = np.median(off), np.sum(np.abs(off) <= limit)
-    refused = len(seeds) - off.size
+    median, met = np.median(known), np.sum(np.abs(known) <= limit)
+    refused = off.size - known.size
     return [
         _percent(median) + (f" ({refused} refused)" if refused else ""),
-        _percent(off[np.abs(off).argmax()]),
-        f"{'yes' if abs(median) <= limit else 'no'}, {met} of {len(seeds)}",
+        _percent(known[np.abs(known).argmax()]),
+        f"{'yes' if abs(median) <= limit else 'no'}, {met} of {off.size}",
         warned(seeds),
     ]
 
 
 def warned(rows: Sequence[Row]) -> str:
-    """What runs are warned of, each with the number of runs.
+    """Subjects of the warnings of runs, each with the number of runs.
 
     Examples
     --------
     >>> path = "the path was not resolved"
-    >>> said = (path, f"load factor 1: deviations carry 12% | {path}", "")
-    >>> warned([{"warnings": text} for text in said])
+    >>> texts = (path, f"load factor 1: deviations carry 12% | {path}", None)
+    >>> warned([{"warnings": text} for text in texts])
     'deviations 1, path 2'
     """
     told = Counter(
         subject
         for row in rows
-        for subject in {_subject(text) for text in row["warnings"].split(" | ") if text}
+        for subject in {_subject(x) for x in (row["warnings"] or "").split(" | ") if x}
     )
     return ", ".join(f"{subject} {n}" for subject, n in sorted(told.items())) or "-"
 
@@ -126,9 +187,9 @@ def _subject(warning: str) -> str:
     return text.removeprefix("the ").split()[0]
 
 
-def _last(loads: dict[int, float], back: int) -> float:
-    """The finest load, or the one before it; nan if there are too few."""
-    return list(loads.values())[-back] if len(loads) >= back else np.nan
+def _size(share: float) -> str:
+    """The size of a share in words."""
+    return f"{100 * abs(share):.1f} %"
 
 
 def _percent(share: float) -> str:
