@@ -57,8 +57,8 @@ def draw_constants(
     >>> [axes.get_title() for axes in figure.axes[:2]]
     ['Fibres at 0°', 'Fibres at 30°']
     """
-    size = 2.6 * len(_LAYOUTS), 2.4 * len(_RESULTS) + 0.6
-    with figure_of(size, filename, font_size=9) as figure:
+    size = 1.7 * len(_LAYOUTS), 1.8 * len(_RESULTS) + 0.5
+    with figure_of(size, filename, font_size=8) as figure:
         grid = figure.subplots(
             len(_RESULTS), len(_LAYOUTS), sharex=True, sharey="row", squeeze=False
         )
@@ -76,9 +76,9 @@ def draw_constants(
         _slope(grid[0, 0], 1, 0.075)
         _slope(grid[0, 0], 2, 0.012)
         for axes in grid[-1]:
-            axes.set_xlabel("Spacings along a side, 1/h")
+            axes.set_xlabel("Spacings a side, 1/h")
         handles = [Line2D([], [], label=name, **s) for name, s in _STYLES.items()]
-        legend(figure, handles, 4)
+        legend(figure, handles, 3)
     return figure
 
 
@@ -99,6 +99,4 @@ def _slope(axes: mpl.axes.Axes, power: int, start: float) -> None:
     end = start * (first / last) ** power
     axes.plot([first, last], [start, end], color="grey", linewidth=0.8)
     name = "h" if power == 1 else "h²"
-    axes.annotate(
-        name, (last, end), (3, -3), textcoords="offset points", color="grey", fontsize=8
-    )
+    axes.annotate(name, (last, end), (3, -3), textcoords="offset points", color="grey")

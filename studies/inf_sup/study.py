@@ -8,6 +8,7 @@ from ..common.tables import csv_table
 from ..study import Row, Study
 from .cases import Case, all_cases
 from .constants import spectrum
+from .in_words import in_words
 from .motions import KINKED, SMOOTH, distances, stiffness
 from .tables import constants, kernels, norms, ratios, sheared, stiffnesses
 
@@ -29,6 +30,8 @@ class InfSup(Study[Case]):
         "norms.md",
     )
     pictures = ("inf_sup.png",)
+    sample = "macro-elements, triangles, 0°, irregular, 8 across, refined 2"
+    volatile = ("largest_zero",)  # round-off
 
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
         return list(all_cases())
@@ -86,6 +89,9 @@ class InfSup(Study[Case]):
             "sheared.md": sheared(rows),
             "norms.md": norms(rows),
         }
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        return in_words(rows)
 
     def complaint(self, rows: list[Row]) -> str:
         """Rows in which what counts as zero is not far below every other value."""

@@ -9,6 +9,7 @@ from skfem.helpers import ddot
 from skfem_textile import Ply
 from skfem_textile.fabric import kinematics as kin
 from studies.__main__ import main
+from studies.common.provenance import FILE
 from studies.inf_sup import cases, tables
 from studies.inf_sup.cases import (
     IRREGULAR,
@@ -25,6 +26,7 @@ from studies.inf_sup.cases import (
     Layout,
 )
 from studies.inf_sup.constants import spectrum
+from studies.inf_sup.in_words import in_words
 from studies.inf_sup.motions import KINKED, SMOOTH, distances, stiffness, unstretched
 from studies.inf_sup.study import STUDY
 
@@ -198,12 +200,13 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(tables, "SHEARED_ACROSS", 4)
     assert main(["inf_sup", "--out", str(tmp_path)]) == 0
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {*STUDY.files, *drawn_here(STUDY)}
+    assert names == {*STUDY.files, *drawn_here(STUDY), FILE}
     with open(tmp_path / "inf_sup.csv") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(some)
     assert rows[4]["smooth_stiffness"] == ""
-    text = {name: (tmp_path / name).read_text() for name in STUDY.files}
+    text = {name: (tmp_path / name).read_bytes().decode() for name in STUDY.files}
+    assert STUDY.tables(STUDY.stored(tmp_path)) == text
     assert (
         "| 2×2 points, quads | - | - | 0.19 to 0.096, h^1.0 | - | - |"
         in text["constants.md"]
@@ -218,3 +221,31 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     assert "2×2 points, quads, 30°, 8 across: inf-sup 0.0962, kernel 4" in (
         capsys.readouterr().out
     )
+
+
+def test_words_are_of_the_finest_meshes_and_of_what_differs_most():
+    """On rows that are alike but for those that a result is about."""
+    rows = [
+        {
+            **{"method": c.method.name, "layout": c.layout.name, "shear": c.shear},
+            **{"refined": c.refined, "across": c.across, "inf_sup": 0.8, "kernel": 4},
+            **dict.fromkeys(("smooth_from_mesh", "kinked_from_mesh"), 0.2),
+            **dict.fromkeys(("smooth_from_kernel", "kinked_from_kernel"), 0.2),
+        }
+        for c in cases.all_cases()
+    ]
+    assert in_words(rows) == {
+        **{"means": "0.80", "means_fall": "0.0 %", "means_distance": "0 %"},
+        **{"along": "0.80", "erratic": "0.8, 0.8, 0.8 and 0.8"},
+        **{"finer_norm": "0.0 %", "sheared_most": "2.1"},
+        **{"kernel_along": "4", "kernel_quadratic": "4"},
+    }
+    tables.of(rows, MACRO, Layout(15))[24] |= {"inf_sup": 0.72}
+    tables.of(rows, MACRO, IRREGULAR)[24] |= {"kinked_from_kernel": 0.25}
+    tables.of(rows, MACRO, ACROSS_MESH)[8] |= {"inf_sup": 1.0}
+    tables.of(rows, ONE_POINT, Layout(15))[24] |= {"inf_sup": 0.1}
+    words = in_words(rows)
+    assert words["means"] == "0.72 to 0.80"
+    assert words["means_fall"] == "10.0 %"
+    assert words["means_distance"] == "25 %"
+    assert words["finer_norm"] == "0.0 to 20.0 %"
