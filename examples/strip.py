@@ -11,8 +11,42 @@ where the elements lock, and the shape is best with macro-elements.
 
 from pathlib import Path
 
+import numpy as np
+
 from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply
 from skfem_textile.scenes import strip
+
+
+def draw_locking(results, exact, filename):
+    """Draw strains that enter the law above, and position errors below."""
+    from matplotlib import colors, pyplot
+    from matplotlib.collections import PolyCollection
+
+    pyplot.rcParams["font.size"] = 9
+    figure, rows = pyplot.subplots(2, 3, figsize=(6.3, 3.7), layout="constrained")
+    strain = {"norm": colors.LogNorm(1e-4, 3), "cmap": "magma_r"}  # %
+    error = {"norm": colors.Normalize(0, 0.3), "cmap": "viridis_r"}  # mm
+    for column, result in zip(rows.T, results, strict=True):
+        ply, moved = result.ply, result.ply.nodal(result.u)
+        largest = 100 * np.abs(ply.law_strain(result.u)).max(axis=(0, 2))
+        off = np.linalg.norm(moved - exact(ply.nodes, 1.0), axis=0)
+        column[0].set_title(f"{ply.formulation.title}\nup to {largest.max():.2g} %")
+        column[1].set_title(f"rms {np.sqrt(np.mean(off**2)):.3f} mm")
+        shown = (largest, strain), (off[ply.mesh.t].mean(axis=0), error)
+        for axes, (values, scale) in zip(column, shown, strict=True):
+            corners = (ply.nodes + moved).T[ply.mesh.t.T]
+            axes.add_collection(
+                PolyCollection(corners, array=values, ec="k", lw=0.2, **scale)
+            )
+            axes.autoscale_view()
+            axes.set_aspect("equal")
+            axes.set_axis_off()
+    labels = "Fibre strain in the law (%)", "Position error (mm)"
+    for row, label, extend in zip(rows, labels, ("min", "max"), strict=True):
+        shown = row[0].collections[0]
+        figure.colorbar(shown, ax=row, label=label, extend=extend, format="%g")
+    figure.savefig(filename, dpi=300)
+    pyplot.close(figure)
 
 
 def main(folder="strip-results"):
@@ -49,10 +83,9 @@ def main(folder="strip-results"):
 
         folder = Path(folder)
         folder.mkdir(exist_ok=True)
-        for draw in (plot.fibre_strain, plot.shear_angle):
-            file = folder / f"{draw.__name__}.png"
-            draw(*results, filename=file)
-            print(f"wrote {file}")
+        draw_locking(results, scene.displacement, folder / "locking.png")
+        plot.shear_angle(*results, filename=folder / "shear_angle.png")
+        print(f"wrote pictures into {folder}")
     except (ImportError, RuntimeError) as error:
         print(f"no pictures: {error}")
 

@@ -8,6 +8,7 @@ shear angle of 15°, and its edges are free.
 """
 
 import numpy as np
+import pyvista as pv
 
 from skfem_textile import Fabric, Locking, drape, plot
 from skfem_textile.scenes import Case, double_dome
@@ -50,3 +51,62 @@ for result, title in zip(results, ("edges pulled", "locks at 15°"), strict=True
 # The forming of the first.
 
 plot.animation(results[0], "forming.gif")
+
+# %%
+# The first, whole, on its tool. Every line is a fibre: along the warp (white) the
+# coordinate across it is constant in the flat ply, and so along the weft (black). The
+# planes of symmetry mirror the quarter, and exchange warp and weft.
+
+ply, u = results[0].ply, results[0].u
+vertices = ply.mesh.nvertices
+flat = ply.nodes[:, :vertices]
+draped = np.vstack([flat, 0 * flat[:1]]) + ply.nodal(u)[:, :vertices]
+quads = np.insert(ply.mesh.t, 0, 4, axis=0).T
+shear = np.degrees(np.abs(ply.shear_angle(u)).mean(axis=1))
+
+plotter = pv.Plotter(off_screen=True, window_size=(2000, 960), lighting="none")
+plotter.set_background("white")
+steel = {"color": "#c4c9d1", "ambient": 0.3, "diffuse": 0.8}
+x, y = np.meshgrid(np.linspace(-275, 275, 276), np.linspace(-150, 150, 151))
+z = drape.double_dome().height(x, y).h - 0.8  # mm, just below the ply
+plotter.add_mesh(pv.StructuredGrid(x, y, z), smooth_shading=True, **steel)
+plotter.add_mesh(pv.Box((-275, 275, -150, 150, -85, -61)), **steel)
+for sides in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+    mirrored = np.array([*sides, 1])[:, None] * draped
+    quarter = pv.PolyData(mirrored.T, quads.ravel())
+    quarter["shear"] = shear
+    quarter = quarter.cell_data_to_point_data()
+    shown = plotter.add_mesh(
+        quarter,
+        scalars="shear",
+        clim=(0, 25),
+        cmap="plasma_r",
+        smooth_shading=True,
+        ambient=0.5,
+        diffuse=0.6,
+        show_scalar_bar=False,
+    )
+    for (a, b), colour in ((pulled.warp, "white"), (pulled.weft, "#15202b")):
+        quarter["across"] = np.array([-b, a]) @ (np.array(sides)[:, None] * flat)
+        fibres = quarter.contour(np.arange(-256, 257, 8), scalars="across")
+        plotter.add_mesh(fibres.strip().tube(radius=0.6), color=colour, ambient=0.4)
+for position, intensity in (((-600, -150, 350), 0.9), ((500, -800, 300), 0.5)):
+    light = pv.Light(position=position, focal_point=(0, 0, -40), intensity=intensity)
+    plotter.add_light(light)
+plotter.camera_position = [(-400, -720, 420), (3, 0, -101), (0, 0, 1)]
+plotter.camera.zoom(1.48)
+plotter.enable_anti_aliasing("ssaa")
+plotter.add_scalar_bar(
+    "Shear angle (°)",
+    mapper=shown.mapper,
+    n_labels=6,
+    fmt="%.0f",
+    position_x=0.61,
+    position_y=0.03,
+    width=0.36,
+    height=0.11,
+    title_font_size=46,
+    label_font_size=44,
+    color="black",
+)
+plotter.screenshot("double_dome.png")

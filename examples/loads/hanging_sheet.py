@@ -7,13 +7,11 @@ edges, of which one comes nearer by a fifth of the span. Its fibres do not stret
 it takes the shape of a chain, the catenary.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from scipy.optimize import brentq
 from skfem import MeshQuad
 
-from skfem_textile import BodyForce, Condition, Fabric, LoadStepper, Ply
+from skfem_textile import BodyForce, Condition, Fabric, LoadStepper, Ply, plot
 
 LENGTH, WIDTH, NEARER = 100.0, 50.0, 20.0  # mm
 WEIGHT = 1e-3  # N/mm²
@@ -41,29 +39,11 @@ print(f"pull {pull:.4f} N, of a chain {WEIGHT * WIDTH * a:.4f} N")
 assert abs(sag / exact - 1) < 0.01
 
 # %%
-# Pictures of this library show plies in their plane. In space, matplotlib draws nodes
-# and elements, here in the first and the last state.
+# Plies in space are drawn in perspective, here in the colours of their height.
 
-plt.rcParams["font.size"] = 8
-figure = plt.figure(figsize=(3.35, 2.2), layout="constrained")
-axes = figure.add_subplot(projection="3d", proj_type="ortho")
-for state in (result.states[1], result.states[-1]):
-    points = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(state.u)
-    faces = Poly3DCollection(
-        points.T[ply.mesh.t.T],
-        array=points[2][ply.mesh.t].mean(axis=0),
-        cmap="cividis",
-        clim=(-30, 0),
-        edgecolor="k",
-        linewidth=0.1,
-        clip_on=False,
-    )
-    axes.add_collection(faces)
-axes.set(xlim=(0, LENGTH), ylim=(0, WIDTH), zlim=(-30, 0))
-axes.set_box_aspect((LENGTH, WIDTH, 30), zoom=1.4)
-axes.view_init(elev=18, azim=-65)
-axes.set_axis_off()
-figure.colorbar(
-    faces, label="Height (mm)", location="bottom", shrink=0.8, aspect=30, pad=0
+height = plot.Field(
+    "Height (mm)",
+    lambda ply, u: ply.nodal(u)[2, : ply.mesh.nvertices][ply.mesh.t].mean(axis=0),
+    cmap="cividis",
 )
-figure.savefig("sheet.png", dpi=300)
+plot.field(result, field=height, titles=["Under its weight"], filename="sheet.png")

@@ -142,7 +142,8 @@ def fibre_strain(
 ) -> "pv.Plotter | Figure":
     """Fibre strain of warp (above) and weft (below), one column per result.
 
-    The strain is that which the law of tension sees.  All panels share one diverging
+    The strain is that which enters the law of tension: in macro-elements the mean
+    over an element, otherwise that at the element's own points.  All panels share one diverging
     scale, symmetric about zero.  Of one result that is taller than wide warp and weft
     are side by side.
 
@@ -293,7 +294,7 @@ def _strain_rows(
     pairs = list(zip(results, states, strict=True))
     shown = [[values_of(f, r.ply, at.u) for r, at in pairs] for f in both]
     found = reach([values for row in shown for values in row], symmetric=True)
-    scale = Scale.of("Fibre strain (%)", found, cmap or both[0].cmap, clim)
+    scale = Scale.of("Fibre strain in the law (%)", found, cmap or both[0].cmap, clim)
     rows = [
         [
             Panel(_titled(family, title, _STRAINS[family]), shape, values, scale)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
+from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply
 from skfem_textile.fabric.directions import FibreDirections
 from skfem_textile.mesh.splitting import split_cells
 from skfem_textile.scenes import Case, buckling, strip
@@ -51,6 +51,24 @@ def test_fibre_strain_is_drawn_on_one_symmetric_scale(results, tmp_path):
     assert largest <= high < 2 * largest
     assert pv.read(file).dimensions[0] > 600
     assert [p.name for p in tmp_path.iterdir()] == ["strain.png"]
+
+
+def test_strains_of_all_formulations_are_those_that_enter_the_law(results, sheets):
+    """Means of macro-elements, beside strains at the points of other elements."""
+    scene = strip(size=(3, 4))
+    macro = Ply(scene.mesh, Fabric(1e4), Macro())
+    both = results[0], LoadStepper(macro, scene.conditions, steps=4).run()
+    plot.fibre_strain(*both)
+    ((drawn, _),) = sheets
+    for result, *families in zip(both, *drawn.rows, strict=True):
+        for panel, strain in zip(
+            families, result.ply.law_strain(result.u), strict=True
+        ):
+            largest = 100 * np.abs(strain).max(axis=-1)
+            np.testing.assert_allclose(np.abs(panel.values), largest)
+    largest = [np.abs(drawn.rows[0][i].values).max() for i in (0, 1)]
+    assert largest[0] > 10 * largest[1]
+    assert drawn.legends[0].scale.label == "Fibre strain in the law (%)"
 
 
 def colours_at(plotter, panel, points):
