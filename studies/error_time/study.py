@@ -1,21 +1,20 @@
 """Error against run time, of this library and of its rivals.
 
-Every formulation and every rival loads a scene on finer and finer meshes.
+Every formulation and every rival loads two scenes on finer and finer meshes.
 The clock runs from mesh and fabric in memory to the end of the load, in a process that
 has done the same once before.
 """
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
+from itertools import product
 from time import perf_counter
 from typing import NamedTuple
 
 from skfem_textile.scenes import bias_extension
 
-from ..common import machine_and_versions
 from ..common.rivals.all_rivals import RIVALS
-from ..common.tables import csv_table, json_text
+from ..common.tables import csv_table
 from ..formulations.cases import (
     AUTO,
     BIAS,
@@ -23,11 +22,12 @@ from ..formulations.cases import (
     MACRO_TRIANGLES,
     MEAN_QUADRATIC,
     METHODS,
+    SEEDS,
     STRIP,
 )
 from ..study import Row, Study
-from . import tables
-from .timed_codes import LONG, OtherCode, Refined, ThisLibrary, TimedCode
+from .reference import CELLS, FORMULATIONS, Reference
+from .timed_codes import LONG, SOLVERS, OtherCode, Refined, ThisLibrary, TimedCode
 
 #: Scenes in one load step: the strip, and the bias extension to 40° at E/G = 2·10⁵.
 PROBLEMS = {
@@ -37,62 +37,81 @@ PROBLEMS = {
 
 _BY_NAME = {method.name: method for method in METHODS}
 
-#: This library first, then the rivals.
+#: Formulations of this library by the name of their element.
+OWN = {
+    "Q4, one point": AUTO,
+    "macro, quads": MACRO,
+    "macro, triangles": MACRO_TRIANGLES,
+    "P2, 3 points": _BY_NAME["quadratic"],
+    "P2, mean stretch": MEAN_QUADRATIC,
+    "Q4, 2×2": _BY_NAME["2×2 points"],
+}
+
+#: This library with each set of solvers, then the rivals.
 CODES: tuple[TimedCode, ...] = (
-    ThisLibrary("Q4, one point", AUTO),
-    ThisLibrary("macro, quads", MACRO),
-    ThisLibrary("macro, triangles", MACRO_TRIANGLES),
-    ThisLibrary("P2, 3 points", _BY_NAME["quadratic"]),
-    ThisLibrary("P2, mean stretch", MEAN_QUADRATIC),
-    ThisLibrary("Q4, 2×2", _BY_NAME["2×2 points"]),
-    ThisLibrary("Q4, isotropic", _BY_NAME["isotropic, κ = C"]),
-    Refined("macro, refined", MACRO_TRIANGLES),
+    *(ThisLibrary(*own, solver) for solver in SOLVERS for own in OWN.items()),
+    Refined("macro, refined", MACRO_TRIANGLES, "SciPy"),
     *map(OtherCode, RIVALS),
 )
 
 
-class Case(NamedTuple):
+class Timed(NamedTuple):
     """A code, timed on finer and finer meshes of a scene."""
 
+    seed: int
     scene: str
     code: TimedCode
 
+    @property
+    def name(self) -> str:
+        """What to call it."""
+        code = self.code
+        words = self.scene, code.code, code.element, code.solver, f"seed {self.seed}"
+        return ", ".join(words)
 
-class ErrorTime(Study[Case]):
-    """Every code on one scene."""
 
-    files = ("error_time.csv", "summary.json", "error_time.md")
-    pictures = ("error_time.png",)
+class ErrorTime(Study[Timed | Reference]):
+    """Every code on both scenes, and the converged load of one."""
+
+    files = ("error_time.csv",)
     timed = True
+    sample = "reference, Quadratic(), 8 cells"
 
-    def add_options(self, parser: argparse.ArgumentParser) -> None:
-        scenes = tuple(PROBLEMS)
-        parser.add_argument("--scene", choices=scenes, required=True, help="the scene")
+    def cases(self, options: argparse.Namespace) -> list[Timed | Reference]:
+        """The reference, then every code; the codes take turns, seed by seed.
 
-    def cases(self, options: argparse.Namespace) -> list[Case]:
-        """Every code; without an exact load a tolerance is a share of none."""
-        loaded = PROBLEMS[options.scene].exact_load > 0
-        codes = (code for code in CODES if loaded or not isinstance(code, Refined))
-        return [Case(options.scene, code) for code in codes]
+        A tolerance of the load is a share of it, and the strip has none.
+        """
+        timed = (Timed(*given) for given in product(SEEDS, PROBLEMS, CODES))
+        return [
+            *(Reference(*given) for given in product(FORMULATIONS, CELLS)),
+            *(
+                case
+                for case in timed
+                if PROBLEMS[case.scene].exact_load or not isinstance(case.code, Refined)
+            ),
+        ]
 
-    def name(self, case: Case) -> str:
-        return f"{case.scene}, {case.code.code}, {case.code.element}"
+    def name(self, case: Timed | Reference) -> str:
+        return case.name
 
-    def examine(self, case: Case) -> list[Row]:
-        """The results of one code, from coarse to fine meshes.
+    def examine(self, case: Timed | Reference) -> list[Row]:
+        """The results of one code on one seed, from coarse to fine meshes.
 
         The mesh is refined, or the tolerance reduced, until a run takes longer than
         `LONG`.  A code that is not installed has one row that says so.
         """
+        if isinstance(case, Reference):
+            return [case.computed()]
         code = case.code
         head: Row = {"scene": case.scene, "code": code.code, "element": code.element}
-        head |= {"across": 0}
+        head |= {"solver": code.solver, "seed": case.seed, "across": 0}
         if missing := code.missing():
             return [head | {"note": f"skipped, not installed: {missing}"}]
         rows = []
         for refinement in code.refinements:
             start = perf_counter()
-            row = code.measured(PROBLEMS[case.scene], refinement)
+            row = code.measured(PROBLEMS[case.scene], refinement, case.seed)
             rows.append(head | row)
             took = perf_counter() - start if row["note"] else row["seconds"]
             if took > LONG:
@@ -103,18 +122,7 @@ class ErrorTime(Study[Case]):
         return "\n".join(map(_line, rows))
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        machine = machine_and_versions.described()
-        sentence = machine_and_versions.sentence(machine)
-        return {
-            "error_time.csv": csv_table(rows),
-            "summary.json": json_text({"machine": machine, **tables.summary(rows)}),
-            "error_time.md": f"{sentence}\n\n{tables.tables(rows)}",
-        }
-
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        from .figure import work_precision
-
-        work_precision(tables.curves(rows), folder / "error_time.png")
+        return {"error_time.csv": csv_table(rows)}
 
 
 STUDY = ErrorTime()
@@ -122,10 +130,11 @@ STUDY = ErrorTime()
 
 def _line(row: Row) -> str:
     """One result, on one line."""
-    name = f"{row['scene']}, {row['code']}, {row['element']}"
-    if "seconds" not in row:
-        return f"{name}: {row['note']}"
-    if row["note"]:
-        return f"{name}, {tables.mesh_of(row)}: {row['note']}"
-    off = f"{row['angle']:.3g}°, load {row['load']:.4g}, {row['position']:.3g} mm"
-    return f"{name}, {tables.mesh_of(row)}: {row['seconds']:.3g} s, {off}"
+    words = (row.get(key) for key in ("scene", "code", "element", "solver", "seed"))
+    name = ", ".join(str(word) for word in words if word is not None)
+    text = f"{name}, {row['across']} across: "
+    if row.get("note"):
+        return text + row["note"]
+    angle = "" if row.get("angle") is None else f", {row['angle']:.3g}°"
+    seconds = "" if row.get("seconds") is None else f"{row['seconds']:.3g} s, "
+    return f"{text}{seconds}load {row['load']:.5g} N{angle}"

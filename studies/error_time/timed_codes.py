@@ -22,45 +22,40 @@ from ..common.rivals.rival import Rival
 from ..common.rivals.task import Task
 from ..formulations.cases import Case, Method, Specimen
 from ..study import Row
-from .errors import errors, unfolded
+from .errors import shape_errors, unfolded
 
 #: Refinements of a uniform mesh: element edges across the scene, after any division.
 ACROSS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 
 #: Tolerances of the load to which a mesh is refined, and edges across the first mesh.
-TOLERANCES, _FIRST_ACROSS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002), 8
+TOLERANCES, _FIRST_ACROSS = (0.2, 0.1, 0.05, 0.02), 8
 
 #: Seconds of a run after which a method is not refined further.
-LONG = 5.0
+LONG = 1.5
 
 # Seconds for which a rival may search for a number of steps with which it converges.
-_PATIENCE = 60.0
+_PATIENCE = 15.0
 
-_SEED = 1
-
-# Number of timed runs; fewer for runs that take longer than some seconds.
-_REPEATS, _FEWER, _SOME_SECONDS = 5, 3, 1.0
-
-_NOTHING = dict.fromkeys(
-    (
-        *("position", "angle", "strain", "load", "load_error"),
-        *("seconds", "seconds_min", "seconds_max"),
-    ),
-    np.nan,
-)
+#: Linear solvers of this library by the name of their set.
+SOLVERS = {"SciPy": "superlu", "fastest": "auto"}
 
 
 class TimedCode(Protocol):
-    """A code with an element and a solver."""
+    """A code with an element and a linear solver."""
 
     @property
     def code(self) -> str:
-        """The code, and the solver if there is a choice."""
+        """The code."""
         ...
 
     @property
     def element(self) -> str:
         """The element."""
+        ...
+
+    @property
+    def solver(self) -> str:
+        """The linear solver."""
         ...
 
     def missing(self) -> str:
@@ -72,17 +67,18 @@ class TimedCode(Protocol):
         """What `measured` takes, from coarse to fine."""
         ...
 
-    def measured(self, problem: Specimen, refinement: Any) -> Row:
-        """Errors and times on a mesh, and how many edges it has across."""
+    def measured(self, problem: Specimen, refinement: Any, seed: int) -> Row:
+        """Errors and the time on a mesh, and how many edges it has across."""
         ...
 
 
 @dataclass(frozen=True)
 class ThisLibrary:
-    """One of the formulations of this library."""
+    """One of the formulations of this library, with a solver of `SOLVERS`."""
 
     element: str
     method: Method
+    solver: str
     code: ClassVar[str] = "skfem_textile"
     refinements: ClassVar[tuple[int, ...]] = ACROSS
 
@@ -91,16 +87,17 @@ class ThisLibrary:
         return ""
 
     @errors_only()
-    def measured(self, problem: Specimen, across: int) -> Row:
+    def measured(self, problem: Specimen, across: int, seed: int) -> Row:
         """Load in one step, which the load stepper halves if it must."""
-        scene = Case("", problem, self.method, across, _SEED).scene()
+        scene = Case("", problem, self.method, across, seed).scene()
 
         def loaded() -> Result:
             formulation = self.method.formulation(problem.stabilisation)
             ply = Ply(scene.mesh, problem.fabric(scene), formulation)
-            return LoadStepper(ply, scene.conditions, 1).run()
+            solver = SOLVERS[self.solver]
+            return LoadStepper(ply, scene.conditions, 1, solver=solver).run()
 
-        return {"across": across} | _own(scene, problem, loaded)
+        return {"across": across} | _own(scene, loaded)
 
 
 @dataclass(frozen=True)
@@ -109,6 +106,7 @@ class Refined:
 
     element: str
     method: Method
+    solver: str
     code: ClassVar[str] = ThisLibrary.code
     refinements: ClassVar[tuple[float, ...]] = TOLERANCES
 
@@ -117,17 +115,19 @@ class Refined:
         return ""
 
     @errors_only()
-    def measured(self, problem: Specimen, tolerance: float) -> Row:
+    def measured(self, problem: Specimen, tolerance: float, seed: int) -> Row:
         """Refine to a tolerance, with the whole load in one step on each mesh."""
         method, formulation = self.method, self.method.formulation(1.0)
-        mesh = problem.mesh(method.mesh, _FIRST_ACROSS // method.parts, _SEED)
+        mesh = problem.mesh(method.mesh, _FIRST_ACROSS // method.parts, seed)
         scene = problem.scene(mesh)
 
         def loaded() -> AdaptiveResult:
             ply = Ply(scene.mesh, problem.fabric(scene), formulation)
-            return AdaptiveStepper(ply, scene.conditions, tolerance, 1).run()
+            return AdaptiveStepper(
+                ply, scene.conditions, tolerance, 1, solver=SOLVERS[self.solver]
+            ).run()
 
-        row = _own(scene, problem, loaded)
+        row = _own(scene, loaded)
         return {"across": _FIRST_ACROSS, "tolerance": tolerance} | row
 
 
@@ -140,7 +140,7 @@ class OtherCode:
 
     @property
     def code(self) -> str:
-        """The code, and the solver if there is a choice."""
+        """The code."""
         return self.rival.code
 
     @property
@@ -148,113 +148,123 @@ class OtherCode:
         """The element."""
         return self.rival.shape.name
 
+    @property
+    def solver(self) -> str:
+        """The linear solver."""
+        return self.rival.solver
+
     def missing(self) -> str:
         """Packages to install first."""
         return self.rival.missing()
 
-    def measured(self, problem: Specimen, across: int) -> Row:
-        """Load in the smallest number of steps that leads to an unfolded state.
-
-        Only the runs with this number count for the time.
-        """
+    def measured(self, problem: Specimen, across: int, seed: int) -> Row:
+        """Load in the number of steps that suffices; finding it is not timed."""
         shape = self.rival.shape
-        scene = problem.scene(problem.mesh(shape.mesh, across // shape.parts, _SEED))
+        scene = problem.scene(problem.mesh(shape.mesh, across // shape.parts, seed))
         G = float(problem.law.tangent(np.zeros(1))[0])
         task = Task(scene, shape.element, shape.rule, problem.E, G)
-        steps, run = self._fewest_steps(task)
-        if run is None:
-            note = f"no unfolded state in up to {steps} equal steps"
-            if steps < STEPS[-1]:
-                note += f", given up after {_PATIENCE:.0f} s"
-            return {"across": across} | _row(task.basis, note=note)
-        if (repeats := _repeats(run.seconds[0])) > 1:
-            run = self.rival.run(task, steps, repeats)
-        load = _load(scene, problem, task.reaction(run.f))
-        figures = errors(scene, task.basis, run.u, load) | _times(run.seconds)
+        try:
+            run, steps = self._run((problem.name, shape.name, across, seed), task)
+        except NotConvergedError as error:
+            return {"across": across} | _row(task.basis, note=str(error))
+        figures = _errors(scene, task.basis, run.u, task.reaction(run.f))
+        figures["seconds"] = run.seconds[0]
         row = _row(task.basis, figures, steps, run.linear_solves)
         return {"across": across} | row
 
-    def _fewest_steps(self, task: Task) -> tuple[int, Run | None]:
-        """Number of steps and the run; None if no run converges, or not in time."""
-        start = perf_counter()
+    def _run(self, mesh: tuple[str, str, int, int], task: Task) -> tuple[Run, int]:
+        """A timed run, and its number of steps, known or found."""
+        run = self._unfolded(task, _STEPS[mesh], 1) if mesh in _STEPS else None
+        if run is None:
+            _STEPS[mesh] = self._best_steps(task)
+            run = self.rival.run(task, _STEPS[mesh], repeats=1)
+        return run, _STEPS[mesh]
+
+    def _best_steps(self, task: Task) -> int:
+        """The number of equal steps, out of the first two that suffice.
+
+        It is the one with fewer linear solves.
+
+        Raises
+        ------
+        NotConvergedError
+            If no number leads to an unfolded state, or not in time.
+        """
+        start, found = perf_counter(), dict[int, int]()
         for steps in STEPS:
-            try:
-                run = self.rival.run(task, steps, repeats=1)
-            except NotConvergedError:
-                pass
-            else:
-                if unfolded(task.basis, run.u):
-                    return steps, run
+            if run := self._unfolded(task, steps, 0):
+                found[run.linear_solves] = steps
+            elif found:
+                break
+            if len(found) == 2:
+                break
             if perf_counter() - start > _PATIENCE:
                 break
-        return steps, None
+        if found:
+            return found[min(found)]
+        note = f"no unfolded state in up to {steps} equal steps"
+        if steps < STEPS[-1]:
+            note += f", given up after {_PATIENCE:.0f} s"
+        raise NotConvergedError(note)
+
+    def _unfolded(self, task: Task, steps: int, repeats: int) -> Run | None:
+        """A run, None if it fails."""
+        try:
+            run = self.rival.run(task, steps, repeats)
+        except NotConvergedError:
+            return None
+        return run if unfolded(task.basis, run.u) else None
 
 
-def _own(scene: Scene, problem: Specimen, loaded: Callable[[], Result]) -> Row:
-    """Errors and times of a run of this library."""
+# Numbers of steps by problem, element, edges across and seed: other codes with the same
+# element take the same Newton steps.
+_STEPS: dict[tuple[str, str, int, int], int] = {}
+
+
+def _own(scene: Scene, loaded: Callable[[], Result]) -> Row:
+    """Errors and the time of the second of two runs of this library."""
     try:
+        loaded()
+        start = perf_counter()
         result = loaded()
-        seconds = _clocked(loaded)
+        seconds = perf_counter() - start
     except StepError as error:
         return _row(error.result.ply.basis, note=str(error))
     steps, basis = len(result.states) - 1, result.ply.basis
-    load = _load(scene, problem, scene.reaction(result.states[-1]))
-    figures = errors(scene, basis, result.u, load) | _times(seconds)
-    figures["strain"] = result.states[-1].verdict.max_fibre_strain
+    figures = _errors(scene, basis, result.u, scene.reaction(result.states[-1]))
+    figures["seconds"] = seconds
     solves = result.linear_solves
     if isinstance(result, AdaptiveResult):
         solves = sum(one.linear_solves for one in result.rounds)
     return _row(basis, figures, steps, solves)
 
 
-def _load(scene: Scene, problem: Specimen, reaction: ndarray) -> float:
-    """Force along the prescribed displacement in N, or its share of the exact one."""
+def _errors(scene: Scene, basis: CellBasis, u: ndarray, reaction: ndarray) -> Row:
+    """Load in N along the prescribed displacement; errors of the shape if it is known.
+
+    That of the bias extension is known only for fibres that do not stretch.
+    """
     if scene.load is not None:
-        return float(reaction[1] / scene.load(problem.law, 1.0))
+        return {"load": float(reaction[1])}
     driven = scene.conditions[scene.driven]
     assert isinstance(driven, Condition)
-    direction = driven.direction
-    return float(abs(reaction @ np.asarray(direction)))
-
-
-def _clocked(function: Callable[[], Any]) -> list[float]:
-    """Seconds of several calls."""
-    seconds: list[float] = []
-    while not seconds or len(seconds) < _repeats(seconds[0]):
-        start = perf_counter()
-        function()
-        seconds.append(perf_counter() - start)
-    return seconds
-
-
-def _repeats(seconds: float) -> int:
-    """How often a run of so many seconds is repeated."""
-    if seconds > LONG:
-        return 1
-    return _FEWER if seconds > _SOME_SECONDS else _REPEATS
-
-
-def _times(seconds: list[float]) -> Row:
-    return {
-        "seconds": float(np.median(seconds)),
-        "seconds_min": min(seconds),
-        "seconds_max": max(seconds),
-        "repeats": len(seconds),
-    }
+    load = float(abs(reaction @ np.asarray(driven.direction)))
+    return {"load": load} | shape_errors(scene, basis, u)
 
 
 def _row(
     basis: CellBasis,
     figures: Row | None = None,
-    steps: int = 0,
-    linear_solves: int = 0,
+    steps: int | None = None,
+    linear_solves: int | None = None,
     note: str = "",
 ) -> Row:
-    """A row of the table; missing figures are nan."""
+    """A row of the table; a run that failed has a note and no figures."""
     return {
         "elements": basis.mesh.nelements,
         "unknowns": basis.N,
-        **(_NOTHING | {"repeats": 0} | (figures or {})),
+        **dict.fromkeys(("position", "angle", "load", "seconds")),
+        **(figures or {}),
         "steps": steps,
         "linear_solves": linear_solves,
         "note": note,

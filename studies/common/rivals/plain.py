@@ -1,6 +1,7 @@
 """Plain scikit-fem: its own assembly of readable forms, `condense` and `solve`."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -19,6 +20,7 @@ from skfem_textile.forms import Forms, shear, tension
 from skfem_textile.forms.hourglass import hourglass
 from skfem_textile.mesh.bases import CENTRE, HourglassBasis
 
+from .linear import Solve, SolverName, solver_of
 from .newton import RivalSystem
 from .rival import QUAD4, InProcess, Shape
 from .task import Task
@@ -38,19 +40,27 @@ class Plain(InProcess):
     C_s
         Stiffness of the hourglass energy, if there is one: as a multiple of 8 G, or of
         10⁻⁴ E without shear stiffness.
+    solver
+        The linear solver.
     """
 
     shape: Shape
     C_s: float = 0.0
+    solver: SolverName = "SciPy"
     code: ClassVar[str] = "scikit-fem"
 
     def system(self, task: Task) -> RivalSystem:
         """The discretised ply."""
-        return _System(task, self.C_s * (8 * task.G or 1e-4 * task.E))
+        return _System(
+            task,
+            self.C_s * (8 * task.G or 1e-4 * task.E),
+            solver_of(task, self.solver),
+        )
 
 
 class _System:
-    def __init__(self, task: Task, C_s: float) -> None:
+    def __init__(self, task: Task, C_s: float, linear: Solve) -> None:
+        self._linear = linear
         mesh, fabric = task.scene.mesh, task.fabric
         element = ElementVector(task.element)
         basis = CellBasis(mesh, element, quadrature=task.rule)
@@ -68,7 +78,8 @@ class _System:
         return sum(asm(K, basis, u=u) for _, K, basis in self._terms)
 
     def increment(self, K, f: ndarray, du: ndarray) -> ndarray:
-        return np.asarray(solve(*condense(K, -f, x=du, D=self.fixed)))
+        solved = partial(solve, solver=self._linear)
+        return np.asarray(solved(*condense(K, -f, x=du, D=self.fixed)))
 
 
 def _stock(

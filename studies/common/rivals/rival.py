@@ -44,6 +44,11 @@ class Rival(Protocol):
         ...
 
     @property
+    def solver(self) -> str:
+        """The linear solver."""
+        ...
+
+    @property
     def shape(self) -> Shape:
         """The element."""
         ...

@@ -42,6 +42,7 @@ class Dolfinx:
 
     shape: Shape
     code: ClassVar[str] = "DOLFINx"
+    solver: ClassVar[str] = "MUMPS"
 
     def missing(self) -> str:
         """DOLFINx, if no interpreter can import it."""

@@ -3,65 +3,50 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
 
 import numpy as np
 from numpy import ndarray
-from scipy.sparse.linalg import spsolve
 
-from .newton import NotConvergedError, RivalSystem
+from .linear import Solve, SolverName, solver_of
+from .newton import RivalSystem
 from .rival import InProcess, Shape
 from .task import Task
 
 
 @dataclass(frozen=True, eq=False)
 class FElupe(InProcess):
-    """FElupe with SciPy's sparse solver or with Pardiso.
+    """FElupe on one thread.
 
     Parameters
     ----------
     shape
         The element.
     solver
-        ``scipy`` or ``pypardiso``.
+        The linear solver.
     """
 
     shape: Shape
-    solver: Literal["scipy", "pypardiso"] = "scipy"
+    solver: SolverName = "SciPy"
 
     @property
     def code(self) -> str:
-        """FElupe, with the name of the solver unless it is SciPy's."""
-        return "FElupe" if self.solver == "scipy" else "FElupe with Pardiso"
+        """FElupe, and PARDISO if that is its solver."""
+        return "FElupe with Pardiso" if self.solver == "pypardiso" else "FElupe"
 
     @property
     def packages(self) -> dict[str, str]:
         """Packages to import."""
         needed = {"felupe": "felupe"}
-        return needed if self.solver == "scipy" else needed | {"pypardiso": "pypardiso"}
+        pardiso = {"pypardiso": "pypardiso"} if self.solver == "pypardiso" else {}
+        return needed | pardiso
 
     def system(self, task: Task) -> RivalSystem:
         """The discretised ply."""
-        return _System(task, self._solve())
-
-    def _solve(self):
-        if self.solver == "scipy":
-            return spsolve
-        import pypardiso
-
-        solver = pypardiso.PyPardisoSolver()  # of its own: it keeps the last factors
-
-        def solved(A, b):
-            try:
-                return pypardiso.spsolve(A, b, solver=solver)
-            except pypardiso.pardiso_wrapper.PyPardisoError as error:
-                raise NotConvergedError(str(error)) from None
-
-        return solved
+        return _System(task, solver_of(task, self.solver))
 
 
 class _System:
-    def __init__(self, task: Task, solver) -> None:
+    def __init__(self, task: Task, solver: Solve) -> None:
         import felupe
 
         cell_type, element, rule = _elements(felupe)[len(task.cells)]

@@ -10,10 +10,10 @@ from typing import ClassVar
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import bmat
-from scipy.sparse.linalg import spsolve
 
 from skfem_textile.fabric import kinematics as kin
 
+from .linear import Solve, SolverName, solver_of
 from .newton import RivalSystem
 from .rival import InProcess, Shape
 from .task import Task
@@ -21,15 +21,18 @@ from .task import Task
 
 @dataclass(frozen=True, eq=False)
 class Native(InProcess):
-    """scikit-fem-native on one thread, with SciPy's sparse solver.
+    """scikit-fem-native on one thread.
 
     Parameters
     ----------
     shape
         The element.
+    solver
+        The linear solver.
     """
 
     shape: Shape
+    solver: SolverName = "SciPy"
     code: ClassVar[str] = "scikit-fem-native"
 
     @property
@@ -39,11 +42,11 @@ class Native(InProcess):
 
     def system(self, task: Task) -> RivalSystem:
         """The discretised ply."""
-        return _System(task)
+        return _System(task, solver_of(task, self.solver))
 
 
 class _System:
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Task, solver: Solve) -> None:
         import skfemntv as native
         from skfemntv.helpers import ddot, dot, grad, mul
 
@@ -66,7 +69,7 @@ class _System:
             return dot(mul(w.C, grad(u)), grad(v))
 
         self._forces, self._block = forces, block
-        self._task = task
+        self._task, self._solve = task, solver
         self.fixed, self.stiffness, self.size = task.fixed, task.E, self._vector.N
         self._free = np.setdiff1d(np.arange(self.size), self.fixed)
         # The blocks number the unknowns by their direction first.
@@ -94,5 +97,5 @@ class _System:
     def increment(self, K, f: ndarray, du: ndarray) -> ndarray:
         rows, du = K[self._free], du.copy()
         b = -(f[self._free] + rows @ du)
-        du[self._free] = spsolve(rows[:, self._free], b)
+        du[self._free] = self._solve(rows[:, self._free], b)
         return du

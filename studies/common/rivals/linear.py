@@ -1,0 +1,114 @@
+"""Linear solvers for the rivals that run in this process: functions of A and b."""
+
+from collections.abc import Callable
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse.linalg import spsolve
+
+from skfem_textile.mesh.pattern import matrix_of_slots
+from skfem_textile.solve.linear import (
+    ChosenSolver,
+    SingularMatrixError,
+    nested_dissection,
+)
+
+from .newton import NotConvergedError
+from .task import Task
+
+#: Solution of A x = b.
+Solve: TypeAlias = Callable[[Any, ndarray], ndarray]
+
+#: ``SciPy``, SciPy's SuperLU in its own order of elimination; ``fastest``, the solver
+#: and the order of elimination of this library; ``pypardiso``, PARDISO.
+SolverName: TypeAlias = Literal["SciPy", "fastest", "pypardiso"]
+
+
+def solver_of(task: Task, name: SolverName) -> Solve:
+    """The linear solver of this name for the free unknowns of a task."""
+    if name == "SciPy":
+        return spsolve
+    return SolverOfThisLibrary(task) if name == "fastest" else _pardiso()
+
+
+class SolverOfThisLibrary:
+    """The solver that this library chooses by ``auto``, with its elimination order.
+
+    A pattern is ordered and analysed once.
+
+    Parameters
+    ----------
+    task
+        The task.  Matrices have its free unknowns in ascending order.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._nodes, n = task.nodes, task.nodes.size
+        self._free = np.setdiff1d(np.arange(n), task.fixed)
+        self._patterns: list[_Pattern] = []
+
+    def __call__(self, A: Any, b: ndarray) -> ndarray:
+        """Solve A x = b for a symmetric A; SciPy's SuperLU solves singular ones."""
+        A = csr_matrix(A)
+        A.sort_indices()
+        try:
+            return self._pattern_of(A).solve(A, b)
+        except SingularMatrixError:
+            return np.asarray(spsolve(A, b))
+
+    def _pattern_of(self, A: csr_matrix) -> "_Pattern":
+        for pattern in self._patterns:
+            if pattern.fits(A):
+                return pattern
+        self._patterns.append(_Pattern(A, self._free, self._nodes))
+        return self._patterns[-1]
+
+
+class _Pattern:
+    """The order of elimination and the analysis of one pattern."""
+
+    def __init__(self, A: csr_matrix, free: ndarray, positions: ndarray) -> None:
+        self._indptr, self._indices = A.indptr, A.indices
+        row = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
+        node = free // 2
+        pairs = np.array([node[row], node[A.indices]])
+        place_of_node = np.argsort(nested_dissection(positions, pairs))
+        self._order = np.lexsort((free % 2, place_of_node[node]))
+        place = np.argsort(self._order)
+        i, j = place[row], place[A.indices]
+        kept = np.flatnonzero(i >= j)
+        # The lower triangle by columns is its transpose by rows.
+        slots = matrix_of_slots(kept, j[kept], i[kept], A.shape)
+        self._slots = slots.data
+        self._solver = ChosenSolver(
+            "auto", csc_matrix((slots.data, slots.indices, slots.indptr), A.shape)
+        )
+
+    def fits(self, A: csr_matrix) -> bool:
+        """Whether a matrix has this pattern."""
+        return np.array_equal(A.indptr, self._indptr) and np.array_equal(
+            A.indices, self._indices
+        )
+
+    def solve(self, A: csr_matrix, b: ndarray) -> ndarray:
+        """Solve A x = b."""
+        x = np.empty(len(b))
+        factors = self._solver.factorise(A.data[self._slots])
+        x[self._order] = factors.solve(b[self._order])
+        return x
+
+
+def _pardiso() -> Solve:
+    import pypardiso
+
+    solver = pypardiso.PyPardisoSolver()  # one for each task: it keeps the last factors
+
+    def solve(A: Any, b: ndarray) -> ndarray:
+        try:
+            return np.asarray(pypardiso.spsolve(A, b, solver=solver))
+        except pypardiso.pardiso_wrapper.PyPardisoError as error:
+            raise NotConvergedError(str(error)) from None
+
+    return solve
