@@ -176,14 +176,15 @@ class OtherCode:
         """A timed run, and its number of steps, known or found."""
         run = self._unfolded(task, _STEPS[mesh], 1) if mesh in _STEPS else None
         if run is None:
-            _STEPS[mesh] = self._best_steps(task)
+            _STEPS[mesh] = self._best_steps(task, _STEPS.get(_coarser(mesh), 1))
             run = self.rival.run(task, _STEPS[mesh], repeats=1)
         return run, _STEPS[mesh]
 
-    def _best_steps(self, task: Task) -> int:
+    def _best_steps(self, task: Task, coarser: int) -> int:
         """The number of equal steps, out of the first two that suffice.
 
-        It is the one with fewer linear solves.
+        It is the one with fewer linear solves.  The first that is tried is the one
+        before that of the next coarser mesh.
 
         Raises
         ------
@@ -191,7 +192,7 @@ class OtherCode:
             If no number leads to an unfolded state, or not in time.
         """
         start, found = perf_counter(), dict[int, int]()
-        for steps in STEPS:
+        for steps in STEPS[max(0, STEPS.index(coarser) - 1) :]:
             if run := self._unfolded(task, steps, 0):
                 found[run.linear_solves] = steps
             elif found:
@@ -219,6 +220,12 @@ class OtherCode:
 # Numbers of steps by problem, element, edges across and seed: other codes with the same
 # element take the same Newton steps.
 _STEPS: dict[tuple[str, str, int, int], int] = {}
+
+
+def _coarser(mesh: tuple[str, str, int, int]) -> tuple[str, str, int, int]:
+    problem, element, across, seed = mesh
+    before = ACROSS[max(0, ACROSS.index(across) - 1)]
+    return problem, element, before, seed
 
 
 def _own(scene: Scene, loaded: Callable[[], Result]) -> Row:
