@@ -143,9 +143,9 @@ def fibre_strain(
     """Fibre strain of warp (above) and weft (below), one column per result.
 
     The strain is that which enters the law of tension: in macro-elements the mean
-    over an element, otherwise that at the element's own points.  All panels share one diverging
-    scale, symmetric about zero.  Of one result that is taller than wide warp and weft
-    are side by side.
+    over an element, otherwise that at the element's own points.  All panels share one
+    diverging scale, symmetric about zero.  Of one result that is taller than wide warp
+    and weft are side by side.
 
     Parameters, returned value and errors as for `field`.
     """
