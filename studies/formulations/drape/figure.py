@@ -18,7 +18,7 @@ def error_against_time(
     starts = EXPONENTIAL, FROM_NET, GROWTH
     names = list(dict.fromkeys(row["formulation"] for row in rows))
     handles = {}
-    with figure_of((9.6, 3.4), filename) as figure:
+    with figure_of((8.8, 3.4), filename) as figure:
         panels = figure.subplots(1, len(starts), sharex=True, sharey=True)
         for axes, start in zip(panels, starts, strict=True):
             axes.set(

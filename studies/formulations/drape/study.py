@@ -1,21 +1,21 @@
 """Draping on a sphere, a cylinder and a cone, against exact answers."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ...common.tables import csv_table
+from ...common.tables import csv_table, rows_of_csv
 from ...study import Row, Study
 from . import tables
 from .cases import NET, PUBLISHED, ROLLED, SPHERE, TIME, Case, all_cases
 from .error_time import timed
 from .extremes.cases import EXTREME, Extreme, all_extremes
 from .extremes.judging import WRONG, judged
-from .extremes.tables import outcomes, told_or_refused
+from .extremes.tables import in_words, outcomes, told_or_refused
 from .runs import row_of
 
 #: The tables of each part of the study, by the kinds of its cases.
-_TABLES = {
+_TABLES: dict[tuple[str, ...], dict[str, Callable[[Sequence[Row]], str]]] = {
     (SPHERE, NET, ROLLED): {
         "drape.csv": csv_table,
         "refinement.md": tables.refinement,
@@ -30,7 +30,7 @@ _TABLES = {
         "published.csv": csv_table,
         "published.md": tables.published_nets,
     },
-    (TIME,): {"error_time.csv": csv_table, "error_time.md": tables.error_time},
+    (TIME,): {"error_time.csv": csv_table},
     (EXTREME,): {
         "extremes.csv": csv_table,
         "extremes.md": outcomes,
@@ -45,6 +45,7 @@ class Drape(Study[Case | Extreme]):
     files = tuple(name for written in _TABLES.values() for name in written)
     pictures = ("error_time.png",)
     timed = True
+    sample = str(Case(SPHERE, 32, "macro", distortion=0.2))
 
     def cases(self, options: argparse.Namespace) -> list[Case | Extreme]:
         return [*all_cases(), *all_extremes()]
@@ -72,6 +73,18 @@ class Drape(Study[Case | Extreme]):
             if own := [row for row in rows if row["kind"] in kinds]:
                 found |= {name: table(own) for name, table in written.items()}
         return found
+
+    def stored(self, folder: Path) -> list[Row]:
+        """The rows of every part; each has all columns of its part."""
+        files = [folder / name for name in self.files if name.endswith(".csv")]
+        texts = [file.read_text(encoding="utf-8") for file in files if file.is_file()]
+        if not texts:
+            raise FileNotFoundError(f"{folder} has no results")
+        return [row for text in texts for row in rows_of_csv(text)]
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        extremes = [row for row in rows if row["kind"] == EXTREME]
+        return tables.in_words(rows) | in_words(extremes)
 
     def draw(self, rows: list[Row], folder: Path) -> None:
         from .figure import error_against_time

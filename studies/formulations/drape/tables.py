@@ -3,10 +3,13 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 
+import numpy as np
+
 from ...common.tables import markdown_table
 from ...study import Row
 from . import chebyshev
-from .cases import FLAT, NET, PUBLISHED, ROLLED, SPHERE, TIME, Case
+from .cases import FLAT, GROWTH, NET, PUBLISHED, ROLLED, SPHERE, TIME, Case
+from .rolled import BIAS, CYLINDER, FAN, SQUARES
 
 #: Head of a column, and what stands in it of a row.
 Column = tuple[str, Callable[[Row], object]]
@@ -17,13 +20,16 @@ _DEFAULTS = {
     if field.name not in ("kind", "parts", "formulation")
 }
 
+_CYLINDERS = CYLINDER, BIAS
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 _FORMULATION: Column = ("formulation", lambda r: r["formulation"])
 _PARTS: Column = ("parts a side", lambda r: r["parts"])
 _SOLVES: Column = ("solves", lambda r: r["solves"])
 _LARGEST: Column = ("largest error of Γ in °", lambda r: f"{r['largest']:.4f}")
 _RMS: Column = ("root mean square in °", lambda r: f"{r['rms']:.4f}")
 _SECONDS: Column = ("seconds of processor", lambda r: f"{r['seconds']:.2f}")
-_PRESSURE: Column = ("pressure off by at most", lambda r: _share(r["pressure_error"]))
+_PRESSURE: Column = ("largest error of pressure", lambda r: _share(r["pressure_error"]))
 
 
 def _share(x: float | None) -> str:
@@ -158,23 +164,90 @@ def published_nets(rows: Sequence[Row]) -> str:
 
 
 def rolled(rows: Sequence[Row]) -> str:
-    """Shear on developable surfaces, which ought to be none."""
+    """Shear on developable surfaces, which ought to be none, on finer meshes."""
     own = [row for row in rows if row["kind"] == ROLLED]
-    surface = "surface", lambda r: r["surface"]
-    results = (
-        ("largest shear angle in °", lambda r: f"{r['largest']:.1e}"),
-        ("of the exact positions in °", lambda r: f"{r['interpolated']:.1e}"),
-        ("nodes off these in mm", lambda r: f"{r['moved']:.1e}"),
-        _PRESSURE,
-        _SOLVES,
-    )
-    pull = "q in N/mm", lambda r: f"{r['tension']:g}"
-    return table(own, (surface, pull, _FORMULATION, _PARTS), results)
+    parts = sorted({row["parts"] for row in own})
+    groups: dict[tuple[str, str, str], dict[int, str]] = {}
+    for row in own:
+        group = row["surface"], f"{row['tension']:g}", row["formulation"]
+        shear = "refused" if row["refused"] else f"{row['largest']:.1e}"
+        groups.setdefault(group, {})[row["parts"]] = shear
+    head = "surface", "q in N/mm", "formulation"
+    lines = [
+        [*group, *(shear.get(n, "–") for n in parts)] for group, shear in groups.items()
+    ]
+    shears = [f"shear angle in °, {n} parts" for n in parts]
+    return markdown_table([*head, *shears], lines)
 
 
-def error_time(rows: Sequence[Row]) -> str:
-    """Error, solves and time of formulations and starts."""
-    own = [row for row in rows if row["kind"] == TIME]
-    start = "start", lambda r: r["start"]
-    results = _LARGEST, _RMS, _SOLVES, _SECONDS
-    return table(own, (_FORMULATION, start, _PARTS), results)
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """Errors, orders and pressures for prose, of the parts that there are."""
+    regular = _by_mesh(_of(rows, SPHERE))
+    moved = _by_mesh(_of(rows, SPHERE, "distortion"))
+    halved = _by_mesh(_of(rows, SPHERE, "distortion", "halvings"))
+    stiff = _by_mesh(r for r in _of(rows, SPHERE, "stretch") if r["stretch"] > 1e5)
+    free = _by_mesh(r for r in _of(rows, SPHERE, "tension") if not r["tension"])
+    rolled = [r for r in rows if r["kind"] == ROLLED and not r["refused"]]
+    along = [r["largest"] for r in rolled if r["surface"] != SQUARES]
+    net = _of(rows, PUBLISHED, "surface")
+    timed = [r for r in rows if r["kind"] == TIME and not r["refused"]]
+    growth = [r["solves"] for r in timed if r["start"] == GROWTH]
+    finest = regular["macro", 128]
+    tensions = finest["least_tension"], finest["largest_tension"]
+    corner = chebyshev.shear_angle(np.full((2, 1), chebyshev.SIDE)).item()
+    of_edges = free["macro", 32]
+    return {
+        "largest_32": f"{regular['macro', 32]['largest']:.3f}°",
+        "solves_32": str(regular["macro", 32]["solves"]),
+        "corner": f"{np.degrees(corner):.1f}°",
+        "orders": _orders(regular, "macro", "largest"),
+        "orders_flat": _orders(regular, FLAT, "largest"),
+        "orders_rms_stiff": _orders(stiff, "macro", "rms"),
+        "tensions": f"{tensions[0]:.1f} to {tensions[1]:.1f} N/mm",
+        "pressure": _largest(r for (_, n), r in regular.items() if n >= 16),
+        "pressure_moved": _largest([moved["macro", 128]]),
+        "pressure_halved": _largest([halved["macro", 128]]),
+        "pressure_cylinder": _largest(r for r in rolled if r["surface"] in _CYLINDERS),
+        "pressure_cone": _largest(r for r in rolled if r["surface"] == FAN),
+        "rolled": f"{_power_of_ten(max(along))}°",
+        "nets": f"{max(r['largest'] for r in net):.2f}°",
+        "growth_solves": f"{min(growth)} to {max(growth)}",
+        "free_energy": f"{100 * (1 - of_edges['energy'] / chebyshev.energy()):.0f} %",
+        "free_compression": f"{-of_edges['least_tension']:.2f} N/mm",
+    }
+
+
+def _by_mesh(rows: Iterable[Row]) -> dict[tuple[str, int], Row]:
+    """Rows by formulation and parts a side."""
+    return {(row["formulation"], row["parts"]): row for row in rows}
+
+
+def _orders(rows: dict[tuple[str, int], Row], formulation: str, error: str) -> str:
+    """Orders of an error from 32 to 64 parts and from 64 to 128.
+
+    Examples
+    --------
+    >>> rows = {("a", n): {"rms": n**-2} for n in (32, 64, 128)}
+    >>> _orders(rows, "a", "rms")
+    '2.0 and 2.0'
+    """
+    coarse, middle, fine = (rows[formulation, n][error] for n in (32, 64, 128))
+    return f"{np.log2(coarse / middle):.1f} and {np.log2(middle / fine):.1f}"
+
+
+def _largest(rows: Iterable[Row]) -> str:
+    """The largest error of the contact pressure, in per cent with two digits."""
+    errors = [row["pressure_error"] for row in rows]
+    return f"{100 * max(e for e in errors if e is not None):.2g} %"
+
+
+def _power_of_ten(x: float) -> str:
+    """A positive number with one digit and a power of ten.
+
+    Examples
+    --------
+    >>> _power_of_ten(3.9e-10)
+    '4·10⁻¹⁰'
+    """
+    digit, _, power = f"{x:.0e}".partition("e")
+    return f"{digit}·10{str(int(power)).translate(_RAISED)}"

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from skfem_textile import drape
+from studies.common.tables import csv_table
 from studies.formulations.drape import chebyshev, tables
 from studies.formulations.drape.cases import FLAT, FORMULATIONS, SPHERE, TIME, Case
 from studies.formulations.drape.extremes import judging
@@ -73,11 +74,42 @@ def test_a_drape_off_the_net_is_wrong_unless_it_tells_so(monkeypatch):
 
 def test_a_part_writes_its_own_files_alone():
     timed = Case(TIME, 8)
-    files = {"error_time.csv", "error_time.md", "error_time.png"}
+    files = {"error_time.csv", "error_time.png"}
     assert {*STUDY.written([timed])} == files
     rows = STUDY.examine(timed)
     assert {*STUDY.tables(rows)} == files - {"error_time.png"}
     assert rows[0]["largest"] < 0.1
+
+
+def test_stored_rows_are_those_of_every_part_that_was_written(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        STUDY.stored(tmp_path)
+    judged = {"case": "a", "kind": "extreme", "group": "g", "refused": ""}
+    judged |= {"outcome": "right", "reason": "", "told": "", "off_net": 2.0}
+    net = {"case": "n", "kind": "net", "refused": "", "parts": 16}
+    net |= {"surface": "analytic", "start": "net", "largest": 0.1, "rms": 0.01}
+    alone = judged | {"case": "b", "off_net": None}
+    texts = STUDY.tables([judged, alone])
+    *_, line = texts["extremes.md"].splitlines()
+    assert line.startswith("| all | 2 | 2 | 0 | 0 | 0 | 1 |")
+    for name, text in (texts | {"drape.csv": csv_table([net])}).items():
+        (tmp_path / name).write_text(text, newline="")
+    rows = STUDY.stored(tmp_path)
+    assert [row["case"] for row in rows] == ["n", "a", "b"]
+    again = STUDY.tables(rows[1:])
+    assert again == texts
+
+
+def test_a_surface_has_a_line_with_the_shear_of_every_mesh():
+    row = {"kind": "rolled", "surface": "cone", "tension": 1.0, "refused": ""}
+    row |= {"formulation": "macro", "parts": 16, "largest": 2e-3}
+    refused = row | {"parts": 32, "refused": "no state"}
+    other = row | {"formulation": "one point"}
+    lines = tables.rolled([row, refused, other]).splitlines()[2:]
+    assert lines == [
+        "| cone | 1 | macro | 2.0e-03 | refused |",
+        "| cone | 1 | one point | 2.0e-03 | – |",
+    ]
 
 
 def test_a_row_that_was_refused_says_so():

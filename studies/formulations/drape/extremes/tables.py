@@ -9,7 +9,7 @@ from .judging import REFUSED, RIGHT, TOLD, WRONG
 
 _WORDS = {
     RIGHT: "right",
-    TOLD: "off, and told so",
+    TOLD: "off, and reported",
     REFUSED: "refused",
     WRONG: "wrong",
 }
@@ -20,14 +20,16 @@ def outcomes(rows: Sequence[Row]) -> str:
     groups = list(dict.fromkeys(row["group"] for row in rows))
     head = (
         *("what is extreme", "drapes", *_WORDS.values(), "right, but not compared"),
-        *("largest off the net in °", "off the finer mesh in °"),
+        *("largest difference from the net in °", "from the finer mesh in °"),
     )
     lines = []
     for group in (*groups, ""):
         own = [row for row in rows if group in ("", row["group"])]
         count = Counter(row["outcome"] for row in own)
         alone = sum(
-            row["outcome"] == RIGHT and not {"off_net", "off_finer"} & {*row}
+            row["outcome"] == RIGHT
+            and row.get("off_net") is None
+            and row.get("off_finer") is None
             for row in own
         )
         off = [
@@ -51,5 +53,25 @@ def told_or_refused(rows: Sequence[Row]) -> str:
 
 
 def _reason(row: Row) -> str:
-    told = f" (told by: {row['told']})" if row.get("told") else ""
+    told = f" (reported: {row['told']})" if row.get("told") else ""
     return row["reason"] + told
+
+
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """How many drapes there are, how they end, and how many right ones warn.
+
+    Examples
+    --------
+    >>> rows = [{"outcome": "right", "told": told} for told in ("wrinkles", None)]
+    >>> words = in_words([*rows, {"outcome": "refused", "told": None}])
+    >>> words["extremes"], words["extremes_right"], words["extremes_right_reported"]
+    ('3', '2', '1 of 2')
+    """
+    count = Counter(row["outcome"] for row in rows)
+    told = sum(row["outcome"] == RIGHT and bool(row["told"]) for row in rows)
+    names = {RIGHT: "right", TOLD: "reported", REFUSED: "refused", WRONG: "wrong"}
+    return {
+        "extremes": str(len(rows)),
+        **{f"extremes_{name}": str(count[kind]) for kind, name in names.items()},
+        "extremes_right_reported": f"{told} of {count[RIGHT]}",
+    }
