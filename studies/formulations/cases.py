@@ -72,16 +72,21 @@ MEAN_QUADRATIC = _method(
     "quadratic, mean stretch", "triangles", 2, Quadratic(deviation=80.0)
 )
 
+QUADRATIC = _method("quadratic", "triangles", 2, Quadratic())
+SPLIT_ONE_POINT = _method("one point, triangles", "triangles", 2, OnePoint())
+FULL = _method("2×2 points", "quads", 1, Full())
+
+#: Methods that lock where the shear angle jumps, at any E/G.
+LOCKING = QUADRATIC, FULL
+
 #: One or two methods of each formulation, those with nothing to tune first.
 METHODS = (
-    *(MACRO, MACRO_TRIANGLES, AUTO),
-    _method("one point, triangles", "triangles", 2, OnePoint()),
-    *(MEAN_QUADRATIC, _method("quadratic", "triangles", 2, Quadratic())),
+    *(MACRO, MACRO_TRIANGLES, AUTO, SPLIT_ONE_POINT, MEAN_QUADRATIC, QUADRATIC),
     *(PAPER, _method("rates, C_s = 1", "quads", 1, OnePoint(1.0, "rate"))),
     _scaled("continuity, C_j = C", 1.0, "continuity"),
     _scaled("isotropic, κ = C", 1.0, "isotropic"),
     _scaled("isotropic, κ = C/8", 1 / 8, "isotropic"),
-    _method("2×2 points", "quads", 1, Full()),
+    FULL,
 )
 
 #: Other constants: C_s of one point, and the stiffness of deviations.

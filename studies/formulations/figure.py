@@ -4,9 +4,10 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 
 from skfem_textile.plot.curves import COLOURS
@@ -56,7 +57,8 @@ def convergence(
         for i, label in enumerate(labels)
     }
     columns = max(len(panels) for panels in rows.values())
-    with figure_of((3.2 * columns, 2.8 * len(rows)), filename) as figure:
+    size = 2.3 * columns, 1.9 * len(rows) + 0.8
+    with figure_of(size, filename, font_size=8) as figure:
         grid = figure.subplots(len(rows), columns, squeeze=False, sharex="col")
         for i, (what, panels) in enumerate(rows.items()):
             for j, (title, lines) in enumerate(panels.items()):
@@ -68,8 +70,20 @@ def convergence(
                     xlabel="Unknowns" if i == len(rows) - 1 else "",
                     ylabel=what if j == 0 else "",
                 )
-                axes.xaxis.set_minor_formatter(NullFormatter())
+                _label(axes)
                 axes.grid(alpha=0.3)
         handles = [Line2D([], [], label=label, **s) for label, s in style.items()]
         legend(figure, handles, 3)
     return figure
+
+
+def _label(axes: Axes) -> None:
+    """Label values in full, three to a decade where there is about one."""
+    low, high = axes.get_ylim()
+    axes.yaxis.set_major_locator(
+        LogLocator(subs=(1.0,) if high > 20 * low else (1.0, 2.0, 5.0))
+    )
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(lambda x, _: f"{x:g}")
+        axis.set_minor_formatter(NullFormatter())

@@ -17,18 +17,20 @@ from skfem_textile.solve.result import Result, StepError
 from skfem_textile.solve.stepper import LoadStepper
 
 from ..common.log import errors_only
-from ..common.tables import csv_table, json_text
+from ..common.tables import csv_table
 from ..study import Row, Study
 from . import medians
 from .cases import ANGLES, Case, all_cases
+from .in_words import in_words
 from .tables import TABLES
 
 
 class Formulations(Study[Case]):
     """Every method on every problem, on finer and finer meshes."""
 
-    files = ("formulations.csv", "summary.json", *(f"{name}.md" for name in TABLES))
+    files = ("formulations.csv", *(f"{name}.md" for name in TABLES))
     pictures = ("formulations.png",)
+    sample = "methods: bias extension, linear, E/G = 2e5, macro, quads, 8 across, 1"
 
     def cases(self, options: argparse.Namespace) -> list[Case]:
         return list(all_cases())
@@ -72,9 +74,11 @@ class Formulations(Study[Case]):
     def tables(self, rows: list[Row]) -> dict[str, str]:
         return {
             "formulations.csv": csv_table(rows),
-            "summary.json": json_text(medians.summary(rows)),
             **{f"{name}.md": table(rows) for name, table in TABLES.items()},
         }
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        return in_words(rows)
 
     def draw(self, rows: list[Row], folder: Path) -> None:
         from .figure import convergence
