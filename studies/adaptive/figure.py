@@ -33,15 +33,15 @@ def draw_errors(
     >>> [axes.get_title() for axes in draw_errors([]).axes]
     ['Load', 'Position, 30°', 'Position, 45°', 'Position, 60°']
     """
-    with figure_of((10.0, 3.6), filename, font_size=8) as figure:
-        load, *positions = figure.subplots(1, 1 + len(KINKS))
+    with figure_of((8.0, 6.6), filename, font_size=9) as figure:
+        load, *positions = figure.subplots(2, 2).flat
         _draw_loads(load, [row for row in rows if row["task"] == "judges"])
         for axes, degrees in zip(positions, KINKS, strict=True):
             _draw_positions(axes, [row for row in rows if row["degrees"] == degrees])
             axes.set(
                 title=f"Position, {degrees:g}°", xlabel="Unknowns", ylim=_POSITIONS
             )
-        positions[0].set_ylabel("Error, rms over nodes (mm)")
+            axes.set_ylabel("Error, rms over nodes (mm)")
         legend(figure, positions[0].get_legend_handles_labels()[0], len(MESHES) + 1)
     return figure
 

@@ -23,7 +23,7 @@ from skfem_textile.solve.body import Body
 from ..common.tables import csv_table
 from ..study import Row, Study
 from .cases import MOST_UNKNOWNS, TOLERANCE, Case, all_cases
-from .tables import estimates, factor, kinks, tolerances
+from .tables import estimates, factor, in_words, kinks, tolerances
 
 #: Load steps of the runs that are not timed.
 STEPS = 8
@@ -39,6 +39,8 @@ class Adaptive(Study[Case]):
 
     files = ("adaptive.csv", "estimates.md", "factor.md", "tolerances.md", "kinks.md")
     pictures = ("adaptive.png",)
+    sample = "judges, 45°, sheared 20°, E 100000, irregular 8"
+    volatile = (*Study.volatile, "cost")
 
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
         return list(all_cases())
@@ -73,6 +75,9 @@ class Adaptive(Study[Case]):
             "tolerances.md": tolerances(rows),
             "kinks.md": kinks(rows),
         }
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        return in_words(rows)
 
     def draw(self, rows: list[Row], folder: Path) -> None:
         from .figure import draw_errors

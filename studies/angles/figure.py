@@ -48,7 +48,7 @@ def draw_loads(
     >>> [axes.get_title() for axes in figure.axes[:2]]
     ['quads, 16 across', 'triangles, 16 across']
     """
-    with figure_of((9.0, 6.0), filename, font_size=9) as figure:
+    with figure_of((8.0, 6.4), filename, font_size=9) as figure:
         grid = figure.subplots(
             len(ACROSS), len(MESHES), sharex=True, sharey="row", squeeze=False
         )
@@ -91,12 +91,13 @@ def _draw(axes: Axes, rows: Sequence[Row], elements: str, across: int) -> None:
         axes.fill_between(sides, 1 - widest, 1 + widest, color="0.9")
     axes.axhline(1.0, color="grey", linewidth=0.8)
     beside = np.linspace(-_SPREAD, _SPREAD, len(_LINES) + 2)[1:-1]
+    off = errors(rows)
     for (given, style), shift in zip(_LINES.items(), beside.tolist(), strict=True):
         loads = {}
         for inclination in INCLINATIONS:
             specimen = Specimen(inclination, *given)
-            off = errors(rows, specimen, ANGLES[-1], elements, across)
-            if known := [1 + error for error in off if np.isfinite(error)]:
+            own = off.get((specimen, ANGLES[-1], elements, across), [])
+            if known := [1 + error for error in own if np.isfinite(error)]:
                 loads[inclination + shift] = known
         middle = [float(np.median(known)) for known in loads.values()]
         axes.plot(list(loads), middle, **style)

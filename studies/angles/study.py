@@ -5,6 +5,7 @@ stored.  The other parts compare the default formulation on irregular meshes wit
 """
 
 import argparse
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -25,7 +26,7 @@ from .cases import (
     judged,
 )
 from .runs import loads_over_inextensible, stepper
-from .tables import agreements, loads, summary
+from .tables import agreements, are_references, in_words, split, summary
 
 _OF_REFERENCES = "references.json", "references.md"
 
@@ -33,8 +34,9 @@ _OF_REFERENCES = "references.json", "references.md"
 class Angles(Study[Case]):
     """References, or the default formulation beside them."""
 
-    files = (*_OF_REFERENCES, "angles.csv", "summary.md", "loads.md")
+    files = (*_OF_REFERENCES, "angles.csv", "summary.md")
     pictures = ("angles.png",)
+    sample = "45°, linear, E/G = 2e5, quads, 16 across, seed 1"
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
@@ -63,7 +65,7 @@ class Angles(Study[Case]):
 
     def line(self, rows: list[Row]) -> str:
         name = Specimen.of(rows[0]).name
-        if _are_references(rows):
+        if are_references(rows):
             found = ", ".join(f"{row['load']:.4f}" for row in rows)
             apart, halving = (
                 max(abs(r[k]) for r in rows) for k in ("apart", "halving")
@@ -77,18 +79,28 @@ class Angles(Study[Case]):
         return f"{name}, {mesh}: {found}; {end}"
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        if _are_references(rows):
-            texts = references.text(rows), agreements(rows)
-            return dict(zip(_OF_REFERENCES, texts, strict=True))
-        return {
-            "angles.csv": csv_table(rows),
-            "summary.md": summary(rows),
-            "loads.md": loads(rows),
-        }
+        converged, compared = split(rows)
+        texts = {}
+        if converged:
+            texts["references.json"] = references.text(converged)
+            texts["references.md"] = agreements(converged)
+        if compared:
+            texts["angles.csv"] = csv_table(compared)
+            texts["summary.md"] = summary(compared)
+        return texts
+
+    def stored(self, folder: Path) -> list[Row]:
+        """Rows of the references and of the cases that are judged."""
+        data = folder / "references.json"
+        text = data.read_text(encoding="utf-8") if data.is_file() else "[]"
+        return [*json.loads(text), *super().stored(folder)]
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        return in_words(rows)
 
     def complaint(self, rows: list[Row]) -> str:
         """References on which formulations or meshes do not agree."""
-        if not _are_references(rows):
+        if not are_references(rows):
             return ""
         doubtful = [row for row in rows if not references.agree(row)]
         if not doubtful:
@@ -105,14 +117,10 @@ class Angles(Study[Case]):
     def draw(self, rows: list[Row], folder: Path) -> None:
         from .figure import draw_loads
 
-        draw_loads(rows, folder / "angles.png")
+        draw_loads(split(rows)[1], folder / "angles.png")
 
 
 STUDY = Angles()
-
-
-def _are_references(rows: Sequence[Row]) -> bool:
-    return "halving" in rows[0]
 
 
 def _judged(case: Judged) -> list[Row]:

@@ -7,7 +7,14 @@ from skfem_textile import Linear, refine
 from skfem_textile.mesh.bases import node_dofs
 from studies.adaptive.cases import Case, all_cases
 from studies.adaptive.study import STUDY, Adaptive, _band, _position
-from studies.adaptive.tables import estimates, factor, kinks, tolerances
+from studies.adaptive.tables import (
+    MESHES,
+    estimates,
+    factor,
+    in_words,
+    kinks,
+    tolerances,
+)
 from studies.angles.cases import G
 
 
@@ -69,15 +76,20 @@ def test_tables_count_what_passes():
     assert "| judges | 2 of 5 | 1 of 2 |" in estimates(rows)
     rows = [row("tolerance", *x) for x in ((0.009, 0.008), (-0.02, 0.005))]
     rows.append(row("tolerance", 0.02, 0.03, met=False))
-    assert tolerances(rows).startswith("Of 3 runs to 1%, 2 say that they met it, and 1")
+    assert tolerances(rows).splitlines()[-1].endswith("| 2.00% | 3.00% | no |")
     angles = {"angle_error": 2.0, "angle_estimate": 2.6}
     told = factor([row("calibrates", 0.01, 0.02, carried=0.04, **angles)])
     assert "| load over the share of the energy | 0.25 |" in told
-    uniform = [(100, 0.4), (400, 0.2)]
+    found = {"uniform": [(100, 0.4), (400, 0.2)]}
+    found |= {mesh: [(200, 0.1)] for mesh in MESHES}
     own = [
         {"task": "kinks", "degrees": 45.0, "mesh": kind, "unknowns": n}
         | {"position_error": error, "over_area": error**2}
-        for kind, pairs in (("uniform", uniform), ("refined", [(200, 0.1)]))
+        for kind, pairs in found.items()
         for n, error in pairs
     ]
     assert "| 0.1000 | 0.2828 | 0.35 | 0.0100 | 0.0800 | 0.12 |" in kinks(own)
+    words = in_words([row("judges", 0.01, 0.02), *rows, *own])
+    counts = [words[name] for name in ("estimates", "within", "met", "right")]
+    assert counts == ["1 of 1", "1 of 3", "2 of 3", "1 of 2"]
+    assert (words["met_worst"], words["along"]) == ("2.00 %", "0.12 to 0.35")

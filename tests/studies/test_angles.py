@@ -1,6 +1,7 @@
 import csv
 import json
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,9 +23,13 @@ from studies.angles.cases import (
     Specimen,
 )
 from studies.angles.study import STUDY
+from studies.common import provenance
 
 AT_30, AT_60 = (Specimen(theta, "linear", 2e5) for theta in (30.0, 60.0))
 STORED = references.stored()
+
+
+PUBLISHED = Path(references.FILE).parent
 
 
 def judged_rows(specimen, angle, ratios, elements="quads", across=16):
@@ -132,24 +137,35 @@ def test_the_load_is_nan_from_where_a_run_stops(monkeypatch):
 
 
 def test_limits_are_twice_as_wide_at_60_degrees():
-    limits = [tables.limit(theta, n) for theta in (52.5, 60.0) for n in (16, 32)]
+    limits = [cases.limit(theta, n) for theta in (52.5, 60.0) for n in (16, 32)]
     assert limits == [0.04, 0.02, 0.08, 0.04]
 
 
-def test_medians_are_judged_and_the_worst_seed_is_told():
+def test_medians_of_loads_that_are_known_are_judged():
     rows = judged_rows(AT_30, 10, [1.01, 1.03, 0.95])
     rows += judged_rows(AT_30, 40, [1.05, np.nan, 1.041])
     rows += judged_rows(AT_60, 40, [0.93, 0.925, 0.5], "triangles", 32)
-    loads, names = tables.loads(rows), AT_30.names
-    assert cells(loads, *names, "10°")[:3] == ["+1.00 %", "-5.00 %", "-"]
-    assert cells(loads, *names, "40°")[:2] == ["+4.55 % (1 refused)", "+5.00 %"]
-    assert cells(loads, *AT_60.names)[-2:] == ["-7.50 %", "-50.00 %"]
     summary = tables.summary(rows)
     assert cells(summary, "30°")[:4] == [
         *("+4.55 %", "1 of 2 within 4 %"),
         *("-", "0 of 0 within 2 %"),
     ]
     assert cells(summary, "60°")[-2:] == ["-7.50 %", "0 of 1 within 4 %"]
+    words = tables.in_words([STORED[AT_30, 40] | {"ratio": 2e6}, *rows])
+    assert (words["met"], words["single"]) == ("1 of 3", "50.0 %")
+    assert (words["quads_16"], words["triangles_32"]) == ("4.5 %", "7.5 %")
+
+
+def test_stored_results_give_the_same_tables_and_words_of_both_parts():
+    rows = STUDY.stored(PUBLISHED)
+    texts = STUDY.tables(rows)
+    assert set(texts) == {*STUDY.files}
+    for name in set(texts) - {"angles.csv"}:
+        assert texts[name] == (PUBLISHED / name).read_text(encoding="utf-8")
+    words = STUDY.figures(rows)
+    assert words["limit_16"] == f"{100 * cases.LIMITS[16]:g} %"
+    most = max(1 - row["load"] for row in STORED.values())
+    assert words["lost_most"] == f"{100 * most:.0f} %"
 
 
 def test_references_that_do_not_agree_are_told():
@@ -165,13 +181,13 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
     some = [Judged(AT_30, *mesh) for mesh in product(cases.MESHES, [8], [1, 2])]
     monkeypatch.setattr("studies.angles.study.judged", lambda *_: iter(some))
     monkeypatch.setattr(tables, "_MESHES", (("quads", 8), ("triangles", 8)))
-    monkeypatch.setitem(tables.LIMITS, 8, 0.15)
+    monkeypatch.setitem(cases.LIMITS, 8, 0.15)
     words = ["angles", "--out", str(tmp_path)]
     assert main([*words, "--case", "*quads*"]) == 0
     with open(tmp_path / "angles.csv") as file:
         assert len(list(csv.DictReader(file))) == 2 * len(ANGLES)
     names = {path.name for path in tmp_path.iterdir()}
-    written = {"angles.csv", "summary.md", "loads.md", *drawn_here(STUDY)}
+    written = {"angles.csv", "summary.md", provenance.FILE, *drawn_here(STUDY)}
     assert names == written
     assert "4 of 4 within 15 %" in cells((tmp_path / "summary.md").read_text(), "30°")
     assert "30°, linear, E/G = 2e5, quads, 8 across, seed 1" in capsys.readouterr().out
@@ -186,4 +202,7 @@ def test_references_are_written_beside_what_is_judged(tmp_path, monkeypatch):
     stored = json.loads((tmp_path / "references.json").read_text())
     assert [row["shear_angle"] for row in stored] == list(ANGLES)
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"angles.csv", "references.json", "references.md"}
+    assert names == {
+        *("angles.csv", "references.json", "references.md"),
+        provenance.FILE,
+    }
