@@ -26,10 +26,12 @@ CHECKED = (
     *sorted((ROOT / "docs" / "tutorial").glob("*.md")),
 )
 
+# A figure, whose caption is prose.
+_FIGURE = re.compile(r"^```\{(?:figure|image)\}[^\n]*\n(.*?)^```$", re.M | re.S)
+
 # What is no prose: code, formulas, addresses, commands of MyST and front matter.
 _NO_PROSE = re.compile(
-    r"\A---\n.*?\n---$"
-    r"|^```(?!\{(?:figure|image)).*?^```$|^```[^\n]*$|^:\w+:[^\n]*$"
+    r"\A---\n.*?\n---$|^```.*?^```$|^:\w+:[^\n]*$"
     r"|``[^`]+``|`[^`]*`|\$\$.*?\$\$|\$[^$\n]*\$|\]\([^)]*\)|<[^>\n]*>",
     re.M | re.S,
 )
@@ -82,7 +84,8 @@ def of_page(text: str) -> str:
     >>> of_page("Within `3 %` or <!--a.b-->4 %<!--/-->, at\nmost.")
     'Within · or ·, at most.'
     """
-    return " ".join(_NO_PROSE.sub("·", MARKED.sub("·", text)).split())
+    text = _FIGURE.sub(r"\1", MARKED.sub("·", text))
+    return " ".join(_NO_PROSE.sub("·", text).split())
 
 
 def results_in(prose: str) -> Iterator[tuple[str, str]]:

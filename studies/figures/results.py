@@ -26,7 +26,8 @@ def in_words(name: str) -> dict[str, str]:
     folder = folder_of(name, study)
     words = study.figures(study.stored(folder))
     for run in provenance.read(folder).get(name, [])[-1:]:
-        words |= {"machine": machine_and_versions.sentence(run)}
+        if "packages" in run:
+            words |= {"machine": machine_and_versions.sentence(run)}
     return words
 
 

@@ -6,7 +6,21 @@ from studies.common.tables import csv_table, markdown_table, rows_of_csv
 from studies.figures import pages, program, prose, results
 from studies.study import Study
 
-PAGE = "# Page\n\nIt is off by <!--squares.largest-->9 mm<!--/--> with 5 % of noise.\n"
+PAGE = """\
+# Page
+
+```{figure} a.png
+:width: 100%
+
+A caption.
+```
+
+It is off by <!--squares.largest-->9 mm<!--/--> with 5 % of noise.
+
+```sh
+sleep 3.2
+```
+"""
 SETTINGS = '"docs/page.md" = ["with 5 % of noise"]\n'
 
 
@@ -78,6 +92,7 @@ def test_pages_that_say_what_the_data_say_pass(docs, capsys):
         ("squares/squares.csv", "3,9.0", "3,9.5", "docs/page.md differs from its data"),
         ("squares/squares.md", "9.0", "9.1", "docs/squares/squares.md differs"),
         ("page.md", "noise", "noise in 3.2 s", "no marker makes '3.2 s'"),
+        ("page.md", "A caption", "Within 7 mm", "no marker makes '7 mm'"),
         ("page.md", "noise", "noise, 1/3.2 of it", "no marker makes '1/3.2'"),
         ("page.md", "noise", "noise, 62 cases", "no marker makes '62 cases'"),
         ("page.md", "noise", "noise; 1415 are right", "no marker makes '1415'"),
