@@ -1,89 +1,229 @@
-"""Errors against seconds with matplotlib."""
+"""Pareto fronts of codes, ratios of their times, and errors of every element."""
 
 import os
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy import ndarray
-from numpy.typing import ArrayLike
 
 from ..common.figures import colour_of, figure_of, legend, marker_of
+from ..study import Row
+from .fronts import CRITERIA, SETS, Criterion, Fronts, fronts, methods, ratios
+from .reference import converged
+from .timed_codes import ThisLibrary
 
-# Errors below this share of the largest one are round-off, and are not drawn.
-_DECADES = 1e-8
+# Codes in the order of their colours.
+_CODES = (ThisLibrary.code, "scikit-fem", "FElupe", "DOLFINx", "scikit-fem-native")
+
+# Width of a printed page in inches, and the size of letters in points.
+_WIDTH, _LETTERS = 160 / 25.4, 8
+
+# Errors shown are at most these: with larger ones an answer says little.
+_MOST = {"angle": 2.0, "force": 100.0, "load": 1.0}
 
 
-def _best(seconds: ArrayLike, error: ArrayLike) -> tuple[ndarray, ndarray]:
-    """The points for which no other is both faster and closer."""
-    order = np.argsort(seconds, kind="stable")
-    t, e = np.asarray(seconds)[order], np.asarray(error)[order]
-    before = np.minimum.accumulate(np.append(np.inf, e[:-1]))
-    return t[e < before], e[e < before]
-
-
-def work_precision(
-    panels: Mapping[str, Mapping[tuple[str, str], tuple[ArrayLike, ArrayLike]]],
-    filename: str | os.PathLike[str] | None = None,
+def drawn_fronts(
+    rows: Sequence[Row], filename: str | os.PathLike[str] | None = None
 ) -> Figure:
-    """Errors against seconds on logarithmic scales, a panel for each error.
+    """The Pareto front of each code with the fastest solvers, for two criteria.
+
+    Lines join medians, and bars are the ranges over the seeds.  The uncertainty of the
+    reference is a grey band; errors below it are open markers at its edge.
 
     Parameters
     ----------
-    panels
-        For each kind of error, the curves ``(seconds, error)`` by code and element.
-        A code has one colour, an element one marker; the first code has a thicker line.
-        A line joins the points for which no other of the curve is faster and closer.
+    rows
+        The rows of the study.
     filename
-        Where to write a PNG.
+        Where to write a picture.
 
     Raises
     ------
     ValueError, FileNotFoundError
         As from `picture_path`.
-
-    Examples
-    --------
-    >>> lines = {("ours", "Q4"): ([1, 2], [0.4, 0.1])}
-    >>> figure = work_precision({"mm": lines, "°": lines})
-    >>> [axes.get_ylabel() for axes in figure.axes]
-    ['mm', '°']
     """
-    keys = dict.fromkeys(key for lines in panels.values() for key in lines)
-    codes = list(dict.fromkeys(code for code, _ in keys))
-    elements = list(dict.fromkeys(element for _, element in keys))
-    look: dict[str, dict[str, Any]] = {
-        code: {
-            "color": colour_of(i),
-            "linestyle": "--" if i else "-",
-            "linewidth": 1.0 if i else 2.0,
-            "zorder": 2 if i else 3,
-        }
-        for i, code in enumerate(codes)
-    }
-    marker = {element: marker_of(i) for i, element in enumerate(elements)}
-    lengthwise = -(-len(panels) // 2)
-    with figure_of((10, 4 * lengthwise + 1), filename) as figure:
-        grid = figure.subplots(lengthwise, 2, squeeze=False, sharex=True)
-        for axes, (what, lines) in zip(grid.flat, panels.items(), strict=False):
-            for (code, element), (seconds, error) in lines.items():
-                shape, best = marker[element], _best(seconds, error)
-                axes.loglog(*best, marker=shape, markersize=5, **look[code])
-                axes.loglog(
-                    *(seconds, error, shape),
-                    **{"markersize": 3, "alpha": 0.3, "color": look[code]["color"]},
+    with figure_of((_WIDTH, 3.1), filename, _LETTERS) as figure:
+        for axes, name in zip(figure.subplots(1, 2), ("angle", "load"), strict=True):
+            criterion = CRITERIA[name]
+            known = fronts(rows, criterion, "fastest")
+            _front_panel(axes, known, criterion, _MOST[name], _floor(rows, name))
+    return figure
+
+
+def _front_panel(
+    axes: Axes, by_code: Fronts, criterion: Criterion, most: float, floor: float
+) -> None:
+    factor = _factor(criterion)
+    ends = []
+    for code, front in by_code.items():
+        shown = [point for point in front if point.within <= most]
+        if not shown:
+            continue
+        colour, thick = _look(code)
+        x = np.array([point.seconds for point in shown])
+        y = factor * np.array([point.error for point in shown])
+        steps = factor * np.array([point.within for point in shown])
+        clear = steps > factor * floor
+        steps = np.maximum(steps, factor * floor)
+        axes.plot(x[:, 0], steps, color=colour, linewidth=thick, zorder=3)
+        for filled, chosen in ((colour, clear), ("white", ~clear)):
+            axes.plot(
+                x[chosen, 0],
+                steps[chosen],
+                marker="o",
+                linestyle="",
+                color=colour,
+                markerfacecolor=filled,
+                markersize=3.5,
+                zorder=4,
+            )
+        axes.errorbar(
+            x[:, 0],
+            steps,
+            xerr=np.abs(x[:, 1:] - x[:, :1]).T,
+            yerr=[
+                np.clip(steps - np.maximum(y[:, 1], factor * floor), 0, None),
+                np.clip(y[:, 2] - steps, 0, None),
+            ],
+            fmt="none",
+            ecolor=colour,
+            elinewidth=0.8,
+            alpha=0.5,
+        )
+        ends.append((code, x[-1, 0], steps[-1], colour))
+    axes.set(xscale="log", yscale="log", xlabel="run time (s)")
+    axes.set_title(_titled(criterion), fontsize=_LETTERS, loc="left")
+    axes.grid(alpha=0.25, linewidth=0.5)
+    if floor:
+        axes.axhspan(axes.get_ylim()[0], factor * floor, color="0.85", zorder=0)
+    _label_ends(axes, ends)
+
+
+def _label_ends(axes: Axes, ends: Sequence[tuple[str, float, float, str]]) -> None:
+    """Names at the ends of lines, moved apart where they would overlap."""
+    if not ends:
+        return
+    low, high = np.log(axes.get_ylim())
+    # A line of text as a share of the height of the axes.
+    apart = 0.075
+    place = sorted(
+        ((np.log(y) - low) / (high - low), i) for i, (_, _, y, _) in enumerate(ends)
+    )
+    at = dict[int, float]()
+    lowest = -1.0
+    for share, i in place:
+        at[i] = lowest = max(share, lowest + apart)
+    for i, (code, x, y, colour) in enumerate(ends):
+        axes.annotate(
+            code.replace("skfem_textile", "this library"),
+            *((x, y), (1.02, at[i])),
+            textcoords="axes fraction",
+            color=colour,
+            va="center",
+            fontsize=_LETTERS,
+            fontweight="bold" if code == ThisLibrary.code else "normal",
+            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.5, "alpha": 0.6},
+            annotation_clip=False,
+        )
+
+
+def drawn_ratios(
+    rows: Sequence[Row], filename: str | os.PathLike[str] | None = None
+) -> Figure:
+    """Time of the fastest other code over that of this library, by the error.
+
+    A panel for each criterion and a line for each set of solvers.  Below one the other
+    code is faster.
+    """
+    with figure_of((_WIDTH, 2.6), filename, _LETTERS) as figure:
+        grid = figure.subplots(1, len(CRITERIA), sharey=True)
+        for axes, (name, criterion) in zip(grid, CRITERIA.items(), strict=True):
+            for i, solvers in enumerate(SETS):
+                known = ratios(fronts(rows, criterion, solvers))
+                shown = [pair for pair in known if pair[0] <= _MOST[name]]
+                if not shown:
+                    continue
+                error, ratio = np.array(shown).T
+                error = _factor(criterion) * error
+                axes.step(error, ratio, where="post", color=colour_of(i), label=solvers)
+                axes.annotate(
+                    _SET_NAMES[solvers],
+                    (error[-1], ratio[-1]),
+                    *((4, 6 - 12 * i),),
+                    textcoords="offset points",
+                    color=colour_of(i),
+                    ha="right",
+                    fontsize=_LETTERS,
                 )
-            axes.set(xlabel="Seconds", ylabel=what)
-            errors = np.concatenate([error for _, error in lines.values()])
-            seen = errors[errors > _DECADES * errors.max()]
-            axes.set_ylim(bottom=0.5 * seen.min())
-            axes.grid(alpha=0.3)
-        handles = [Line2D([], [], label=code, **s) for code, s in look.items()]
+            axes.axhline(1, color="0.4", linewidth=0.8)
+            axes.set(xscale="log", yscale="log", xlabel=f"error ({criterion.unit})")
+            axes.set_title(_titled(criterion), fontsize=_LETTERS, loc="left")
+            axes.invert_xaxis()
+            axes.grid(alpha=0.25, linewidth=0.5)
+        grid[0].set_ylabel("time ratio, other / ours")
+    return figure
+
+
+_SET_NAMES = {"SciPy": "SciPy alone", "fastest": "fastest solvers"}
+
+
+def drawn_elements(
+    rows: Sequence[Row],
+    criterion: Criterion,
+    filename: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Median errors of every element over its median times, with the fastest solvers.
+
+    Colours are codes, markers are elements.
+    """
+    with figure_of((_WIDTH, 4.4), filename, _LETTERS) as figure:
+        axes = figure.subplots()
+        known = {
+            method: series
+            for method, series in methods(rows, criterion).items()
+            if series and (method[2] in SETS["fastest"] or "refined" in method[1])
+        }
+        elements = list(dict.fromkeys(element for _, element, _ in known))
+        for (code, element, _), series in known.items():
+            colour, thick = _look(code)
+            axes.loglog(
+                [point.seconds.median for point in series],
+                [_factor(criterion) * point.error.median for point in series],
+                marker=marker_of(elements.index(element)),
+                color=colour,
+                linewidth=thick / 2,
+                markersize=3.5,
+            )
+        axes.set(xlabel="run time (s)", ylabel=f"error ({criterion.unit})")
+        axes.set_title(_titled(criterion), fontsize=_LETTERS, loc="left")
+        axes.grid(alpha=0.25, linewidth=0.5)
+        codes = dict.fromkeys(code for code, _, _ in known)
+        handles = [Line2D([], [], color=_look(code)[0], label=code) for code in codes]
         handles += [
-            Line2D([], [], color="0.3", linestyle="", marker=m, label=element)
-            for element, m in marker.items()
+            Line2D([], [], color="0.3", linestyle="", marker=marker_of(i), label=name)
+            for i, name in enumerate(elements)
         ]
         legend(figure, handles, 4)
     return figure
+
+
+def _look(code: str) -> tuple[str, float]:
+    """Colour and width of the line of a code."""
+    return colour_of(_CODES.index(code)), 2.0 if code == ThisLibrary.code else 1.2
+
+
+def _factor(criterion: Criterion) -> float:
+    return 100.0 if criterion.unit == "%" else 1.0
+
+
+def _titled(criterion: Criterion) -> str:
+    scene, _, error = criterion.label.partition(", ")
+    return f"{scene.capitalize()}:\n{error} ({criterion.unit})"
+
+
+def _floor(rows: Sequence[Row], name: str) -> float:
+    """Uncertainty of the reference of a criterion; zero if it is exact."""
+    end = converged(rows)
+    return end.uncertainty / end.load if name == "load" and end else 0.0

@@ -8,13 +8,13 @@ has done the same once before.
 import argparse
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
 from skfem_textile.scenes import bias_extension
 
 from ..common.rivals.all_rivals import RIVALS
-from ..common.tables import csv_table
 from ..formulations.cases import (
     AUTO,
     BIAS,
@@ -26,6 +26,8 @@ from ..formulations.cases import (
     STRIP,
 )
 from ..study import Row, Study
+from . import tables
+from .fronts import CRITERIA
 from .reference import CELLS, FORMULATIONS, Reference
 from .timed_codes import LONG, SOLVERS, OtherCode, Refined, ThisLibrary, TimedCode
 
@@ -73,7 +75,15 @@ class Timed(NamedTuple):
 class ErrorTime(Study[Timed | Reference]):
     """Every code on both scenes, and the converged load of one."""
 
-    files = ("error_time.csv",)
+    files = (
+        *("error_time.csv", "meshes.csv", "codes.csv", "ratios.md", "elements.md"),
+        *("same_mesh.md", "reference.md", "failed.md"),
+    )
+    pictures = (
+        *("fronts.png", "fronts.svg", "ratios.png", "ratios.svg"),
+        *("strip.png", "bias_extension.png"),
+    )
+    folder = "error-time"
     timed = True
     sample = "reference, Quadratic(), 8 cells"
 
@@ -122,7 +132,27 @@ class ErrorTime(Study[Timed | Reference]):
         return "\n".join(map(_line, rows))
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        return {"error_time.csv": csv_table(rows)}
+        return tables.tables(rows)
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        """Results in words.
+
+        ``CRITERION_ERROR_SOLVERS_WHAT`` is of this library and the fastest other code
+        at an error: ``ratio``, ``solves`` and ``per_solve``, ``other_code``, and
+        ``ours`` or ``other`` for the element, with ``_mesh``, ``_error``, ``_seconds``
+        and ``_solves`` of it.
+        """
+        return tables.in_words(rows)
+
+    def draw(self, rows: list[Row], folder: Path) -> None:
+        from .figure import drawn_elements, drawn_fronts, drawn_ratios
+
+        for suffix in (".png", ".svg"):
+            drawn_fronts(rows, folder / f"fronts{suffix}")
+            drawn_ratios(rows, folder / f"ratios{suffix}")
+        for name in ("angle", "load"):
+            criterion = CRITERIA[name]
+            drawn_elements(rows, criterion, folder / f"{criterion.scene}.png")
 
 
 STUDY = ErrorTime()

@@ -1,219 +1,305 @@
-"""Tables of the study of error against time: how many times faster each method is."""
+"""Tables of the study of error against time, and its results in words."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import Any
 
-import numpy as np
-
-from ..common.tables import markdown_table
+from ..common.tables import csv_table, markdown_table
 from ..study import Row
+from .fronts import (
+    CRITERIA,
+    SETS,
+    Comparison,
+    Criterion,
+    Point,
+    Spread,
+    compared,
+    fastest,
+    fronts,
+    methods,
+    pairs,
+)
+from .reference import CELLS, CODE, FORMULATIONS, converged, extrapolated
 from .timed_codes import ThisLibrary
 
-
-@dataclass(frozen=True)
-class Bar:
-    """A condition that a result must fulfil."""
-
-    text: str
-    reached: Callable[[Row], bool]
+#: Scenes as tables name them.
+SCENES = {"strip": "strip", "bias_extension": "bias extension"}
 
 
-BARS = {
-    "strip": Bar(
-        "shear angle within 0.1° rms and load under 1 N",
-        lambda row: row["angle"] <= 0.1 and row["load_error"] < 1,
-    ),
-    "bias_extension": Bar(
-        "load within 3 % of the exact one", lambda row: row["load_error"] <= 0.03
-    ),
-}
-
-#: The kinds of errors, and their labels.
-ERRORS = {
-    "position": "Position error (mm)",
-    "angle": "Shear-angle error (°)",
-    "strain": "Largest fibre strain",
-    "load_error": "Load error (N, or share)",
-}
-
-Key = tuple[str, str]
-
-
-def of(rows: Sequence[Row]) -> dict[Key, list[Row]]:
-    """Results by code and element, from coarse to fine, without refused runs."""
-    by: dict[Key, list[Row]] = {}
-    for row in rows:
-        if "seconds" in row:
-            results = by.setdefault((row["code"], row["element"]), [])
-            results += [] if np.isnan(row["seconds"]) else [row]
-    return by
-
-
-def fastest(rows: Sequence[Row], bar: Bar) -> Row | None:
-    """The fastest run that reaches a bar, as do all runs on finer meshes.
-
-    Parameters
-    ----------
-    rows
-        Results of one method, from coarse to fine.
-    bar
-        The bar.
-    """
-    there: list[Row] = []
-    for row in reversed(rows):
-        if not bar.reached(row):
-            break
-        there.append(row)
-    return min(there, key=lambda row: row["seconds"], default=None)
-
-
-def standing(rows: Sequence[Row]) -> list[tuple[Key, Row | None]]:
-    """Each method with its fastest run that reaches the bar; fastest method first."""
-    bar = BARS[rows[0]["scene"]]
-    methods = [(key, fastest(meshes, bar)) for key, meshes in of(rows).items()]
-    return sorted(methods, key=lambda pair: pair[1]["seconds"] if pair[1] else np.inf)
-
-
-def summary(rows: Sequence[Row]) -> dict[str, Any]:
-    """The bar, the fastest method, and how many times longer the others take.
-
-    None for a method that does not reach the bar.
-    """
-    order = standing(rows)
-    best = order[0][1] if order else None
+def tables(rows: Sequence[Row]) -> dict[str, str]:
+    """The text of each file by its name."""
     return {
-        "scene": rows[0]["scene"],
-        "bar": BARS[rows[0]["scene"]].text,
-        "fastest": _name(order[0][0]) if best else None,
-        "methods": {
-            _name(key): {
-                "across": row["across"],
-                **({"tolerance": row["tolerance"]} if "tolerance" in row else {}),
-                "seconds": row["seconds"],
-                "over_fastest": row["seconds"] / best["seconds"],
-            }
-            if row and best
-            else None
-            for key, row in order
-        },
-        "skipped": {_of(row): row["note"] for row in rows if "seconds" not in row},
-        "refused": [
-            f"{_of(row)}, {mesh_of(row)}: {row['note']}"
-            for row in rows
-            if "seconds" in row and row["note"]
-        ],
+        "error_time.csv": csv_table(rows),
+        "meshes.csv": csv_table([*meshes(rows)]),
+        "codes.csv": csv_table([*codes(rows)]),
+        "ratios.md": ratios(rows),
+        "elements.md": elements(rows),
+        "same_mesh.md": same_mesh(rows),
+        "reference.md": reference(rows),
+        "failed.md": failed(rows),
     }
 
 
-def tables(rows: Sequence[Row]) -> str:
-    """All tables, and what was skipped or refused, in Markdown."""
-    told = summary(rows)
-    notes = [f"{name}: {why}" for name, why in told["skipped"].items()]
-    notes += told["refused"]
-    listed = "".join(f"- {note}\n" for note in notes)
-    return "\n".join(x for x in (to_the_bar(rows), same_mesh(rows), listed) if x)
-
-
-def to_the_bar(rows: Sequence[Row]) -> str:
-    """The fastest run of each method that reaches the bar, or else its finest run."""
-    order = standing(rows)
-    best = order[0][1] if order else None
-    own = next((row for method, row in order if row and _is_own(method)), None)
-    by, lines = of(rows), []
-    for method, row in order:
-        if not by[method]:
-            continue
-        shown = row or by[method][-1]
-        lines.append(
-            [
-                *(_bold(method), _across(shown), str(shown["unknowns"])),
-                *(f"{shown['steps']} / {shown['linear_solves']}", _seconds(shown)),
-                *(_ratio(row, best), _ratio(row, own)),
-                *(f"{shown[key]:.2g}" for key in ("angle", "load_error")),
-                *(f"{shown['position']:.2g}", f"{shown['strain']:.1e}"),
-            ]
-        )
+def ratios(rows: Sequence[Row]) -> str:
+    """The fastest element and mesh of this library and of others, by error."""
+    lines = []
+    for criterion, solvers in product(CRITERIA.values(), SETS):
+        by_code = fronts(rows, criterion, solvers)
+        for error in criterion.levels:
+            pair = compared(by_code, error)
+            shares = pair.ratio, pair.solves, pair.per_solve
+            lines.append(
+                [
+                    *(criterion.label, criterion.text(error), solvers),
+                    *(_point(pair.own, criterion), _point(pair.other, criterion, True)),
+                    *map(_factor, shares),
+                ]
+            )
     head = [
-        *(f"to {BARS[rows[0]['scene']].text}", "across", "unknowns"),
-        *("steps / solves", "time (s)", "over the fastest", "over the fastest of ours"),
-        *("shear angle off by (°)", "load off by", "position off by (mm)", "strain"),
+        *("criterion", "error at most", "solvers", "skfem_textile", "fastest other"),
+        *("time ratio", "= ratio of solves", "× ratio of time per solve"),
     ]
     return markdown_table(head, lines)
 
 
-def same_mesh(rows: Sequence[Row]) -> str:
-    """Other codes on the same element and mesh: their times over this library's."""
-    by = of(rows)
+def codes(rows: Sequence[Row]) -> Iterator[Row]:
+    """Every code at each error of each criterion, with its fastest element and mesh."""
+    for (name, criterion), solvers in product(CRITERIA.items(), SETS):
+        by_code = fronts(rows, criterion, solvers)
+        for error, code in product(criterion.levels, by_code):
+            point, own = (
+                fastest(by_code.get(who, []), error) for who in (code, ThisLibrary.code)
+            )
+            pair = Comparison(own, point)
+            yield {
+                "criterion": name,
+                "error_at_most": error,
+                "solvers": solvers,
+                **(_columns(point) if point else {"code": code}),
+                "time_over_ours": pair.ratio,
+                "solves_over_ours": pair.solves,
+                "time_per_solve_over_ours": pair.per_solve,
+            }
+
+
+def meshes(rows: Sequence[Row]) -> Iterator[Row]:
+    """Medians and ranges over the seeds on every mesh, for each criterion."""
+    for name, criterion in CRITERIA.items():
+        for series in methods(rows, criterion).values():
+            for point in series:
+                yield {"criterion": name} | _columns(point)
+
+
+def elements(rows: Sequence[Row]) -> str:
+    """The time of every element to the middle error of each criterion.
+
+    An element that does not reach it has its finest mesh.
+    """
+    known = {name: methods(rows, criterion) for name, criterion in CRITERIA.items()}
+    order = dict.fromkeys(method for series in known.values() for method in series)
     lines = []
-    for (code, element), meshes in by.items():
-        if code != ThisLibrary.code:
+    for code, element, solver in order:
+        if solver not in SETS["fastest"] and "refined" not in element:
             continue
-        rivals = {k[0]: v for k, v in by.items() if k[1] == element and k[0] != code}
-        for rival, theirs in rivals.items():
-            ours = {row["across"]: row for row in meshes}
-            both = [row for row in theirs if row["across"] in ours]
-            for row in both[-1:]:
-                own = ours[row["across"]]
-                lines.append(
-                    [
-                        *(element, rival, str(row["across"])),
-                        *(f"{own['steps']} / {own['linear_solves']}", _seconds(own)),
-                        *(f"{row['steps']} / {row['linear_solves']}", _seconds(row)),
-                        _ratio(row, own),
-                    ]
-                )
+        cells = [
+            _to_the_error(known[name].get((code, element, solver), []), criterion)
+            for name, criterion in CRITERIA.items()
+        ]
+        lines.append([_bold(code), element, *cells])
+    head = [f"{c.label}: {c.text(c.levels[1])}" for c in CRITERIA.values()]
+    return markdown_table(["code", "element", *head], lines)
+
+
+def same_mesh(rows: Sequence[Row]) -> str:
+    """Other codes over this library with the same element on the same mesh."""
+    lines = []
+    for scene, by_set in pairs(rows):
+        one = by_set["SciPy"]
+        assert one.own
+        assert one.other
+        lines.append(
+            [
+                *(SCENES[scene], one.own.element, one.other.code, one.own.across),
+                f"{one.other.solves:g} : {one.own.solves:g}",
+                *(_factor(by_set[name].per_solve) for name in SETS),
+                *(_factor(by_set[name].ratio) for name in SETS),
+            ]
+        )
     head = [
-        *("same element and mesh", "rival", "across"),
-        *("ours: steps / solves", "ours: time (s)"),
-        *("rival's: steps / solves", "rival's: time (s)", "rival over ours"),
+        *("scene", "element", "code", "across", "solves : ours"),
+        *(f"time per solve over ours, {name}" for name in SETS),
+        *(f"time over ours, {name}" for name in SETS),
     ]
-    return markdown_table(head, lines) if lines else ""
+    return markdown_table(head, lines)
 
 
-def curves(rows: Sequence[Row]) -> dict[str, dict[Key, tuple[list, list]]]:
-    """Errors over seconds for the figure, by kind of error, code and element."""
-    return {
-        label: {
-            key: ([row["seconds"] for row in meshes], [row[error] for row in meshes])
-            for key, meshes in of(rows).items()
-            if meshes
+def reference(rows: Sequence[Row]) -> str:
+    """The loads on the meshes along the fibres, and their extrapolation."""
+    known = {(r["element"], r["across"]): r["load"] for r in rows if r["code"] == CODE}
+    lines = []
+    for element in FORMULATIONS:
+        loads = [known.get((element, n)) for n in CELLS]
+        there = [load for load in loads if load is not None]
+        end = f"{extrapolated(there):.4f}" if len(there) == len(CELLS) else "-"
+        cells = ["-" if load is None else f"{load:.4f}" for load in loads]
+        lines.append([f"`{element}`", *cells, end])
+    head = ["load, N", *(f"{n} cells" for n in CELLS), "extrapolated"]
+    return markdown_table(head, lines)
+
+
+def failed(rows: Sequence[Row]) -> str:
+    """The elements with runs that failed, with their finest mesh and number of seeds.
+
+    A code that is not installed says so.
+    """
+    by: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        if row.get("note"):
+            method = row["scene"], row["code"], row["element"], row["solver"]
+            by.setdefault((*method, row["note"]), []).append(row)
+    lines = []
+    for (scene, code, element, solver, note), runs in by.items():
+        across = sorted({run["across"] for run in runs if run["across"]})
+        where = ", ".join(map(str, across)) or "-"
+        seeds = len({run["seed"] for run in runs})
+        lines.append([SCENES[scene], code, element, solver, where, seeds, note])
+    head = ["scene", "code", "element", "solvers", "across", "seeds", "note"]
+    return markdown_table(head, lines)
+
+
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """Results for prose; see `ErrorTime.figures`."""
+    seeds = {row["seed"] for row in rows if row.get("seed") is not None}
+    words = {"seeds": str(len(seeds))}
+    if end := converged(rows):
+        off = 100 * end.uncertainty / end.load
+        words |= {
+            "reference": f"{end.load:.2f} N",
+            "reference_share": f"{100 * end.load / end.inextensible:.2f} %",
+            "reference_below": f"{100 - 100 * end.load / end.inextensible:.1f} %",
+            "reference_uncertainty": f"{off:.1g} %",
+            "inextensible": f"{end.inextensible:.2f} N",
         }
-        for error, label in ERRORS.items()
+    for (name, criterion), solvers in product(CRITERIA.items(), SETS):
+        by_code = fronts(rows, criterion, solvers)
+        for error in criterion.levels:
+            level = criterion.number(error, 6)
+            key = f"{name}_{level}_{solvers.lower()}"
+            words |= _pair_in_words(key, compared(by_code, error), criterion)
+    for pair in pairs(rows):
+        for solvers, one in pair.by_set.items():
+            assert one.other
+            key = f"same_{pair.scene}_{solvers.lower()}"
+            words |= {
+                f"{key}_{_key(one.other.code)}_{_key(one.other.element)}": _factor(
+                    one.ratio
+                )
+            }
+    return words | _ranges(rows)
+
+
+def _pair_in_words(key: str, pair: Comparison, criterion: Criterion) -> dict[str, str]:
+    words = {f"{key}_ratio": _factor(pair.ratio)}
+    for who, point in zip(("ours", "other"), pair, strict=True):
+        words |= {f"{key}_{who}": "none" if point is None else point.element}
+        if point:
+            words |= {
+                f"{key}_{who}_mesh": point.mesh,
+                f"{key}_{who}_error": f"{criterion.number(point.error.median)} "
+                f"{criterion.unit}".replace(" °", "°"),
+                f"{key}_{who}_seconds": f"{point.seconds.median:.2g} s",
+                f"{key}_{who}_solves": f"{point.solves:g}",
+            }
+    if pair.other:
+        words |= {f"{key}_other_code": pair.other.code}
+    if pair.ratio:
+        words |= {
+            f"{key}_solves": _factor(pair.solves),
+            f"{key}_per_solve": _factor(pair.per_solve),
+        }
+    return words
+
+
+def _ranges(rows: Sequence[Row]) -> dict[str, str]:
+    """Smallest and largest ratio of times with the same element on the same mesh."""
+    words = {}
+    known = [*pairs(rows)]
+    for scene, solvers in product(SCENES, SETS):
+        ones = [pair.by_set[solvers] for pair in known if pair.scene == scene]
+        for what in ("ratio", "solves", "per_solve"):
+            values = [getattr(one, what) for one in ones]
+            if values:
+                text = f"{_factor(min(values))} to {_factor(max(values))}"
+                words[f"same_{scene}_{solvers.lower()}_{what}"] = text
+    return words
+
+
+def _columns(point: Point) -> dict[str, Any]:
+    return {
+        "code": point.code,
+        "element": point.element,
+        "solver": point.solver,
+        "across": point.across,
+        "tolerance": point.tolerance,
+        "seeds": point.seeds,
+        "steps": point.steps,
+        "linear_solves": point.solves,
+        **_spread("error", point.error),
+        "error_here_and_finer": point.within,
+        **_spread("seconds", point.seconds),
     }
 
 
-def mesh_of(row: Row) -> str:
-    """What a mesh is called, by its edges across and the tolerance it is refined to."""
-    refined = f", refined to {row['tolerance']:g}" if "tolerance" in row else ""
-    return f"{row['across']} across{refined}"
+def _spread(name: str, spread: Spread) -> dict[str, float]:
+    return {
+        name: spread.median,
+        f"{name}_least": spread.least,
+        f"{name}_most": spread.most,
+    }
 
 
-def _across(row: Row) -> str:
-    return mesh_of(row).replace(" across", "")
-
-
-def _is_own(key: Key) -> bool:
-    return key[0] == ThisLibrary.code
-
-
-def _name(key: Key) -> str:
-    return ", ".join(key)
-
-
-def _of(row: Row) -> str:
-    return _name((row["code"], row["element"]))
-
-
-def _bold(key: Key) -> str:
-    return f"**{key[1]}**" if _is_own(key) else _name(key)
-
-
-def _seconds(row: Row) -> str:
+def _point(point: Point | None, criterion: Criterion, named: bool = False) -> str:
+    """Element, mesh, error and time with their ranges."""
+    if point is None:
+        return "none"
+    code = f"{point.code}, " if named else ""
     return (
-        f"{row['seconds']:.3g} ({row['seconds_min']:.3g} to {row['seconds_max']:.3g})"
+        f"{code}{point.element}, {point.mesh} across: "
+        f"{_of_seeds(point.error, criterion)}, {_seconds(point.seconds)}"
     )
 
 
-def _ratio(row: Row | None, other: Row | None) -> str:
-    return f"{row['seconds'] / other['seconds']:.2g}" if row and other else "-"
+def _of_seeds(error: Spread, criterion: Criterion) -> str:
+    median, least, most = (criterion.number(one) for one in error)
+    return f"{median} ({least} to {most}) {criterion.unit}"
+
+
+def _seconds(seconds: Spread) -> str:
+    median, least, most = (f"{one:.2g}" for one in seconds)
+    return f"{median} ({least} to {most}) s"
+
+
+def _to_the_error(series: Sequence[Point], criterion: Criterion) -> str:
+    times = [p for p in series if p.within <= criterion.levels[1]]
+    if times:
+        best = min(times, key=lambda point: point.seconds.median)
+        return f"{best.seconds.median:.2g} s, {best.mesh} across"
+    if not series:
+        return "no result"
+    last = series[-1]
+    error = f"{criterion.number(last.error.median)} {criterion.unit}"
+    return f"not reached: {error} at {last.mesh} across"
+
+
+def _factor(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2g}"
+
+
+def _bold(code: str) -> str:
+    return f"**{code}**" if code == ThisLibrary.code else code
+
+
+def _key(text: str) -> str:
+    """A part of the name of a result."""
+    kept = "".join(c if c.isalnum() else "_" for c in text.lower())
+    return "_".join(part for part in kept.split("_") if part)

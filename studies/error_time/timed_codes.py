@@ -33,6 +33,9 @@ TOLERANCES, _FIRST_ACROSS = (0.2, 0.1, 0.05, 0.02), 8
 #: Seconds of a run after which a method is not refined further.
 LONG = 1.5
 
+#: In the note of a search for a number of steps that took too long.
+GIVEN_UP = "given up"
+
 # Seconds for which a rival may search for a number of steps with which it converges.
 _PATIENCE = 15.0
 
@@ -205,7 +208,7 @@ class OtherCode:
             return found[min(found)]
         note = f"no unfolded state in up to {steps} equal steps"
         if steps < STEPS[-1]:
-            note += f", given up after {_PATIENCE:.0f} s"
+            note += f", {GIVEN_UP} after {_PATIENCE:.0f} s"
         raise NotConvergedError(note)
 
     def _unfolded(self, task: Task, steps: int, repeats: int) -> Run | None:

@@ -3,8 +3,9 @@ import pytest
 
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply, Quadratic
 from skfem_textile.scenes import bias_extension, strip
-from studies.common.rivals import newton, with_dolfinx
+from studies.common.rivals import linear, newton, with_dolfinx
 from studies.common.rivals.all_rivals import RIVALS
+from studies.common.rivals.linear import SolverOfThisLibrary, solver_of
 from studies.common.rivals.newton import NotConvergedError
 from studies.common.rivals.plain import QUAD4_CENTRE, Plain
 from studies.common.rivals.rival import (
@@ -27,7 +28,7 @@ SAME_AS_OURS = [rival for rival in RIVALS if rival.shape in FORMULATIONS]
 
 
 def name(rival):
-    return f"{rival.code}, {rival.shape.name}"
+    return f"{rival.code}, {rival.shape.name}, {rival.solver}"
 
 
 def task_of(shape, make=bias_extension, E=1e3, G=0.5, size=(4, 8)):
@@ -91,6 +92,67 @@ def test_an_iteration_is_timed_in_two_parts(rival):
     for seconds in there(rival).iterations(task, np.zeros(task.nodes.size), 2):
         assert len(seconds) == 2
         assert min(seconds) > 0
+
+
+def system_of(task, u):
+    """The tangent between free unknowns at a displacement, and a right-hand side."""
+    free = np.setdiff1d(np.arange(task.nodes.size), task.fixed)
+    K = Plain(QUAD4).system(task).tangent(u)[free][:, free]
+    return K, np.random.default_rng(2).standard_normal(len(free))
+
+
+@pytest.mark.parametrize("across", [4, 20])  # superlu for few unknowns
+@pytest.mark.parametrize("name", ["SciPy", "fastest", "pypardiso"])
+def test_linear_solvers_solve_tangents_that_are_definite_or_not(name, across):
+    if name == "pypardiso":
+        pytest.importorskip("pypardiso")
+    task = task_of(QUAD4, size=(across, 2 * across))
+    solve = solver_of(task, name)
+    rest = np.zeros(task.nodes.size)
+    pushed = -0.2 * task.nodes.T.ravel()
+    for u, definite in ((rest, True), (pushed, False), (rest, True)):
+        A, b = system_of(task, u)
+        if across == 4:
+            assert (np.linalg.eigvalsh(A.toarray()).min() > 0) == definite
+        np.testing.assert_allclose(A @ solve(A, b), b, atol=1e-8)
+
+
+def test_a_pattern_is_analysed_once(monkeypatch):
+    analysed = []
+
+    class Counted(linear.ChosenSolver):
+        def __init__(self, name, lower):
+            analysed.append(name)
+            super().__init__(name, lower)
+
+    monkeypatch.setattr(linear, "ChosenSolver", Counted)
+    task = task_of(QUAD4)
+    solve = SolverOfThisLibrary(task)
+    A, b = system_of(task, np.zeros(task.nodes.size))
+    first = solve(A, b)
+    np.testing.assert_allclose(solve(2 * A, b), first / 2)
+    assert analysed == ["auto"]
+    other = A.copy()
+    other[1, 0] = 0.0
+    other.eliminate_zeros()
+    solve(other, b)
+    assert analysed == ["auto"] * 2
+
+
+def test_a_matrix_that_is_singular_to_working_precision_is_left_to_scipy(monkeypatch):
+    said = []
+    monkeypatch.setattr(linear, "spsolve", lambda A, b: said.append(1) or 0 * b)
+    task = task_of(QUAD4)
+    A, b = system_of(task, np.zeros(task.nodes.size))
+    SolverOfThisLibrary(task)(0 * A, b)
+    assert said == [1]
+
+
+def test_in_process_rivals_converge_alike_with_either_solver():
+    task = task_of(QUAD4, strip, 1e4, 0.0, (6, 9))
+    runs = [Plain(QUAD4, solver=name).run(task, 5, 0) for name in ("SciPy", "fastest")]
+    np.testing.assert_allclose(runs[0].u, runs[1].u, rtol=0, atol=1e-7)
+    assert runs[0].linear_solves == runs[1].linear_solves
 
 
 def test_cells_of_triangles_run_anticlockwise_with_the_middles_of_their_edges():

@@ -1,0 +1,273 @@
+"""Medians over seeds, Pareto fronts of codes, and ratios of their times."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..study import Row
+from .reference import CODE, Load, converged
+from .timed_codes import GIVEN_UP, ThisLibrary
+
+#: Sets of linear solvers: what rows of a set have as their solver.
+SETS = {"SciPy": ("SciPy", "MUMPS"), "fastest": ("fastest", "MUMPS")}
+
+#: Seeds that must have a result for a mesh to count.
+LEAST_SEEDS = 3
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """An error of a scene, and the errors at which codes are compared.
+
+    ``share`` tells errors that are shares, which are shown in per cent.
+    """
+
+    scene: str
+    label: str
+    unit: str
+    levels: tuple[float, ...]
+    error: Callable[[Row, Load | None], float | None]
+
+    def text(self, error: float) -> str:
+        """An error with its unit, as it is given."""
+        return f"{self.number(error, 6)} {self.unit}".replace(" °", "°")
+
+    def number(self, error: float, digits: int = 2) -> str:
+        """An error in the unit, with so many digits."""
+        return f"{error * (100 if self.unit == '%' else 1):.{digits}g}"
+
+
+def _angle(row: Row, reference: Load | None) -> float | None:
+    return row.get("angle")
+
+
+def _force(row: Row, reference: Load | None) -> float | None:
+    return row.get("load")
+
+
+def _load(row: Row, reference: Load | None) -> float | None:
+    load = row.get("load")
+    if load is None or reference is None:
+        return None
+    return abs(load / reference.load - 1)
+
+
+#: The criteria by their names.
+CRITERIA = {
+    "angle": Criterion(
+        "strip", "strip, rms error of the shear angle", "°", (0.2, 0.1, 0.02), _angle
+    ),
+    "force": Criterion(
+        "strip", "strip, load, which is exactly 0", "N", (10.0, 1.0, 0.1), _force
+    ),
+    "load": Criterion(
+        "bias_extension",
+        "bias extension, error of the load",
+        "%",
+        (0.1, 0.05, 0.03),
+        _load,
+    ),
+}
+
+
+class Spread(NamedTuple):
+    """Median, smallest and largest of several seeds."""
+
+    median: float
+    least: float
+    most: float
+
+
+@dataclass(frozen=True)
+class Point:
+    """An element of a code on a mesh, over all seeds.
+
+    ``within`` is the largest median error on this mesh and on all finer ones.
+    """
+
+    code: str
+    element: str
+    solver: str
+    across: int
+    tolerance: float | None
+    seeds: int
+    steps: float
+    solves: float
+    error: Spread
+    seconds: Spread
+    within: float
+
+    @property
+    def mesh(self) -> str:
+        """The mesh in words."""
+        if self.tolerance is None:
+            return str(self.across)
+        return f"{self.across}, refined to {100 * self.tolerance:g} %"
+
+    @property
+    def seconds_per_solve(self) -> float:
+        """Seconds by linear solves."""
+        return self.seconds.median / self.solves
+
+
+Method = tuple[str, str, str]
+
+
+def methods(rows: Sequence[Row], criterion: Criterion) -> dict[Method, list[Point]]:
+    """The points of each code, element and solver, from coarse to fine.
+
+    A mesh counts if `LEAST_SEEDS` seeds have a result.  Seeds that failed count as
+    infinite in medians, and a mesh on which most failed as an infinite error.  A search
+    for a number of steps that was given up is no failure: refinement ends there.
+    """
+    reference, by = converged(rows), dict[Method, dict[tuple, list[Row]]]()
+    for row in rows:
+        if row["scene"] == criterion.scene and row["code"] != CODE and row["across"]:
+            method = row["code"], row["element"], row["solver"]
+            mesh = row["across"], -(row.get("tolerance") or 0.0)
+            by.setdefault(method, {}).setdefault(mesh, []).append(row)
+    points = {}
+    for method, meshes in by.items():
+        within, series = 0.0, list[Point]()
+        for (across, tolerance), runs in sorted(meshes.items(), reverse=True):
+            runs = [run for run in runs if GIVEN_UP not in (run.get("note") or "")]
+            errors = [criterion.error(run, reference) for run in runs]
+            failed = sum(bool(run.get("note")) for run in runs)
+            if 2 * failed > len(runs):
+                within = np.inf
+            if sum(error is not None for error in errors) < LEAST_SEEDS:
+                continue
+            error = _spread(errors)
+            within = max(within, error.median)
+            point = Point(
+                *method,
+                across=across,
+                tolerance=-tolerance or None,
+                seeds=sum(one is not None for one in errors),
+                steps=_spread([run["steps"] for run in runs]).median,
+                solves=_spread([run["linear_solves"] for run in runs]).median,
+                error=error,
+                seconds=_spread([run["seconds"] for run in runs]),
+                within=within,
+            )
+            series.insert(0, point)
+        points[method] = series
+    return points
+
+
+def _spread(values: Sequence[float | None]) -> Spread:
+    """Failed seeds, which are None, count as infinite in the median."""
+    known = [value for value in values if value is not None]
+    whole = known + [np.inf] * (len(values) - len(known))
+    return Spread(float(np.median(whole)), min(known), max(known))
+
+
+Fronts = dict[str, list[Point]]
+
+
+def fronts(rows: Sequence[Row], criterion: Criterion, solvers: str) -> Fronts:
+    """The Pareto front of each code, of smaller and smaller errors.
+
+    A point is on it if no other of its code takes less time for an error that is as
+    small on its mesh and on all finer meshes of its element.
+    """
+    by: Fronts = {}
+    for (code, _, solver), series in methods(rows, criterion).items():
+        if solver in SETS[solvers]:
+            by.setdefault(code, []).extend(series)
+    return {code: _front(points) for code, points in by.items() if points}
+
+
+def _front(points: list[Point]) -> list[Point]:
+    front: list[Point] = []
+    for point in sorted(points, key=lambda p: (p.seconds.median, p.within)):
+        if not front or point.within < front[-1].within:
+            front.append(point)
+    return front
+
+
+def fastest(front: Sequence[Point], error: float) -> Point | None:
+    """The fastest point of a front with this error, or None."""
+    return next((point for point in front if point.within <= error), None)
+
+
+class Comparison(NamedTuple):
+    """Points of this library and of another code; None where an error is not met."""
+
+    own: Point | None
+    other: Point | None
+
+    @property
+    def ratio(self) -> float | None:
+        """Time of the other over that of this library."""
+        return self._over(lambda point: point.seconds.median)
+
+    @property
+    def solves(self) -> float | None:
+        """Linear solves of the other over those of this library."""
+        return self._over(lambda point: point.solves)
+
+    @property
+    def per_solve(self) -> float | None:
+        """Time per linear solve of the other over that of this library."""
+        return self._over(lambda point: point.seconds_per_solve)
+
+    def _over(self, of: Callable[[Point], float]) -> float | None:
+        return of(self.other) / of(self.own) if self.own and self.other else None
+
+
+def compared(by_code: Fronts, error: float) -> Comparison:
+    """Points of this library and of the fastest other code at an error."""
+    reached = {code: fastest(front, error) for code, front in by_code.items()}
+    own = reached.pop(ThisLibrary.code, None)
+    others = [point for point in reached.values() if point]
+    other = min(others, key=lambda point: point.seconds.median, default=None)
+    return Comparison(own, other)
+
+
+def ratios(by_code: Fronts) -> list[tuple[float, float]]:
+    """Ratios of times by the error from which on they hold, of smaller errors."""
+    levels = {point.within for front in by_code.values() for point in front}
+    known = ((e, compared(by_code, e).ratio) for e in sorted(levels, reverse=True))
+    return [(error, ratio) for error, ratio in known if ratio is not None]
+
+
+class Pair(NamedTuple):
+    """The same element on the same mesh of another code, by the set of solvers."""
+
+    scene: str
+    by_set: dict[str, Comparison]
+
+
+def pairs(rows: Sequence[Row]) -> Iterator[Pair]:
+    """Other codes beside this library, on the finest mesh that all sets did."""
+    for criterion in (CRITERIA["force"], CRITERIA["load"]):
+        known = methods(rows, criterion)
+        for code, element in dict.fromkeys(method[:2] for method in known):
+            if code == ThisLibrary.code:
+                continue
+            common: dict[int, dict[str, Comparison]] = {}
+            for name, solvers in SETS.items():
+                series = {
+                    who: _meshes(known, who, element, solvers)
+                    for who in (ThisLibrary.code, code)
+                }
+                own, other = series.values()
+                for across in own.keys() & other.keys():
+                    pair = Comparison(own[across], other[across])
+                    common.setdefault(across, {})[name] = pair
+            whole = [n for n, sets in common.items() if len(sets) == len(SETS)]
+            if whole:
+                yield Pair(criterion.scene, common[max(whole)])
+
+
+def _meshes(
+    known: dict[Method, list[Point]], code: str, element: str, solvers: Sequence[str]
+) -> dict[int, Point]:
+    return {
+        point.across: point
+        for solver in solvers
+        for point in known.get((code, element, solver), [])
+    }
