@@ -107,8 +107,18 @@ def test_the_study_writes_its_report(tmp_path, monkeypatch, folder, capsys):
     out = tmp_path / "out"
     assert main(["calibration", "--out", str(out), "--no-render"]) == 1
     assert "target(s) missed" in capsys.readouterr().err  # it is another law
-    assert {p.name for p in out.iterdir()} == set(STUDY.files)
+    assert {p.name for p in out.iterdir()} == {*STUDY.files, "provenance.json"}
     with open(out / "calibration.csv") as file:
         (line,) = csv.DictReader(file)
     assert line["seeds"] == "40"
     assert "115 × 230 | 40 | 0.0140" in (out / "benchmark.md").read_text()
+    rows = STUDY.stored(out)
+    assert {row["case"] for row in rows} == {case.name for case in some}
+    assert STUDY.tables(rows)["benchmark.md"] == (out / "benchmark.md").read_text()
+
+
+def test_files_of_the_benchmark_stay_where_its_curves_are_not_at_hand(folder):
+    benchmark = {"benchmark.csv", "benchmark.md"}
+    assert benchmark <= {*STUDY.written(all_cases(folder))}
+    assert not benchmark & {*STUDY.written(all_cases(None))}
+    assert not benchmark & {*STUDY.tables([])}

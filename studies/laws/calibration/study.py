@@ -9,12 +9,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...common.tables import csv_table
+from ...common.tables import csv_table, rows_of_csv
 from ...study import Row, Study
 from . import fits, tables
 from .cases import Agreement, Benchmark, Case, Coverage, Inverse, RoundTrip, all_cases
 
-_BENCHMARK = "benchmark.md"
+# Files of the benchmark alone.
+_BENCHMARK = "benchmark.csv", "benchmark.md"
 
 
 class Calibration(Study[Case]):
@@ -22,9 +23,10 @@ class Calibration(Study[Case]):
 
     files = (
         *("calibration.csv", "coverage.md", "inverse.md", "agreement.md"),
-        *("round_trip.md", _BENCHMARK),
+        *("round_trip.md", *_BENCHMARK),
     )
     pictures = ("fit.png",)
+    sample = Agreement().name
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
@@ -63,9 +65,21 @@ class Calibration(Study[Case]):
             "agreement.md": tables.agreement(rows),
             "round_trip.md": tables.round_trip(rows),
         }
-        if tables.of(rows, "benchmark"):
-            texts[_BENCHMARK] = tables.benchmark(rows)
+        if own := tables.of(rows, "benchmark"):
+            contents = csv_table(own), tables.benchmark(rows)
+            texts |= dict(zip(_BENCHMARK, contents, strict=True))
         return texts
+
+    def stored(self, folder: Path) -> list[Row]:
+        """The rows of known laws and of the benchmark, each with the columns of its."""
+        rows = super().stored(folder)
+        benchmark = folder / _BENCHMARK[0]
+        if benchmark.is_file():
+            rows += rows_of_csv(benchmark.read_text(encoding="utf-8"))
+        return rows
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        return tables.in_words(rows)
 
     def draw(self, rows: list[Row], folder: Path) -> None:
         from skfem_textile.calibration.figure import draw
@@ -77,10 +91,10 @@ class Calibration(Study[Case]):
         return f"{len(missed)} target(s) missed, first: {missed[0]}" if missed else ""
 
     def written(self, cases: Sequence[Case]) -> list[str]:
-        """The table of the benchmark is kept where its curves are not at hand."""
+        """The files of the benchmark are kept where its curves are not at hand."""
         has_benchmark = any(isinstance(case, Benchmark) for case in cases)
         names = (*self.files, *self.pictures)
-        return [name for name in names if has_benchmark or name != _BENCHMARK]
+        return [name for name in names if has_benchmark or name not in _BENCHMARK]
 
 
 STUDY = Calibration()

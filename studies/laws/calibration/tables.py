@@ -1,12 +1,15 @@
 """Tables of the documentation."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from ...common.tables import markdown_table
 from ...study import Row
 from .cases import ANGLES
+
+#: Share of parameters that ought to lie in their bands.
+CONFIDENCE = 0.95
 
 #: Share of parameters inside their bands, and width of these over the least possible.
 INSIDE, WIDTH = (0.930, 0.970), 1.5
@@ -125,6 +128,45 @@ def missed(rows: Sequence[Row]) -> list[str]:
         if own and not np.abs(own).max() <= most:
             found.append(f"{task}: off by {100 * np.abs(own).max():.1f} %")
     return found
+
+
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """Ranges of what the tables show, and the scatter of a share of the seeds."""
+    bands, trips = of(rows, "coverage"), of(rows, "round trip")
+    widest = max(row["width_over_cramer_rao"] for row in bands)
+    chance = np.sqrt(CONFIDENCE * (1 - CONFIDENCE) / bands[0]["seeds"])
+    return {
+        "inside": _range(row["inside"] for row in bands),
+        "wider": f"{100 * (widest - 1):.1f} %",
+        "chance": f"{100 * chance:.1f} %",
+        "inverse": _largest(of(rows, "inverse"), "off_over_largest"),
+        "agreement": _largest(of(rows, "agreement"), "apart"),
+        "round_trip_low": _range(-row["off"] for row in trips),
+        "benchmark": _largest(of(rows, "benchmark"), "off"),
+    }
+
+
+def _range(shares: Iterable[float]) -> str:
+    """The smallest and the largest share in per cent.
+
+    Examples
+    --------
+    >>> _range([0.02, 0.011, 0.013])
+    '1.1 to 2.0 %'
+    """
+    found = list(shares)
+    return f"{100 * min(found):.1f} to {100 * max(found):.1f} %"
+
+
+def _largest(rows: Iterable[Row], column: str) -> str:
+    """The largest size of a share in per cent.
+
+    Examples
+    --------
+    >>> _largest([{"off": -0.0282}, {"off": 0.01}], "off")
+    '2.8 %'
+    """
+    return f"{100 * max(abs(row[column]) for row in rows):.1f} %"
 
 
 def _percent(share: float) -> str:
