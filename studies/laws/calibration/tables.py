@@ -132,7 +132,7 @@ def missed(rows: Sequence[Row]) -> list[str]:
 
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
     """Ranges of what the tables show, and the scatter of a share of the seeds."""
-    bands, trips = of(rows, "coverage"), of(rows, "round trip")
+    bands = of(rows, "coverage")
     widest = max(row["width_over_cramer_rao"] for row in bands)
     chance = np.sqrt(CONFIDENCE * (1 - CONFIDENCE) / bands[0]["seeds"])
     return {
@@ -140,8 +140,6 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
         "wider": f"{100 * (widest - 1):.1f} %",
         "chance": f"{100 * chance:.1f} %",
         "inverse": _largest(of(rows, "inverse"), "off_over_largest"),
-        "agreement": _largest(of(rows, "agreement"), "apart"),
-        "round_trip_low": _range(-row["off"] for row in trips),
         "benchmark": _largest(of(rows, "benchmark"), "off"),
     }
 
