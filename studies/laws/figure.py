@@ -1,4 +1,4 @@
-"""By how much loads are off with each material, with matplotlib."""
+"""Errors of loads with each material, with matplotlib."""
 
 import os
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ def draw_errors(
     >>> [axes.get_title() for axes in draw_errors([]).axes]
     ['16 across', '32 across']
     """
-    with figure_of((9.0, 3.6), filename, font_size=9) as figure:
+    with figure_of((8.0, 3.8), filename, font_size=9) as figure:
         panels = figure.subplots(1, len(LIMITS), sharey=True)
         for axes, (across, limit) in zip(panels, LIMITS.items(), strict=True):
             axes.axhspan(-100 * limit, 100 * limit, color="0.9")
@@ -45,7 +45,7 @@ def draw_errors(
             names = [material.name for material in MATERIALS]
             axes.set_xticks(range(len(names)), names, rotation=20)
             axes.grid(alpha=0.3, axis="y")
-        panels[0].set_ylabel("Load off by (%)")
+        panels[0].set_ylabel("Error of the load (%)")
         handles = [
             Line2D([], [], linestyle="", label=method.name, **_style(i))
             for i, method in enumerate(judged_methods(LINEAR))

@@ -93,16 +93,11 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
     words["met_half"] = f"{met[0.5]} of {len(medians)}"
     for name, method in (("quads", QUADS), ("triangles", TRIANGLES)):
         for across in ACROSS:
-            own = {m: x for (m, *key), x in medians.items() if key == [method, across]}
-            steep = own.pop(STEEP_SHEAR)
-            key = f"{name}_{across}"
-            words[f"{key}_steep"] = _size(steep)
-            words[f"{key}_others"] = _size(max(own.values(), key=abs))
-            words[key] = _size(max([steep, *own.values()], key=abs))
-            worst = [errors(rows, m, method, across) for m in MATERIALS]
-            words[f"{key}_worst"] = _size(np.nanmax(np.abs(worst)))
-            met_here = sum(abs(x) <= LIMITS[across] for x in (steep, *own.values()))
-            words[f"{key}_met"] = f"{met_here} of {len(own) + 1}"
+            key = [method, across]
+            own = {m: abs(x) for (m, *other), x in medians.items() if other == key}
+            words[f"{name}_{across}"] = _size(max(own.values()))
+            words[f"{name}_{across}_steep"] = _size(own.pop(STEEP_SHEAR))
+            words[f"{name}_{across}_others"] = _size(max(own.values()))
     differences = [_differences(_loads(rows, m)) for m in MATERIALS]
     words["references"] = f"{100 * np.max(np.abs(differences)):.2f} %"
     words["in_more_steps"] = _size(_change_in_more_steps(rows))
