@@ -1,0 +1,1 @@
+"""What the commands and scripts of the documentation print and write."""
