@@ -21,13 +21,20 @@ _NO_RESULT = "study", "out", "resume", "no_render", "workers"
 def recorded(options: argparse.Namespace) -> str:
     """The text of the file after a run, given the options of its command line.
 
-    A run of some cases is added to the earlier runs; a whole run replaces them.
+    A run of some cases is added to the earlier runs.  A whole run replaces those with
+    the same options.
     """
     chosen = {k: v for k, v in vars(options).items() if k not in _NO_RESULT and v}
     run = {"options": chosen, **_commit(), **machine_and_versions.described()}
     records = read(options.out)
-    runs = records.get(options.study, []) if options.case else []
+    runs = records.get(options.study, [])
+    if not options.case:
+        runs = [one for one in runs if _without_cases(one["options"]) != chosen]
     return json_text(records | {options.study: [*runs, run]})
+
+
+def _without_cases(options: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in options.items() if key != "case"}
 
 
 def read(folder: Path) -> dict[str, list[dict[str, Any]]]:

@@ -90,9 +90,13 @@ def test_results_say_where_they_come_from(squares, tmp_path):
     assert run["options"] == {"bad": 5}
     assert re.fullmatch("[0-9a-f]{40}", run["commit"])
     assert run["packages"]["numpy"] == np.__version__
+    some = {"bad": -1, "case": ["square of 1"]}
     squares("--case", "square of 1")
     runs = json.loads((tmp_path / "provenance.json").read_text())["squares"]
-    assert [one["options"].get("case") for one in runs] == [None, ["square of 1"]]
+    assert [one["options"] for one in runs] == [{"bad": 5}, some]
+    squares()  # replaces the runs with its options, of all cases or some
+    runs = json.loads((tmp_path / "provenance.json").read_text())["squares"]
+    assert [one["options"] for one in runs] == [{"bad": 5}, {"bad": -1}]
 
 
 def test_a_run_of_some_cases_leaves_the_others_as_they_are(squares, tmp_path):
