@@ -1,1 +1,1 @@
-"""Error against run time, beside other codes: half an hour a scene, undisturbed."""
+"""Error against run time, beside other codes: an hour and a half, undisturbed."""

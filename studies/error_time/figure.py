@@ -55,23 +55,21 @@ def drawn_fronts(
 def _front_panel(
     axes: Axes, by_code: Fronts, criterion: Criterion, most: float, floor: float
 ) -> None:
-    factor = _factor(criterion)
-    ends = []
+    factor, ends = criterion.factor, []
     for code, front in by_code.items():
         shown = [point for point in front if point.within <= most]
         if not shown:
             continue
         colour, thick = _look(code)
         x = np.array([point.seconds for point in shown])
-        y = factor * np.array([point.error for point in shown])
-        steps = factor * np.array([point.within for point in shown])
-        clear = steps > factor * floor
-        steps = np.maximum(steps, factor * floor)
-        axes.plot(x[:, 0], steps, color=colour, linewidth=thick, zorder=3)
+        y = factor * np.array([point.worst for point in shown])
+        clear = y[:, 0] > factor * floor
+        y = np.maximum(y, factor * floor)
+        axes.plot(x[:, 0], y[:, 0], color=colour, linewidth=thick, zorder=3)
         for filled, chosen in ((colour, clear), ("white", ~clear)):
             axes.plot(
                 x[chosen, 0],
-                steps[chosen],
+                y[chosen, 0],
                 marker="o",
                 linestyle="",
                 color=colour,
@@ -81,40 +79,31 @@ def _front_panel(
             )
         axes.errorbar(
             x[:, 0],
-            steps,
+            y[:, 0],
             xerr=np.abs(x[:, 1:] - x[:, :1]).T,
-            yerr=[
-                np.clip(steps - np.maximum(y[:, 1], factor * floor), 0, None),
-                np.clip(y[:, 2] - steps, 0, None),
-            ],
+            yerr=np.abs(y[:, 1:] - y[:, :1]).T,
             fmt="none",
             ecolor=colour,
             elinewidth=0.8,
             alpha=0.5,
         )
-        ends.append((code, x[-1, 0], steps[-1], colour))
+        ends.append((code, x[-1, 0], y[-1, 0], colour))
     axes.set(xscale="log", yscale="log", xlabel="run time (s)")
     axes.set_title(_titled(criterion), fontsize=_LETTERS, loc="left")
     axes.grid(alpha=0.25, linewidth=0.5)
-    if floor:
-        axes.axhspan(axes.get_ylim()[0], factor * floor, color="0.85", zorder=0)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high)
+    if factor * floor > low:
+        axes.axhspan(low, factor * floor, color="0.85", zorder=0)
     _label_ends(axes, ends)
 
 
 def _label_ends(axes: Axes, ends: Sequence[tuple[str, float, float, str]]) -> None:
     """Names at the ends of lines, moved apart where they would overlap."""
-    if not ends:
-        return
     low, high = np.log(axes.get_ylim())
-    # A line of text as a share of the height of the axes.
-    apart = 0.075
-    place = sorted(
-        ((np.log(y) - low) / (high - low), i) for i, (_, _, y, _) in enumerate(ends)
-    )
-    at = dict[int, float]()
-    lowest = -1.0
-    for share, i in place:
-        at[i] = lowest = max(share, lowest + apart)
+    ends = sorted(ends, key=lambda end: end[2])
+    wanted = [(np.log(y) - low) / (high - low) for _, _, y, _ in ends]
+    at = _apart(wanted, 0.075)  # a line of text as a share of the height of the axes
     for i, (code, x, y, colour) in enumerate(ends):
         axes.annotate(
             code.replace("skfem_textile", "this library"),
@@ -129,13 +118,30 @@ def _label_ends(axes: Axes, ends: Sequence[tuple[str, float, float, str]]) -> No
         )
 
 
+def _apart(wanted: Sequence[float], least: float) -> list[float]:
+    """Ascending places that are at least so far apart, near the wanted ones.
+
+    Examples
+    --------
+    >>> _apart([0.0, 0.5, 0.5], 0.25)
+    [0.0, 0.375, 0.625]
+    """
+    blocks: list[list[float]] = []  # of places less their distance from the first
+    for i, place in enumerate(wanted):
+        blocks.append([place - i * least])
+        while len(blocks) > 1 and np.mean(blocks[-2]) > np.mean(blocks[-1]):
+            blocks[-2:] = [blocks[-2] + blocks[-1]]
+    places = [float(np.mean(block)) for block in blocks for _ in block]
+    return [place + i * least for i, place in enumerate(places)]
+
+
 def drawn_ratios(
     rows: Sequence[Row], filename: str | os.PathLike[str] | None = None
 ) -> Figure:
     """Time of the fastest other code over that of this library, by the error.
 
     A panel for each criterion and a line for each set of solvers.  Below one the other
-    code is faster.
+    code is faster.  A line ends at the smallest error that another code reaches.
     """
     with figure_of((_WIDTH, 2.6), filename, _LETTERS) as figure:
         grid = figure.subplots(1, len(CRITERIA), sharey=True)
@@ -146,23 +152,29 @@ def drawn_ratios(
                 if not shown:
                     continue
                 error, ratio = np.array(shown).T
-                error = _factor(criterion) * error
-                axes.step(error, ratio, where="post", color=colour_of(i), label=solvers)
-                axes.annotate(
-                    _SET_NAMES[solvers],
-                    (error[-1], ratio[-1]),
-                    *((4, 6 - 12 * i),),
-                    textcoords="offset points",
+                axes.step(
+                    criterion.factor * error, ratio, where="pre", color=colour_of(i)
+                )
+                axes.plot(
+                    criterion.factor * error[-1],
+                    ratio[-1],
+                    "o",
                     color=colour_of(i),
-                    ha="right",
-                    fontsize=_LETTERS,
+                    markersize=3,
                 )
             axes.axhline(1, color="0.4", linewidth=0.8)
             axes.set(xscale="log", yscale="log", xlabel=f"error ({criterion.unit})")
             axes.set_title(_titled(criterion), fontsize=_LETTERS, loc="left")
             axes.invert_xaxis()
             axes.grid(alpha=0.25, linewidth=0.5)
-        grid[0].set_ylabel("time ratio, other / ours")
+        for i, words in enumerate(_SET_NAMES.values()):
+            grid[0].text(
+                *(0.04, 0.94 - 0.1 * i, words),
+                transform=grid[0].transAxes,
+                color=colour_of(i),
+                va="center",
+            )
+        grid[0].set_ylabel("time, other over this library")
     return figure
 
 
@@ -171,13 +183,14 @@ _SET_NAMES = {"SciPy": "SciPy alone", "fastest": "fastest solvers"}
 
 def drawn_elements(
     rows: Sequence[Row],
-    criterion: Criterion,
+    name: str,
     filename: str | os.PathLike[str] | None = None,
 ) -> Figure:
     """Median errors of every element over its median times, with the fastest solvers.
 
-    Colours are codes, markers are elements.
+    Colours are codes, markers are elements.  ``name`` is that of a criterion.
     """
+    criterion = CRITERIA[name]
     with figure_of((_WIDTH, 4.4), filename, _LETTERS) as figure:
         axes = figure.subplots()
         known = {
@@ -190,7 +203,7 @@ def drawn_elements(
             colour, thick = _look(code)
             axes.loglog(
                 [point.seconds.median for point in series],
-                [_factor(criterion) * point.error.median for point in series],
+                [criterion.factor * point.error.median for point in series],
                 marker=marker_of(elements.index(element)),
                 color=colour,
                 linewidth=thick / 2,
@@ -199,6 +212,8 @@ def drawn_elements(
         axes.set(xlabel="run time (s)", ylabel=f"error ({criterion.unit})")
         axes.set_title(_titled(criterion), fontsize=_LETTERS, loc="left")
         axes.grid(alpha=0.25, linewidth=0.5)
+        high = 10 * _MOST[name] * criterion.factor
+        axes.set_ylim(top=min(high, axes.get_ylim()[1]))
         codes = dict.fromkeys(code for code, _, _ in known)
         handles = [Line2D([], [], color=_look(code)[0], label=code) for code in codes]
         handles += [
@@ -212,10 +227,6 @@ def drawn_elements(
 def _look(code: str) -> tuple[str, float]:
     """Colour and width of the line of a code."""
     return colour_of(_CODES.index(code)), 2.0 if code == ThisLibrary.code else 1.2
-
-
-def _factor(criterion: Criterion) -> float:
-    return 100.0 if criterion.unit == "%" else 1.0
 
 
 def _titled(criterion: Criterion) -> str:

@@ -13,6 +13,10 @@ from .timed_codes import GIVEN_UP, ThisLibrary
 #: Sets of linear solvers: what rows of a set have as their solver.
 SETS = {"SciPy": ("SciPy", "MUMPS"), "fastest": ("fastest", "MUMPS")}
 
+# Errors that differ by a smaller share are the same: codes with the same element differ
+# by what Newton's tolerance leaves.
+_SAME = 1e-3
+
 #: Seeds that must have a result for a mesh to count.
 LEAST_SEEDS = 3
 
@@ -21,7 +25,7 @@ LEAST_SEEDS = 3
 class Criterion:
     """An error of a scene, and the errors at which codes are compared.
 
-    ``share`` tells errors that are shares, which are shown in per cent.
+    With ``%`` as the unit errors are shares.
     """
 
     scene: str
@@ -30,13 +34,19 @@ class Criterion:
     levels: tuple[float, ...]
     error: Callable[[Row, Load | None], float | None]
 
-    def text(self, error: float) -> str:
-        """An error with its unit, as it is given."""
-        return f"{self.number(error, 6)} {self.unit}".replace(" °", "°")
+    @property
+    def factor(self) -> float:
+        """The unit of the error, by which it is multiplied."""
+        return 100.0 if self.unit == "%" else 1.0
+
+    def text(self, error: float, digits: int = 2) -> str:
+        """An error with its unit."""
+        return f"{self.number(error, digits)} {self.unit}".replace(" °", "°")
 
     def number(self, error: float, digits: int = 2) -> str:
-        """An error in the unit, with so many digits."""
-        return f"{error * (100 if self.unit == '%' else 1):.{digits}g}"
+        """An error in the unit, with so many digits or as a whole number."""
+        value = self.factor * error
+        return f"{value:.0f}" if value >= 10**digits else f"{value:.{digits}g}"
 
 
 def _angle(row: Row, reference: Load | None) -> float | None:
@@ -60,7 +70,7 @@ CRITERIA = {
         "strip", "strip, rms error of the shear angle", "°", (0.2, 0.1, 0.02), _angle
     ),
     "force": Criterion(
-        "strip", "strip, load, which is exactly 0", "N", (10.0, 1.0, 0.1), _force
+        "strip", "strip, load (exactly 0)", "N", (10.0, 1.0, 0.1), _force
     ),
     "load": Criterion(
         "bias_extension",
@@ -84,7 +94,7 @@ class Spread(NamedTuple):
 class Point:
     """An element of a code on a mesh, over all seeds.
 
-    ``within`` is the largest median error on this mesh and on all finer ones.
+    ``worst`` is the error with the largest median on this mesh and on all finer ones.
     """
 
     code: str
@@ -97,14 +107,19 @@ class Point:
     solves: float
     error: Spread
     seconds: Spread
-    within: float
+    worst: Spread
+
+    @property
+    def within(self) -> float:
+        """The largest median error on this mesh and on all finer ones."""
+        return self.worst.median
 
     @property
     def mesh(self) -> str:
         """The mesh in words."""
         if self.tolerance is None:
-            return str(self.across)
-        return f"{self.across}, refined to {100 * self.tolerance:g} %"
+            return f"{self.across} across"
+        return f"{self.across} across, refined to {100 * self.tolerance:g} %"
 
     @property
     def seconds_per_solve(self) -> float:
@@ -130,17 +145,17 @@ def methods(rows: Sequence[Row], criterion: Criterion) -> dict[Method, list[Poin
             by.setdefault(method, {}).setdefault(mesh, []).append(row)
     points = {}
     for method, meshes in by.items():
-        within, series = 0.0, list[Point]()
+        worst, series = Spread(0.0, 0.0, 0.0), list[Point]()
         for (across, tolerance), runs in sorted(meshes.items(), reverse=True):
             runs = [run for run in runs if GIVEN_UP not in (run.get("note") or "")]
             errors = [criterion.error(run, reference) for run in runs]
             failed = sum(bool(run.get("note")) for run in runs)
             if 2 * failed > len(runs):
-                within = np.inf
+                worst = Spread(np.inf, np.inf, np.inf)
             if sum(error is not None for error in errors) < LEAST_SEEDS:
                 continue
             error = _spread(errors)
-            within = max(within, error.median)
+            worst = max(worst, error)
             point = Point(
                 *method,
                 across=across,
@@ -150,7 +165,7 @@ def methods(rows: Sequence[Row], criterion: Criterion) -> dict[Method, list[Poin
                 solves=_spread([run["linear_solves"] for run in runs]).median,
                 error=error,
                 seconds=_spread([run["seconds"] for run in runs]),
-                within=within,
+                worst=worst,
             )
             series.insert(0, point)
         points[method] = series
@@ -190,7 +205,8 @@ def _front(points: list[Point]) -> list[Point]:
 
 def fastest(front: Sequence[Point], error: float) -> Point | None:
     """The fastest point of a front with this error, or None."""
-    return next((point for point in front if point.within <= error), None)
+    reached = (point for point in front if point.within <= (1 + _SAME) * error)
+    return next(reached, None)
 
 
 class Comparison(NamedTuple):
@@ -228,10 +244,18 @@ def compared(by_code: Fronts, error: float) -> Comparison:
 
 
 def ratios(by_code: Fronts) -> list[tuple[float, float]]:
-    """Ratios of times by the error from which on they hold, of smaller errors."""
+    """Ratios of times by the error, from large errors to small ones.
+
+    A ratio holds for errors from its own up to the one before.
+    """
     levels = {point.within for front in by_code.values() for point in front}
-    known = ((e, compared(by_code, e).ratio) for e in sorted(levels, reverse=True))
-    return [(error, ratio) for error, ratio in known if ratio is not None]
+    known, before = list[tuple[float, float]](), np.inf
+    for error in sorted(levels, reverse=True):
+        ratio = compared(by_code, error).ratio
+        if ratio is not None and error < (1 - _SAME) * before:
+            known.append((error, ratio))
+            before = error
+    return known
 
 
 class Pair(NamedTuple):

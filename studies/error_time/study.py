@@ -151,8 +151,7 @@ class ErrorTime(Study[Timed | Reference]):
             drawn_fronts(rows, folder / f"fronts{suffix}")
             drawn_ratios(rows, folder / f"ratios{suffix}")
         for name in ("angle", "load"):
-            criterion = CRITERIA[name]
-            drawn_elements(rows, criterion, folder / f"{criterion.scene}.png")
+            drawn_elements(rows, name, folder / f"{CRITERIA[name].scene}.png")
 
 
 STUDY = ErrorTime()

@@ -20,7 +20,7 @@ from .fronts import (
     pairs,
 )
 from .reference import CELLS, CODE, FORMULATIONS, converged, extrapolated
-from .timed_codes import ThisLibrary
+from .timed_codes import GIVEN_UP, LONG, PATIENCE, ThisLibrary
 
 #: Scenes as tables name them.
 SCENES = {"strip": "strip", "bias_extension": "bias extension"}
@@ -148,29 +148,35 @@ def reference(rows: Sequence[Row]) -> str:
 
 
 def failed(rows: Sequence[Row]) -> str:
-    """The elements with runs that failed, with their finest mesh and number of seeds.
-
-    A code that is not installed says so.
-    """
+    """The runs without a result: scene, code, element, solver, meshes and seeds."""
     by: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        if row.get("note"):
-            method = row["scene"], row["code"], row["element"], row["solver"]
-            by.setdefault((*method, row["note"]), []).append(row)
+        if note := row.get("note"):
+            why = note if not row["across"] else "failed"
+            why = GIVEN_UP if GIVEN_UP in note else why
+            method = SCENES[row["scene"]], row["code"], row["element"], row["solver"]
+            by.setdefault((*method, why), []).append(row)
     lines = []
-    for (scene, code, element, solver, note), runs in by.items():
+    for key, runs in by.items():
         across = sorted({run["across"] for run in runs if run["across"]})
-        where = ", ".join(map(str, across)) or "-"
         seeds = len({run["seed"] for run in runs})
-        lines.append([SCENES[scene], code, element, solver, where, seeds, note])
-    head = ["scene", "code", "element", "solvers", "across", "seeds", "note"]
+        lines.append([*key, ", ".join(map(str, across)) or "-", seeds])
+    head = ["scene", "code", "element", "solver", "result", "across", "seeds"]
     return markdown_table(head, lines)
 
 
 def in_words(rows: Sequence[Row]) -> dict[str, str]:
     """Results for prose; see `ErrorTime.figures`."""
     seeds = {row["seed"] for row in rows if row.get("seed") is not None}
-    words = {"seeds": str(len(seeds))}
+    words = {
+        "seeds": str(len(seeds)),
+        "long": f"{LONG:g} s",
+        "patience": f"{PATIENCE:g} s",
+    }
+    for name, criterion in CRITERIA.items():
+        for error in criterion.levels:
+            text = criterion.text(error)
+            words |= {f"{name}_{criterion.number(error)}": text}
     if end := converged(rows):
         off = 100 * end.uncertainty / end.load
         words |= {
@@ -183,7 +189,7 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
     for (name, criterion), solvers in product(CRITERIA.items(), SETS):
         by_code = fronts(rows, criterion, solvers)
         for error in criterion.levels:
-            level = criterion.number(error, 6)
+            level = criterion.number(error)
             key = f"{name}_{level}_{solvers.lower()}"
             words |= _pair_in_words(key, compared(by_code, error), criterion)
     for pair in pairs(rows):
@@ -199,23 +205,22 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def _pair_in_words(key: str, pair: Comparison, criterion: Criterion) -> dict[str, str]:
-    words = {f"{key}_ratio": _factor(pair.ratio)}
+    words = {
+        f"{key}_ratio": _factor(pair.ratio),
+        f"{key}_solves": _factor(pair.solves),
+        f"{key}_per_solve": _factor(pair.per_solve),
+        f"{key}_other_code": pair.other.code if pair.other else "none",
+    }
     for who, point in zip(("ours", "other"), pair, strict=True):
-        words |= {f"{key}_{who}": "none" if point is None else point.element}
+        parts = ["none"] * 5
         if point:
-            words |= {
-                f"{key}_{who}_mesh": point.mesh,
-                f"{key}_{who}_error": f"{criterion.number(point.error.median)} "
-                f"{criterion.unit}".replace(" °", "°"),
-                f"{key}_{who}_seconds": f"{point.seconds.median:.2g} s",
-                f"{key}_{who}_solves": f"{point.solves:g}",
-            }
-    if pair.other:
-        words |= {f"{key}_other_code": pair.other.code}
-    if pair.ratio:
+            parts = [
+                *(point.element, point.mesh, criterion.text(point.error.median)),
+                *(f"{point.seconds.median:.2g} s", f"{point.solves:g}"),
+            ]
+        names = "", "_mesh", "_error", "_seconds", "_solves"
         words |= {
-            f"{key}_solves": _factor(pair.solves),
-            f"{key}_per_solve": _factor(pair.per_solve),
+            f"{key}_{who}{name}": part for name, part in zip(names, parts, strict=True)
         }
     return words
 
@@ -228,9 +233,10 @@ def _ranges(rows: Sequence[Row]) -> dict[str, str]:
         ones = [pair.by_set[solvers] for pair in known if pair.scene == scene]
         for what in ("ratio", "solves", "per_solve"):
             values = [getattr(one, what) for one in ones]
-            if values:
-                text = f"{_factor(min(values))} to {_factor(max(values))}"
-                words[f"same_{scene}_{solvers.lower()}_{what}"] = text
+            text = (
+                f"{_factor(min(values))} to {_factor(max(values))}" if values else "-"
+            )
+            words[f"same_{scene}_{solvers.lower()}_{what}"] = text
     return words
 
 
@@ -245,7 +251,7 @@ def _columns(point: Point) -> dict[str, Any]:
         "steps": point.steps,
         "linear_solves": point.solves,
         **_spread("error", point.error),
-        "error_here_and_finer": point.within,
+        **_spread("error_here_and_finer", point.worst),
         **_spread("seconds", point.seconds),
     }
 
@@ -264,31 +270,30 @@ def _point(point: Point | None, criterion: Criterion, named: bool = False) -> st
         return "none"
     code = f"{point.code}, " if named else ""
     return (
-        f"{code}{point.element}, {point.mesh} across: "
+        f"{code}{point.element}, {point.mesh}: "
         f"{_of_seeds(point.error, criterion)}, {_seconds(point.seconds)}"
     )
 
 
 def _of_seeds(error: Spread, criterion: Criterion) -> str:
-    median, least, most = (criterion.number(one) for one in error)
-    return f"{median} ({least} to {most}) {criterion.unit}"
+    least, most = (criterion.number(one) for one in error[1:])
+    return f"{criterion.text(error.median)} ({least} to {most})"
 
 
 def _seconds(seconds: Spread) -> str:
     median, least, most = (f"{one:.2g}" for one in seconds)
-    return f"{median} ({least} to {most}) s"
+    return f"{median} s ({least} to {most})"
 
 
 def _to_the_error(series: Sequence[Point], criterion: Criterion) -> str:
     times = [p for p in series if p.within <= criterion.levels[1]]
     if times:
         best = min(times, key=lambda point: point.seconds.median)
-        return f"{best.seconds.median:.2g} s, {best.mesh} across"
+        return f"{best.seconds.median:.2g} s, {best.mesh}"
     if not series:
         return "no result"
     last = series[-1]
-    error = f"{criterion.number(last.error.median)} {criterion.unit}"
-    return f"not reached: {error} at {last.mesh} across"
+    return f"not reached: {criterion.text(last.error.median)} at {last.mesh}"
 
 
 def _factor(value: float | None) -> str:

@@ -36,8 +36,8 @@ LONG = 1.5
 #: In the note of a search for a number of steps that took too long.
 GIVEN_UP = "given up"
 
-# Seconds for which a rival may search for a number of steps with which it converges.
-_PATIENCE = 15.0
+#: Seconds for which a rival may search for a number of steps with which it converges.
+PATIENCE = 15.0
 
 #: Linear solvers of this library by the name of their set.
 SOLVERS = {"SciPy": "superlu", "fastest": "auto"}
@@ -202,13 +202,13 @@ class OtherCode:
                 break
             if len(found) == 2:
                 break
-            if perf_counter() - start > _PATIENCE:
+            if perf_counter() - start > PATIENCE:
                 break
         if found:
             return found[min(found)]
         note = f"no unfolded state in up to {steps} equal steps"
         if steps < STEPS[-1]:
-            note += f", {GIVEN_UP} after {_PATIENCE:.0f} s"
+            note += f", {GIVEN_UP} after {PATIENCE:.0f} s"
         raise NotConvergedError(note)
 
     def _unfolded(self, task: Task, steps: int, repeats: int) -> Run | None:

@@ -212,7 +212,7 @@ def test_codes_with_the_same_element_are_compared_on_the_finest_mesh_of_all_sets
 
 
 def test_an_element_that_does_not_reach_an_error_says_how_far_it_is():
-    assert "| **skfem_textile** | Q4 | not reached: 0.2 ° at 16 across |" in (
+    assert "| **skfem_textile** | Q4 | not reached: 0.2° at 16 across |" in (
         tables.elements(THERE)
     )
     assert "| **skfem_textile** | P2 | 2 s, 8 across |" in tables.elements(THERE)
@@ -221,10 +221,12 @@ def test_an_element_that_does_not_reach_an_error_says_how_far_it_is():
 def test_failed_runs_and_missing_codes_are_listed():
     gone = {"scene": "strip", "code": "third", "element": "P2", "solver": "SciPy"}
     gone |= {"seed": 1, "across": 0, "note": "skipped"}
-    lines = tables.failed([*ROWS, gone]).splitlines()[2:]
+    long = gone | {"across": 8, "note": f"{timed_codes.GIVEN_UP} after 9 s"}
+    lines = tables.failed([*ROWS, gone, long]).splitlines()[2:]
     assert lines == [
-        "| strip | FElupe | P2 | fastest | 16 | 5 | too hard |",
-        "| strip | third | P2 | SciPy | - | 1 | skipped |",
+        "| strip | FElupe | P2 | fastest | failed | 16 | 5 |",
+        "| strip | third | P2 | SciPy | skipped | - | 1 |",
+        "| strip | third | P2 | SciPy | given up | 8 | 1 |",
     ]
 
 
@@ -387,7 +389,7 @@ def test_a_run_to_a_tolerance_counts_whole_and_says_what_it_is_refined_to(monkey
         for seed in SEEDS
     ]
     (points,) = fronts.methods(rows, CRITERIA["load"]).values()
-    assert points[0].mesh == "8, refined to 10 %"
+    assert points[0].mesh == "8 across, refined to 10 %"
 
 
 def test_a_rival_takes_the_steps_with_fewer_solves_of_the_first_two_that_suffice():
@@ -433,7 +435,7 @@ def test_a_search_that_takes_long_is_given_up(monkeypatch):
         def run(self, task, steps, repeats):
             raise NotConvergedError
 
-    monkeypatch.setattr(timed_codes, "_PATIENCE", -1.0)
+    monkeypatch.setattr(timed_codes, "PATIENCE", -1.0)
     found = OtherCode(Never(TRIANGLE6)).measured(PROBLEMS["strip"], 4, 97)
     assert timed_codes.GIVEN_UP in found["note"]
 

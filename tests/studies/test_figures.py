@@ -8,7 +8,7 @@ pytest.importorskip("matplotlib")
 
 from studies.adaptive.figure import draw_errors
 from studies.angles.figure import draw_loads
-from studies.error_time.figure import work_precision
+from studies.error_time.figure import drawn_elements, drawn_fronts, drawn_ratios
 from studies.formulations.figure import convergence
 from studies.inf_sup.figure import draw_constants
 from studies.laws.figure import draw_errors as draw_laws
@@ -20,9 +20,9 @@ FIGURES = {
     "laws": lambda file: draw_laws([], file),
     "loads": lambda file: draw_loads([], file),
     "convergence": lambda file: convergence({"mm": {"title": LINES}}, file),
-    "work_precision": lambda file: work_precision(
-        {"mm": {("a", "b"): ([1], [1])}}, file
-    ),
+    "fronts": lambda file: drawn_fronts([], file),
+    "ratios": lambda file: drawn_ratios([], file),
+    "elements": lambda file: drawn_elements([], "load", file),
     "constants": lambda file: draw_constants([], file),
     "outcomes": lambda file: draw_outcomes([{"family": "a", "outcome": "right"}], file),
 }
