@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from argparse import Namespace
 from contextlib import suppress
 from pathlib import Path
 
@@ -69,8 +70,8 @@ def started(*words, **options):
 @pytest.mark.parametrize(
     "families",
     [
-        ("--family", "conditions", "case files"),
-        ("--family", "deck inp", "deck rad", "tables"),
+        ("--case", "conditions*", "case files*"),
+        ("--case", "deck*", "tables*"),
         pytest.param((), id="all", marks=pytest.mark.long),
     ],
 )
@@ -80,6 +81,26 @@ def test_no_hostile_input_ends_badly(tmp_path, families):
         out, err = suite.communicate()
     assert suite.returncode == 0, out + err
     assert (tmp_path / "hostile.md").exists()
+
+
+def test_stored_counts_are_those_of_the_cases_of_a_whole_run(tmp_path):
+    from studies.hostile import trial
+    from studies.hostile.study import STUDY
+
+    options = Namespace(short=False, first=0, workers=1)
+    cases, none = STUDY.cases(options), dict.fromkeys(trial.OUTCOMES, 0)
+    rows = [
+        {"family": case.family, "counts": none | {"right": len(case.seeds)}}
+        for case in cases
+    ]
+    rows[0]["counts"] |= {"right": len(cases[0].seeds) - 1, "hang": 1}
+    for name, text in STUDY.tables(rows).items():
+        (tmp_path / name).write_text(text)
+    stored = STUDY.stored(tmp_path)
+    assert [row["case"] for row in stored] == [STUDY.name(case) for case in cases]
+    assert STUDY.tables(stored) == STUDY.tables(rows)
+    assert STUDY.figures(stored)["bad"] == "1"
+    assert STUDY.complaint(stored) == "1 trials end badly"
 
 
 def test_every_outcome_is_recognised():
