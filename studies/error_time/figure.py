@@ -188,15 +188,17 @@ def drawn_elements(
 ) -> Figure:
     """Median errors of every element over its median times, with the fastest solvers.
 
-    Colours are codes, markers are elements.  ``name`` is that of a criterion.
+    Colours are codes, markers are elements.  ``name`` is that of a criterion.  Much
+    larger errors than those of fronts are left out.
     """
     criterion = CRITERIA[name]
     with figure_of((_WIDTH, 4.4), filename, _LETTERS) as figure:
         axes = figure.subplots()
+        most = 10 * _MOST[name]
         known = {
-            method: series
+            method: [point for point in series if point.error.median <= most]
             for method, series in methods(rows, criterion).items()
-            if series and (method[2] in SETS["fastest"] or "refined" in method[1])
+            if method[2] in SETS["fastest"] or "refined" in method[1]
         }
         elements = list(dict.fromkeys(element for _, element, _ in known))
         for (code, element, _), series in known.items():
@@ -209,11 +211,9 @@ def drawn_elements(
                 linewidth=thick / 2,
                 markersize=3.5,
             )
-        axes.set(xlabel="run time (s)", ylabel=f"error ({criterion.unit})")
+        axes.set(xlabel="run time (s)")
         axes.set_title(_titled(criterion), fontsize=_LETTERS, loc="left")
         axes.grid(alpha=0.25, linewidth=0.5)
-        high = 10 * _MOST[name] * criterion.factor
-        axes.set_ylim(top=min(high, axes.get_ylim()[1]))
         codes = dict.fromkeys(code for code, _, _ in known)
         handles = [Line2D([], [], color=_look(code)[0], label=code) for code in codes]
         handles += [
