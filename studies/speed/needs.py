@@ -1,94 +1,293 @@
-"""Only what a scene needs: time saved without some terms, pictures and packages.
+"""Only what a scene needs: what each feature costs when it is used, and when it is not.
 
-It measures the set-up and an iteration of plies that need less and less, and imports,
-each in a new process.
+Features are added to a ply one by one.  Each ply is built and solved in a new process
+(`one_ply`), and the modules that it loads are imported in another one.  Plies that
+declare a feature as zero are compared with plies that leave it out.  Plies take turns;
+times are processor times.
 """
 
+import json
 import subprocess
 import sys
-from statistics import median
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median, quantiles
 from typing import Any
 
-from numpy import ndarray
-
-from skfem_textile import Fabric, Full, OnePoint, Ply
+import skfem_textile
 
 from ..common.tables import markdown_table
 from ..study import Row
-from .measuring import Settings, seconds, strip_of
+from .measuring import Settings, spread
+from .one_ply import FEATURES, SCENES, UNUSED
 
-TABLES = "needs.md", "imports.md"
+TABLES = "needs.md", "unused.md", "modules.md"
+PICTURES = "needs.png", "needs.svg"
 
-#: Plies by what they need.
-PLIES: dict[str, tuple[Fabric, OnePoint | Full]] = {
-    "tension, shear, stabilisation": (Fabric(1e4, 0.5), OnePoint(4.0)),
-    "tension, stabilisation": (Fabric(1e4), OnePoint(4.0)),
-    "tension, shear": (Fabric(1e4, 0.5), OnePoint(0.0)),
-    "tension": (Fabric(1e4), OnePoint(0.0)),
-    "tension at 2×2 points": (Fabric(1e4), Full()),
+# Elements of a ply, a square of an even number.
+_ELEMENTS = 2500
+
+# Rounds of the features and of the comparisons.
+_ROUNDS, _COMPARED = 5, 11
+
+#: Costs in the order of the tables, with their units.
+COSTS = {
+    "import": "s",
+    "memory": "MiB",
+    "assembly": "ms",
+    "solution": "ms",
+    "once": "s",
 }
 
-_IMPORTS = "skfem", "skfem_textile", "skfem_textile.scenes", "skfem_textile.plot"
+# The name of the first line, a process that only imports scikit-fem.
+_ALONE = SCENES[0]
 
-_SIZE, _ROUNDS = 20_000, 7
+#: Packages that take long to load.
+HEAVY = (
+    *("skfem", "scipy", "meshio", "pyvista", "vtkmodules", "matplotlib", "PIL"),
+    *("rich", "msgspec", "cvxopt", "pypardiso"),
+)
+
+# Imports modules by their names in the order given, leaving out those that only others
+# can make, and prints the seconds of processor time.
+_IMPORT = """
+import json, sys
+from contextlib import suppress
+from importlib import import_module
+from time import process_time
+names = json.load(sys.stdin)
+start = process_time()
+for name in names:
+    with suppress(ImportError):
+        import_module(name)
+print(process_time() - start)
+"""
 
 
 def measured(settings: Settings) -> Row:
-    """Medians of the seconds of plies, also as shares of the first, and of imports."""
-    scene = strip_of(min(_SIZE, settings.most))
-    times: dict[str, tuple[list[float], list[float]]] = {n: ([], []) for n in PLIES}
-    for number in range(1 + _ROUNDS):
-        for name, given in PLIES.items():
-            ply, built = seconds(Ply, scene.mesh, *given)
-            u = (1 + 1e-9 * number) * scene.displacement(ply.nodes, 0.2).T.ravel()
-            _assembled(ply, u)
-            _, took = seconds(_assembled, ply, (1 + 1e-9) * u)
-            if number:
-                times[name][0].append(built)
-                times[name][1].append(took)
-    most = [median(x) for x in next(iter(times.values()))]
-    plies = {}
-    for name, columns in times.items():
-        values = [median(x) for x in columns]
-        shares = [x / y for x, y in zip(values, most, strict=True)]
-        plies[name] = {"seconds": values, "shares": shares}
-    imports = {}
-    for name in _IMPORTS:
-        _imported(name)  # once, to load it into the file cache
-        imports[name] = median(_imported(name) for _ in range(_ROUNDS))
-    return {"elements": scene.mesh.nelements, "plies": plies, "imports": imports}
+    """Costs of all features, of features that are zero, and modules of scenes."""
+    elements = min(_ELEMENTS, settings.most)
+    costs: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    for _ in range(_ROUNDS):
+        for name in (_ALONE, *FEATURES):
+            results = _run("scene" if name == _ALONE else "feature", name, elements)
+            costs[name]["import"].append(_import(results["modules"]))
+            for cost, value in _costs(results).items():
+                costs[name][cost].append(value)
+    return {
+        "elements": elements,
+        "rounds": _ROUNDS,
+        "features": {
+            name: {cost: spread(values) for cost, values in of_name.items()}
+            for name, of_name in costs.items()
+        },
+        "unused": {name: _unused(name, elements) for name in UNUSED},
+        "scenes": {name: _modules(name) for name in SCENES},
+        "modules": len(list(Path(skfem_textile.__path__[0]).rglob("*.py"))),
+    }
 
 
-def _assembled(ply: Ply, u: ndarray) -> Any:
-    """Forces and tangent."""
-    return ply.residual(u), ply.stiffness(u)
+def _unused(name: str, elements: int) -> Row:
+    """Differences of a feature that is zero from one that is absent, as shares."""
+    shares: dict[str, list[float]] = defaultdict(list)
+    for _ in range(_COMPARED):
+        absent, zero = (_run(kind, name, elements) for kind in ("absent", "zero"))
+        costs = _costs(absent)
+        for cost, value in _costs(zero).items():
+            shares[cost].append(value / costs[cost] - 1)
+    return {
+        "rounds": _COMPARED,
+        "further_terms": sorted(set(zero["terms"]) - set(absent["terms"])),
+        "further_modules": sorted(set(_own(zero)) - set(_own(absent))),
+        "shares": {cost: _middle(values) for cost, values in shares.items()},
+    }
 
 
-def _imported(name: str) -> float:
-    """Seconds to import a package in a new process."""
-    code = (
-        "from time import perf_counter as now; start = now(); "
-        f"import {name}; print(now() - start)"
-    )
+def _middle(values: Sequence[float]) -> dict[str, float]:
+    """Median and quartiles."""
+    low, _, high = quantiles(values, n=4)
+    return {"median": median(values), "low": low, "high": high}
+
+
+def _run(kind: str, name: str, elements: int) -> Row:
+    """The results of a process of `one_ply`."""
+    words = "-m", "studies.speed.one_ply", kind, name, str(elements)
+    results: Row = json.loads(_output(words))
+    return results
+
+
+def _import(modules: Sequence[str]) -> float:
+    """Processor time in s to import modules."""
+    return float(_output(("-c", _IMPORT), json.dumps(modules)))
+
+
+def _costs(results: Row) -> dict[str, float]:
+    """The other costs of a process, as far as it has them."""
+    if "assembly" not in results:
+        return {"memory": results["peak"]}
+    return {
+        "memory": results["peak"],
+        "assembly": 1e3 * results["assembly"],
+        "solution": 1e3 * results["solution"],
+        "once": results["set_up"] + results.get("later", 0.0),
+    }
+
+
+def _modules(scene: str) -> Row:
+    """Number of modules of this library that a scene loads, and heavy packages."""
+    results = _run("scene", scene, 0)
+    return {"own": len(_own(results)), "heavy": heavy_of(results["modules"])}
+
+
+def _own(results: Row) -> list[str]:
+    package = skfem_textile.__name__
+    return [m for m in results["modules"] if m.partition(".")[0] == package]
+
+
+def heavy_of(modules: Sequence[str]) -> list[str]:
+    """Packages among `HEAVY`, of SciPy the public packages in it.
+
+    Examples
+    --------
+    >>> heavy_of(["numpy", "scipy.sparse.linalg", "scipy._lib", "skfem.mesh"])
+    ['scipy.sparse', 'skfem']
+    """
+    packages = set()
+    for module in modules:
+        first, *rest = module.split(".")
+        if first == "scipy" and rest and rest[0][0] != "_" and rest[0] != "version":
+            packages.add(f"scipy.{rest[0]}")
+        elif first in HEAVY and first != "scipy":
+            packages.add(first)
+    return sorted(packages)
+
+
+def _output(words: Sequence[str], text: str = "") -> str:
+    command = [sys.executable, *words]
     child = subprocess.run(
-        [sys.executable, "-c", code], check=True, capture_output=True, text=True
+        command, check=True, capture_output=True, text=True, input=text
     )
-    return float(child.stdout)
+    return child.stdout
 
 
 def tables(results: Row) -> dict[str, str]:
-    """A line for each ply, and one for each import."""
-    plies = [
-        [name, *(f"{share:.2f}" for share in ply["shares"])]
-        for name, ply in results["plies"].items()
+    """Costs in all with each feature, shares of features that are zero, and modules."""
+    lines = [
+        [name if name == _ALONE else f"+ {name}", *_in_all(costs)]
+        for name, costs in results["features"].items()
     ]
-    skfem = results["imports"]["skfem"]
-    imports = [
-        [f"`import {name}`", f"{took:.3f}", f"{took / skfem:.2f}"]
-        for name, took in results["imports"].items()
+    units = {"assembly": "assembly of an iteration", "solution": "its solution"}
+    head = [f"{units.get(cost, cost)}, {unit}" for cost, unit in COSTS.items()]
+    unused = [
+        [
+            f"{name}: {UNUSED[name]}",
+            len(row["further_terms"]),
+            len(row["further_modules"]),
+            *(_share(share) for share in row["shares"].values()),
+        ]
+        for name, row in results["unused"].items()
     ]
-    head = ["", "set-up, share", "forces and tangent, share"]
+    modules = [
+        [name, f"{row['own']} of {results['modules']}", ", ".join(row["heavy"])]
+        for name, row in results["scenes"].items()
+    ]
+    compared = "further terms", "further modules", *list(COSTS)[1:]
     return {
-        "needs.md": markdown_table(head, plies),
-        "imports.md": markdown_table(["", "s", "share of skfem's"], imports),
+        "needs.md": markdown_table(["feature", *head], lines),
+        "unused.md": markdown_table(["declared as zero", *compared], unused),
+        "modules.md": markdown_table(
+            ["scene", "modules of this library", "heavy packages"], modules
+        ),
     }
+
+
+def figures(results: Row) -> dict[str, str]:
+    """What features add, what they cost as zero, and modules of scenes."""
+    compared = next(iter(results["unused"].values()))["rounds"]
+    words = {
+        "needs_elements": str(results["elements"]),
+        "needs_rounds": str(results["rounds"]),
+        "unused_rounds": str(compared),
+    }
+    for name, costs in added(results).items():
+        for cost, (change, scatter) in costs.items():
+            text = two_digits(change, scatter)
+            words[f"{_key(name)}_adds_{cost}"] = f"{text} {COSTS[cost]}"
+    for name, row in results["unused"].items():
+        for cost, share in row["shares"].items():
+            words[f"{name}_unused_{cost}"] = _share(share)
+        words[f"{name}_unused_terms"] = str(len(row["further_terms"]))
+        words[f"{name}_unused_modules"] = str(len(row["further_modules"]))
+    for name, row in results["scenes"].items():
+        words[f"{_key(name)}_modules"] = f"{row['own']} of {results['modules']}"
+    imports = results["features"][FEATURES[0]]["import"]["median"]
+    alone = results["features"][_ALONE]["import"]["median"]
+    words["import"] = f"{imports:.2f} s"
+    words["import_scikit_fem"] = f"{alone:.2f} s"
+    return words
+
+
+def added(results: Row) -> dict[str, dict[str, tuple[float, float]]]:
+    """What each feature adds to each cost, and the scatter of it.
+
+    The scatter is half the sum of both ranges of the rounds.
+    """
+    every = results["features"]
+    adds: dict[str, dict[str, tuple[float, float]]] = {}
+    for before, name in zip((None, *every), every, strict=False):
+        adds[name] = {}
+        for cost, now in every[name].items():
+            was = every[before].get(cost) if before else None
+            was = was or dict.fromkeys(("median", "least", "most"), 0.0)
+            scatter = (now["most"] - now["least"] + was["most"] - was["least"]) / 2
+            adds[name][cost] = now["median"] - was["median"], scatter
+    return adds
+
+
+def draw(results: Row, file: Path) -> None:
+    """Draw what each feature adds to each cost."""
+    from .figure import waterfall
+
+    adds = added(results)
+    panels = {
+        f"{cost.capitalize()}, {unit}": [
+            costs.get(cost, (0.0, 0.0)) for costs in adds.values()
+        ]
+        for cost, unit in COSTS.items()
+    }
+    waterfall(panels, list(adds), file)
+
+
+def two_digits(change: float, scatter: float = 0.0) -> str:
+    """Text of a change with its sign; none within its scatter.
+
+    Examples
+    --------
+    >>> two_digits(0.123), two_digits(-321.4), two_digits(0.1, scatter=0.2)
+    ('+0.12', '−321', '≈ 0')
+    """
+    if abs(change) < scatter:
+        return "≈ 0"
+    digits = f"{change:+.2g}" if abs(change) < 100 else f"{change:+.0f}"
+    return digits.replace("-", "−")
+
+
+def _key(name: str) -> str:
+    """A name as it stands in the names of results."""
+    return name.replace(" ", "_").replace("-", "_").lower()
+
+
+def _in_all(costs: dict[str, Any]) -> list[str]:
+    digits = {"import": 2, "memory": 0, "assembly": 1, "solution": 0, "once": 2}
+    return [
+        f"{costs[cost]['median']:.{digits[cost]}f}" if cost in costs else ""
+        for cost in COSTS
+    ]
+
+
+def _share(share: dict[str, float]) -> str:
+    """A share in per cent with its range: median, and quartiles."""
+    middle, low, high = (100 * share[name] for name in ("median", "low", "high"))
+    text = f"{middle:+.1f} % ({low:+.1f} to {high:+.1f} %)"
+    return text.replace("-", "−")

@@ -1,12 +1,14 @@
 """Benchmarks, each in a process of its own, on one thread.
 
 A benchmark is a module with `measured`, whose results go to a file of JSON, and
-`tables` of these results.
+`tables` of these results.  Each row of the study is a benchmark with its results.
 """
 
 import argparse
+import json
 from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
@@ -14,6 +16,7 @@ from ..common import machine_and_versions
 from ..common.tables import json_text
 from ..common.workers import in_new_process
 from ..study import Row, Study
+from . import needs, words
 from .measuring import Settings
 
 BENCHMARKS = "needs", "iteration", "scaling", "iterative", "whole_strip", "overhead"
@@ -34,6 +37,7 @@ class Benchmark(NamedTuple):
 class Speed(Study[Benchmark]):
     """Every benchmark."""
 
+    pictures = needs.PICTURES
     timed = True
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
@@ -70,13 +74,35 @@ class Speed(Study[Benchmark]):
             content = {"machine": row["machine"], **row["results"]}
             texts[f"{row['benchmark']}.json"] = json_text(content)
             texts |= _tables(row)
-            sentence = machine_and_versions.sentence(row["machine"])
-            texts["machine.md"] = f"{sentence}\n"
         return texts
 
+    def stored(self, folder: Path) -> list[Row]:
+        files = (folder / f"{name}.json" for name in BENCHMARKS)
+        every = {f.stem: json.loads(f.read_text("utf-8")) for f in files if f.is_file()}
+        if not every:
+            raise FileNotFoundError(f"{folder} has no results of benchmarks")
+        return [
+            {"benchmark": name, "machine": content.pop("machine"), "results": content}
+            for name, content in every.items()
+        ]
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        machines = (machine_and_versions.sentence(row["machine"]) for row in rows)
+        results = {row["benchmark"]: row["results"] for row in rows}
+        return {"machines": " ".join(dict.fromkeys(machines)), **words.of(results)}
+
+    def draw(self, rows: list[Row], folder: Path) -> None:
+        results = {row["benchmark"]: row["results"] for row in rows}
+        for name in self.pictures:
+            needs.draw(results["needs"], folder / name)
+
     def written(self, cases: Sequence[Benchmark]) -> list[str]:
-        tables = [name for case in cases for name in case.module.TABLES]
-        return [*(f"{case.name}.json" for case in cases), *tables, "machine.md"]
+        """Results, tables and pictures of these benchmarks."""
+        names = [f"{case.name}.json" for case in cases]
+        for case in cases:
+            names += case.module.TABLES
+            names += self.pictures if case.name == "needs" else ()
+        return names
 
 
 STUDY = Speed()

@@ -5,22 +5,31 @@ from pathlib import Path
 
 import pytest
 
-from studies.speed import scaling
+from skfem_textile import Ply
+from studies.__main__ import main
+from studies.speed import needs, one_ply, scaling, study, words
 from studies.speed.measuring import Settings
 from studies.speed.study import BENCHMARKS, STUDY, Benchmark
 
 DOCS = Path(__file__).parents[2] / "docs" / "speed"
 
+ELEMENTS = 16
 
-@pytest.mark.parametrize("file", sorted(DOCS.glob("*.json")), ids=lambda f: f.stem)
-def test_tables_are_made_of_the_results(file):
-    results = json.loads(file.read_text())
-    row = {"benchmark": file.stem, "machine": results.pop("machine")}
-    texts = STUDY.tables([row | {"results": results}])
-    written = STUDY.written([Benchmark(file.stem, Settings())])
-    assert set(texts) == set(written)
-    for name, text in texts.items():
-        assert (DOCS / name).read_text() == text
+
+@pytest.fixture(scope="module")
+def stored():
+    return STUDY.stored(DOCS)
+
+
+def test_tables_are_made_of_the_results(stored):
+    assert {row["benchmark"] for row in stored} >= {"needs", "iteration", "scaling"}
+    for row in stored:
+        texts = STUDY.tables([row])
+        written = STUDY.written([Benchmark(row["benchmark"], Settings())])
+        pictures = STUDY.pictures if row["benchmark"] == "needs" else ()
+        assert {*texts, *pictures} == set(written)
+        for name, text in texts.items():
+            assert (DOCS / name).read_text() == text
 
 
 def test_every_benchmark_has_its_functions():
@@ -31,6 +40,21 @@ def test_every_benchmark_has_its_functions():
         assert all(table.endswith(".md") for table in module.TABLES)
 
 
+def test_one_benchmark_leaves_the_results_of_others(tmp_path, monkeypatch, stored):
+    results = {row["benchmark"]: row["results"] for row in stored}
+    monkeypatch.setattr(study, "in_new_process", lambda *_: results["needs"])
+    others = {f.name: f.read_bytes() for f in DOCS.iterdir() if "needs" not in f.name}
+    for name, content in others.items():
+        (tmp_path / name).write_bytes(content)
+    command = ["speed", "--case", "needs", "--no-render", "--out", str(tmp_path)]
+    assert main(command) == 0
+    for name, content in others.items():
+        if name != "provenance.json":
+            assert (tmp_path / name).read_bytes() == content
+    assert (tmp_path / "needs.md").read_text() == (DOCS / "needs.md").read_text()
+    assert json.loads((tmp_path / "provenance.json").read_text())["speed"]
+
+
 def test_exponents_are_those_of_power_laws():
     parts = scaling._PARTS
     rows = [
@@ -39,3 +63,88 @@ def test_exponents_are_those_of_power_laws():
     ]
     exponents = scaling._exponents(rows)
     assert [exponents[part] for part in parts] == pytest.approx(range(len(parts)))
+
+
+def terms_of(arguments, dimension):
+    return {term.name for term in Ply(*arguments, dimension=dimension).terms}
+
+
+def test_each_feature_adds_its_terms_to_those_before():
+    count = 1 + one_ply.FEATURES.index("bending of fibres")
+    terms = [
+        terms_of(*one_ply._with_features(one_ply.FEATURES[:n], ELEMENTS))
+        for n in range(1, count + 1)
+    ]
+    added = [now - before for before, now in zip([set(), *terms], terms, strict=False)]
+    none = set()
+    assert added == [
+        *({"tension", "corners"}, {"stabilisation"}, {"shear"}, none, none),
+        *({"out_of_plane"}, {"bending"}),
+    ]
+
+
+@pytest.mark.parametrize("name", one_ply.UNUSED)
+def test_a_feature_that_is_zero_adds_no_term(name):
+    absent, zero = (terms_of(*one_ply._without(name, x, ELEMENTS)) for x in (0, 1))
+    assert zero == absent
+    assert name not in zero
+
+
+def test_a_feature_that_is_zero_loads_no_module():
+    runs = [needs._run(kind, "bending", ELEMENTS) for kind in ("absent", "zero")]
+    absent, zero = (set(needs._own(run)) for run in runs)
+    assert zero == absent
+    assert "skfem_textile.ply.ply" in zero
+
+
+def test_a_strip_loads_no_picture_file_format_or_tool():
+    row = needs._modules("strip")
+    assert row["own"] < needs._modules("sphere")["own"]
+    assert not {"meshio", "pyvista", "matplotlib", "rich"} & set(row["heavy"])
+
+
+def test_stored_features_that_are_zero_add_nothing(stored):
+    (row,) = (row for row in stored if row["benchmark"] == "needs")
+    for unused in row["results"]["unused"].values():
+        assert unused["further_terms"] == unused["further_modules"] == []
+
+
+def costs(median, scatter=0.0):
+    return {"median": median, "least": median - scatter, "most": median + scatter}
+
+
+def test_changes_within_their_scatter_are_none():
+    features = {
+        "first": {"memory": costs(60.0)},
+        "second": {"memory": costs(61.0, 2.0), "assembly": costs(3.0)},
+        "third": {"memory": costs(81.0, 2.0), "assembly": costs(2.0)},
+    }
+    adds = needs.added({"features": features})
+    assert adds["second"] == {"memory": (1.0, 2.0), "assembly": (3.0, 0.0)}
+    assert adds["third"] == {"memory": (20.0, 4.0), "assembly": (-1.0, 0.0)}
+    assert needs.two_digits(*adds["second"]["memory"]) == "≈ 0"
+    assert needs.two_digits(*adds["third"]["memory"]) == "+20"
+    assert needs.two_digits(*adds["third"]["assembly"]) == "−1"
+
+
+def test_shares_have_median_and_quartiles():
+    share = needs._middle([-0.02, -0.01, 0.004, 0.02, 0.03])
+    assert needs._share(share) == "+0.4 % (−1.5 to +2.5 %)"
+
+
+def test_results_are_in_words(stored):
+    results = {row["benchmark"]: row["results"] for row in stored}
+    text = STUDY.figures(stored)
+    whole = results["whole_strip"]
+    assert text["strip_ratio"] == f"{whole['stock_over_own']:.0f}"
+    assert text["strip_modules"].endswith(f" of {results['needs']['modules']}")
+    assert text["bending_unused_terms"] == text["bending_unused_modules"] == "0"
+    assert text["iteration_elements"] == "60 000"
+    assert text["machines"].startswith("Machine: ")
+    assert words.of({}) == {}
+
+
+def test_the_waterfall_is_drawn(tmp_path, stored):
+    pytest.importorskip("matplotlib")
+    STUDY.draw(stored, tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == set(needs.PICTURES)

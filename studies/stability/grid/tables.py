@@ -1,6 +1,6 @@
 """Medians over the meshes of each code, E/G and distortion, in tables and words."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from statistics import median
 from typing import NamedTuple, TypeAlias
 
@@ -17,8 +17,8 @@ LIMIT = 0.05
 #: a stable, unfolded equilibrium on most of its meshes.
 RIGHT, OFF, NONE = "right", "off", "none"
 
-# Ratios up to which the largest error of this library is given in words.
-_UP_TO = 1e4, 1e6
+# Ratios E/G up to which errors of this library are given in words.
+_UP_TO = 1e4, 1e6, 1e8
 
 # Names of codes in the names of results.
 _SHORT = {OURS: "ours", "FElupe": "felupe", "DOLFINx": "dolfinx"}
@@ -90,33 +90,38 @@ def markdown(rows: Sequence[Row]) -> str:
 
 
 def figures(rows: Sequence[Row]) -> dict[str, str]:
-    """Counts of outcomes and the largest loads of each code; the largest errors."""
-    words = {}
-    for code, of_code in cells(rows).items():
-        name = _SHORT[code if code in _SHORT else code.partition(",")[0]]
+    """Counts of outcomes and the largest load of each code, and errors of this library.
+
+    ``ours_median_to_1e6`` is the largest error of a median up to E/G = 10⁶, and
+    ``ours_worst_to_1e6`` that of a single mesh.
+    """
+    words, every = {}, cells(rows)
+    for code, of_code in every.items():
+        name = _SHORT.get(code) or _SHORT[code.partition(",")[0]]
         outcomes = [cell.outcome for cell in of_code.values()]
         for outcome in (RIGHT, OFF, NONE):
             count = outcomes.count(outcome)
             words[f"{name}_{outcome}"] = f"{count} of {len(outcomes)}"
         loads = [cell.load for cell in of_code.values() if cell.load is not None]
-        if loads:
-            words[f"{name}_largest"] = times(max(loads))
-        for most in _UP_TO:
-            worst = [
-                abs(cell.worst - 1)
-                for (ratio, _), cell in of_code.items()
-                if ratio <= most and cell.worst is not None
-            ]
-            if worst and code == OURS:
-                words[f"ours_error_to_{most:.0e}"] = f"{100 * max(worst):.2g} %"
-    unsure = [
+        words[f"{name}_largest"] = times(max(loads, default=0.0))
+    for most in _UP_TO:
+        ours = [cell for (x, _), cell in every.get(OURS, {}).items() if x <= most]
+        to = f"to_{most:.0e}".replace("e+0", "e")
+        words[f"ours_median_{to}"] = _largest_error(cell.load for cell in ours)
+        words[f"ours_worst_{to}"] = _largest_error(cell.worst for cell in ours)
+    unsure = (
         max(abs(row["halving"]), abs(row["apart"]))
         for row in rows
         if row["code"] == REFERENCE
-    ]
-    if unsure:
-        words["converged_to"] = f"{100 * max(unsure):.1g} %"
+    )
+    words["converged_to"] = f"{100 * max(unsure, default=0.0):.1g} %"
     return words
+
+
+def _largest_error(loads: Iterable[float | None]) -> str:
+    """The largest error of loads over the converged load, in per cent."""
+    errors = (abs(load - 1) for load in loads if load is not None)
+    return f"{100 * max(errors, default=0.0):.1f} %"
 
 
 def times(ratio: float) -> str:
