@@ -6,7 +6,8 @@ The strip of Hamila & Boisse (2013) is bent into an arc whose fibres do not stre
 is computed three times with about as many unknowns: on a mesh that follows no fibre
 with 2×2 points, which lock; with one stabilised point, as in the paper; and on a
 coarser mesh as macro-elements, which are split in four. Warp and weft are strained
-where the elements lock, and the shape is best with macro-elements.
+where the elements lock. One point strains them little, but is further off in its shape
+than the locked mesh. Strains and position errors are least with macro-elements.
 """
 
 from pathlib import Path
@@ -76,7 +77,9 @@ def main(folder="strip-results"):
     locked, unlocked, macro = summaries
     assert locked["max_fibre_strain"] > 20 * unlocked["max_fibre_strain"]
     assert locked["energy"] > 200 * unlocked["energy"]
-    assert unlocked["displacement_error_rms"] > 4 * macro["displacement_error_rms"]
+    assert unlocked["max_fibre_strain"] > 10 * macro["max_fibre_strain"]
+    assert unlocked["displacement_error_rms"] > 3 * locked["displacement_error_rms"]
+    assert locked["displacement_error_rms"] > 2 * macro["displacement_error_rms"]
 
     try:
         from skfem_textile import plot

@@ -110,3 +110,5 @@ plotter.add_scalar_bar(
     color="black",
 )
 plotter.screenshot("double_dome.png")
+
+# sphinx_gallery_thumbnail_number = -1

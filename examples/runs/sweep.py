@@ -75,6 +75,7 @@ if __name__ == "__main__":
     workers = sys.argv[-1].removeprefix("--")
     shares = run(Path(mkdtemp()), workers)
     assert all(abs(share - 1) < 0.1 for share in shares.values())
+    assert all(shares[2e4, angle] < shares[2e6, angle] for angle in ANGLES)
     curves = {
         f"E/G = {ratio:,.0f}": (ANGLES, [shares[ratio, angle] for angle in ANGLES])
         for ratio in RATIOS
