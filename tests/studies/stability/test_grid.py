@@ -1,0 +1,169 @@
+"""Grid of E/G and distortion: judgement of each run, outcomes and words."""
+
+from argparse import Namespace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skfem_textile.mesh.checks import MeshError
+from skfem_textile.ply.formulations import Full
+from studies.common.rivals.newton import STEPS, NotConvergedError, Run
+from studies.common.rivals.plain import Plain
+from studies.common.rivals.rival import QUAD4
+from studies.stability.grid import study, tables
+from studies.stability.grid.study import STUDY, Ours, Reference, Theirs
+from studies.stability.grid.tables import NONE, OFF, OURS, REFERENCE, RIGHT
+
+DOCS = Path(__file__).parents[3] / "docs" / "stability"
+
+
+@pytest.fixture
+def coarse(monkeypatch):
+    monkeypatch.setattr(study, "ACROSS", 8)
+
+
+@pytest.fixture(scope="module")
+def stored():
+    return STUDY.stored(DOCS)
+
+
+def use(monkeypatch, rival):
+    monkeypatch.setattr(study, "RIVALS", ((rival, Full()),))
+
+
+def test_tables_are_made_of_the_results(stored):
+    assert STUDY.tables(stored)["grid.md"] == (DOCS / "grid.md").read_text()
+
+
+def test_every_case_is_stored(stored):
+    names = [STUDY.name(case) for case in STUDY.cases(Namespace())]
+    assert sorted(row["case"] for row in stored) == sorted(names)
+    assert STUDY.sample in names
+    for code, of_code in tables.cells(stored).items():
+        assert len(of_code) == len(study.RATIOS) * len(study.DISTORTIONS), code
+
+
+def test_the_library_is_near_the_converged_load_where_points_lock(coarse, monkeypatch):
+    """At E/G = 10⁵: elements with four points carry several times the load."""
+    use(monkeypatch, Plain(QUAD4))
+    ours, theirs = (
+        case.row() for case in (Ours(1e5, 0.18, 1), Theirs(0, 1e5, 0.18, 1))
+    )
+    assert ours["sound"]
+    assert theirs["sound"]
+    assert ours["load"] == pytest.approx(1.0, abs=0.15)
+    assert theirs["load"] > 10
+    assert theirs["linear_solves"] >= theirs["steps"]
+
+
+def test_references_agree_when_cells_are_halved(monkeypatch):
+    fewer = [(formulation, n // 4) for formulation, n in study.REFERENCES]
+    monkeypatch.setattr(study, "REFERENCES", fewer)
+    row = Reference(1e4).row()
+    assert row["load"] == pytest.approx(0.942, abs=0.01)
+    assert 0 < abs(row["halving"]) < 0.02
+    assert 0 < abs(row["apart"]) < 0.02
+
+
+def test_stored_references_agree(stored):
+    rows = [row for row in stored if row["code"] == REFERENCE]
+    assert [row["ratio"] for row in rows] == list(study.RATIOS)
+    assert all(max(abs(r["halving"]), abs(r["apart"])) < 0.005 for r in rows)
+
+
+def test_ends_that_are_not_stable_do_not_count(coarse, monkeypatch):
+    """A rival that stays at rest, or does not converge, has no result."""
+    tried = []
+
+    class AtRest(Plain):
+        def run(self, task, steps, repeats):
+            tried.append(steps)
+            if steps == 1:
+                raise NotConvergedError("not converged")
+            u = np.zeros(task.nodes.size)
+            return Run(u, u, 3, [])
+
+    use(monkeypatch, AtRest(QUAD4))
+    row = Theirs(0, 1e2, 0.0, 1).row()
+    assert tried == list(STEPS)
+    assert row["sound"] is False
+    assert row["note"] == "not stable, or folded"
+
+
+def test_a_code_that_is_not_installed_has_no_cell(coarse, monkeypatch):
+    class Missing(Plain):
+        def missing(self):
+            return "it"
+
+    use(monkeypatch, Missing(QUAD4))
+    (row,) = STUDY.examine(Theirs(0, 1e2, 0.0, 1))
+    assert row["note"] == "skipped, not installed: it"
+    reference = {"code": REFERENCE, "ratio": 1e2, "load": 1.0}
+    assert tables.cells([reference, row]) == {}
+    assert "skipped" in STUDY.line([row])
+
+
+def test_seeds_that_invert_an_element_are_passed_over():
+    assert study.seeds("irregular", 16, 0.45) == (1, 4, 5)
+    with pytest.raises(MeshError, match="inverted"):
+        study._scene("irregular", 16, 0.45, 2)
+    assert study.seeds("irregular", 16, 0.0) == (1,)
+
+
+def run(load, seed=1, sound=True, ratio=1e4):
+    at = {"code": OURS, "ratio": ratio, "distortion": 0.1, "seed": seed}
+    return at | {"load": load, "linear_solves": 4 + seed, "sound": sound}
+
+
+CONVERGED = {"code": REFERENCE, "load": 0.5, "halving": 0.001, "apart": -0.002}
+
+
+def cell_of(*rows):
+    rows = [CONVERGED | {"ratio": 1e4}, *rows]
+    return tables.cells(rows)[OURS][1e4, 0.1]
+
+
+def test_a_cell_is_the_median_over_its_meshes():
+    cell = cell_of(run(0.51), run(0.5, 2), run(0.6, 3))
+    assert cell == pytest.approx((1.02, 1.2, 6))
+    assert cell.outcome == RIGHT
+    assert cell_of(run(0.53), run(0.5, 2), run(0.6, 3)).outcome == OFF
+    assert cell_of(run(0.47)).outcome == OFF
+
+
+def test_a_cell_has_no_result_where_most_meshes_have_none():
+    bad = [run(0.5, seed, sound=False) for seed in (2, 3)]
+    assert cell_of(run(0.5), *bad).outcome == NONE
+    assert cell_of(run(0.5), run(0.52, 2), bad[1]).load == pytest.approx(1.02)
+
+
+def test_results_are_in_words():
+    rows = [CONVERGED | {"ratio": ratio} for ratio in (1e4, 1e10)]
+    rows += [run(0.51), run(0.52, 2), run(0.55, 3), run(20.0, ratio=1e10)]
+    text = STUDY.figures(rows)
+    assert (text["ours_right"], text["ours_off"]) == ("1 of 2", "1 of 2")
+    assert (text["ours_none"], text["ours_largest"]) == ("0 of 2", "40")
+    assert (text["ours_median_to_1e6"], text["ours_worst_to_1e6"]) == (
+        "4.0 %",
+        "10.0 %",
+    )
+    assert text["converged_to"] == "0.2 %"
+
+
+def test_stored_results_are_right_up_to_these_ratios(stored):
+    right = {
+        code: {at[0] for at, cell in of_code.items() if cell.outcome == RIGHT}
+        for code, of_code in tables.cells(stored).items()
+    }
+    assert right == {
+        OURS: set(study.RATIOS) - {1e10},
+        "FElupe, Q4, 2×2": set(),
+        "DOLFINx, P2, 3 points": {1e2},
+    }
+
+
+def test_the_grid_is_drawn(tmp_path, stored):
+    pytest.importorskip("matplotlib")
+    STUDY.draw(stored, tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == set(STUDY.pictures)
