@@ -18,10 +18,10 @@ _SIZES = 5, 5, 10
 def draw_errors(rows: Sequence[Row], filename: str | os.PathLike[str]) -> None:
     """Errors of cantilevers and of plates over the number of element edges."""
     panels: list[tuple[str, dict[str, Any]]] = [
-        *((f"Cantilever, {load}", {"load": load}) for load in CANTILEVERS),
-        *((f"Plate, fibres at {angle}°", {"degrees": angle}) for angle in (0, 45)),
+        *((f"Cantilever,\n{load}", {"load": load}) for load in CANTILEVERS),
+        *((f"Plate,\nfibres at {angle}°", {"degrees": angle}) for angle in (0, 45)),
     ]
-    with figure_of((9.6, 3.2), filename) as figure:
+    with figure_of((8.8, 3.2), filename) as figure:
         for axes, (title, kind) in zip(
             figure.subplots(1, len(panels), sharey=True), panels, strict=True
         ):
@@ -30,13 +30,13 @@ def draw_errors(rows: Sequence[Row], filename: str | os.PathLike[str]) -> None:
                 for row in rows
                 if row["part"] in ("cantilever", "plate")
                 and kind.items() <= row.items()
-                and "off_z" in row
+                and row.get("off_z") is not None
             ]
             for formulation in _FORMULATIONS:
                 for moved in (False, True):
                     _draw(axes, own, formulation, moved)
             _second_order(axes)
-            axes.set_title(title, fontsize=9)
+            axes.set_title(title, fontsize=10)
             axes.set(xlabel="Edges", xscale="log", yscale="log")
             axes.set_xlim(7, 37)
             axes.set_xticks([8, 16, 32], ["8", "16", "32"])

@@ -13,6 +13,7 @@ from .tables import (
     buckling,
     cantilevers,
     extremes,
+    in_words,
     modes,
     peirce_over_elastica,
     plates,
@@ -61,6 +62,10 @@ class Space(Study[Case]):
         "peirce.md",
     )
     pictures = ("space.png",)
+    sample = (
+        "extreme strip: n 32, jitter 0.25, formulation one point, D 1000.0, "
+        "E_over_G 100.0"
+    )
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
@@ -149,6 +154,9 @@ class Space(Study[Case]):
             "extremes.md": extremes(rows),
             "peirce.md": peirce_over_elastica(),
         }
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        return in_words(rows)
 
     def complaint(self, rows: list[Row]) -> str:
         """Runs that converged to a wrong answer."""

@@ -9,6 +9,9 @@ from skfem_textile.scenes.common.elastica import hanging, peirce
 from ...common.tables import markdown_table
 from ...study import Row
 
+# Weights w L³/D of hanging strips; 8 is that of the usual angle of the chord.
+_WEIGHTS, _USUAL = (1, 2, 4, 8, 20, 80), 8
+
 #: An answer that is off by more than this share is wrong.
 WRONG = 0.02
 
@@ -28,7 +31,7 @@ def cantilevers(rows: Sequence[Row]) -> str:
         [
             *(row["formulation"], row["load"], row["n"]),
             *(_share(row.get("off_x")), _share(row.get("off_z"))),
-            *(row.get("load_steps", "-"), row.get("linear_solves", "-")),
+            *(row.get("load_steps") or "-", row.get("linear_solves") or "-"),
         ]
         for row in _of(rows, "cantilever")
     ]
@@ -124,9 +127,46 @@ def extremes(rows: Sequence[Row]) -> str:
 def peirce_over_elastica() -> str:
     """Bending stiffness by Peirce's formula over that of the elastica."""
     lines = []
-    for weight in (1, 2, 4, 8, 20, 80):
-        angle = hanging(weight).chord_angle
-        found = f"{np.degrees(angle):.1f}", f"{peirce(1.0, weight, angle):.3f}"
-        lines.append([weight, *found])
+    for weight in _WEIGHTS:
+        angle, ratio = _peirce(weight)
+        lines.append([weight, f"{angle:.1f}", f"{ratio:.3f}"])
     head = ["w L³/D", "angle of the chord in °", "Peirce over elastica"]
     return markdown_table(head, lines)
+
+
+def _peirce(weight: float) -> tuple[float, float]:
+    """The angle of the chord in degrees, and Peirce's formula over the elastica."""
+    angle = hanging(weight).chord_angle
+    return float(np.degrees(angle)), peirce(1.0, weight, angle)
+
+
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """Largest errors of quadrilaterals, outcomes of extremes, and Peirce's formula."""
+    quadrilaterals = [r for r in rows if r["formulation"] in ("one point", "macro")]
+    tips = [r for r in _of(quadrilaterals, "cantilever") if r["n"] == 32]
+    bent = [r for r in _of(quadrilaterals, "buckling") if r["D"]]
+    soft = [
+        r["off_x"]
+        for r in _of(rows, "buckling")
+        if not r["D"] and r["formulation"] == "macro"
+    ]
+    found = [row for row in rows if row["part"].startswith("extreme")]
+    refused = sum(row["outcome"] != "converged" for row in found)
+    bad = len(wrong(found))
+    words = {
+        "tip": _per_cent(max(map(_off, tips))),
+        "buckling": _per_cent(max(abs(r["off_x"]) for r in bent)),
+        "buckling_soft": _per_cent(-min(soft)),
+        "extremes": str(len(found)),
+        "right": str(len(found) - refused - bad),
+        "refused": str(refused),
+        "wrong": str(bad),
+    }
+    for name, weight in (("small", _USUAL / 2), ("usual", _USUAL)):
+        angle, ratio = _peirce(weight)
+        words |= {f"{name}_chord": f"{angle:.1f}°", name: _per_cent(ratio - 1)}
+    return words
+
+
+def _per_cent(share: float) -> str:
+    return f"{100 * share:.2g} %"
