@@ -22,7 +22,7 @@ from ..study import Row
 from .measuring import Settings, spread
 from .one_ply import FEATURES, SCENES, UNUSED
 
-TABLES = "needs.md", "unused.md", "modules.md"
+TABLES = "needs.md", "unused.md"
 PICTURES = "needs.png", "needs.svg"
 
 # Elements of a ply, a square of an even number.
@@ -43,12 +43,6 @@ COSTS = {
 # The name of the first line, a process that only imports scikit-fem.
 _ALONE = SCENES[0]
 
-#: Packages that take long to load.
-HEAVY = (
-    *("skfem", "scipy", "meshio", "pyvista", "vtkmodules", "matplotlib", "PIL"),
-    *("rich", "msgspec", "cvxopt", "pypardiso"),
-)
-
 # Imports modules by their names in the order given, leaving out those that only others
 # can make, and prints the seconds of processor time.
 _IMPORT = """
@@ -66,12 +60,12 @@ print(process_time() - start)
 
 
 def measured(settings: Settings) -> Row:
-    """Costs of all features, of features that are zero, and modules of scenes."""
+    """Costs of all features, and of features that are zero."""
     elements = min(_ELEMENTS, settings.most)
     costs: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for _ in range(_ROUNDS):
         for name in (_ALONE, *FEATURES):
-            results = _run("scene" if name == _ALONE else "feature", name, elements)
+            results = run("scene" if name == _ALONE else "feature", name, elements)
             costs[name]["import"].append(_import(results["modules"]))
             for cost, value in _costs(results).items():
                 costs[name][cost].append(value)
@@ -83,8 +77,6 @@ def measured(settings: Settings) -> Row:
             for name, of_name in costs.items()
         },
         "unused": {name: _unused(name, elements) for name in UNUSED},
-        "scenes": {name: _modules(name) for name in SCENES},
-        "modules": len(list(Path(skfem_textile.__path__[0]).rglob("*.py"))),
     }
 
 
@@ -92,14 +84,14 @@ def _unused(name: str, elements: int) -> Row:
     """Differences of a feature that is zero from one that is absent, as shares."""
     shares: dict[str, list[float]] = defaultdict(list)
     for _ in range(_COMPARED):
-        absent, zero = (_run(kind, name, elements) for kind in ("absent", "zero"))
+        absent, zero = (run(kind, name, elements) for kind in ("absent", "zero"))
         costs = _costs(absent)
         for cost, value in _costs(zero).items():
             shares[cost].append(value / costs[cost] - 1)
     return {
         "rounds": _COMPARED,
         "further_terms": sorted(set(zero["terms"]) - set(absent["terms"])),
-        "further_modules": sorted(set(_own(zero)) - set(_own(absent))),
+        "further_modules": sorted(set(own_modules(zero)) - set(own_modules(absent))),
         "shares": {cost: _middle(values) for cost, values in shares.items()},
     }
 
@@ -110,7 +102,7 @@ def _middle(values: Sequence[float]) -> dict[str, float]:
     return {"median": median(values), "low": low, "high": high}
 
 
-def _run(kind: str, name: str, elements: int) -> Row:
+def run(kind: str, name: str, elements: int) -> Row:
     """The results of a process of `one_ply`."""
     words = "-m", "studies.speed.one_ply", kind, name, str(elements)
     results: Row = json.loads(_output(words))
@@ -134,33 +126,10 @@ def _costs(results: Row) -> dict[str, float]:
     }
 
 
-def _modules(scene: str) -> Row:
-    """Number of modules of this library that a scene loads, and heavy packages."""
-    results = _run("scene", scene, 0)
-    return {"own": len(_own(results)), "heavy": heavy_of(results["modules"])}
-
-
-def _own(results: Row) -> list[str]:
+def own_modules(results: Row) -> list[str]:
+    """Modules of this library that a process has loaded."""
     package = skfem_textile.__name__
     return [m for m in results["modules"] if m.partition(".")[0] == package]
-
-
-def heavy_of(modules: Sequence[str]) -> list[str]:
-    """Packages among `HEAVY`, of SciPy the public packages in it.
-
-    Examples
-    --------
-    >>> heavy_of(["numpy", "scipy.sparse.linalg", "scipy._lib", "skfem.mesh"])
-    ['scipy.sparse', 'skfem']
-    """
-    packages = set()
-    for module in modules:
-        first, *rest = module.split(".")
-        if first == "scipy" and rest and rest[0][0] != "_" and rest[0] != "version":
-            packages.add(f"scipy.{rest[0]}")
-        elif first in HEAVY and first != "scipy":
-            packages.add(first)
-    return sorted(packages)
 
 
 def _output(words: Sequence[str], text: str = "") -> str:
@@ -172,7 +141,7 @@ def _output(words: Sequence[str], text: str = "") -> str:
 
 
 def tables(results: Row) -> dict[str, str]:
-    """Costs in all with each feature, shares of features that are zero, and modules."""
+    """Costs in all with each feature, and shares of features that are zero."""
     lines = [
         [name if name == _ALONE else f"+ {name}", *_in_all(costs)]
         for name, costs in results["features"].items()
@@ -188,22 +157,15 @@ def tables(results: Row) -> dict[str, str]:
         ]
         for name, row in results["unused"].items()
     ]
-    modules = [
-        [name, f"{row['own']} of {results['modules']}", ", ".join(row["heavy"])]
-        for name, row in results["scenes"].items()
-    ]
     compared = "further terms", "further modules", *list(COSTS)[1:]
     return {
         "needs.md": markdown_table(["feature", *head], lines),
         "unused.md": markdown_table(["declared as zero", *compared], unused),
-        "modules.md": markdown_table(
-            ["scene", "modules of this library", "heavy packages"], modules
-        ),
     }
 
 
 def figures(results: Row) -> dict[str, str]:
-    """What features add, what they cost as zero, and modules of scenes."""
+    """What features add, and what they cost as zero."""
     compared = next(iter(results["unused"].values()))["rounds"]
     words = {
         "needs_elements": str(results["elements"]),
@@ -219,8 +181,6 @@ def figures(results: Row) -> dict[str, str]:
             words[f"{name}_unused_{cost}"] = _share(share)
         words[f"{name}_unused_terms"] = str(len(row["further_terms"]))
         words[f"{name}_unused_modules"] = str(len(row["further_modules"]))
-    for name, row in results["scenes"].items():
-        words[f"{_key(name)}_modules"] = f"{row['own']} of {results['modules']}"
     imports = results["features"][FEATURES[0]]["import"]["median"]
     alone = results["features"][_ALONE]["import"]["median"]
     words["import"] = f"{imports:.2f} s"

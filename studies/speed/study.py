@@ -19,7 +19,10 @@ from ..study import Row, Study
 from . import needs, words
 from .measuring import Settings
 
-BENCHMARKS = "needs", "iteration", "scaling", "iterative", "whole_strip", "overhead"
+BENCHMARKS = (
+    *("needs", "modules", "iteration", "scaling", "iterative"),
+    *("whole_strip", "overhead"),
+)
 
 
 class Benchmark(NamedTuple):

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 
 from ..study import Row
-from . import needs
+from . import modules, needs
 
 
 def of(results: Mapping[str, Row]) -> dict[str, str]:
@@ -79,6 +79,7 @@ def _iterative(results: Row) -> dict[str, str]:
 #: The words of each benchmark.
 _WORDS: dict[str, Callable[[Row], dict[str, str]]] = {
     "needs": needs.figures,
+    "modules": modules.figures,
     "iteration": _iteration,
     "whole_strip": _whole_strip,
     "scaling": _scaling,
