@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from ..common.figures import colour_of, figure_of, legend, marker_of
 from ..study import Row
@@ -18,7 +19,7 @@ from .timed_codes import ThisLibrary
 _CODES = (ThisLibrary.code, "scikit-fem", "FElupe", "DOLFINx", "scikit-fem-native")
 
 # Width of a printed page in inches, and the size of letters in points.
-_WIDTH, _LETTERS = 160 / 25.4, 8
+_WIDTH, _LETTERS = 160 / 25.4, 9
 
 # Errors shown are at most these: with larger ones an answer says little.
 _MOST = {"angle": 2.0, "force": 100.0, "load": 1.0}
@@ -44,7 +45,7 @@ def drawn_fronts(
     ValueError, FileNotFoundError
         As from `picture_path`.
     """
-    with figure_of((_WIDTH, 3.1), filename, _LETTERS) as figure:
+    with figure_of((_WIDTH, 3.3), filename, _LETTERS) as figure:
         for axes, name in zip(figure.subplots(1, 2), ("angle", "load"), strict=True):
             criterion = CRITERIA[name]
             known = fronts(rows, criterion, "fastest")
@@ -88,9 +89,7 @@ def _front_panel(
             alpha=0.5,
         )
         ends.append((code, x[-1, 0], y[-1, 0], colour))
-    axes.set(xscale="log", yscale="log", xlabel="run time (s)")
-    axes.set_title(_titled(criterion), fontsize=_LETTERS, loc="left")
-    axes.grid(alpha=0.25, linewidth=0.5)
+    _framed(axes, criterion, "run time (s)")
     low, high = axes.get_ylim()
     axes.set_ylim(low, high)
     if factor * floor > low:
@@ -113,7 +112,12 @@ def _label_ends(axes: Axes, ends: Sequence[tuple[str, float, float, str]]) -> No
             va="center",
             fontsize=_LETTERS,
             fontweight="bold" if code == ThisLibrary.code else "normal",
-            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.5, "alpha": 0.6},
+            arrowprops={
+                "arrowstyle": "-",
+                "color": colour,
+                "lw": 0.6,
+                "relpos": (0, 0.5),
+            },
             annotation_clip=False,
         )
 
@@ -143,7 +147,7 @@ def drawn_ratios(
     A panel for each criterion and a line for each set of solvers.  Below one the other
     code is faster.  A line ends at the smallest error that another code reaches.
     """
-    with figure_of((_WIDTH, 2.6), filename, _LETTERS) as figure:
+    with figure_of((_WIDTH, 2.8), filename, _LETTERS) as figure:
         grid = figure.subplots(1, len(CRITERIA), sharey=True)
         for axes, (name, criterion) in zip(grid, CRITERIA.items(), strict=True):
             for i, solvers in enumerate(SETS):
@@ -163,10 +167,8 @@ def drawn_ratios(
                     markersize=3,
                 )
             axes.axhline(1, color="0.4", linewidth=0.8)
-            axes.set(xscale="log", yscale="log", xlabel=f"error ({criterion.unit})")
-            axes.set_title(_titled(criterion), fontsize=_LETTERS, loc="left")
+            _framed(axes, criterion, f"error ({criterion.unit})")
             axes.invert_xaxis()
-            axes.grid(alpha=0.25, linewidth=0.5)
         for i, words in enumerate(_SET_NAMES.values()):
             grid[0].text(
                 *(0.04, 0.94 - 0.1 * i, words),
@@ -203,7 +205,7 @@ def drawn_elements(
         elements = list(dict.fromkeys(element for _, element, _ in known))
         for (code, element, _), series in known.items():
             colour, thick = _look(code)
-            axes.loglog(
+            axes.plot(
                 [point.seconds.median for point in series],
                 [criterion.factor * point.error.median for point in series],
                 marker=marker_of(elements.index(element)),
@@ -211,9 +213,7 @@ def drawn_elements(
                 linewidth=thick / 2,
                 markersize=3.5,
             )
-        axes.set(xlabel="run time (s)")
-        axes.set_title(_titled(criterion), fontsize=_LETTERS, loc="left")
-        axes.grid(alpha=0.25, linewidth=0.5)
+        _framed(axes, criterion, "run time (s)")
         codes = dict.fromkeys(code for code, _, _ in known)
         handles = [Line2D([], [], color=_look(code)[0], label=code) for code in codes]
         handles += [
@@ -224,14 +224,25 @@ def drawn_elements(
     return figure
 
 
+def _framed(axes: Axes, criterion: Criterion, xlabel: str) -> None:
+    """Logarithmic axes with plain numbers, a grid and the criterion as the title."""
+    axes.set(xscale="log", yscale="log", xlabel=xlabel)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(_plain))
+        axis.set_minor_formatter(NullFormatter())
+    scene, _, error = criterion.label.partition(", ")
+    title = f"{scene.capitalize()}:\n{error} ({criterion.unit})"
+    axes.set_title(title, fontsize=_LETTERS, loc="left")
+    axes.grid(alpha=0.25, linewidth=0.5)
+
+
+def _plain(value: float, place: int | None) -> str:
+    return f"{value:.12g}" if value > 1e-5 else f"{value:g}"
+
+
 def _look(code: str) -> tuple[str, float]:
     """Colour and width of the line of a code."""
     return colour_of(_CODES.index(code)), 2.0 if code == ThisLibrary.code else 1.2
-
-
-def _titled(criterion: Criterion) -> str:
-    scene, _, error = criterion.label.partition(", ")
-    return f"{scene.capitalize()}:\n{error} ({criterion.unit})"
 
 
 def _floor(rows: Sequence[Row], name: str) -> float:

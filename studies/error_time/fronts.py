@@ -67,14 +67,12 @@ def _load(row: Row, reference: Load | None) -> float | None:
 #: The criteria by their names.
 CRITERIA = {
     "angle": Criterion(
-        "strip", "strip, rms error of the shear angle", "°", (0.2, 0.1, 0.02), _angle
+        "strip", "strip, rms shear-angle error", "°", (0.2, 0.1, 0.02), _angle
     ),
-    "force": Criterion(
-        "strip", "strip, load (exactly 0)", "N", (10.0, 1.0, 0.1), _force
-    ),
+    "force": Criterion("strip", "strip, load error", "N", (10.0, 1.0, 0.1), _force),
     "load": Criterion(
         "bias_extension",
-        "bias extension, error of the load",
+        "bias extension, load error",
         "%",
         (0.1, 0.05, 0.03),
         _load,

@@ -136,15 +136,15 @@ def test_the_ratio_of_times_is_that_of_solves_times_that_of_time_per_solve():
 
 def test_another_code_that_is_faster_is_named_with_a_ratio_below_one():
     faster = runs("DOLFINx", "P2", 8, 0.5, same(0.05), solver="MUMPS")
-    pair = fronts.compared(front([*ROWS, *faster]), 0.1)
+    pair = fronts.compared(front([*ROWS[:-5], *faster]), 0.1)
     assert pair.other.code == "DOLFINx"
     assert pair.ratio == 0.25
     for solvers in SETS:  # it has but one solver
         assert "DOLFINx" in front(faster, solvers)
-    table = tables.ratios([*ROWS, *faster])
+    table = tables.ratios([*ROWS[:-5], *faster])
     assert "DOLFINx, P2, 8 across" in table
     assert "| 0.25 | 1 | 0.25 |" in table
-    words = tables.in_words([*ROWS, *faster])
+    words = tables.in_words([*ROWS[:-5], *faster])
     assert words["angle_0.1_fastest_ratio"] == "0.25"
     assert words["angle_0.1_fastest_other_code"] == "DOLFINx"
     assert words["angle_0.1_scipy_ours"] == "none"
@@ -267,9 +267,11 @@ def test_text_of_figures_is_at_least_seven_points_at_the_width_of_a_page():
         printed = 160 / 25.4 / figure.get_size_inches()[0]
         figure.canvas.draw()
         for axes in figure.axes:
-            texts = [axes.title, axes.xaxis.label, *axes.texts, *axes.get_xticklabels()]
+            texts = [axes.title, axes.xaxis.label, *axes.texts]
+            texts += [*axes.get_xticklabels(), *axes.get_yticklabels()]
             sizes = [t.get_fontsize() * printed for t in texts if t.get_text()]
             assert min(sizes) >= 7
+            assert not any("$" in t.get_text() for t in texts)  # smaller exponents
 
 
 def test_every_formulation_and_every_required_rival_takes_part():
