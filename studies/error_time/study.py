@@ -140,7 +140,8 @@ class ErrorTime(Study[Timed | Reference]):
         ``CRITERION_ERROR_SOLVERS_WHAT`` is of this library and the fastest other code
         at an error: ``ratio``, ``solves`` and ``per_solve``, ``other_code``, and
         ``ours`` or ``other`` for the element, with ``_mesh``, ``_error``, ``_seconds``
-        and ``_solves`` of it.
+        and ``_solves`` of it.  ``CRITERION_ELEMENT`` is of an element of this library
+        at the middle error.
         """
         return tables.in_words(rows)
 

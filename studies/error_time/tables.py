@@ -95,19 +95,26 @@ def elements(rows: Sequence[Row]) -> str:
 
     An element that does not reach it has its finest mesh.
     """
-    known = {name: methods(rows, criterion) for name, criterion in CRITERIA.items()}
-    order = dict.fromkeys(method for series in known.values() for method in series)
-    lines = []
-    for code, element, solver in order:
-        if solver not in SETS["fastest"] and "refined" not in element:
-            continue
-        cells = [
-            _to_the_error(known[name].get((code, element, solver), []), criterion)
-            for name, criterion in CRITERIA.items()
-        ]
-        lines.append([_bold(code), element, *cells])
+    lines = [
+        [_bold(code), element, *cells.values()]
+        for (code, element), cells in _to_errors(rows).items()
+    ]
     head = [f"{c.label}: {c.text(c.levels[1])}" for c in CRITERIA.values()]
     return markdown_table(["code", "element", *head], lines)
+
+
+def _to_errors(rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, str]]:
+    """What `elements` says of each code and element, by the name of a criterion."""
+    known = {name: methods(rows, criterion) for name, criterion in CRITERIA.items()}
+    order = dict.fromkeys(method for series in known.values() for method in series)
+    return {
+        (code, element): {
+            name: _to_the_error(known[name].get((code, element, solver)), criterion)
+            for name, criterion in CRITERIA.items()
+        }
+        for code, element, solver in order
+        if solver in SETS["fastest"] or "refined" in element
+    }
 
 
 def same_mesh(rows: Sequence[Row]) -> str:
@@ -192,6 +199,9 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
             level = criterion.number(error)
             key = f"{name}_{level}_{solvers.lower()}"
             words |= _pair_in_words(key, compared(by_code, error), criterion)
+    for (code, element), cells in _to_errors(rows).items():
+        if code == ThisLibrary.code:
+            words |= {f"{name}_{_key(element)}": text for name, text in cells.items()}
     for pair in pairs(rows):
         for solvers, one in pair.by_set.items():
             assert one.other
@@ -285,7 +295,9 @@ def _seconds(seconds: Spread) -> str:
     return f"{median} s ({least} to {most})"
 
 
-def _to_the_error(series: Sequence[Point], criterion: Criterion) -> str:
+def _to_the_error(series: Sequence[Point] | None, criterion: Criterion) -> str:
+    if series is None:
+        return "-"
     times = [p for p in series if p.within <= criterion.levels[1]]
     if times:
         best = min(times, key=lambda point: point.seconds.median)
@@ -297,7 +309,9 @@ def _to_the_error(series: Sequence[Point], criterion: Criterion) -> str:
 
 
 def _factor(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2g}"
+    if value is None:
+        return "-"
+    return f"{value:.0f}" if value >= 100 else f"{value:.2g}"
 
 
 def _bold(code: str) -> str:

@@ -216,6 +216,7 @@ def test_an_element_that_does_not_reach_an_error_says_how_far_it_is():
         tables.elements(THERE)
     )
     assert "| **skfem_textile** | P2 | 2 s, 8 across |" in tables.elements(THERE)
+    assert tables.in_words(THERE)["angle_p2"] == "2 s, 8 across"
 
 
 def test_failed_runs_and_missing_codes_are_listed():
