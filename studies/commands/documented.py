@@ -107,19 +107,8 @@ def table_of_strip(folder: Path, printed: str) -> dict[str, float]:
     return results
 
 
-#: Columns of that table, and formulations of `table_of_gmsh`.
+#: Columns of that table.
 STRIPS = "2×2 points", "one point", "macro-elements"
-
-
-def table_of_gmsh(folder: Path, printed: str) -> dict[str, float]:
-    """The lines of ``examples/meshes/gmsh_mesh.py``: energy and position error."""
-    results: dict[str, float] = {}
-    for name, title in (("full", STRIPS[0]), ("one-point", STRIPS[1])):
-        (line,) = (x for x in printed.splitlines() if x.startswith(f"{name} "))
-        energy, _, position = re.findall(rf" ({_NUMBER})", line)
-        results[f"energy, {title}"] = float(energy)
-        results[f"position error, {title}"] = float(position)
-    return results
 
 
 def table_of_hole(folder: Path, printed: str) -> dict[str, float]:
@@ -187,9 +176,6 @@ from skfem_textile.scenes.shear_test import BiasExtension
 #: The commands by the names of their cases.
 DOCUMENTED: Mapping[str, Documented] = {
     "strip": Documented("README.md", "python examples/strip.py", table_of_strip),
-    "strip on a mesh from Gmsh": Documented(
-        "README.md", "python examples/meshes/gmsh_mesh.py", table_of_gmsh
-    ),
     **{
         f"mesh along the fibres, {name}, E = {E}": Documented(
             "docs/how-to/my-mesh.md",

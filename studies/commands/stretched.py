@@ -49,12 +49,11 @@ def results_of(ply: Stretched) -> Results:
         weft=np.pi - theta,
         shear_angle=gamma,
     )
-    stiffness = tuple(G * ratio for ratio in ply.ratios)
-    fabric = Fabric(stiffness, _LAWS[ply.law], scene.warp, scene.weft)
-    stepper = LoadStepper(
-        Ply(scene.mesh, fabric, Quadratic()), scene.conditions, _STEPS
-    )
-    summary = scene.summary(stepper.run())
+    warp, weft = ply.ratios
+    stiffnesses = G * warp, G * weft
+    fabric = Fabric(stiffnesses, _LAWS[ply.law], scene.warp, scene.weft)
+    along = Ply(scene.mesh, fabric, Quadratic())
+    summary = scene.summary(LoadStepper(along, scene.conditions, _STEPS).run())
     return {
         "estimate": float(summary["load_lost_to_fibre_stretch"]),
         "measured": 1 - float(summary["load_over_exact"]),

@@ -72,7 +72,7 @@ def _degrees(angle: float | None) -> str:
     """An angle to a thousandth of a degree, or to two digits."""
     if angle is None:
         return _NONE
-    return f"{angle:.3f}°" if angle < 0.1 else f"{angle:.2g}°"
+    return f"{angle:.3f}°" if angle < 0.1 else f"{angle:#.2g}°"
 
 
 def _fibre_stretch(found: Mapping[str, Results]) -> str:
@@ -93,9 +93,9 @@ def _fibre_stretch(found: Mapping[str, Results]) -> str:
 
 
 def _share(share: float) -> str:
-    """A share in per cent, with two digits behind the point below one."""
+    """A share in per cent, with two digits behind the point below 2 %."""
     percent = 100 * share
-    return f"{percent:.2f} %" if percent < 1 else f"{percent:.1f} %"
+    return f"{percent:.2f} %" if percent < 2 else f"{percent:.1f} %"
 
 
 def _hole(found: Mapping[str, Results]) -> str:

@@ -20,10 +20,10 @@ _PLAIN = 1e-3
 
 def figures(rows: Sequence[Row]) -> dict[str, str]:
     """Results by name, of the cases that are among the rows."""
-    words: dict[str, str] = {}
-    for name, told in _TOLD.items():
-        if name in (found := by_case(rows)):
-            words |= told(found[name])
+    found, words = by_case(rows), dict[str, str]()
+    for name, words_of in _BY_CASE.items():
+        if name in found:
+            words |= words_of(found[name])
     return words
 
 
@@ -32,13 +32,14 @@ def powers(number: float) -> str:
 
     Examples
     --------
-    >>> powers(3.81e-7), powers(0.0192), powers(2e5)
-    ('3.8·10⁻⁷', '0.019', '2·10⁵')
+    >>> powers(3.81e-7), powers(0.0192), powers(1e5)
+    ('3.8·10⁻⁷', '0.019', '10⁵')
     """
     if _PLAIN <= abs(number) < 1 / _PLAIN:
         return f"{number:.2g}"
     digits, _, power = f"{number:.1e}".partition("e")
-    return f"{float(digits):g}·10{str(int(power)).translate(_UP)}"
+    factor = "" if float(digits) == 1 else f"{float(digits):g}·"
+    return f"{factor}10{str(int(power)).translate(_UP)}"
 
 
 def _signed(number: float, unit: str, digits: str) -> str:
@@ -62,13 +63,6 @@ def _strip(case: Results) -> dict[str, str]:
     words["strip_position_point_over_full"] = f"{point / locked:.1f}"
     words["strip_position_full_over_macro"] = f"{locked / macro:.1f}"
     return words
-
-
-def _gmsh(case: Results) -> dict[str, str]:
-    return {
-        "gmsh_energy_full": f"{case[f'energy, {STRIPS[0]}']:.0f} N·mm",
-        "gmsh_energy_point": f"{case[f'energy, {STRIPS[1]}']:.3f} N·mm",
-    }
 
 
 def _hemisphere(case: Results) -> dict[str, str]:
@@ -129,9 +123,8 @@ def _half_size(case: Results) -> dict[str, str]:
     return {"hole_change": f"{100 * abs(change):.1f} %"}
 
 
-_TOLD: Mapping[str, Callable[[Results], dict[str, str]]] = {
+_BY_CASE: Mapping[str, Callable[[Results], dict[str, str]]] = {
     "strip": _strip,
-    "strip on a mesh from Gmsh": _gmsh,
     "on a tool: hemisphere": _hemisphere,
     "on a tool: hemisphere --tension 0 --bending-warp 5 --bending-weft 5": (
         _bent_hemisphere
