@@ -24,7 +24,11 @@ def recorded(options: argparse.Namespace) -> str:
     A run of some cases is added to the earlier runs.  A whole run replaces those with
     the same options.
     """
-    chosen = {k: v for k, v in vars(options).items() if k not in _NO_RESULT and v}
+    chosen = {
+        name: value
+        for name, value in vars(options).items()
+        if value and name not in _NO_RESULT and not isinstance(value, Path)
+    }
     run = {"options": chosen, **_commit(), **machine_and_versions.described()}
     records = read(options.out)
     runs = records.get(options.study, [])
