@@ -215,16 +215,6 @@ def test_no_chain_of_imports_is_long():
     assert len(longest) <= FLOORS, " > ".join(longest)
 
 
-def test_folders_are_small():
-    repository = Path(__file__).parents[2]
-    tops = repository / "studies", repository / "tests"
-    files = [*MODULES.values(), *(file for top in tops for file in top.rglob("*.py"))]
-    for folder in {file.parent for file in files}:
-        entries = [f for f in folder.iterdir() if f.suffix == ".py" or f.is_dir()]
-        named = [e for e in entries if not e.name.startswith("__")]
-        assert len(named) <= 12, folder
-
-
 def files_of_an_iteration(formulation, mesh):
     """Files of the package that one Newton iteration enters, corners all open."""
     scene = strip(size=(6, 9))
