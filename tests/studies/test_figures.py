@@ -12,7 +12,10 @@ from studies.error_time.figure import drawn_elements, drawn_fronts, drawn_ratios
 from studies.formulations.figure import convergence
 from studies.inf_sup.figure import draw_constants
 from studies.laws.figure import draw_errors as draw_laws
+from studies.speed.figure import waterfall
 from studies.stability.figure import draw_outcomes
+from studies.stability.grid.figure import draw_grid
+from studies.stability.grid.tables import Cell
 
 LINES = {"a": ([1, 2], [1, 2])}
 FIGURES = {
@@ -25,6 +28,8 @@ FIGURES = {
     "elements": lambda file: drawn_elements([], "load", file),
     "constants": lambda file: draw_constants([], file),
     "outcomes": lambda file: draw_outcomes([{"family": "a", "outcome": "right"}], file),
+    "grid": lambda file: draw_grid({"a": {(1e2, 0.0): Cell()}}, file),
+    "waterfall": lambda file: waterfall({"s": [(1.0, 0.0)]}, "a", file),
 }
 
 
