@@ -201,7 +201,8 @@ def figures(results: Row) -> dict[str, str]:
 def added(results: Row) -> dict[str, dict[str, tuple[float, float]]]:
     """What each feature adds to each cost, and the scatter of it.
 
-    The scatter is half the sum of both ranges of the rounds.
+    The scatter is a third of the sum of both ranges: two standard errors of a
+    difference between medians of five values that are normally distributed.
     """
     every = results["features"]
     adds: dict[str, dict[str, tuple[float, float]]] = {}
@@ -210,7 +211,7 @@ def added(results: Row) -> dict[str, dict[str, tuple[float, float]]]:
         for cost, now in every[name].items():
             was = every[before].get(cost) if before else None
             was = was or dict.fromkeys(("median", "least", "most"), 0.0)
-            scatter = (now["most"] - now["least"] + was["most"] - was["least"]) / 2
+            scatter = (now["most"] - now["least"] + was["most"] - was["least"]) / 3
             adds[name][cost] = now["median"] - was["median"], scatter
     return adds
 
@@ -258,6 +259,11 @@ def _in_all(costs: dict[str, Any]) -> list[str]:
 
 def _share(share: dict[str, float]) -> str:
     """A share in per cent with its range: median, and quartiles."""
-    middle, low, high = (100 * share[name] for name in ("median", "low", "high"))
-    text = f"{middle:+.1f} % ({low:+.1f} to {high:+.1f} %)"
-    return text.replace("-", "−")
+    middle, low, high = (_signed(100 * share[x]) for x in ("median", "low", "high"))
+    return f"{middle} % ({low} to {high} %)"
+
+
+def _signed(share: float) -> str:
+    """One digit after the point, and the sign unless it is zero."""
+    rounded = round(share, 1)
+    return f"{rounded:+.1f}".replace("-", "−") if rounded else "0.0"

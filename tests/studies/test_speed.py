@@ -120,8 +120,8 @@ def costs(median, scatter=0.0):
 def test_changes_within_their_scatter_are_none():
     features = {
         "first": {"memory": costs(60.0)},
-        "second": {"memory": costs(61.0, 2.0), "assembly": costs(3.0)},
-        "third": {"memory": costs(81.0, 2.0), "assembly": costs(2.0)},
+        "second": {"memory": costs(61.0, 3.0), "assembly": costs(3.0)},
+        "third": {"memory": costs(81.0, 3.0), "assembly": costs(2.0)},
     }
     adds = needs.added({"features": features})
     assert adds["second"] == {"memory": (1.0, 2.0), "assembly": (3.0, 0.0)}
@@ -134,6 +134,8 @@ def test_changes_within_their_scatter_are_none():
 def test_shares_have_median_and_quartiles():
     share = needs._middle([-0.02, -0.01, 0.004, 0.02, 0.03])
     assert needs._share(share) == "+0.4 % (−1.5 to +2.5 %)"
+    none = {"median": -0.0001, "low": -0.01, "high": 0.0}
+    assert needs._share(none) == "0.0 % (−1.0 to 0.0 %)"
 
 
 def test_results_are_in_words(stored):
