@@ -215,8 +215,9 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def _pair_in_words(key: str, pair: Comparison, criterion: Criterion) -> dict[str, str]:
+    alone = pair.own and not pair.other
     words = {
-        f"{key}_ratio": _factor(pair.ratio),
+        f"{key}_ratio": "no other code reaches it" if alone else _factor(pair.ratio),
         f"{key}_solves": _factor(pair.solves),
         f"{key}_per_solve": _factor(pair.per_solve),
         f"{key}_other_code": pair.other.code if pair.other else "none",

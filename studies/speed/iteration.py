@@ -31,7 +31,7 @@ from ..common.workers import in_new_process
 from ..study import Row
 from .measuring import Settings, spread, strip_of
 
-TABLES = "iteration.md", "ratios.md"
+TABLES = ("iteration.md",)
 
 _SIZE, _ROUNDS = 60_000, 4
 
@@ -170,7 +170,7 @@ def _ratios(codes: dict[str, Row]) -> dict[str, float]:
 
 
 def tables(results: Row) -> dict[str, str]:
-    """A line for each code, and one for each ratio."""
+    """A line for each code."""
     lines = []
     for name, code in results["codes"].items():
         parts = [f"{1e3 * part:.0f}" for part in code["parts"]]
@@ -179,8 +179,4 @@ def tables(results: Row) -> dict[str, str]:
         whole = f"{1e3 * code['seconds']['median']:.0f}"
         lines.append([name, *parts, whole, f"{code['stock_over_this']:.2f}"])
     head = ["code", "assembly", "factorisation", "solution", "all, ms", "stock / this"]
-    ratios = [[name, f"{ratio:.2f}"] for name, ratio in results["ratios"].items()]
-    return {
-        "iteration.md": markdown_table(head, lines),
-        "ratios.md": markdown_table(["", "ratio"], ratios),
-    }
+    return {"iteration.md": markdown_table(head, lines)}

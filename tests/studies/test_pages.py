@@ -1,5 +1,7 @@
 """Pages say what the data of the studies say, or the check fails."""
 
+import re
+
 import pytest
 
 from studies.common.tables import csv_table, markdown_table, rows_of_csv
@@ -141,3 +143,5 @@ def test_every_page_with_prose_is_checked_and_every_marker_is_filled():
     for page in pages.PAGES:
         text = page.read_text()
         assert text.count("<!--/-->") == len([*pages.markers(text)]), page
+        # In CommonMark a comment at the beginning of a line ends the paragraph.
+        assert not re.search(r"^\s*<!--", text, re.M), page
