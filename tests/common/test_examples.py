@@ -100,7 +100,9 @@ def test_python_on_a_page_works_and_prints_what_the_page_shows(
 
 @pytest.mark.parametrize("page", ["README.md", "docs/index.md"])
 def test_the_first_examples_show_the_error_of_their_load(page):
-    assert re.search(r"estimated error of the load: \d", "".join(blocks_of_text(ROOT / page)))
+    assert re.search(
+        r"estimated error of the load: \d", "".join(blocks_of_text(ROOT / page))
+    )
 
 
 def test_the_tutorial_prints_what_it_says(tmp_path, monkeypatch, capsys):
