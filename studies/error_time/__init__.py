@@ -1,1 +1,1 @@
-"""Error against run time, beside other codes: an hour and a half, undisturbed."""
+"""Error against run time, beside other codes: an hour and a half."""

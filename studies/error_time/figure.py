@@ -145,7 +145,8 @@ def drawn_ratios(
     """Time of the fastest other code over that of this library, by the error.
 
     A panel for each criterion and a line for each set of solvers.  Below one the other
-    code is faster.  A line ends at the smallest error that another code reaches.
+    code is faster.  A line ends at the smallest error that a timed run of another code
+    reaches.
     """
     with figure_of((_WIDTH, 2.8), filename, _LETTERS) as figure:
         grid = figure.subplots(1, len(CRITERIA), sharey=True)

@@ -25,7 +25,8 @@ LEAST_SEEDS = 3
 class Criterion:
     """An error of a scene, and the errors at which codes are compared.
 
-    With ``%`` as the unit errors are shares.
+    With ``%`` as the unit errors are shares.  ``beside`` are errors near a step of the
+    ratio, which prose names.
     """
 
     scene: str
@@ -33,6 +34,7 @@ class Criterion:
     unit: str
     levels: tuple[float, ...]
     error: Callable[[Row, Load | None], float | None]
+    beside: tuple[float, ...] = ()
 
     @property
     def factor(self) -> float:
@@ -76,6 +78,7 @@ CRITERIA = {
         "%",
         (0.1, 0.05, 0.03),
         _load,
+        (0.035,),
     ),
 }
 

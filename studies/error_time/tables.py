@@ -181,7 +181,7 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
         "patience": f"{PATIENCE:g} s",
     }
     for name, criterion in CRITERIA.items():
-        for error in criterion.levels:
+        for error in (*criterion.levels, *criterion.beside):
             text = criterion.text(error)
             words |= {f"{name}_{criterion.number(error)}": text}
     if end := converged(rows):
@@ -195,10 +195,13 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
         }
     for (name, criterion), solvers in product(CRITERIA.items(), SETS):
         by_code = fronts(rows, criterion, solvers)
-        for error in criterion.levels:
+        for error in (*criterion.levels, *criterion.beside):
             level = criterion.number(error)
             key = f"{name}_{level}_{solvers.lower()}"
             words |= _pair_in_words(key, compared(by_code, error), criterion)
+        found = (compared(by_code, error).other for error in criterion.levels)
+        others = dict.fromkeys(point.code for point in found if point)
+        words |= {f"{name}_{solvers.lower()}_others": " or ".join(others)}
     for (code, element), cells in _to_errors(rows).items():
         if code == ThisLibrary.code:
             words |= {f"{name}_{_key(element)}": text for name, text in cells.items()}
@@ -217,7 +220,7 @@ def in_words(rows: Sequence[Row]) -> dict[str, str]:
 def _pair_in_words(key: str, pair: Comparison, criterion: Criterion) -> dict[str, str]:
     alone = pair.own and not pair.other
     words = {
-        f"{key}_ratio": "no other code reaches it" if alone else _factor(pair.ratio),
+        f"{key}_ratio": "not reached" if alone else _factor(pair.ratio),
         f"{key}_solves": _factor(pair.solves),
         f"{key}_per_solve": _factor(pair.per_solve),
         f"{key}_other_code": pair.other.code if pair.other else "none",

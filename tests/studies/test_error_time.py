@@ -149,6 +149,8 @@ def test_another_code_that_is_faster_is_named_with_a_ratio_below_one():
     assert words["angle_0.1_fastest_other_code"] == "DOLFINx"
     assert words["angle_0.1_scipy_ours"] == "none"
     assert words["angle_0.1_scipy_ratio"] == "-"
+    assert words["angle_0.02_fastest_ratio"] == "not reached"
+    assert words["load_3.5_fastest_ratio"] == "-"  # an error beside a step
 
 
 def test_sets_of_solvers_are_not_mixed():
