@@ -20,7 +20,7 @@ _FONT, _WIDTH, _BAR = 9, 6.3, 0.24
 def draw_outcomes(
     rows: Sequence[Row], filename: str | os.PathLike[str] | None = None
 ) -> Figure:
-    """A bar for each family of problems, as long as its cases are many.
+    """A bar for each family of problems, as long as its runs are many.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def draw_outcomes(
                 start += width
         axes.set_yticks(range(len(families)), list(families))
         axes.invert_yaxis()
-        axes.set_xlabel("Cases")
+        axes.set_xlabel("Runs")
         axes.spines["left"].set_visible(False)
         axes.tick_params(axis="y", length=0)
         for kind, colour in zip(OUTCOMES, _COLOURS, strict=True):
