@@ -40,7 +40,7 @@ def main(check: bool) -> int:
             texts[page] = right
     if not check:
         for file, text in texts.items():
-            file.write_text(text, encoding="utf-8")
+            file.write_text(text, encoding="utf-8", newline="")
             say(f"wrote {_name(file)}")
     else:
         defects += [f"{_name(file)} differs from its data" for file in texts]

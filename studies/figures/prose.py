@@ -17,8 +17,16 @@ CHECKED = (
     *(
         ROOT / "docs" / f"{name}.md"
         for name in (
-            *("index", "benchmarks", "adaptive", "angles", "calibration", "drape"),
-            *("error-time", "formulations", "hostile", "inf_sup", "laws", "paper"),
+            *("index", "benchmarks", "case-files", "adaptive", "angles", "calibration"),
+            *(
+                "drape",
+                "error-time",
+                "formulations",
+                "hostile",
+                "inf_sup",
+                "laws",
+                "paper",
+            ),
             *("space", "speed", "stability", "validation", "verification"),
         )
     ),
@@ -26,12 +34,15 @@ CHECKED = (
     *sorted((ROOT / "docs" / "tutorial").glob("*.md")),
 )
 
-# A figure, whose caption is prose.
-_FIGURE = re.compile(r"^```\{(?:figure|image)\}[^\n]*\n(.*?)^```$", re.M | re.S)
+# A figure or note, whose content is prose.
+_FIGURE = re.compile(
+    r"^```\{(?:figure|image|note|warning|tip|important|list-table)\}[^\n]*\n(.*?)^```$",
+    re.M | re.S,
+)
 
 # What is no prose: code, formulas, addresses, commands of MyST and front matter.
 _NO_PROSE = re.compile(
-    r"\A---\n.*?\n---$|^```.*?^```$|^:\w+:[^\n]*$"
+    r"\A---\n.*?\n---$|^```.*?^```$|^:(?!alt:)\w+:[^\n]*$"
     r"|``[^`]+``|`[^`]*`|\$\$.*?\$\$|\$[^$\n]*\$|\]\([^)]*\)|<[^>\n]*>",
     re.M | re.S,
 )
@@ -46,12 +57,16 @@ _UNIT = (
 )
 _RESULT = re.compile(
     rf"(?<![\w.=/^§])(?:1/{_NUMBER}|{_NUMBER}(?:{_UNIT})|{_NUMBER} of (?:the )?\d+"
-    rf"|{_NUMBER}\s?×(?!\s?\d)|[−+-]?\d+\.\d+|(?!(?:19|20)\d\d\b)\d{{3,}}\b)"
+    rf"|{_NUMBER}\s?×(?!\s?\d)|[−+-]?\d+\.\d+|(?!(?:19|20)\d\d\b)\d{{3,}}\b"
+    r"|\d+/\d+|\d+ to \d+\b|\d+-fold|\d+x\b|\d+(?: [a-z]+)? "
+    r"(?:iterations|steps|solves|cases|runs|problems|medians|meshes)\b)"
 )
 
-# A number after an equals sign is a setting.
+# A number after a symbol and an equals sign is a setting.
 _ONE = rf"{_NUMBER}(?:{_UNIT})?"
-_SET = re.compile(rf"=\s*{_ONE}(?:(?:,| and| or| to) {_ONE})*")
+_SET = re.compile(
+    rf"(?<![A-Za-z]{{3}})(?<![A-Za-z]{{3}} )=\s*{_ONE}(?:(?:,| and| or| to) {_ONE})*"
+)
 
 
 def settings() -> dict[str, list[str]]:

@@ -32,14 +32,17 @@ def in_words(name: str) -> dict[str, str]:
 
 
 def outdated_tables(name: str) -> dict[Path, str]:
-    """The tables that differ from what the stored rows give, with the right text."""
+    """The tables that differ from what the stored rows give, with the right text.
+
+    CSV files are among them: cells that are edited by hand seldom stay as written.
+    """
     study = load(name)
     folder = folder_of(name, study)
     texts = study.tables(study.stored(folder))
     return {
         folder / file: text
         for file, text in texts.items()
-        if not file.endswith(".csv") and _read(folder / file) != text
+        if _read(folder / file) != text
     }
 
 
@@ -84,4 +87,4 @@ def _same(value: Any, other: Row, column: str) -> bool:
 
 
 def _read(file: Path) -> str | None:
-    return file.read_text(encoding="utf-8") if file.is_file() else None
+    return file.read_bytes().decode() if file.is_file() else None
