@@ -38,10 +38,10 @@ from .ply import Ply
 from .ply.formulations import Full, Macro, OnePoint, Quadratic
 from .ply.kernels.exported_forms import hourglass, mean_tension, shear, tension
 from .ply.loads import BodyForce, Force, Traction
-from .ply.memory import AccumulatedMoment, HeldStabilisation
 from .ply.own_terms.pressure import Pressure
+from .ply.parameters import AccumulatedMoment, HeldStabilisation
 from .ply.refinement import Refinement, marked, refine, shear_angle_jumps
-from .ply.term import Load, MatrixTerm, Memory, Term
+from .ply.term import Load, MatrixTerm, Term, TermParameters, Values
 from .ply.terms import FormTerm, VectorTerm
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition, OnSurface, Surface
@@ -87,7 +87,6 @@ __all__ = [
     "MacroBasis",
     "MatrixTerm",
     "MeanBasis",
-    "Memory",
     "MeshError",
     "Mixed",
     "Newton",
@@ -108,7 +107,9 @@ __all__ = [
     "Tabulated",
     "TensionOnly",
     "Term",
+    "TermParameters",
     "Traction",
+    "Values",
     "VectorTerm",
     "Verdict",
     "drape",

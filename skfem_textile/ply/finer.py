@@ -1,6 +1,5 @@
 """A ply of which every element is split in four, which takes over states."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +13,7 @@ from ..mesh.named_nodes import named_nodes, with_named_nodes
 from ..mesh.splitting.hats import hat_functions
 from ..mesh.splitting.quadrilaterals import split
 from ..mesh.splitting.refined_triangles import refine_triangles
+from .term import Frozen, PlyParameters, Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,24 +78,44 @@ class FinerPly:
     mesh: FinerMesh
     before: Any
 
-    def carry(self, u: ndarray) -> tuple[ndarray, ndarray]:
-        """Take over a displacement of the ply before, and the stiffnesses it holds.
+    def carry(
+        self, u: ndarray, parameters: PlyParameters
+    ) -> tuple[ndarray, PlyParameters, ndarray]:
+        """Carry over a displacement of the ply before, and its parameters.
 
         Returns
         -------
         tuple
             The displacement, the same at the nodes that were there: not in balance, but
-            near a state.  Fibre tensions of the elements before, as `Ply.stiffness`
-            takes them.
+            near a state.  The parameters.  Fibre tensions of the elements before, as
+            `Ply.stiffness` takes them.
         """
         before, ply = self.before, self.ply
         carried = ply.basis.zeros()
         nodes = self.mesh.nodal(before.nodal(u), ply.nodes.shape[1])
         carried[node_dofs(ply.basis)] = nodes
-        ply.remembered = _held(before, self.mesh, ply.remembered)
-        T = before.fibre_tension(u).mean(axis=2)[:, self.parent, None]
+        T = before.predicted_tension(u, np.zeros_like(u), parameters)
+        T = T.mean(axis=2)[:, self.parent, None]
         tension = np.broadcast_to(T, (*T.shape[:2], ply.basis.dx.shape[1]))
-        return carried, ply.arranged(tension)
+        return carried, self._carried(parameters), ply.arranged(tension)
+
+    def _carried(self, parameters: PlyParameters) -> PlyParameters:
+        """Parameters of the finer ply: those of the elements before.
+
+        A value is one of each element, or of each of the user's.
+        """
+        users, at_rest = self.before.parent, self.ply.parameters_at_rest
+        return Frozen(
+            {
+                name: Values(
+                    {
+                        key: _carried(value, at_rest[name][key], users, self.mesh)
+                        for key, value in values.items()
+                    }
+                )
+                for name, values in parameters.items()
+            }
+        )
 
 
 def finer_ply(ply: Any) -> FinerPly:
@@ -124,30 +144,20 @@ def refuse_what_has_no_finer(ply: Any) -> None:
                 f"term {name!r} is of the mesh alone: give an object whose on(basis) "
                 "returns it, or compare a run with half the element size"
             )
-    if any(memory.depends_on != "state" for memory in ply.memories.values()):
-        raise ValueError("the stabilisation depends on the steps")
+    for term in ply.terms:
+        if term.parameters is not None and term.parameters.depends_on_steps:
+            raise ValueError(f"the {term.name} depends on the steps")
 
 
-def _held(ply: Any, fine: FinerMesh, at_rest: Mapping[str, Any]) -> dict[str, Any]:
-    """What a finer ply holds: the stiffnesses of the elements before.
+def _carried(
+    values: ndarray, like: ndarray, users: ndarray, fine: FinerMesh
+) -> ndarray:
+    """Values of each element, or user's element, as those of finer ones.
 
-    A stiffness is one of each element, or of each of the user's.
+    ``like`` are the values at rest of the finer ones, ``users`` the user's element of
+    each element before.
     """
-    held = {}
-    for name, (parameters, work) in ply.remembered.items():
-        new, _ = at_rest[name]
-        held[name] = (
-            {
-                key: _carried(values, new[key].shape[-2], ply.parent, fine)
-                for key, values in parameters.items()
-            },
-            work,
-        )
-    return held
-
-
-def _carried(values: ndarray, n: int, users: ndarray, fine: FinerMesh) -> ndarray:
-    """Values of each element, or user's element, as ``n`` of finer ones."""
+    n = like.shape[-2]
     if values.shape[-2] != len(users):
         values = values[..., users, :]
     of = fine.parent if n == len(fine.parent) else getattr(fine.mesh, "origin", None)

@@ -14,6 +14,7 @@ from ..fabric import kinematics as kin
 from ..fabric.law_end import LawEnd
 from ..mesh.bases import components, node_dofs
 from ..mesh.corners import Corners, sided
+from .term import PlyParameters
 
 
 class Measures:
@@ -47,6 +48,7 @@ class Measures:
     corners: Corners
     gradient: Callable[..., ndarray]
     _tension: Any  # the term of the fibres, or None
+    _of: Callable[..., Any]  # the values of a term among parameters
 
     def deformation_gradient(
         self, u: ndarray, points: ndarray | None = None
@@ -72,7 +74,7 @@ class Measures:
         return np.array([kin.fibre_strain(F, A) for A in self.directions(points)])
 
     def law_strain(self, u: ndarray) -> ndarray:
-        """Fibre strain of warp and weft that the law of tension sees.
+        """Fibre strain of warp and weft that enters the law of tension.
 
         At the ply's own points, shape (2, n_elements, n_points): the fibre strain
         there, or where fibres have the tension of the mean stretch (`Macro`,
@@ -82,26 +84,32 @@ class Measures:
         return strain if self._tension is None else self._tension.seen(strain)
 
     def fibre_tension(self, u: ndarray) -> ndarray:
-        """Tension of warp and weft in N/mm at the ply's own points.
+        """Tension of warp and weft in N/mm: the law at `law_strain`.
 
-        Shape (2, n_elements, n_points).
+        At the ply's own points, shape (2, n_elements, n_points).
         """
-        return self._tensions(self.fibre_strain(u))
-
-    def predicted_tension(self, u: ndarray, du: ndarray) -> ndarray:
-        """Fibre tensions after the increment ``du``, to first order in it.
-
-        At the ply's own points, shape (2, n_elements, n_points): T(ε) + T′ ∂ε·∇du.
-        """
-        F, dF, A = self.deformation_gradient(u), self.gradient(du), self.directions()
-        strain = [kin.fibre_strain(F, A_i) for A_i in A]
-        change = [ddot(kin.fibre_strain_d(F, A_i), dF) for A_i in A]
-        return self._tensions(np.array(strain), np.array(change))
-
-    def _tensions(self, strain: ndarray, change: ndarray | float = 0.0) -> ndarray:
+        strain = self.law_strain(u)
         if self._tension is None:
             return np.zeros_like(strain)
-        return self._tension.law(strain, change)
+        return np.array(self.fabric.at().tensions.value(strain))
+
+    def predicted_tension(
+        self, u: ndarray, du: ndarray, parameters: PlyParameters | None = None
+    ) -> ndarray:
+        """Tensions that act on the nodes after the increment ``du``, to first order.
+
+        At the ply's own points, shape (2, n_elements, n_points): T(ε) + T′ ∂ε·∇du.
+        With mean stretches they have the part of the deviations, whose stiffness is one
+        of the ``parameters``, at rest if these are not given.
+        """
+        F, dF, A = self.deformation_gradient(u), self.gradient(du), self.directions()
+        strain = np.array([kin.fibre_strain(F, A_i) for A_i in A])
+        change = np.array([ddot(kin.fibre_strain_d(F, A_i), dF) for A_i in A])
+        if self._tension is None:
+            return np.zeros_like(strain)
+        return self._tension.predicted(
+            self._of(self._tension, parameters), strain, change
+        )
 
     def fibre_direction(self, u: ndarray, points: ndarray | None = None) -> ndarray:
         """Current unit direction of warp and weft, (2, d, n_elements, n_points).

@@ -25,7 +25,7 @@ from .kernels.kernel import ShearKernel
 from .own_terms.bending import bending_term, checked_ends
 from .own_terms.corners import CornerTerm, corner_stiffness
 from .summing.sum_of_terms import SumOfTerms
-from .summing.term_check import check_term, with_own_memory
+from .summing.term_check import check_term
 from .term import Load, Term
 from .terms import FormTerm, Formulation, TensionTerm
 
@@ -142,7 +142,7 @@ class Ply(SumOfTerms):
             if isinstance(term, FormTerm):
                 parameters = term.basis.default_parameters()
                 directions(fabric, FormExtraParams(parameters))
-        self._further = tuple(map(with_own_memory, terms))
+        self._further = tuple(terms)
         every = *needed, *self._further
         super().__init__(self.basis, every, tension, corners)
         for term in self.further_terms:

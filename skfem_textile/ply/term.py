@@ -1,21 +1,20 @@
-"""What a term is: the one way in for whatever has an energy or a force."""
+"""Term protocol: energy, residual and tangent of one part of a ply."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 from skfem import CellBasis
 
+T = TypeVar("T")
+
 #: What a term stands for: ``internal`` forces and ``stabilisation`` make the internal
 #: energy, and a ``load`` works on the ply.
 Role: TypeAlias = Literal["internal", "stabilisation", "load"]
-
-
-#: What a memory depends on, see `Memory`.
-DependsOn: TypeAlias = Literal["state", "path", "steps"]
 
 
 class Contribution(NamedTuple):
@@ -34,63 +33,138 @@ class Contribution(NamedTuple):
 _SYMMETRIC = 1e-8
 
 
-class Memory(Protocol):
-    """What a term remembers of the last converged state.
+class Frozen(Mapping[str, T]):
+    """An immutable mapping, which can be copied and pickled."""
 
-    ``parameters`` are passed to its forms, ``work`` is what it has stored so far in
-    N·mm: the term's energy form gives the rest.  ``depends_on`` says of what this is:
-    of the ``state`` alone, so that the load stepper may find a state again with it; of
-    the ``path`` to the state; or of the length of ``steps``, however short, so that no
-    number of them resolves a path.
+    __slots__ = ("_items",)
+
+    def __init__(self, items: Mapping[str, T] = MappingProxyType({})) -> None:
+        self._items = dict(items)
+
+    def __getitem__(self, name: str) -> T:
+        return self._items[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(self)})"
+
+
+class Values(Frozen[ndarray]):
+    """Read-only arrays by name, on which a term's energy depends beside u and t.
+
+    Parameters
+    ----------
+    arrays
+        The arrays, which are copied unless they are read-only.
     """
 
-    parameters: dict[str, ndarray]
-    work: float = 0.0
-    depends_on: DependsOn = "path"
+    __slots__ = ()
 
-    def begin(self) -> None:
-        """Return to the undeformed state."""
+    def __init__(self, arrays: Mapping[str, Any] = MappingProxyType({})) -> None:
+        super().__init__({name: _read_only(array) for name, array in arrays.items()})
+
+    def same_as(self, other: "Values") -> bool:
+        """Whether other values are equal arrays under the same names."""
+        return self is other or (
+            list(self) == list(other)
+            and all(np.array_equal(self[name], other[name]) for name in self)
+        )
+
+
+#: Values of the terms of a ply that have parameters, by the names of the terms.
+PlyParameters: TypeAlias = Mapping[str, Values]
+
+#: The values of a term without parameters.
+NO_VALUES = Values()
+
+
+def _read_only(array: Any) -> ndarray:
+    array = np.asarray(array)
+    if array.flags.writeable:
+        array = array.copy()
+        array.flags.writeable = False
+    return array
+
+
+class TermParameters(Protocol):
+    """Declaration of the parameters of a term: value at rest and two update rules.
+
+    Both rules are pure: they return new values and change nothing.  A class that
+    derives from this one defines ``at_rest`` and one or both of the rules.  Values
+    named ``work`` are an energy in N·mm that the term has stored so far; `FormTerm`
+    adds it to its energy form.
+
+    Attributes
+    ----------
+    depends_on_steps
+        Whether the values depend on the length of the steps however short these are,
+        so that no number of steps resolves a load path.
+    """
+
+    depends_on_steps: bool = False
+
+    def at_rest(self) -> Values:
+        """Values of the undeformed ply."""
         ...
 
-    def commit(self, u: ndarray) -> bool:
-        """Make ``u`` the last converged displacement; tell if that changes forces."""
-        ...
+    def updated(
+        self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
+    ) -> Values:
+        """Values updated within an iteration, such as stiffnesses at a state.
 
-    def restore(self, parameters: dict[str, ndarray], work: float) -> None:
-        """Remember what was remembered at another state."""
-        ...
+        Parameters
+        ----------
+        values
+            The values before.
+        u, t
+            Displacement and load factor.
+        tension
+            Predicted fibre tensions, which replace those at ``u``, shape (2,
+            n_elements, n_points), as `Ply.geometric_tension` returns them.
+        """
+        return values
+
+    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
+        """Values updated once a step, at its converged displacement ``u``."""
+        return values
 
 
 class Term(Protocol):
     """Something with an energy: of the ply, of what it lies on, or of a load.
 
-    ``u`` is a displacement of all nodes and ``t`` the load factor.  What has these
-    members is a term; a class of one's own that derives from `Term` needs to define no
-    more than ``name``, ``role`` and the three methods.
+    ``u`` is a displacement of all nodes, ``t`` the load factor and ``p`` the values of
+    the term's own parameters (`Values`, empty without parameters).  Energy, residual
+    and tangent are pure functions of these three.  A class that derives from `Term`
+    defines ``name``, ``role`` and the three methods.
 
     Attributes
     ----------
     name
-        Tells it from the other terms of a ply.
+        Name, unique among the terms of a ply.
     role
         One of `Role`.
-    memory
-        What it remembers of the last converged state; None if nothing.
+    parameters
+        Declaration of the term's parameters; None without parameters.
     """
 
     name: str
     role: Role
-    memory: Memory | None = None
+    parameters: TermParameters | None = None
 
-    def energy(self, u: ndarray, t: float) -> float:
+    def energy(self, u: ndarray, t: float, p: Values) -> float:
         """Energy in N·mm; of a load its potential, −F·u of a constant force F."""
         ...
 
-    def residual(self, u: ndarray, t: float) -> ndarray:
+    def residual(self, u: ndarray, t: float, p: Values) -> ndarray:
         """Derivative of the energy: nodal forces in N, shape (n_unknowns,)."""
         ...
 
-    def tangent(self, u: ndarray, t: float) -> csr_matrix | None:
+    def tangent(self, u: ndarray, t: float, p: Values) -> csr_matrix | None:
         """Derivative of the residual in N/mm, symmetric; None where it vanishes."""
         ...
 
@@ -121,7 +195,9 @@ class ElementTerm(Term):
     fused: Any
     nodes: Any
 
-    def matrices(self, u: ndarray, t: float, convex: bool = False) -> ndarray:
+    def matrices(
+        self, u: ndarray, t: float, p: Values, convex: bool = False
+    ) -> ndarray:
         """Blocks of the tangents of the elements, as `Pattern.sum` takes them.
 
         Where ``convex``, a term that can leaves out what is not.
@@ -155,15 +231,15 @@ class MatrixTerm(Term):
     matrix: Any
     role: Role = "internal"
 
-    def energy(self, u: ndarray, t: float) -> float:
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """½ u·K·u."""
         return 0.5 * float(u @ (self.matrix @ u))
 
-    def residual(self, u: ndarray, t: float) -> ndarray:
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """K·u."""
         return self.matrix @ u
 
-    def tangent(self, u: ndarray, t: float) -> csr_matrix:
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
         """K."""
         return csr_matrix(self.matrix)
 

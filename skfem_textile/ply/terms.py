@@ -18,7 +18,15 @@ from ..mesh.user_input import call_user_function, real_numbers
 from .kernels.assembly import node_pair_blocks
 from .kernels.element_groups import Kernel, Parameters
 from .kernels.kernel_forms import can_compute, with_kernel
-from .term import ElementTerm, Memory, Role, Term, refuse_unsymmetric
+from .term import (
+    NO_VALUES,
+    ElementTerm,
+    Role,
+    Term,
+    TermParameters,
+    Values,
+    refuse_unsymmetric,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +40,7 @@ class FormTerm(ElementTerm):
     forms
         Energy, residual and tangent.  They find the displacement in ``w["u"]``, the
         load factor in ``w["t"]``, the numbers of the elements in ``w["element"]``, and
-        what the memory holds by its names.
+        the values of the parameters by their names, except ``work``.
     basis
         Any scikit-fem basis of the displacement: of all elements or some, of the
         facets of a boundary, of interior facets.
@@ -40,8 +48,8 @@ class FormTerm(ElementTerm):
         Gives the numbers of the forms fast, on the bases that it takes.
     role
         One of `Role`.
-    memory
-        What the term remembers.
+    parameters
+        Declaration of the term's parameters.
 
     Examples
     --------
@@ -67,25 +75,19 @@ class FormTerm(ElementTerm):
     kernel: Kernel | None = None
     _: KW_ONLY
     role: Role = "internal"
-    memory: Memory | None = None
+    parameters: TermParameters | None = None
 
-    def parameters(self, t: float) -> Parameters:
-        """What the forms are given beside the displacement."""
-        remembered = {} if self.memory is None else self.memory.parameters
-        return {"t": t, **_elements(self.basis), **remembered}
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
+        """The energy form, and the work stored so far."""
+        return float(self._asm(self._forms.energy, u, t, p)) + float(p.get("work", 0.0))
 
-    def energy(self, u: ndarray, t: float) -> float:
-        """The energy form, and what the memory has stored."""
-        stored = self.memory.work if self.memory else 0.0
-        return float(self._asm(self._forms.energy, u, t)) + stored
-
-    def residual(self, u: ndarray, t: float) -> ndarray:
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """The residual form."""
-        return self._asm(self._forms.residual, u, t)
+        return self._asm(self._forms.residual, u, t, p)
 
-    def tangent(self, u: ndarray, t: float) -> csr_matrix:
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
         """The tangent form."""
-        return self._asm(self._forms.tangent, u, t)
+        return self._asm(self._forms.tangent, u, t, p)
 
     def misfit(self, basis: CellBasis) -> str:
         """Why it is no term on a basis of the displacement; empty where it is one."""
@@ -103,11 +105,13 @@ class FormTerm(ElementTerm):
         d = components(self.basis)
         return self.basis.element_dofs[::d] // d
 
-    def matrices(self, u: ndarray, t: float, convex: bool = False) -> ndarray:
+    def matrices(
+        self, u: ndarray, t: float, p: Values = NO_VALUES, convex: bool = False
+    ) -> ndarray:
         """See `ElementTerm`."""
         basis: Any = self.basis
         form, size = self.forms.tangent, basis.Nbfun
-        K = form.elemental(basis, u=u, **self.parameters(t)).data
+        K = form.elemental(basis, u=u, **self._given(t, p)).data
         K = K.reshape(size, size, -1)
         refuse_unsymmetric(self.name, K - K.swapaxes(0, 1), K)
         return node_pair_blocks(K, self.nodes, components(basis))
@@ -121,26 +125,31 @@ class FormTerm(ElementTerm):
     def _forms(self) -> Forms:
         return with_kernel(self.forms, self.kernel) if self.kernel else self.forms
 
-    def _asm(self, form: Any, u: ndarray, t: float) -> Any:
-        return asm(form, self.basis, u=u, **self.parameters(t))
+    def _asm(self, form: Any, u: ndarray, t: float, p: Values) -> Any:
+        return asm(form, self.basis, u=u, **self._given(t, p))
+
+    def _given(self, t: float, p: Values) -> Parameters:
+        """Parameters of the forms beside the displacement."""
+        values = {name: value for name, value in p.items() if name != "work"}
+        return {"t": t, **_elements(self.basis), **values}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TensionTerm(FormTerm):
     """The term of the fibres.
 
-    ``law`` gives their tensions at the ply's own points after a change of the fibre
-    strains, ``(strain, change) -> tension``, to first order in it; ``seen`` gives, of
-    the strains at these points, those that the fabric's law sees there; all have the
+    ``predicted`` are their tensions at the ply's own points after a change of the fibre
+    strains, ``(p, strain, change) -> tension``, to first order in it; ``seen`` are, of
+    the strains at these points, those that enter the fabric's law there; all have the
     shape (2, n_elements, n_points).  ``arrange`` puts them at the points of ``basis``.
-    ``of_means`` are parameters of the forms that leave out deviations from the mean
+    ``of_means`` are values with which the forms leave out deviations from the mean
     stretch; None where there is no mean.
     """
 
-    law: Callable[..., ndarray]
+    predicted: Callable[[Values, ndarray, ndarray], ndarray]
     seen: Callable[[ndarray], ndarray]
     arrange: Callable[[ndarray], ndarray] = lambda tension: tension
-    of_means: Parameters | None = None
+    of_means: Values | None = None
 
 
 #: A function of the load factor, or a number.
@@ -173,15 +182,15 @@ class VectorTerm(Term):
     factor: Factor = proportional
     role: Role = "load"
 
-    def energy(self, u: ndarray, t: float) -> float:
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """Potential −g(t) F·u."""
         return -self._factor_at(t) * float(self.vector @ u)
 
-    def residual(self, u: ndarray, t: float) -> ndarray:
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """−g(t) F."""
         return -self._factor_at(t) * self.vector
 
-    def tangent(self, u: ndarray, t: float) -> None:
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> None:
         """None."""
 
     def misfit(self, basis: CellBasis) -> str:

@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from numpy import ndarray
 from scipy.sparse import csr_matrix
@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from ..fabric.law_end import LawEnd
     from ..mesh.pattern import Pattern
     from .conditions.surface_nodes import SurfaceNodes
+
+#: Parameters of the terms of a ply by the names of the terms; immutable.
+Parameters: TypeAlias = Mapping[str, Any]
 
 #: Load factors at which loads and further terms are compared, at no regular distances.
 PROBED = (
@@ -52,12 +55,14 @@ class Body(Protocol):
         ...
 
     @property
-    def memories(self) -> Mapping[str, Any]:
-        """What terms remember, by their names."""
+    def terms(self) -> Sequence[Any]:
+        """The terms."""
         ...
 
-    #: Parameters and work of each of the ``memories``, by its name.
-    remembered: Mapping[str, tuple[Any, float]]
+    @property
+    def parameters_at_rest(self) -> Parameters:
+        """Parameters of the terms of the undeformed ply."""
+        ...
 
     @property
     def further_terms(self) -> Sequence[Any]:
@@ -69,15 +74,21 @@ class Body(Protocol):
         """Whether the energy may change with the load factor."""
         ...
 
-    def energies(self, u: ndarray, t: float) -> dict[str, float]:
+    def energies(
+        self, u: ndarray, t: float, parameters: Parameters
+    ) -> dict[str, float]:
         """Energy of each term in N·mm, by the name of the term."""
         ...
 
-    def parts(self, u: ndarray, t: float) -> Sequence[tuple[str, float, ndarray]]:
+    def parts(
+        self, u: ndarray, t: float, parameters: Parameters
+    ) -> Sequence[tuple[str, float, ndarray]]:
         """Role, energy in N·mm and nodal forces in N of each part, loads aside."""
         ...
 
-    def energy(self, u: ndarray, t: float, corners: bool) -> float:
+    def energy(
+        self, u: ndarray, t: float, parameters: Parameters, corners: bool
+    ) -> float:
         """Energy in N·mm, potential of loads included."""
         ...
 
@@ -85,11 +96,15 @@ class Body(Protocol):
         """Nodal forces of each term in N, by the name of the term."""
         ...
 
-    def residual(self, u: ndarray, t: float, corners: bool) -> ndarray:
+    def residual(
+        self, u: ndarray, t: float, parameters: Parameters, corners: bool
+    ) -> ndarray:
         """Nodal forces in N, internal ones less loads."""
         ...
 
-    def load(self, u: ndarray, t: float) -> ndarray:
+    def load(
+        self, u: ndarray, t: float, parameters: Parameters | None = None
+    ) -> ndarray:
         """Nodal forces of the loads in N."""
         ...
 
@@ -97,6 +112,7 @@ class Body(Protocol):
         self,
         u: ndarray,
         t: float,
+        parameters: Parameters,
         tension: ndarray | None,
         corners: bool,
         convex: bool,
@@ -104,16 +120,18 @@ class Body(Protocol):
         """Blocks of the tangent in the order of ``pattern``."""
         ...
 
-    def commit(self, u: ndarray) -> bool:
-        """Make ``u`` the last converged state; tell if that changes forces."""
+    def updated(
+        self,
+        parameters: Parameters,
+        u: ndarray,
+        t: float,
+        tension: ndarray | None = None,
+    ) -> Parameters:
+        """Parameters updated within an iteration; the same where nothing changes."""
         ...
 
-    def settle(self, u: ndarray, tension: ndarray | None = None) -> bool:
-        """Like `commit`, for what depends on the state alone."""
-        ...
-
-    def reset(self) -> None:
-        """Forget every committed state."""
+    def advanced(self, parameters: Parameters, u: ndarray, t: float) -> Parameters:
+        """Parameters advanced at the end of a step."""
         ...
 
     def hat_functions(self) -> csr_matrix:
@@ -152,7 +170,9 @@ class Body(Protocol):
         """Current unit direction of warp and weft."""
         ...
 
-    def geometric_tension(self, u: ndarray, du: ndarray) -> ndarray:
+    def geometric_tension(
+        self, u: ndarray, du: ndarray, parameters: Parameters
+    ) -> ndarray:
         """Fibre tensions after an increment, to first order in it, for `stiffness`."""
         ...
 

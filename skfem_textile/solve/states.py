@@ -1,5 +1,6 @@
 """Equilibria and states, as the parts of the solver hand them on."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -32,11 +33,13 @@ class NoEquilibriumError(Exception):
 class Equilibrium(NamedTuple):
     """Where an iteration ended, and how it converged.
 
-    ``altered`` is the number of its tangents that had to be altered.
+    ``parameters`` are those of the ply's terms with which the forces balance,
+    ``altered`` is the number of tangents that had to be altered.
     """
 
     u: ndarray
     f: ndarray
+    parameters: Any
     residuals: tuple[float, ...]
     tolerance: float
     altered: int = 0
@@ -127,6 +130,10 @@ class State:
     shares
         What stabilisation and deviations carry of energy, work and reactions, from 0
         to 1, by part, by what it is a share of.
+    parameters
+        Parameters of the ply's terms with which the forces balance, such as stiffnesses
+        of the discretisation: an immutable mapping, see `Ply.parameters_at_rest`.
+        ``ply.residual(state.u, state.load_factor, state.parameters)`` has these forces.
     """
 
     load_factor: float
@@ -140,6 +147,7 @@ class State:
     verdict: Verdict
     potentials: dict[str, float] = field(default_factory=dict)
     shares: dict[str, dict[str, float]] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         stable = "stable" if self.verdict.stable else "not stable"

@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy import ndarray
 
+from .body import Parameters
 from .problem import Problem, Start, Tangent
 from .states import Equilibrium, NoEquilibriumError
 
@@ -53,11 +54,12 @@ _ARMIJO, _ROUND_OFF = 1e-4, 1e-12
 
 
 class Iterate(NamedTuple):
-    """A tangent, the displacement to which it led, and the forces there."""
+    """A tangent, the displacement to which it led, forces and parameters there."""
 
     tangent: Tangent
     u: ndarray
     f: ndarray
+    parameters: Parameters
 
 
 class Strategy(Protocol):
@@ -104,28 +106,30 @@ class Mixed:
         self, problem: Problem, start: Start, fixed_values: ndarray
     ) -> Iterator[Iterate]:
         """Endless iterates."""
-        u, tangent, near = start.u, _first_tangent(problem, start), False
-        f = problem.forces_of(start)
+        u, near = start.u, False
+        tangent, p = _first_tangent(problem, start)
+        f = problem.forces_of(start, p)
         du = tangent.increment(f, u, fixed_values)
         if problem.in_space:
             du = self._shortened(problem, du)
         while True:
-            du = within_laws(problem, u, du)
-            tension = problem.ply.geometric_tension(u, du)
+            du = within_laws(problem, u, du, p)
+            tension = problem.ply.geometric_tension(u, du, p)
             contact = tangent.contact(f, du)
             u = problem.moved(u, du)
-            f = problem.residual(u)
+            f = problem.residual(u, p)
             if not near and problem.unbalanced(f, u) <= _NEAR * np.abs(f).max():
                 near = True
                 if problem.surfaces:
                     # Its forces are so large that this is early: tensions at u are not
                     # yet what they will be, but predicted ones are.
-                    settled = problem.ply.settle(u, tension)
+                    after = problem.updated(p, u, tension)
                 else:
-                    settled = problem.settle(u)
-                f = problem.residual(u) if settled else f
-            yield Iterate(tangent, u, f)
-            tangent = definite(problem, u, tension, contact)
+                    after = problem.settled(p, u)
+                f = f if after is p else problem.residual(u, after)
+                p = after
+            yield Iterate(tangent, u, f, p)
+            tangent = definite(problem, u, p, tension, contact)
             du = self._shortened(problem, tangent.increment(f, u, fixed_values))
 
     def _shortened(self, problem: Problem, du: ndarray) -> ndarray:
@@ -150,17 +154,17 @@ class Descent:
         self, problem: Problem, start: Start, fixed_values: ndarray
     ) -> Iterator[Iterate]:
         """Endless iterates, until the energy falls no more."""
-        u, tangent = start.u, _first_tangent(problem, start)
-        du = tangent.increment(problem.forces_of(start), u, fixed_values)
+        u, (tangent, p) = start.u, _first_tangent(problem, start)
+        du = tangent.increment(problem.forces_of(start, p), u, fixed_values)
         du = du + self.imperfection * problem.element_size * tangent.softest()
-        u = problem.moved(u, within_laws(problem, u, du))
+        u = problem.moved(u, within_laws(problem, u, du, p))
         while True:
-            f = problem.residual(u)
-            yield Iterate(tangent, u, f)
-            tension = problem.ply.geometric_tension(u, np.zeros_like(u))
-            tangent = definite(problem, u, tension)
+            f = problem.residual(u, p)
+            yield Iterate(tangent, u, f, p)
+            tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
+            tangent = definite(problem, u, p, tension)
             du = tangent.increment(f, u, fixed_values)
-            u = problem.moved(u, _shortened(problem, u, du, f))
+            u = problem.moved(u, _shortened(problem, u, du, f, p))
 
 
 @dataclass(frozen=True)
@@ -173,16 +177,16 @@ class Newton:
         self, problem: Problem, start: Start, fixed_values: ndarray
     ) -> Iterator[Iterate]:
         """Endless iterates."""
-        u, f = start.u, problem.forces_of(start)
-        tangent = start.tangent
+        u, p = start.u, start.parameters
+        f, tangent = problem.forces_of(start, p), start.tangent
         if tangent is None or problem.surfaces:  # which move with the load factor
-            tangent = Tangent(problem, u)
+            tangent = Tangent(problem, u, p)
         while True:
-            du = within_laws(problem, u, tangent.increment(f, u, fixed_values))
+            du = within_laws(problem, u, tangent.increment(f, u, fixed_values), p)
             u = problem.moved(u, du)
-            f = problem.residual(u)
-            yield Iterate(tangent, u, f)
-            tangent = Tangent(problem, u)
+            f = problem.residual(u, p)
+            yield Iterate(tangent, u, f, p)
+            tangent = Tangent(problem, u, p)
 
 
 STRATEGIES: dict[str, Strategy] = {
@@ -219,7 +223,7 @@ def balanced(
     residuals: list[float] = []
     altered = 0
     on_surface = _ON_SURFACE if problem.surfaces else ""
-    for tangent, u, f in islice(iterates, most):
+    for tangent, u, f, parameters in islice(iterates, most):
         residuals.append(problem.unbalanced(f, u))
         tolerance = tangent.tolerance(u, f)
         report(len(residuals), residuals[-1], tolerance)
@@ -231,7 +235,7 @@ def balanced(
                 advice=on_surface,
             )
         if residuals[-1] <= tolerance and problem.is_fixed(u, fixed_values):
-            return Equilibrium(u, f, tuple(residuals), tolerance, altered)
+            return Equilibrium(u, f, parameters, tuple(residuals), tolerance, altered)
     stalled = residuals[-1] <= _STALLED * tolerance
     advice = on_surface or "more steps, or a larger stabilisation"
     raise NoEquilibriumError(
@@ -242,47 +246,57 @@ def balanced(
     )
 
 
-def _first_tangent(problem: Problem, start: Start) -> Tangent:
+def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, Parameters]:
     """The tangent at the start; where it is singular, that of fibres in tension.
 
     On surfaces the stiffnesses of the discretisation then are those of the tension that
     loads give: of a ply at rest they are too small where it is large.
+
+    Returns
+    -------
+    tuple
+        The tangent, and the parameters.
 
     Raises
     ------
     NoEquilibriumError
         If some motion meets no stiffness even so.
     """
+    u, p = start.u, start.parameters
     regular = start.tangent and start.tangent.negative_pivots is not None
     if start.tangent and regular and not problem.surfaces:
-        return start.tangent
-    tension = problem.ply.geometric_tension(start.u, np.zeros_like(start.u))
+        return start.tangent, p
+    tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
     if regular:  # but surfaces have moved with the load factor
-        return definite(problem, start.u, tension)
+        return definite(problem, u, p, tension), p
     size = _FIRST_TENSION
     if problem.surfaces:
-        of_loads = np.full_like(tension, _tension_of_loads(problem, start.u))
-        problem.ply.settle(start.u, of_loads)
+        of_loads = np.full_like(tension, _tension_of_loads(problem, start))
+        p = problem.updated(p, u, of_loads)
         G = problem.ply.fabric.shear_law.tangent(np.zeros((tension.shape[1], 1))).mean()
         size = max(float(of_loads.max()), _OVER_SHEAR_STIFFNESS * G) or size
     first = np.full_like(tension, size)
-    return Tangent(problem, start.u, first, contact=no_contact(problem))
+    return Tangent(problem, u, p, first, contact=no_contact(problem)), p
 
 
-def _tension_of_loads(problem: Problem, u: ndarray) -> float:
+def _tension_of_loads(problem: Problem, start: Start) -> float:
     """Tension in N/mm of the order that loads along surfaces give to fibres.
 
     That of a square with all of the loads on two of its sides.  With a tension that is
     ten times too large or too small a sphere takes twice the solves.
     """
-    ply = problem.ply
-    along = ply.nodal(problem.unfixed(problem.load(u), u))
+    ply, u = problem.ply, start.u
+    along = ply.nodal(problem.unfixed(problem.load(u, start.parameters), u))
     sides = 2 * np.sqrt(ply.basis.dx.sum())
     return float(np.linalg.norm(along, axis=0).sum() / sides)
 
 
 def definite(
-    problem: Problem, u: ndarray, tension: ndarray, contact: ndarray | None = None
+    problem: Problem,
+    u: ndarray,
+    parameters: Parameters,
+    tension: ndarray,
+    contact: ndarray | None = None,
 ) -> Tangent:
     """The tangent, with as little compression left out as makes it positive definite.
 
@@ -291,8 +305,8 @@ def definite(
 
     Parameters
     ----------
-    problem, u
-        The problem, and a displacement.
+    problem, u, parameters
+        The problem, a displacement, and parameters of the terms.
     tension, contact
         As of `Tangent`.
     """
@@ -306,7 +320,7 @@ def definite(
         attempts += [(np.maximum(tension, x), True, untouched) for x in least]
     for number, attempt in enumerate(attempts, start=1):
         try:
-            tangent = Tangent(problem, u, *attempt)
+            tangent = Tangent(problem, u, parameters, *attempt)
         except NoEquilibriumError:
             if number == len(attempts):
                 raise
@@ -322,7 +336,9 @@ def no_contact(problem: Problem) -> ndarray | None:
     return np.zeros(len(problem.surfaces.nodes)) if problem.surfaces else None
 
 
-def within_laws(problem: Problem, u: ndarray, du: ndarray) -> ndarray:
+def within_laws(
+    problem: Problem, u: ndarray, du: ndarray, parameters: Parameters
+) -> ndarray:
     """The increment, halved until every law has a value.
 
     Raises
@@ -331,7 +347,7 @@ def within_laws(problem: Problem, u: ndarray, du: ndarray) -> ndarray:
         If none is short enough.
     """
     for _ in range(_HALVINGS_WITHIN_LAWS):
-        if problem.in_domain(u + du):
+        if problem.in_domain(u + du, parameters):
             return du
         du = du / 2
     end = problem.ply.closest_end(u)
@@ -350,12 +366,14 @@ def _largest_gradient(problem: Problem, du: ndarray) -> float:
     return float(np.abs(ply.gradient(du, ply.fine_points)).max())
 
 
-def _shortened(problem: Problem, u: ndarray, du: ndarray, f: ndarray) -> ndarray:
+def _shortened(
+    problem: Problem, u: ndarray, du: ndarray, f: ndarray, parameters: Parameters
+) -> ndarray:
     """The increment, halved until the energy falls enough (Armijo).
 
     It may not fold the ply, nor fold it further if it is folded.
     """
-    energy = problem.energy(u)
+    energy = problem.energy(u, parameters)
     slope = float(problem.free(f, u) @ problem.free(du, u))
     if slope > 0:  # the tangent was indefinite
         du, slope = -du, -slope
@@ -364,7 +382,7 @@ def _shortened(problem: Problem, u: ndarray, du: ndarray, f: ndarray) -> ndarray
         allowed = energy + _ARMIJO * slope + _ROUND_OFF * abs(energy)
         end = problem.moved(u, du)
         if (
-            problem.energy(end) <= allowed
+            problem.energy(end, parameters) <= allowed
             and problem.least_area_ratio(end).min() > unfolded
         ):
             return du

@@ -70,7 +70,7 @@ class Trial:
     @cached_property
     def tangent(self) -> Tangent | None:
         """The consistent tangent; None where it is singular."""
-        return tangent_at(self.problem, self.equilibrium.u)
+        return tangent_at(self.problem, self.equilibrium.u, self.equilibrium.parameters)
 
     @cached_property
     def area_ratio(self) -> ndarray:
@@ -102,7 +102,8 @@ class Trial:
         start, end = self.start, self.equilibrium
         if start is None:
             return 0.0, 0.0
-        forces = start.f + start.load, end.f + self.problem.load(end.u)
+        load = self.problem.load(end.u, end.parameters)
+        forces = start.f + start.load, end.f + load
         before, after = (float(f @ self.move) for f in forces)
         return before, after
 
@@ -117,8 +118,9 @@ class Trial:
             return 0.0, works
         before = start.energies
         if problem.ply.follows_load_factor:
-            before, _ = problem.energies(start.u)
-            f = problem.residual(start.u) + problem.load(start.u)
+            place = start.u, start.parameters
+            before, _ = problem.energies(*place)
+            f = problem.residual(*place) + problem.load(*place)
             works = float(f @ self.move), works[1]
         return sum(self.energies.values()) - sum(before.values()), works
 
@@ -126,7 +128,8 @@ class Trial:
     def shares(self) -> dict[str, dict[str, float]]:
         """What the discretisation carries of energy, work and reactions: `shares`."""
         problem, u = self.problem, self.equilibrium.u
-        arguments = problem.ply.parts, u, problem.load_factor
+        place = u, problem.load_factor, self.equilibrium.parameters
+        arguments = problem.ply.parts, *place
         parts = problem.clock.time("assembly", *arguments)
         held_forces = partial(problem.held_forces, u)
         return shares(parts, self.equilibrium, self.move, held_forces)
@@ -168,7 +171,7 @@ class Trial:
                     f"the energy of {name} is not finite",
                     advice="a smaller load, or a law that is finite there",
                 )
-        if not self.problem.in_domain(self.equilibrium.u):
+        if not self.problem.in_domain(self.equilibrium.u, self.equilibrium.parameters):
             end = self.problem.ply.closest_end(self.equilibrium.u)
             raise NoEquilibriumError(
                 "a law is asked beyond its domain" + (f": {end}" if end else ""),
@@ -185,14 +188,14 @@ class Trial:
                 self.warnings[name] = str(complaint)
 
     def next_start(self) -> Start:
-        """The equilibrium as the start of a step, with what the ply remembers in it."""
-        problem, (u, f, *_) = self.problem, self.equilibrium
-        if problem.remembers_path:
-            problem.ply.commit(u)
-            return problem.start(u, self.tangent)
-        load, remembered = problem.load(u), problem.ply.remembered
-        place = problem.load_factor, u, f, load
-        return Start(*place, self.energies, remembered, self.tangent)
+        """The equilibrium as the start of a step, its parameters advanced."""
+        problem, (u, f, parameters, *_) = self.problem, self.equilibrium
+        t = problem.load_factor
+        advanced = problem.ply.advanced(parameters, u, t)
+        if advanced is not parameters:
+            return problem.start(u, advanced, self.tangent)
+        load = problem.load(u, parameters)
+        return Start(t, u, f, load, self.energies, parameters, self.tangent)
 
     def verdict(self) -> Verdict:
         """What was found."""
@@ -228,6 +231,7 @@ class Trial:
             linear_solves=linear_solves,
             residuals=equilibrium.residuals,
             tolerance=equilibrium.tolerance,
+            parameters=equilibrium.parameters,
         )
 
 

@@ -28,8 +28,8 @@ from ...registration import Option
 from ..kernels.element_groups import Parameters
 from ..kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
 from ..kernels.out_of_plane import OutOfPlaneKernel
-from ..memory import HeldDeviation, HeldStabilisation
-from ..term import Memory, Term
+from ..parameters import HeldDeviation, HeldStabilisation
+from ..term import NO_VALUES, Term, TermParameters, Values
 from ..terms import FormTerm, TensionTerm
 
 # Twist is held with this share of the smaller bending stiffness, where both families
@@ -48,7 +48,7 @@ class Pointwise:
             forms.tension(fabric),
             basis,
             TensionKernel(fabric),
-            law=partial(fibre_tension, fabric.at()),
+            predicted=lambda p, *strains: fibre_tension(fabric.at(), *strains),
             seen=lambda strain: strain,
         )
 
@@ -83,20 +83,19 @@ def mean_tension_term(
     """The term of fibres that meet their whole stiffness in mean stretches alone."""
     held = HeldDeviation(fabric, deviation, basis)
 
-    def law(strain: ndarray, change: ndarray | float = 0.0) -> ndarray:
-        E_d = held.parameters["E_d"]
-        return mean_fibre_tension(fabric, E_d, basis, strain, change)
+    def predicted(p: Values, strain: ndarray, change: ndarray) -> ndarray:
+        return mean_fibre_tension(fabric, p["E_d"], basis, strain, change)
 
     return TensionTerm(
         "tension",
         forms.mean_tension(fabric),
         basis,
         MeanTensionKernel(fabric),
-        memory=held,
-        law=law,
+        parameters=held,
+        predicted=predicted,
         seen=partial(mean_strain, basis),
         arrange=basis.from_ply_points,
-        of_means={"E_d": np.zeros_like(held.parameters["E_d"])},
+        of_means=Values({"E_d": np.zeros_like(held.at_rest()["E_d"])}),
     )
 
 
@@ -115,32 +114,31 @@ class OutOfPlane(FormTerm):
     Parameters
     ----------
     C_s
-        Stiffness in N/mm, one for each element, shape (n_elements, 1); with a memory
-        the largest that is taken of what it holds.
+        Stiffness in N/mm, one for each element, shape (n_elements, 1); with parameters
+        an upper limit of their ``C_s``.
     """
 
     C_s: ndarray
 
-    def parameters(self, t: float) -> Parameters:
-        """What the forms are given beside the displacement."""
-        return {**super().parameters(t), "C_s": self._stiffness}
-
-    def energy(self, u: ndarray, t: float) -> float:
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """See `OutOfPlaneKernel`."""
-        return self._numbers.energy(u, self._stiffness)
+        return self._numbers.energy(u, self._stiffness(p))
 
-    def residual(self, u: ndarray, t: float) -> ndarray:
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """See `OutOfPlaneKernel`."""
-        return self._numbers.forces(u, self._stiffness)
+        return self._numbers.forces(u, self._stiffness(p))
 
-    def matrices(self, u: ndarray, t: float, convex: bool = False) -> ndarray:
+    def matrices(
+        self, u: ndarray, t: float, p: Values = NO_VALUES, convex: bool = False
+    ) -> ndarray:
         """See `OutOfPlaneKernel`."""
-        return self._numbers.matrices(u, self._stiffness, convex)
+        return self._numbers.matrices(u, self._stiffness(p), convex)
 
-    @property
-    def _stiffness(self) -> ndarray:
-        held = np.inf if self.memory is None else self.memory.parameters["C_s"]
-        return np.minimum(held, self.C_s)
+    def _given(self, t: float, p: Values) -> Parameters:
+        return {**super()._given(t, p), "C_s": self._stiffness(p)}
+
+    def _stiffness(self, p: Values) -> ndarray:
+        return np.minimum(p.get("C_s", np.inf), self.C_s)
 
     @cached_property
     def _numbers(self) -> OutOfPlaneKernel:
@@ -168,7 +166,7 @@ def hourglass_terms(
             corners,
             C_s=_most_against_twist(np.inf if C_s is None else C_s, fabric, corners),
             role="stabilisation",
-            memory=_automatic(basis, fabric, across=True) if C_s is None else None,
+            parameters=_automatic(basis, fabric, across=True) if C_s is None else None,
         )
         terms.append(out_of_plane)
     return terms
@@ -216,11 +214,16 @@ def stabilising_term(
     forms: forms.Forms,
     basis: CellBasis | JumpBasis,
     kernel: HourglassKernel | None = None,
-    memory: Memory | None = None,
+    parameters: TermParameters | None = None,
 ) -> FormTerm:
     """The term of a stabilisation."""
     return FormTerm(
-        "stabilisation", forms, basis, kernel, role="stabilisation", memory=memory
+        "stabilisation",
+        forms,
+        basis,
+        kernel,
+        role="stabilisation",
+        parameters=parameters,
     )
 
 

@@ -11,7 +11,7 @@ from ...fabric import Fabric
 from ...mesh.bases import CENTRE, components
 from ...mesh.interior_edges import JumpBasis
 from ...registration import FormulationRegistration, Option
-from ..memory import AccumulatedMoment
+from ..parameters import AccumulatedMoment
 from ..term import Term
 from .common import (
     STABILISATION,
@@ -37,7 +37,7 @@ class OnePoint(Quadrilaterals):
         (`stabilisation_stiffness`, without tension).
     kind
         ``energy``: independent of the path, with an exact tangent.  ``rate``: the
-        paper's accumulated rates; a `Ply` then remembers the last converged state.
+        paper's accumulated rates, parameters that are advanced once a step.
         For comparison, ``continuity``: against jumps of the shear angle between
         elements; ``isotropic``: against hourglass motions of all directions.
 
@@ -94,7 +94,7 @@ class OnePoint(Quadrilaterals):
             return [stabilising_term(forms.isotropic_hourglass(C_s), corners)]
         moment = AccumulatedMoment(fabric, C_s, corners)
         rate = forms.hourglass_rate(fabric, C_s)
-        return [stabilising_term(rate, corners, memory=moment)]
+        return [stabilising_term(rate, corners, parameters=moment)]
 
 
 REGISTRATION = FormulationRegistration(

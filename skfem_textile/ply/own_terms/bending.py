@@ -20,7 +20,7 @@ from ...forms.bending import (
 )
 from ...mesh.bases import components
 from ...mesh.user_input import call_user_function, real_numbers
-from ..term import MatrixTerm
+from ..term import NO_VALUES, MatrixTerm, Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +40,12 @@ class BendingTerm(MatrixTerm):
     whole: csr_matrix = field(kw_only=True)
     turning: Mapping[str, Turning] = field(kw_only=True)
 
-    def energy(self, u: ndarray, t: float) -> float:
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """½ v·K·v."""
         v = self._with_turns(u, t)
         return 0.5 * float(v @ (self.whole @ v))
 
-    def residual(self, u: ndarray, t: float) -> ndarray:
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """K·v at the displacement."""
         return (self.whole @ self._with_turns(u, t))[: len(u)]
 

@@ -11,7 +11,7 @@ from skfem import CellBasis, asm
 from ...fabric import Fabric
 from ...forms.corners import RESISTING, corner_resistance
 from ...mesh.corners import CornerBasis, Corners
-from ..term import Term
+from ..term import NO_VALUES, Term, Values
 
 # κ as a share of the fibre stiffness, where this is more than the shear stiffness.
 # A larger one adds more energy where corners close; a smaller one lets them come closer
@@ -50,15 +50,15 @@ class CornerTerm(Term):
         self._forms = corner_resistance(stiffness)
         self._basis, self._corners = basis, corners
 
-    def energy(self, u: ndarray, t: float) -> float:
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """κ Σ A/n b(det F)."""
         return float(self._asm(self._forms.energy, u, 0.0))
 
-    def residual(self, u: ndarray, t: float) -> ndarray:
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Its derivative."""
         return self._asm(self._forms.residual, u, np.zeros(len(u)))
 
-    def tangent(self, u: ndarray, t: float) -> csr_matrix | None:
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
         """Its second derivative; None where all corners are open."""
         return self._asm(self._forms.tangent, u, None)
 

@@ -1,1 +1,1 @@
-"""The sum of the terms of a ply, its check, and its memory."""
+"""Terms of a ply: their validation and their sum."""

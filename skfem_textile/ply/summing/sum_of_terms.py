@@ -1,4 +1,4 @@
-"""What the terms of a ply make of a displacement: energies, forces and stiffness."""
+"""Assembly of energy, residual and tangent from the terms of a ply."""
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
@@ -16,14 +16,19 @@ from ..kernels.assembly import KernelSum
 from ..kernels.element_groups import Parameters
 from ..measures import Measures
 from ..term import (
+    NO_VALUES,
     Contribution,
     ElementTerm,
+    Frozen,
     Load,
     MatrixTerm,
+    PlyParameters,
+    Role,
     Term,
+    TermParameters,
+    Values,
     refuse_unsymmetric,
 )
-from .remembering_terms import RememberingTerms
 from .term_check import coupled_nodes, terms_on_basis
 
 if TYPE_CHECKING:
@@ -31,8 +36,11 @@ if TYPE_CHECKING:
     from ..terms import TensionTerm
 
 
-class SumOfTerms(RememberingTerms, Measures):
-    """Terms on a basis, added up: what `Ply` is, once it is built.
+class SumOfTerms(Measures):
+    """Terms on a basis and their sum, the base of `Ply`.
+
+    Energies, forces and stiffnesses are pure functions of a displacement ``u``, a load
+    factor ``t`` and the ``parameters`` of the terms; without these, of those at rest.
 
     Parameters
     ----------
@@ -56,8 +64,94 @@ class SumOfTerms(RememberingTerms, Measures):
         tension: "TensionTerm | None" = None,
         corners: "CornerTerm | None" = None,
     ) -> None:
-        super().__init__(terms_on_basis(terms, basis))
+        self._terms = terms_on_basis(terms, basis)
         self.basis, self._tension, self._of_corners = basis, tension, corners
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Of the fibres, of shear, of corners, of the formulation, and further ones.
+
+        With `OnePoint` of kind ``rate`` energy, residual and tangent are those of a
+        step from the state of the parameters, and the residual is no derivative of the
+        energy.
+        """
+        return self._terms
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        """Role of each term, by its name."""
+        return {term.name: term.role for term in self.terms}
+
+    @cached_property
+    def parameters_at_rest(self) -> PlyParameters:
+        """Parameters of the undeformed ply: those of each term that has any."""
+        return Frozen({n: d.at_rest() for n, d in self._declared.items()})
+
+    def updated(
+        self,
+        parameters: PlyParameters,
+        u: ndarray,
+        t: float = 1.0,
+        tension: ndarray | None = None,
+    ) -> PlyParameters:
+        """Parameters updated within an iteration, such as stiffnesses at ``u``.
+
+        A Newton loop calls this near the equilibrium of a step: with `Macro`,
+        `Quadratic` of mean stretch, and `OnePoint` with the stabilisation ``auto``.
+
+        Parameters
+        ----------
+        parameters
+            The parameters before; they are returned where nothing changes.
+        u, t
+            Displacement and load factor.
+        tension
+            Predicted fibre tensions, which replace those at ``u``, as
+            `geometric_tension` returns them: away from balance the tensions of stiff
+            fibres are far from those at balance.
+        """
+        after = {
+            name: declared.updated(parameters[name], u, t, tension)
+            for name, declared in self._declared.items()
+        }
+        return self._changed(parameters, after)
+
+    def advanced(
+        self, parameters: PlyParameters, u: ndarray, t: float = 1.0
+    ) -> PlyParameters:
+        """Parameters advanced at the end of a step, such as accumulated moments.
+
+        A Newton loop calls this after each step, with `OnePoint` of kind ``rate``.
+
+        Parameters
+        ----------
+        parameters
+            Those of the step; they are returned where nothing changes.
+        u, t
+            Converged displacement and its load factor.
+        """
+        after = {
+            name: declared.advanced(parameters[name], u, t)
+            for name, declared in self._declared.items()
+        }
+        return self._changed(parameters, after)
+
+    @cached_property
+    def _declared(self) -> dict[str, TermParameters]:
+        """Declarations of parameters, by the names of the terms."""
+        return {x.name: x.parameters for x in self.terms if x.parameters is not None}
+
+    def _changed(
+        self, before: PlyParameters, after: dict[str, Values]
+    ) -> PlyParameters:
+        same = all(values.same_as(before[name]) for name, values in after.items())
+        return before if same else Frozen(after)
+
+    def _of(self, term: Term, parameters: PlyParameters | None) -> Values:
+        """The values of a term; those at rest without parameters."""
+        if parameters is None:
+            parameters = self.parameters_at_rest
+        return parameters.get(term.name, NO_VALUES)
 
     @cached_property
     def _fused(self) -> KernelSum:
@@ -85,53 +179,87 @@ class SumOfTerms(RememberingTerms, Measures):
                 self.pattern.add(blocks, term.matrix, term.name)
         return found
 
-    def energies(self, u: ndarray, t: float = 1.0) -> dict[str, float]:
+    def energies(
+        self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
+    ) -> dict[str, float]:
         """Energy of each term in N·mm, by the name of the term."""
-        return {term.name: self._energy(term, u, t) for term in self.terms}
+        return {term.name: self._energy(term, u, t, parameters) for term in self.terms}
 
-    def _energy(self, term: Term, u: ndarray, t: float) -> float:
+    def _energy(
+        self, term: Term, u: ndarray, t: float, parameters: PlyParameters | None
+    ) -> float:
         if not _is_fused(term):
-            return term.energy(u, t)
-        stored = term.memory.work if term.memory else 0.0
-        return self._fused.energy(u, _kernel_parameters([term], t)) + stored
+            return term.energy(u, t, self._of(term, parameters))
+        return self._fused.energy(u, self._of_kernels([term], t, parameters))
 
-    def energy(self, u: ndarray, t: float = 1.0, corners: bool = True) -> float:
+    def energy(
+        self,
+        u: ndarray,
+        t: float = 1.0,
+        parameters: PlyParameters | None = None,
+        corners: bool = True,
+    ) -> float:
         """Energy in N·mm, potentials of loads included; parameters of `residual`."""
-        return sum(self._energy(term, u, t) for term in self._acting(corners))
+        terms = self._acting(corners)
+        return sum(self._energy(term, u, t, parameters) for term in terms)
 
-    def residuals(self, u: ndarray, t: float = 1.0) -> dict[str, ndarray]:
+    def residuals(
+        self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
+    ) -> dict[str, ndarray]:
         """Nodal forces of each term in N, by the name of the term."""
-        return {term.name: self._forces([term], u, t) for term in self.terms}
+        return {x.name: self._forces([x], u, t, parameters) for x in self.terms}
 
-    def _forces(self, terms: Sequence[Term], u: ndarray, t: float) -> ndarray:
-        others = (term.residual(u, t) for term in terms if not _is_fused(term))
-        return sum(others, self._fused.forces(u, _kernel_parameters(terms, t)))
+    def _forces(
+        self,
+        terms: Sequence[Term],
+        u: ndarray,
+        t: float,
+        parameters: PlyParameters | None,
+    ) -> ndarray:
+        others = (
+            term.residual(u, t, self._of(term, parameters))
+            for term in terms
+            if not _is_fused(term)
+        )
+        of_kernels = self._of_kernels(terms, t, parameters)
+        return sum(others, self._fused.forces(u, of_kernels))
 
-    def residual(self, u: ndarray, t: float = 1.0, corners: bool = True) -> ndarray:
+    def residual(
+        self,
+        u: ndarray,
+        t: float = 1.0,
+        parameters: PlyParameters | None = None,
+        corners: bool = True,
+    ) -> ndarray:
         """Nodal forces in N, internal ones less loads: the derivative of the energy.
 
         Parameters
         ----------
         u, t
             Displacement and load factor.
+        parameters
+            Parameters of the terms; those at rest if not given.
         corners
             Whether corners resist.
         """
-        return self._forces(self._acting(corners), u, t)
+        return self._forces(self._acting(corners), u, t, parameters)
 
-    def parts(self, u: ndarray, t: float = 1.0) -> list[Contribution]:
-        """Terms, loads aside, with what meets deviations from mean stretches apart."""
+    def parts(
+        self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
+    ) -> list[Contribution]:
+        """Terms, loads aside, with the part of deviations from mean stretches apart."""
         terms = [term for term in self.terms if term.role != "load"]
         parts = [
             Contribution(
-                term.role, self._energy(term, u, t), self._forces([term], u, t)
+                term.role,
+                self._energy(term, u, t, parameters),
+                self._forces([term], u, t, parameters),
             )
             for term in terms
         ]
         tension = self._tension
         if tension is not None and tension.of_means is not None:
-            means = {tension: _kernel_parameters([tension], t)[tension]}
-            means[tension] |= tension.of_means
+            means = {tension: {"t": t, **tension.of_means}}
             whole = parts[terms.index(tension)]
             energy, forces = self._fused.energy(u, means), self._fused.forces(u, means)
             parts[terms.index(tension)] = Contribution("internal", energy, forces)
@@ -139,29 +267,36 @@ class SumOfTerms(RememberingTerms, Measures):
             parts.append(Contribution("deviation", *deviation))
         return parts
 
-    def load(self, u: ndarray, t: float) -> ndarray:
+    def load(
+        self, u: ndarray, t: float, parameters: PlyParameters | None = None
+    ) -> ndarray:
         """Nodal forces of the loads in N."""
         loads = [term for term in self.terms if term.role == "load"]
         if not loads:
             return np.zeros_like(u)
-        return -self._forces(loads, u, t)
+        return -self._forces(loads, u, t, parameters)
 
     def tangent(
-        self, u: ndarray, t: float = 1.0, *, tension: ndarray | None = None
+        self,
+        u: ndarray,
+        t: float = 1.0,
+        parameters: PlyParameters | None = None,
+        *,
+        tension: ndarray | None = None,
     ) -> csr_matrix:
         """Derivative of the residual in N/mm.
 
         Parameters
         ----------
-        u, t
-            Displacement and load factor.
+        u, t, parameters
+            As for `residual`.
         tension
             Fibre tensions to use in the geometric stiffness instead of those of
             ``u``, shape (2, n_elements, n_points).
         """
         if tension is not None:
             tension = self.arranged(tension)
-        return self.pattern.matrix(self.stiffness(u, t, tension=tension))
+        return self.pattern.matrix(self.stiffness(u, t, parameters, tension))
 
     def arranged(self, tension: ndarray) -> ndarray:
         """Fibre tensions at the ply's own points, as `stiffness` takes them."""
@@ -171,6 +306,7 @@ class SumOfTerms(RememberingTerms, Measures):
         self,
         u: ndarray,
         t: float = 1.0,
+        parameters: PlyParameters | None = None,
         tension: ndarray | None = None,
         corners: bool = True,
         convex: bool = False,
@@ -179,8 +315,8 @@ class SumOfTerms(RememberingTerms, Measures):
 
         Parameters
         ----------
-        u, t
-            Displacement and load factor.
+        u, t, parameters
+            As for `residual`.
         tension
             Fibre tensions to use in the geometric stiffness, as `geometric_tension`
             gives them.
@@ -191,32 +327,48 @@ class SumOfTerms(RememberingTerms, Measures):
             each point or in each element, as a last resort of an iteration.
         """
         terms = self._acting(corners)
-        parameters = _kernel_parameters(terms, t)
-        if self._tension in parameters and tension is not None:
-            parameters[self._tension]["tension"] = tension
+        of_kernels = self._of_kernels(terms, t, parameters)
+        if self._tension in of_kernels and tension is not None:
+            of_kernels[self._tension]["tension"] = tension
         others = [term for term in terms if not _is_fused(term)]
         plain = [term for term in others if isinstance(term, ElementTerm)]
-        fused = self._fused.matrices(u, parameters, convex)
-        matrices = (term.matrices(u, t, convex) for term in plain)
+        fused = self._fused.matrices(u, of_kernels, convex)
+        matrices = (
+            term.matrices(u, t, self._of(term, parameters), convex) for term in plain
+        )
         blocks = self.pattern.sum(chain(fused, matrices))
         for term in others:
             if isinstance(term, MatrixTerm):
                 blocks += self._constant[term.name]
-            elif term not in plain and (K := term.tangent(u, t)) is not None:
-                refuse_unsymmetric(term.name, K - K.T, K)
-                self.pattern.add(blocks, K, term.name)
+            elif term not in plain:
+                K = term.tangent(u, t, self._of(term, parameters))
+                if K is not None:
+                    refuse_unsymmetric(term.name, K - K.T, K)
+                    self.pattern.add(blocks, K, term.name)
         return blocks
 
-    def geometric_tension(self, u: ndarray, du: ndarray) -> ndarray:
+    def geometric_tension(
+        self, u: ndarray, du: ndarray, parameters: PlyParameters | None = None
+    ) -> ndarray:
         """`predicted_tension` to first order, at the points of the fibres' term.
 
         Of mean stretches it is the predicted force T/λ times the stretch at u + du.
         """
         term = self._tension
         if term is None or not _is_fused(term):
-            return self.arranged(self.predicted_tension(u, du))
-        w = _kernel_parameters([term], 1.0)[term]
+            return self.arranged(self.predicted_tension(u, du, parameters))
+        w = self._of_kernels([term], 1.0, parameters)[term]
         return self._fused.predicted_tension(u, du, term, w)
+
+    def _of_kernels(
+        self, terms: Sequence[Any], t: float, parameters: PlyParameters | None
+    ) -> dict[Any, Parameters]:
+        """Parameters of the kernels of terms, beside the displacement."""
+        return {
+            term: {"t": t, **self._of(term, parameters)}
+            for term in terms
+            if _is_fused(term)
+        }
 
     def _acting(self, corners: bool) -> list[Term]:
         """The terms, that of the corners on demand."""
@@ -246,12 +398,3 @@ class SumOfTerms(RememberingTerms, Measures):
 def _is_fused(term: Any) -> bool:
     """Whether the numbers of a term come from a kernel, with those of others."""
     return isinstance(term, ElementTerm) and term.fused
-
-
-def _kernel_parameters(terms: Sequence[Any], t: float) -> dict[Any, Parameters]:
-    """What the kernels of terms are given beside the displacement."""
-    return {
-        term: {"t": t, **(term.memory.parameters if term.memory else {})}
-        for term in terms
-        if _is_fused(term)
-    }

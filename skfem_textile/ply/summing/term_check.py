@@ -1,4 +1,4 @@
-"""Terms as a ply takes them: on its basis, and refused where they do not fit.
+"""Validation of the terms of a ply, loads among them put on its basis.
 
 Every term beside those of fabric and formulation is asked once, when a ply is built: at
 rest, and at two small displacements a and b, between which the energy must change by a
@@ -6,7 +6,6 @@ residual that lies between those of a and b, and the residual by the tangent in 
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from copy import copy
 from typing import Any, get_args
 
 import numpy as np
@@ -15,14 +14,11 @@ from scipy.sparse import csr_matrix, issparse
 from skfem import CellBasis
 
 from ...mesh.bases import components
-from ..term import DependsOn, Load, Role, Term, refuse_unsymmetric
+from ..term import NO_VALUES, Load, Role, Term, Values, refuse_unsymmetric
 
-# What a memory, and a term, must have.
-_MEMORY_MEMBERS = (
-    *("parameters", "work", "depends_on"),
-    *("begin", "commit", "restore"),
-)
-_TERM_MEMBERS = "name", "role", "memory", "energy", "residual", "tangent", "couples"
+# Members of a declaration of parameters, and of a term.
+_PARAMETERS_MEMBERS = "depends_on_steps", "at_rest", "updated", "advanced"
+_TERM_MEMBERS = "name", "role", "parameters", "energy", "residual", "tangent", "couples"
 
 # How far a and b are from rest, and from each other, as shares of the element size.
 # Chosen: between them terms are nearly linear, and their changes more than round-off.
@@ -71,30 +67,17 @@ def _check_members(term: Any) -> None:
         raise ValueError(f"{term!r} is no term: it has no {', '.join(missing)}")
     if not (isinstance(term.name, str) and term.name):
         raise ValueError(f"a term's name must be some text, got {term.name!r}")
-    lacking = [name for name in _MEMORY_MEMBERS if not hasattr(term.memory, name)]
-    if term.memory is not None and lacking:
-        raise ValueError(f"term {term.name!r}: its memory has no {', '.join(lacking)}")
-    if term.memory is not None and term.memory.depends_on not in get_args(DependsOn):
+    declared = term.parameters
+    lacking = [name for name in _PARAMETERS_MEMBERS if not hasattr(declared, name)]
+    if declared is not None and lacking:
         raise ValueError(
-            f"term {term.name!r}: its memory depends_on {term.memory.depends_on!r}: "
-            f"choose of {', '.join(get_args(DependsOn))}"
+            f"term {term.name!r}: its parameters have no {', '.join(lacking)}"
         )
     if term.role not in get_args(Role):
         raise ValueError(
             f"term {term.name!r}: role must be one of {', '.join(get_args(Role))}, "
             f"got {term.role!r}"
         )
-
-
-def with_own_memory(term: Term | Load) -> Term | Load:
-    """The term with a memory of its own, at rest: another ply may have it too."""
-    memory = copy(getattr(term, "memory", None))
-    if memory is None or not hasattr(memory, "begin"):
-        return term
-    copied = copy(term)
-    object.__setattr__(copied, "memory", memory)  # terms may be frozen
-    memory.begin()
-    return copied
 
 
 def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
@@ -104,15 +87,15 @@ def coupled_nodes(term: Term, basis: CellBasis) -> Sequence[ndarray]:
     """
     if (named := term.couples()) is not None:
         return named
-    K = term.tangent(basis.zeros(), 1.0)
+    K = term.tangent(basis.zeros(), 1.0, _at_rest(term))
     return () if K is None else (np.array(K.nonzero()) // components(basis),)
 
 
 def check_term(term: Term, basis: CellBasis, size: float) -> None:
     """Refuse a term with parts of another shape, not finite at rest, or at odds.
 
-    What has a memory may store work that its residual knows nothing of: there energy,
-    residual and tangent are not compared.
+    Terms that advance parameters with the steps may have rates and no energy: their
+    energy, residual and tangent are not compared.
 
     Parameters
     ----------
@@ -138,7 +121,7 @@ def check_term(term: Term, basis: CellBasis, size: float) -> None:
     K = _tangent(term, size * 0.5 * (low + high), 1.0)
     _refuse_infinite(term, "near rest", E_low, r_low, K)
     refuse_unsymmetric(term.name, K - K.T, K)
-    if term.memory is not None:
+    if term.parameters is not None and term.parameters.depends_on_steps:
         return
     noise = _ROUND_OFF * (abs(E_low) + abs(E_high))
     _compare(term, "energy", E_high - E_low, (r_low @ step, r_high @ step), noise)
@@ -188,10 +171,10 @@ def _tangent(term: Term, u: ndarray, t: float) -> Any:
 
 def _asked(term: Term, part: str, u: ndarray, t: float) -> Any:
     """One part of a term, whatever its own code raises told with its name."""
-    function: Callable[[ndarray, float], Any] = getattr(term, part)
+    function: Callable[[ndarray, float, Values], Any] = getattr(term, part)
     try:
         with np.errstate(all="ignore"):
-            return function(u.copy(), t)
+            return function(u.copy(), t, _at_rest(term))
     except Exception as error:  # a user's function may raise anything
         reason = f"{type(error).__name__} {error}".strip().partition("\n")[0]
         raise ValueError(f"term {term.name!r}: its {part} fails: {reason}") from error
@@ -206,3 +189,8 @@ def _refuse_shape(
             f"term {term.name!r}: its {part} must be {wanted}, not of shape "
             f"{array.shape} and type {array.dtype}"
         )
+
+
+def _at_rest(term: Term) -> Values:
+    """Values of a term's parameters at rest."""
+    return NO_VALUES if term.parameters is None else term.parameters.at_rest()

@@ -14,7 +14,7 @@ from skfem import CellBasis, FacetBasis, LinearForm, asm
 from skfem.helpers import dot
 
 from ...fabric.law import Law
-from ...ply.term import Term
+from ...ply.term import Term, Values
 from ...solve.conditions import OnSurface
 from ..common.net_over import net_over
 
@@ -122,15 +122,15 @@ class _Tractions(Term):
     def __init__(self, forces: ndarray) -> None:
         self._forces = forces
 
-    def energy(self, u: ndarray, t: float) -> float:
+    def energy(self, u: ndarray, t: float, p: Values) -> float:
         """−F(t)·u."""
         return -float(self._at(t) @ u)
 
-    def residual(self, u: ndarray, t: float) -> ndarray:
+    def residual(self, u: ndarray, t: float, p: Values) -> ndarray:
         """−F(t)."""
         return -self._at(t)
 
-    def tangent(self, u: ndarray, t: float) -> None:
+    def tangent(self, u: ndarray, t: float, p: Values) -> None:
         """None."""
 
     def _at(self, t: float) -> ndarray:

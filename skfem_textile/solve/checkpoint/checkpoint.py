@@ -4,7 +4,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 from uuid import uuid4
@@ -20,7 +20,7 @@ from .lock import Lock
 from .sealed import Content
 
 # Version of the files; another one is refused.
-_FORMAT = 6
+_FORMAT = 7
 _RUN, _STATES = "run.npz", "state_*.npz"
 
 # Characters of a setting that a message shows.
@@ -114,7 +114,7 @@ class Checkpoint:
             )
 
     def save(self, number: int, state: State, progress: Progress) -> None:
-        """Write a state, where the stepper is, and what the ply's terms remembered.
+        """Write a state, and where the stepper is.
 
         The first state of a run takes the place of a finished run.
 
@@ -123,17 +123,15 @@ class Checkpoint:
         CheckpointError
             If it cannot be written.
         """
-        text = asdict(state) | {"work": {}}
+        text = asdict(replace(state, parameters={}))
         path, clock = progress.path.saved(), asdict(progress.clock)
         text["progress"] = progress._asdict() | {"path": path, "clock": clock}
         arrays = {"u": text.pop("u")}
-        del text["shares"]  # which `Replay` finds anew
+        del text["shares"], text["parameters"]  # `Replay` computes the shares
         for key in VECTORS:
             text[key] = {name: v.tolist() for name, v in text[key].items()}
-        for term, memory in self._ply.memories.items():
-            text["work"][term] = float(memory.work)
-            for name, array in memory.parameters.items():
-                arrays[f"{term} {name}"] = np.asarray(array)
+        for term, values in state.parameters.items():
+            arrays |= {f"{term} {name}": array for name, array in values.items()}
         name = f"state_{number:06d}"
         with self._writing():
             beside = self.folder / f".{name}.npz"
@@ -144,14 +142,14 @@ class Checkpoint:
                 (self.folder / f".{_RUN}").replace(self.folder / _RUN)
             beside.replace(self.folder / f"{name}.npz")
 
-    def load(self, checked: Callable[[State, Content], State]) -> Saved | None:
+    def load(self, checked: Callable[[State], State]) -> Saved | None:
         """Read and check every state; None if there is none.
 
         Parameters
         ----------
         checked
-            Called with one state after the other and what its file holds; gives the
-            whole state, or raises ValueError where it is not one of this run.
+            Called with one state after the other; returns the whole state, or raises
+            ValueError where it is not one of this run.
 
         Raises
         ------
@@ -171,10 +169,10 @@ class Checkpoint:
         contents = list(self._states(run))
         for file, content in zip(files, contents, strict=True):
             with self._using(file):
-                states.append(state_of(content, states))
-        for i, (file, content) in enumerate(zip(files, contents, strict=True)):
+                states.append(state_of(content, states, self._ply.parameters_at_rest))
+        for i, file in enumerate(files):
             with self._using(file):
-                states[i] = checked(states[i], content)
+                states[i] = checked(states[i])
         with self._using(files[-1]):
             saved = contents[-1].text["progress"]
             progress = progress_of(saved, states, self._settings)

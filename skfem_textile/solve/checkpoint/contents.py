@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
+from ..body import Parameters
 from ..linear.solver import Clock
 from ..states import State, Verdict
 from ..stepping.load_path import LoadPath
@@ -28,24 +29,40 @@ class Progress(NamedTuple):
     elapsed: float
 
 
-def state_of(content: Content, before: Sequence[State]) -> State:
+def state_of(content: Content, before: Sequence[State], at_rest: Parameters) -> State:
     """The state in a file, after those before it.
+
+    ``at_rest`` are the ply's parameters at rest.
 
     Raises
     ------
     ValueError
-        If its load factor is not one after theirs.
+        If its load factor is not one after theirs, or its parameters are not of the
+        ply.
     """
-    text = {k: v for k, v in content.text.items() if k not in ("progress", "work")}
+    text = {k: v for k, v in content.text.items() if k != "progress"}
     for key in VECTORS:
         text[key] = {name: np.array(v) for name, v in text[key].items()}
     text["residuals"] = tuple(text["residuals"])
     text["verdict"] = Verdict(**text["verdict"])
-    state = State(u=content.arrays["u"], **text)
+    parameters = _parameters(content, at_rest)
+    state = State(u=content.arrays["u"], parameters=parameters, **text)
     last = before[-1].load_factor if before else -1.0
     if not last < state.load_factor <= 1:
         raise ValueError(f"its load factor is {state.load_factor}, after {last}")
     return state
+
+
+def _parameters(content: Content, at_rest: Parameters) -> Parameters:
+    """Parameters in a file, of the same names, shapes and types as those at rest."""
+    found = {}
+    for term, values in at_rest.items():
+        saved = {name: content.arrays[f"{term} {name}"] for name in values}
+        for name, like in values.items():
+            if saved[name].shape != like.shape or saved[name].dtype != like.dtype:
+                raise ValueError(f"its {name} is not of this ply")
+        found[term] = type(values)(saved)
+    return type(at_rest)(found)
 
 
 def progress_of(

@@ -31,12 +31,11 @@ def arrays(ply: Body, constraints: Supports, steps: int) -> dict[str, ndarray]:
     """Mesh, fibre directions, laws, conditions, and the forces of each term.
 
     The conditions are asked at the requested load factors and in between; the forces
-    are those of a displacement that shears and stretches every element, of a ply that
-    remembers nothing.
+    are those of a displacement that shears and stretches every element, with the
+    parameters at rest.
     """
     load_factors = np.linspace(0.0, 1.0, 2 * steps + 1)
     turn, surfaces = constraints.turn, constraints.surfaces
-    ply.reset()
     probe = 0.1 * ply.element_size * np.sin(np.arange(ply.basis.N))
     fabric = ply.fabric.at()
     warp, weft, shear = fabric.laws

@@ -1,4 +1,4 @@
-"""Whether the states that were read are those of the problem, one after the other."""
+"""Validation of the states of a checkpoint against the problem."""
 
 from dataclasses import asdict, replace
 
@@ -9,17 +9,13 @@ from ..problem import Problem, Start
 from ..states import Equilibrium, State
 from ..verdict import Trial
 from .contents import SAME
-from .sealed import Content
 
 # What round-off leaves of strains and area ratios.
 _ROUND_OFF = 1e-13
 
 
 class Replay:
-    """Finds anew the forces of each state, with what the ply remembered then.
-
-    Called with one state after the other and what its file holds, from the first on.
-    At the end the ply's terms remember what the last file holds.
+    """Checks of states that were read, one after the other from the first on.
 
     Parameters
     ----------
@@ -37,7 +33,7 @@ class Replay:
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
 
-    def __call__(self, state: State, content: Content) -> State:
+    def __call__(self, state: State) -> State:
         """Compare a state with what the problem makes of it; give it its shares.
 
         Raises
@@ -45,30 +41,17 @@ class Replay:
         ValueError
             If they disagree.
         """
-        self._restore(content)
         start = None
         if state.load_factor > 0:
-            before = self.last.equilibrium.u
-            start = self.last.problem.start(before)
+            start = self.last.next_start()
         self.last = check_state(self._problem.at(state.load_factor), state, start)
         return replace(state, shares=self.last.shares)
-
-    def _restore(self, content: Content) -> None:
-        """Let the ply's terms remember what a file holds."""
-        for term, memory in self._problem.ply.memories.items():
-            saved = {k: content.arrays[f"{term} {k}"] for k in memory.parameters}
-            for name, value in memory.parameters.items():
-                old = np.asarray(value)
-                if saved[name].shape != old.shape or saved[name].dtype != old.dtype:
-                    raise ValueError(f"its {name} is not of this ply")
-            memory.restore(saved, content.text["work"][term])
 
 
 def check_state(problem: Problem, state: State, before: Start | None) -> Trial:
     """Compare a state with what the problem makes of its displacement.
 
-    The ply must remember what it did when the state was found.  Counts and residuals
-    tell how the state was found, and cannot be compared.
+    Counts and residuals are not compared: they depend on how the state was found.
 
     Parameters
     ----------
@@ -89,13 +72,13 @@ def check_state(problem: Problem, state: State, before: Start | None) -> Trial:
     ValueError
         If they disagree.
     """
-    u, ply = state.u, problem.ply
+    u, ply, p = state.u, problem.ply, state.parameters
     if u.shape != (ply.basis.N,) or u.dtype != float or not np.isfinite(u).all():
         raise ValueError("its displacement is not one of this ply")
     if not problem.is_fixed(u, problem.constraints.fixed_values(state.load_factor)):
         raise ValueError("its displacement is not that of its load factor")
-    f, (energies, potentials) = problem.residual(u), problem.energies(u)
-    equilibrium = Equilibrium(u, f, (), state.tolerance)
+    f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
+    equilibrium = Equilibrium(u, f, p, (), state.tolerance)
     trial = Trial(problem, equilibrium, before, energies, potentials)
     trial.tangent = None  # a factorisation that tells nothing new
     largest = float(np.abs(f).max())

@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
-from ..body import Body, Supports
+from ..body import Body, Parameters, Supports
 from ..linear.solver import Clock, SolverOfPattern
 from ..linear.system import System
 from ..states import NoEquilibriumError
@@ -47,9 +47,6 @@ class Problem:
         Forces in N that act beside the loads: what is not let go yet at rest.
     converged
         Share of the largest force that an equilibrium may leave unbalanced.
-    holds_stiffness, remembers_path
-        Whether terms remember stiffnesses at a state near the one that is sought, and
-        whether they remember something else.
 
     Raises
     ------
@@ -68,9 +65,6 @@ class Problem:
         self._solver = solver
         self.clock = Clock()
         self.element_size = ply.element_size
-        depend_on = {memory.depends_on for memory in ply.memories.values()}
-        self.holds_stiffness = "state" in depend_on
-        self.remembers_path = bool(depend_on - {"state"})
         for term in ply.further_terms:
             if reason := getattr(term, "unsupported", lambda _: "")(constraints):
                 raise ValueError(f"load {term.name!r}: {reason}")
@@ -85,58 +79,66 @@ class Problem:
         arguments = pattern, ply.nodes, constraints, self._solver
         return clock.time("solve", System, *arguments)
 
-    def energy(self, u: ndarray) -> float:
+    def energy(self, u: ndarray, parameters: Parameters) -> float:
         """Energy, potential of loads included, on the clock."""
-        arguments = u, self.load_factor, self.corners_resist
+        arguments = u, self.load_factor, parameters, self.corners_resist
         energy = self.clock.time("assembly", self.ply.energy, *arguments)
         return energy - float(np.sum(self.held * u))
 
-    def residual(self, u: ndarray) -> ndarray:
+    def residual(self, u: ndarray, parameters: Parameters) -> ndarray:
         """Nodal forces, internal ones less loads, on the clock."""
-        arguments = u, self.load_factor, self.corners_resist
+        arguments = u, self.load_factor, parameters, self.corners_resist
         return self.clock.time("assembly", self.ply.residual, *arguments) - self.held
 
-    def energies(self, u: ndarray) -> tuple[dict[str, float], dict[str, float]]:
+    def energies(
+        self, u: ndarray, parameters: Parameters
+    ) -> tuple[dict[str, float], dict[str, float]]:
         """Energies of the terms by name, and potentials of the loads, on the clock."""
-        every = self.clock.time("assembly", self.ply.energies, u, self.load_factor)
+        arguments = u, self.load_factor, parameters
+        every = self.clock.time("assembly", self.ply.energies, *arguments)
         loads = [name for name, role in self.ply.roles.items() if role == "load"]
         potentials = {name: every.pop(name) for name in loads}
         return every, potentials
 
-    def load(self, u: ndarray) -> ndarray:
+    def load(self, u: ndarray, parameters: Parameters) -> ndarray:
         """Nodal forces of the loads."""
-        return self.ply.load(u, self.load_factor) + self.held
+        return self.ply.load(u, self.load_factor, parameters) + self.held
 
-    def settle(self, u: ndarray) -> bool:
-        """Hold the stiffnesses at ``u`` in place of others, if that changes the energy.
+    def updated(
+        self, parameters: Parameters, u: ndarray, tension: ndarray | None = None
+    ) -> Parameters:
+        """Parameters updated at ``u``; see `Ply.updated`."""
+        return self.ply.updated(parameters, u, self.load_factor, tension)
 
-        Returns whether it does, by more than a small share.
-        """
-        if not self.holds_stiffness:
-            return False
-        ply = self.ply
-        held, (before, _) = ply.remembered, self.energies(u)
-        if ply.settle(u):
-            after, _ = self.energies(u)
-            energy = sum(before.values())
-            if abs(sum(after.values()) - energy) > _NEARLY_SETTLED * abs(energy):
-                return True
-            ply.remembered = held
-        return False
+    def settled(self, parameters: Parameters, u: ndarray) -> Parameters:
+        """Parameters updated at ``u``, if that changes the energy noticeably."""
+        after = self.updated(parameters, u)
+        if after is parameters:
+            return parameters
+        before, settled = (
+            sum(self.energies(u, x)[0].values()) for x in (parameters, after)
+        )
+        return (
+            after
+            if abs(settled - before) > _NEARLY_SETTLED * abs(before)
+            else parameters
+        )
 
-    def start(self, u: ndarray, tangent: Tangent | None = None) -> Start:
-        """What starts an iteration, with what the ply remembers."""
-        energies, _ = self.energies(u)
-        f, load, remembered = self.residual(u), self.load(u), self.ply.remembered
-        return Start(self.load_factor, u, f, load, energies, remembered, tangent)
+    def start(
+        self, u: ndarray, parameters: Parameters, tangent: Tangent | None = None
+    ) -> Start:
+        """The start of an iteration at ``u``."""
+        energies, _ = self.energies(u, parameters)
+        f, load = self.residual(u, parameters), self.load(u, parameters)
+        return Start(self.load_factor, u, f, load, energies, parameters, tangent)
 
-    def forces_of(self, start: Start) -> ndarray:
+    def forces_of(self, start: Start, parameters: Parameters) -> ndarray:
         """Nodal forces at the start of an iteration, its load that of this problem.
 
-        On surfaces the stiffnesses of the discretisation may be others there.
+        On surfaces the parameters may be others there.
         """
         changed = self.ply.follows_load_factor or self.surfaces
-        return self.residual(start.u) if changed else start.f
+        return self.residual(start.u, parameters) if changed else start.f
 
     def at(self, load_factor: float) -> "Problem":
         """The same problem, on the same clock, at another load factor."""
@@ -252,11 +254,11 @@ class Problem:
         place = u, self.load_factor, elements, ply.normals(u)
         return ratio * self.surfaces.facing(*place)
 
-    def in_domain(self, u: ndarray) -> bool:
+    def in_domain(self, u: ndarray, parameters: Parameters) -> bool:
         """Whether every law holds at ``u``, and has a finite energy."""
         if self.ply.fabric.unbounded:
             return True
-        return self.ply.in_domain(u) and bool(np.isfinite(self.energy(u)))
+        return self.ply.in_domain(u) and bool(np.isfinite(self.energy(u, parameters)))
 
     def around(self, u: ndarray) -> ndarray:
         """Elements at the node where a DOF vector is largest."""

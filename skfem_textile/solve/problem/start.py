@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where an iteration starts: a displacement, and what the ply has there.
+    """Initial guess of an iteration: a displacement, with forces and energies there.
 
     Attributes
     ----------
@@ -24,8 +24,8 @@ class Start:
         Displacement, nodal forces and those of the loads.
     energies
         Energy of each term in N·mm, those of loads aside.
-    remembered
-        What the ply remembers.
+    parameters
+        Parameters of the ply's terms.
     tangent
         A tangent for the first increment; None where it is singular.
     """
@@ -35,19 +35,16 @@ class Start:
     f: ndarray
     load: ndarray
     energies: Mapping[str, float]
-    remembered: Mapping[str, Any]
+    parameters: Mapping[str, Any]
     tangent: "Tangent | None" = None
 
-    def again(self, problem: "Problem") -> "Start":
-        """The same displacement and loads, with what the ply remembers now."""
-        now = problem.ply.remembered
-        if all(
-            np.array_equal(array, now[term][0][name])
-            for term, (parameters, _) in self.remembered.items()
-            for name, array in parameters.items()
-        ):
+    def with_parameters(
+        self, problem: "Problem", parameters: Mapping[str, Any]
+    ) -> "Start":
+        """The same displacement at the same load factor, with other parameters."""
+        if all(parameters[name].same_as(own) for name, own in self.parameters.items()):
             return self
-        return problem.at(self.load_factor).start(self.u)
+        return problem.at(self.load_factor).start(self.u, parameters)
 
 
 class Goal(NamedTuple):

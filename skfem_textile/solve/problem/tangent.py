@@ -11,6 +11,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
+from ..body import Parameters
 from ..linear.solver import SingularMatrixError
 from ..states import NoEquilibriumError
 
@@ -43,8 +44,8 @@ class Tangent:
     ----------
     problem
         The problem.
-    u
-        Displacement.
+    u, parameters
+        Displacement, and parameters of the ply's terms.
     tension
         Fibre tensions for the geometric stiffness in place of those of ``u``.
     convex
@@ -62,6 +63,7 @@ class Tangent:
         self,
         problem: "Problem",
         u: ndarray,
+        parameters: Parameters,
         tension: ndarray | None = None,
         convex: bool = False,
         contact: ndarray | None = None,
@@ -69,11 +71,12 @@ class Tangent:
         self._problem, clock, system = problem, problem.clock, problem.system
         self._u = u
         self.altered = False
-        arguments = u, problem.load_factor, tension, problem.corners_resist, convex
+        acting = tension, problem.corners_resist, convex
+        arguments = u, problem.load_factor, parameters, *acting
         blocks = clock.time("assembly", problem.ply.stiffness, *arguments)
         self._turn = problem.turn(u)
         if problem.surfaces:
-            self._blocks = blocks = _curved(problem, u, blocks, contact)
+            self._blocks = blocks = _curved(problem, u, parameters, blocks, contact)
         if not np.isfinite(blocks.sum()):
             raise NoEquilibriumError("the tangent is not finite", advice=NOT_FINITE)
         self._matrix = clock.time("assembly", reduced, system, blocks, self._turn)
@@ -194,13 +197,17 @@ def _multipliers(problem: "Problem", u: ndarray, f: ndarray) -> ndarray:
 
 
 def _curved(
-    problem: "Problem", u: ndarray, blocks: ndarray, contact: ndarray | None
+    problem: "Problem",
+    u: ndarray,
+    parameters: Parameters,
+    blocks: ndarray,
+    contact: ndarray | None,
 ) -> ndarray:
     """The blocks of a tangent less λ∇²φ of nodes on surfaces."""
     surfaces, pattern = problem.surfaces, problem.ply.pattern
     assert surfaces
     if contact is None:
-        contact = _multipliers(problem, u, problem.residual(u))
+        contact = _multipliers(problem, u, problem.residual(u, parameters))
     own = np.flatnonzero(pattern.rows == pattern.cols)[surfaces.nodes]
     blocks = blocks.copy()
     hessian = surfaces.hessian(u, problem.load_factor)
@@ -208,10 +215,12 @@ def _curved(
     return blocks
 
 
-def tangent_at(problem: "Problem", u: ndarray) -> Tangent | None:
+def tangent_at(
+    problem: "Problem", u: ndarray, parameters: Parameters
+) -> Tangent | None:
     """The consistent tangent; None where it is singular."""
     try:
-        return Tangent(problem, u)
+        return Tangent(problem, u, parameters)
     except NoEquilibriumError:
         return None
 

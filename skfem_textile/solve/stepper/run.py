@@ -63,7 +63,7 @@ class Run:
         self._search, self.problem, self.record = search, search.problem, record
         self._load_factors, self._loaded, self._reached = load_factors, loaded, reached
         self.problem.clock, self._began = Clock(), perf_counter()
-        self._steps_cut, self._held = 0, self.problem.ply.remembered
+        self._steps_cut = 0
         longest = load_factors[0]
         shortest = longest / 2.0**max_halvings
         self._length = StepLength(longest, shortest, next=longest)
@@ -77,7 +77,6 @@ class Run:
         except NoEquilibriumError as failure:
             raise StepError.after(failure, self.result) from None
         finally:
-            self.problem.ply.remembered = self._held
             if warning := self._path.warning():
                 log.warning(warning)
             if self.record.checkpoint:
@@ -98,15 +97,13 @@ class Run:
     def _begin(self, resume: bool) -> None:
         """Start from the ply at rest, or from where the checkpoint ends."""
         problem, checkpoint = self.problem, self.record.checkpoint
-        problem.ply.reset()
-        self._held = problem.ply.remembered
         replay = Replay(problem)
         if checkpoint and resume and (saved := checkpoint.load(replay)):
             self._go_on(saved, replay.last)
             return
-        u = problem.ply.basis.zeros()
+        u, p = problem.ply.basis.zeros(), problem.ply.parameters_at_rest
         with np.errstate(all="ignore"):  # what is not finite is caught
-            f, (energies, potentials) = problem.residual(u), problem.energies(u)
+            f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
             if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
                 raise ValueError("a law has no finite energy or force at rest: mend it")
             if checkpoint:
@@ -127,9 +124,10 @@ class Run:
         A ply at rest may have motions without stiffness, but none that gains energy.
         """
         problem = self.problem
-        tangent, unbalanced = tangent_at(problem, u), problem.unbalanced(f, u)
+        p = problem.ply.parameters_at_rest
+        tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
-        undeformed = Equilibrium(u, f, (unbalanced,), tolerance)
+        undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance)
         trial = Trial(problem, undeformed, None, energies, potentials)
         trial.tangent = tangent
         state, values = self._state(0.0, trial), problem.constraints.fixed_values(0.0)
@@ -140,7 +138,7 @@ class Run:
                 log.warning(_NOTHING_DRIVES)
         else:
             self.record.states = [state]  # until the ply is in balance
-            found = self._search.at_rest(problem.start(u, tangent), values)
+            found = self._search.at_rest(problem.start(u, p, tangent), values)
             state = self._state(0.0, found.trial)
             hard = found.altered > MOST_ALTERED or not found.followed_path
             if hard or not found.settled or self._depends_on_steps(state):
@@ -151,8 +149,8 @@ class Run:
     def _go_on(self, saved: Saved, last: Trial) -> None:
         """Take up a run where its checkpoint ends."""
         progress, problem = saved.progress, last.problem
-        self._held = problem.ply.remembered
-        last.tangent = tangent_at(problem, last.equilibrium.u)
+        equilibrium = last.equilibrium
+        last.tangent = tangent_at(problem, equilibrium.u, equilibrium.parameters)
         self._start = last.next_start()
         self.record.states = saved.states
         self._length.next, self._steps_cut = progress.length, progress.steps_cut
@@ -203,7 +201,9 @@ class Run:
         """Find a state at the load factor ``t``; whether it was kept."""
         try:
             values = self.problem.constraints.fixed_values(t)
-            self.problem.ply.load(self._start.u, t)  # whose factor is a user's function
+            self.problem.at(t).load(
+                self._start.u, self._start.parameters
+            )  # whose factor is a user's function
         except ValueError as error:
             raise StepError.after(error, self.result) from None
         last, step = self._start, t - self.record.states[-1].load_factor
@@ -228,8 +228,10 @@ class Run:
             s.energies | s.potentials for s in (state, self.record.states[-1])
         )
         return any(
-            memory.depends_on == "steps" and now[name] != before[name]
-            for name, memory in self.problem.ply.memories.items()
+            term.parameters is not None
+            and term.parameters.depends_on_steps
+            and now[term.name] != before[term.name]
+            for term in self.problem.ply.terms
         )
 
     def _state(self, t: float, trial: Trial) -> State:
@@ -239,7 +241,6 @@ class Run:
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step."""
         self.record.add(state, trial.warnings, self._progress)
-        self._held = self.problem.ply.remembered
         log.info(
             "load factor %g: %d linear solves", state.load_factor, state.linear_solves
         )

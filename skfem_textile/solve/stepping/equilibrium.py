@@ -5,7 +5,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy import ndarray
 
-from ..body import Body
+from ..body import Body, Parameters
 from ..conditions import Conditions, Constraints
 from ..linear import ChosenSolver
 from ..problem import Problem
@@ -20,15 +20,14 @@ def equilibrium_near(
     u: ndarray,
     load_factor: float = 1.0,
     *,
+    parameters: Parameters | None = None,
     strategies: Sequence[str | Strategy] = ("mixed",),
     warn_only: Collection[str] = (),
     solver: str = "auto",
 ) -> State:
     """Find the state at a load factor that is near a displacement, and judge it.
 
-    The stiffnesses that the discretisation holds are those at rest to begin with: away
-    from balance the tensions of stiff fibres tell nothing.
-    There is no step behind it, so that work tells nothing.
+    There is no step before it, so that its work is not checked.
 
     Parameters
     ----------
@@ -38,6 +37,10 @@ def equilibrium_near(
         The displacement, as `Refinement.carry` makes one.
     load_factor
         Load factor.
+    parameters
+        Parameters of the ply's terms to start with, as ``State.parameters``; those at
+        rest if not given: away from balance the tensions of stiff fibres are far from
+        those at balance.
     strategies, warn_only, solver
         As for `LoadStepper`.
 
@@ -52,9 +55,8 @@ def equilibrium_near(
     problem = Problem(ply, constraints, lambda lower: ChosenSolver(solver, lower)).at(
         load_factor
     )
-    ply.reset()
     with np.errstate(all="ignore"):  # what is not finite is caught
-        start = problem.start(u)
+        start = problem.start(u, parameters or ply.parameters_at_rest)
     chosen = [strategy_of(strategy) for strategy in strategies]
     search = EquilibriumSearch(problem, chosen, frozenset(warn_only), lambda _: None)
     values = constraints.fixed_values(load_factor)

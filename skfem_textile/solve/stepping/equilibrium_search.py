@@ -81,21 +81,19 @@ class EquilibriumSearch:
     report: Callable[[Iteration], None]
 
     def __call__(self, goal: Goal) -> Found:
-        """A state that passes every check; the ply then remembers what it did there.
+        """A state that passes every check.
 
         Raises
         ------
         NoEquilibriumError
             If no strategy finds one.
         """
-        found, ply, clock = self._first(goal), self.problem.ply, self.problem.clock
+        found, clock = self._first(goal), self.problem.clock
         before = clock.solves
         for _ in range(_TIMES):
-            held = ply.remembered
             with np.errstate(all="ignore"):  # what is not finite is caught
                 start = _start_of_another(found.trial)
             if start is None:
-                ply.remembered = held
                 found = found._replace(settled=True)
                 break
             # It is near, so that the way to it is easy.
@@ -105,7 +103,6 @@ class EquilibriumSearch:
                     goal._replace(start=start, most_altered=most_altered)
                 )
             except NoEquilibriumError:
-                ply.remembered = held
                 break
             altered = max(found.altered, again.altered)
             followed_path = found.followed_path and again.followed_path
@@ -134,13 +131,14 @@ class EquilibriumSearch:
             If there is no acceptable state.
         """
         unbalanced, u, tangent = start.f, start.u, start.tangent
+        p = start.parameters
         done, step, most, altered, followed = 0.0, 1.0, float(MOST_ALTERED), 0, True
         stable = tangent is not None and tangent.negative_pivots == 0
         shortest = _SHORTEST_AT_REST[0 if stable else 1]
         while True:
             share = min(1.0, done + step)
             held = (1.0 - share) * unbalanced
-            begin = self.problem.holding(held).start(u, tangent)
+            begin = self.problem.holding(held).start(u, p, tangent)
             goal = Goal(0.0, 0.0, share * fixed_values, begin, None, most, held)
             try:
                 found = self(goal)
@@ -156,7 +154,8 @@ class EquilibriumSearch:
             if share == 1.0:
                 return found._replace(altered=altered, followed_path=followed)
             last = found.trial.next_start()
-            u, tangent, done, step = last.u, last.tangent, share, 2 * step
+            u, p, tangent = last.u, last.parameters, last.tangent
+            done, step = share, 2 * step
 
     def _first(self, goal: Goal) -> Found:
         """The state that the first strategy finds which finds any.
@@ -208,7 +207,6 @@ class EquilibriumSearch:
         self, problem: Problem, strategy: Strategy, goal: Goal
     ) -> Equilibrium:
         name = type(strategy).__name__.lower()
-        problem.ply.remembered = goal.start.remembered
 
         def report(number: int, residual: float, tolerance: float) -> None:
             place = goal.load_factor, goal.step
@@ -225,10 +223,10 @@ class EquilibriumSearch:
 
     def _checked(self, problem: Problem, equilibrium: Equilibrium, goal: Goal) -> Trial:
         """The trial of an equilibrium that passes every check."""
-        energies, potentials = problem.energies(equilibrium.u)
-        before = goal.before
-        if before and problem.holds_stiffness:
-            before = before.again(problem)  # with the stiffnesses of the equilibrium
+        parameters, before = equilibrium.parameters, goal.before
+        energies, potentials = problem.energies(equilibrium.u, parameters)
+        if before:  # one set of parameters for both
+            before = before.with_parameters(problem, parameters)
         trial = Trial(problem, equilibrium, before, energies, potentials)
         trial.apply_checks(self.warn_only)
         return trial
@@ -237,13 +235,12 @@ class EquilibriumSearch:
 def _start_of_another(trial: Trial) -> Start | None:
     """Where the search for another state starts; None if this one is good enough.
 
-    The ply then remembers the stiffnesses at the state.  Those that are not finite are
-    none to search with.
+    It has the stiffnesses at the state, if they are finite.
     """
-    problem, (u, f, *_) = trial.problem, trial.equilibrium
-    if not (problem.holds_stiffness and problem.ply.settle(u)):
+    problem, (u, f, parameters, *_) = trial.problem, trial.equilibrium
+    if (after := problem.updated(parameters, u)) is parameters:
         return None
-    start, tangent = problem.start(u, trial.tangent), trial.tangent
+    start, tangent = problem.start(u, after, trial.tangent), trial.tangent
     tolerance = trial.equilibrium.tolerance
     if (
         not np.isfinite(start.f).all()

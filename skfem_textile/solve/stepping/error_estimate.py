@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from ..body import Body
+from ..body import Body, Parameters
 from ..conditions import Conditions, Constraints
 from ..linear import solver_named
 from ..problem import Problem, Tangent
@@ -59,11 +59,9 @@ def estimated_error(
         return ErrorEstimate(reason="there is no load yet")
     if ply.basis.N > MOST_UNKNOWNS:
         return ErrorEstimate(reason=f"more than {MOST_UNKNOWNS} unknowns")
-    held = ply.remembered
     try:
         refuse_single_nodes(ply, conditions)
         with np.errstate(all="ignore"):  # what is not finite is caught
-            ply.settle(state.u)
             return _estimate(ply, conditions, solver, state)
     except NoEquilibriumError as error:
         reason = (
@@ -76,8 +74,6 @@ def estimated_error(
         reason = str(error)
     except Exception as error:  # of a user's term; what was computed is not lost
         reason = f"{type(error).__name__} {error}".strip().partition("\n")[0]
-    finally:
-        ply.remembered = held
     return ErrorEstimate(reason=reason)
 
 
@@ -104,15 +100,16 @@ def _estimate(
         If there is no finer ply, or nothing shapes the ply.
     """
     coarse, u = problem_at(ply, conditions, solver, state.load_factor), state.u
-    motion, forces = Tangent(coarse, u).settled(coarse.residual(u))
-    before = work(coarse, forces, u := u + motion)
+    p = coarse.updated(state.parameters, u)
+    motion, forces = Tangent(coarse, u, p).settled(coarse.residual(u, p))
+    before = work(coarse, forces, u := u + motion, p)
     loaded = carries_load(before, coarse, state)
     if not loaded and coarse.surfaces is None:
         raise ValueError(NO_LOAD)
     finer: Any = ply.finer()
     fine = problem_at(finer.ply, conditions, solver, state.load_factor)
-    carried, tension = finer.carry(u)
-    fine_u, after = _moved(fine, carried, tension, before, loaded)
+    way = _Way(fine, *finer.carry(u, p))
+    fine_u, after = _moved(way, before, loaded)
     angle, fine_angle = (
         of.ply.shear_angle(x).mean(axis=1) for of, x in ((coarse, u), (fine, fine_u))
     )
@@ -128,9 +125,7 @@ def _estimate(
     return ErrorEstimate(float(max(change, LOAD_OVER_SHARE * carried)), shear_angle)
 
 
-def _moved(
-    problem: Problem, u: ndarray, tension: ndarray, before: ndarray, loaded: bool
-) -> tuple[ndarray, ndarray]:
+def _moved(way: "_Way", before: ndarray, loaded: bool) -> tuple[ndarray, ndarray]:
     """A displacement nearer to the equilibrium, and the work there to first order.
 
     A second increment whose tangent is not altered settles it, unless the first had to
@@ -141,10 +136,7 @@ def _moved(
     NoEquilibriumError
         If the increments do not settle.
     """
-    u = problem.moved(u, np.zeros_like(u))
-    if not problem.in_domain(u):
-        raise NoEquilibriumError("this state is past the end of a law there")
-    way = _Way(problem, u, tension)
+    problem = way.problem
     values = problem.constraints.fixed_values(problem.load_factor)
     way.go(way.tangent.increment(way.f, way.u, values))
     if not loaded and way.shortened:
@@ -191,40 +183,46 @@ class _Way:
 
     Attributes
     ----------
-    u, f, tangent
-        Displacement, forces and tangent after the increments.
+    u, parameters, f, tangent
+        Displacement, parameters, forces and tangent after the increments.
     number
         How many there were.
     whole, shortened
         Whether the last one was not shortened, and whether any was.
     """
 
-    def __init__(self, problem: Problem, u: ndarray, tension: ndarray) -> None:
+    def __init__(
+        self, problem: Problem, u: ndarray, parameters: Parameters, tension: ndarray
+    ) -> None:
         self.problem, self.number, self.whole, self.shortened = problem, 0, True, False
+        u, self.parameters = problem.moved(u, np.zeros_like(u)), parameters
+        if not problem.in_domain(u, parameters):
+            raise NoEquilibriumError("this state is past the end of a law there")
         self._at(u, tension, no_contact(problem))
 
     def _at(self, u: ndarray, tension: ndarray, contact: ndarray | None) -> None:
-        self.u, self.tangent = u, definite(self.problem, u, tension, contact)
-        self.f = self.problem.residual(u)
+        p, self.u = self.parameters, u
+        self.tangent = definite(self.problem, u, p, tension, contact)
+        self.f = self.problem.residual(u, p)
 
     def go(self, du: ndarray) -> None:
         """Make an increment, as long as the laws allow."""
-        problem, ply = self.problem, self.problem.ply
-        step = within_laws(problem, self.u, du)
+        problem, p = self.problem, self.parameters
+        step = within_laws(problem, self.u, du, p)
         self.whole = np.array_equal(step, du)
         self.shortened = self.shortened or not self.whole
-        tension = ply.geometric_tension(self.u, step)
+        tension = problem.ply.geometric_tension(self.u, step, p)
         contact = self.tangent.contact(self.f, step)
         u = problem.moved(self.u, step)
         if self.number == 0 or self.shortened:
-            ply.settle(u, tension)
+            self.parameters = problem.updated(p, u, tension)
         self.number += 1
         self._at(u, tension, contact)
 
     def ahead(self) -> tuple[ndarray, ndarray]:
         """The next increment, and the work after it to first order."""
         du, forces = self.tangent.settled(self.f)
-        return du, work(self.problem, forces, self.u + du)
+        return du, work(self.problem, forces, self.u + du, self.parameters)
 
 
 def refuse_single_nodes(ply: Body, conditions: Conditions) -> None:

@@ -17,5 +17,6 @@ def grown(problem: Problem, start: Start) -> Start:
     if u is None:
         return start
     with np.errstate(all="ignore"):  # what is not finite is caught
-        usable = problem.least_area_ratio(u).min() > 0 and problem.in_domain(u)
-        return problem.start(u) if usable else start
+        p = start.parameters
+        usable = problem.least_area_ratio(u).min() > 0 and problem.in_domain(u, p)
+        return problem.start(u, p) if usable else start

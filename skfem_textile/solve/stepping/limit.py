@@ -59,9 +59,9 @@ def nothing_drives(
         np.any(problem.constraints.fixed_values(t)) for t in load_factors
     ):
         return False
-    rest = problem.ply.basis.zeros()
+    rest, p = problem.ply.basis.zeros(), problem.ply.parameters_at_rest
     return all(
-        np.abs(problem.at(t).residual(rest)).max() <= tolerance for t in load_factors
+        np.abs(problem.at(t).residual(rest, p)).max() <= tolerance for t in load_factors
     )
 
 
@@ -83,7 +83,7 @@ def load_growth(ply: Body, state: State, beyond: float) -> float:
     if state.verdict.negative_pivots is None:
         return 0.0
     factors = 0.0, state.load_factor, beyond
-    none, least, most = (ply.load(state.u, t) for t in factors)
+    none, least, most = (ply.load(state.u, t, state.parameters) for t in factors)
     largest = max(np.abs(least - none).max(), np.abs(most - none).max())
     return float(np.abs(most - least).max() / largest) if largest else 0.0
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy import ndarray
 
+from ..body import Parameters
 from ..problem import Problem, turned
 from ..states import State
 
@@ -18,7 +19,7 @@ _OF_A_LOAD = 0.01
 NO_LOAD = "nothing that moves carries a load"
 
 
-def work(problem: Problem, f: ndarray, u: ndarray) -> ndarray:
+def work(problem: Problem, f: ndarray, u: ndarray, parameters: Parameters) -> ndarray:
     """Work of reactions in the motion of their conditions, and of loads, in N·mm.
 
     Each node of a condition counts with its own motion: an edge may turn.
@@ -27,24 +28,25 @@ def work(problem: Problem, f: ndarray, u: ndarray) -> ndarray:
     ----------
     problem
         The problem at its load factor.
-    f, u
-        Nodal forces and displacement.
+    f, u, parameters
+        Nodal forces, displacement and parameters of the terms.
     """
     constraints = problem.constraints
     moving = turned(f, constraints.turn)[constraints.prescribed]
     of_reactions = moving @ _rate(problem)
-    return np.array([of_reactions, problem.load(u) @ u])
+    return np.array([of_reactions, problem.load(u, parameters) @ u])
 
 
 def work_of(problem: Problem, state: State) -> ndarray:
-    """The work at a state, with the stiffnesses that the ply holds.
+    """The work at a state.
 
     Raises
     ------
     ValueError
         If nothing that moves carries a load.
     """
-    found = work(problem, problem.residual(state.u), state.u)
+    u, p = state.u, state.parameters
+    found = work(problem, problem.residual(u, p), u, p)
     if not carries_load(found, problem, state):
         raise ValueError(NO_LOAD)
     return found

@@ -1,6 +1,7 @@
-"""What stabilising terms remember of a state."""
+"""Parameters of stabilising terms: stiffnesses at a state, accumulated moments."""
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from numpy import ndarray
@@ -20,11 +21,11 @@ from ..forms.held_stiffness import (
 from ..forms.hourglass import hourglass_rate, rate_increment
 from ..forms.mean_tension import mean, of_elements
 from ..mesh.bases import MeanBasis, displacement_gradient
-from .term import DependsOn
+from .term import TermParameters, Values
 
 
-class HeldStiffness:
-    """A stiffness of elements at a state near the one that is sought.
+class HeldStiffness(TermParameters):
+    """A stiffness of elements, held fixed between updates within an iteration.
 
     Parameters
     ----------
@@ -34,61 +35,33 @@ class HeldStiffness:
         Fibre directions, tension and shear laws.
     basis
         Elements over which the state is averaged.
-
-    Attributes
-    ----------
-    parameters
-        The stiffness by its name.
-    takes_tension
-        That `commit` does, which tells it from that of other memories.
     """
-
-    work: float = 0.0
-    depends_on: DependsOn = "state"
-    takes_tension = True
 
     def __init__(self, name: str, fabric: Fabric, basis: MeanBasis) -> None:
         self._name, self._fabric, self._basis = name, fabric, basis
-        self.begin()
 
-    def begin(self) -> None:
-        """Return to the undeformed state."""
-        self.parameters = {self._name: self._stiffness(self._basis.zeros())}
+    def at_rest(self) -> Values:
+        """The stiffness of the undeformed ply."""
+        return self._at_rest
 
-    def commit(self, u: ndarray, tension: ndarray | None = None) -> bool:
-        """Take the stiffness at ``u``; tell whether it changed.
+    @cached_property
+    def _at_rest(self) -> Values:
+        return self._values(self._basis.zeros())
 
-        Parameters
-        ----------
-        u
-            Displacement.
-        tension
-            Fibre tensions that take the place of those at ``u``, shape (2, n_elements,
-            n_points), as `Ply.geometric_tension` gives them.
-        """
-        before, after = self.parameters[self._name], self._stiffness(u, tension)
-        self.parameters = {self._name: after}
-        return not np.array_equal(after, before)
-
-    def restore(self, parameters: dict[str, ndarray], work: float) -> None:
-        """Hold the stiffness of another state.
-
-        Raises
-        ------
-        ValueError
-            If there is work: a stiffness that is held stores none.
-        """
-        if work != 0.0:
-            raise ValueError(f"{self._name} stores no work, but {work} is given")
-        self.parameters = parameters
+    def updated(
+        self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
+    ) -> Values:
+        """The stiffness at ``u``, with tensions that replace those there if given."""
+        return self._values(u, tension)
 
     @np.errstate(over="ignore", invalid="ignore")  # runs refuse what is not finite
-    def _stiffness(self, u: ndarray, tension: ndarray | None = None) -> ndarray:
+    def _values(self, u: ndarray, tension: ndarray | None = None) -> Values:
         w = FormExtraParams(self._basis.default_parameters())
         if tension is not None:
             w["tension"] = tension
         F = kin.deformation_gradient(displacement_gradient(self._basis, u))
-        return self._of_state(w, F, directions(self._fabric, w))
+        stiffness = self._of_state(w, F, directions(self._fabric, w))
+        return Values({self._name: stiffness})
 
     def _of_state(
         self, w: FormExtraParams, F: ndarray, A: tuple[ndarray, ndarray]
@@ -188,8 +161,12 @@ class HeldDeviation(HeldStiffness):
         return deviation_stiffness(self._multiple, G, E, T)
 
 
-class AccumulatedMoment:
-    """Moments M̃ and work of `hourglass_rate` at the last converged state.
+class AccumulatedMoment(TermParameters):
+    """Moments M̃ and work of `hourglass_rate`, advanced once a step.
+
+    The values are ``last``, the displacement of the last step, ``moment``, and
+    ``work``, the work of the stabilisation so far in N·mm.  They depend on the steps:
+    the rates of a long step are those at its end.
 
     Parameters
     ----------
@@ -198,45 +175,40 @@ class AccumulatedMoment:
     basis
         The `HourglassBasis` of the forms.
 
-    Attributes
-    ----------
-    parameters
-        Parameters ``last`` and ``moment`` of the forms.
-    work
-        Work of the stabilisation so far in N·mm.
-    depends_on
-        The steps: the rates of a long step are those of its end.
+    Examples
+    --------
+    >>> from skfem import MeshQuad
+    >>> from skfem_textile import AccumulatedMoment, Fabric, HourglassBasis
+    >>> basis = HourglassBasis(MeshQuad())
+    >>> moment = AccumulatedMoment(Fabric(1e4), 5.0, basis)
+    >>> values = moment.advanced(moment.at_rest(), basis.zeros(), 1.0)
+    >>> float(values["work"])
+    0.0
     """
 
-    depends_on: DependsOn = "steps"
+    depends_on_steps = True
 
     def __init__(self, fabric: Fabric, C_s: float, basis: CellBasis) -> None:
         self._fabric, self._C_s, self._basis = fabric, C_s, basis
         self._work = hourglass_rate(fabric, C_s).energy
-        self.begin()
 
-    def begin(self) -> None:
-        """Forget everything: the undeformed state."""
-        self.parameters = {
-            "last": self._basis.zeros(),
-            "moment": self._basis.zero_w(),
-        }
-        self.work = 0.0
+    def at_rest(self) -> Values:
+        """No moments and no work."""
+        basis = self._basis
+        return Values(
+            {"last": basis.zeros(), "moment": basis.zero_w(), "work": np.zeros(())}
+        )
 
-    def commit(self, u: ndarray) -> bool:
-        """Make ``u`` the last converged displacement; the forces stay what they are."""
-        basis, parameters = self._basis, self.parameters
-        self.work += asm(self._work, basis, u=u, **parameters)
+    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
+        """Moments and work at the end of a step to ``u``."""
+        basis, last, moment = self._basis, values["last"], values["moment"]
+        work = values["work"] + asm(self._work, basis, u=u, last=last, moment=moment)
         w = FormExtraParams(
             x=basis.global_coordinates(),
             u=basis.interpolate(u),
-            last=basis.interpolate(parameters["last"]),
+            last=basis.interpolate(last),
         )
         increment = rate_increment(self._fabric, w)
-        moment = parameters["moment"] + self._C_s * increment
-        self.parameters = {"last": u.copy(), "moment": moment}
-        return False
-
-    def restore(self, parameters: dict[str, ndarray], work: float) -> None:
-        """Remember the moments of another run."""
-        self.parameters, self.work = parameters, work
+        return Values(
+            {"last": u, "moment": moment + self._C_s * increment, "work": work}
+        )
