@@ -25,7 +25,7 @@ shear = Tabulated.from_csv(table, odd=True)
 
 plt.rcParams["font.size"] = 8
 figure, axes = plt.subplots(figsize=(3.35, 2.2), layout="constrained")
-shear.plot(axes, of="shear")
+plot.plot_law(shear, axes, of="shear")
 figure.savefig("law.png", dpi=300)
 
 # %%

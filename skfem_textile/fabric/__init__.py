@@ -2,7 +2,6 @@
 
 from .fabric import Direction, Fabric, Family, unit_vectors
 from .law import BiaxialLaw, Law, Linear, Slopes, TwoLaws, is_zero
-from .law_plot import plot_law
 from .laws.crimp_interchange import CrimpInterchange
 from .laws.crimp_toe import CrimpToe
 from .laws.crimped_yarns import CrimpedYarns, Softening
@@ -38,6 +37,5 @@ __all__ = [
     "TwoLaws",
     "is_zero",
     "mesh_along_fibres",
-    "plot_law",
     "unit_vectors",
 ]

@@ -6,7 +6,7 @@ The linear law is here too, for which a number stands.
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy import ndarray
@@ -32,8 +32,7 @@ class Law(Protocol):
     finite, such as past a pole; one that holds everywhere, ``(-inf, inf)``, saves the
     load stepper from asking.
 
-    A law may say by ``shown``, two arguments, where it is drawn, and how far it is
-    checked on a side on which its domain does not end.
+    A law may have ``of`` and ``shown``; `ScalarLaw` defines both.
     """
 
     def energy(self, x: ndarray) -> ndarray:
@@ -49,8 +48,29 @@ class Law(Protocol):
         ...
 
 
+class ScalarLaw:
+    """Base of the laws of one fibre strain or shear angle in this package.
+
+    Attributes
+    ----------
+    of
+        Quantity of the law, ``tension`` or ``shear``; None if it may be either.
+    """
+
+    of: ClassVar[Literal["tension", "shear"] | None] = None
+
+    @property
+    def shown(self) -> tuple[float, float] | None:
+        """Least and largest argument of practical interest, or None for no such range.
+
+        Fibre strains (-) or shear angles (rad).  It is the range of graphs, and
+        `check_laws` tests the law up to it where the domain is unbounded.
+        """
+        return None
+
+
 @dataclass(frozen=True)
-class OneStiffness:
+class OneStiffness(ScalarLaw):
     """A law with one parameter, its initial stiffness; finite everywhere.
 
     The stiffness is a number, or one for each element, shape (n_elements,).
@@ -149,7 +169,7 @@ class BiaxialLaw(ABC):
 
     @property
     def shown(self) -> tuple[float, float] | None:
-        """The least and the largest strain at which it is drawn and checked."""
+        """Least and largest strain of practical interest; see `ScalarLaw.shown`."""
         return None
 
     @abstractmethod

@@ -5,6 +5,7 @@ try:
     from .before import mesh_and_fibres
     from .curves import curves
     from .fields import FIELDS, Field
+    from .laws import plot_law, plot_tensions
     from .on_tools.draped import draped
     from .pictures import (
         contact_sheet,
@@ -30,6 +31,8 @@ __all__ = [
     "fibre_strain",
     "field",
     "mesh_and_fibres",
+    "plot_law",
+    "plot_tensions",
     "shear_angle",
     "verdict",
 ]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy import ndarray
 
 from ...registration import LawRegistration, Option
+from ..law import BiaxialLaw
 from ..law_parameters import number, pair
-from ..law_plot import DrawnTensions
 from .crimp_toe import INITIAL_STIFFNESS, TOE, CrimpToe
 from .linear import STIFFNESS
 
@@ -45,7 +45,7 @@ class _Yarns(NamedTuple):
 
 
 @dataclass(frozen=True)
-class CrimpInterchange(DrawnTensions):
+class CrimpInterchange(BiaxialLaw):
     """Tensions of a weave in which one family straightens by crimping the other.
 
     Yarns are saw-teeth that touch where they cross (Kawabata, Niwa & Kawai 1973).  The

@@ -8,8 +8,8 @@ from numpy import ndarray
 from numpy.polynomial.polynomial import polyval
 
 from ...registration import LawRegistration, Option, Resistance
+from ..law import ScalarLaw
 from ..law_parameters import number
-from ..law_plot import Drawn
 from .linear import STIFFNESS
 
 # Below this share of the toe the series of the exponential is taken, to this power:
@@ -24,7 +24,7 @@ _ENERGY_SERIES = np.where(np.arange(_POWERS) < 3, 0.0, -_SERIES)
 
 
 @dataclass(frozen=True)
-class CrimpToe(Drawn):
+class CrimpToe(ScalarLaw):
     """The tension T = E (ε − e₀ (1 − exp(−ε/e₀))) + k ε of fibres with crimp.
 
     The stiffness is k at rest and tends to E + k, with a toe as wide as e₀.  That

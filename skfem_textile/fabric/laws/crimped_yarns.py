@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..law import Law
+from ..law import BiaxialLaw, Law, ScalarLaw
 from ..law_parameters import inner_law, number, pair
-from ..law_plot import Drawn, DrawnTensions
 
 # Newton steps end where they are this share of the heights of the crimp.
 _STEP = 1e-13
@@ -35,7 +34,7 @@ _SHORTEST = 1e-9
 
 
 @dataclass(frozen=True)
-class Softening(Drawn):
+class Softening(ScalarLaw):
     """A yarn of force (K − ½ B d) d at the elongation d, constant past d = K/B.
 
     Parameters
@@ -105,7 +104,7 @@ class _Cell(NamedTuple):
 
 
 @dataclass(frozen=True)
-class CrimpedYarns(DrawnTensions):
+class CrimpedYarns(BiaxialLaw):
     """Tensions of two yarns in a cell of side 1, each the hypotenuse of its crimp.
 
     A yarn over the side L = exp ε has the length D = √(L² + (H + y)²), where

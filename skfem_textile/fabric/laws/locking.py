@@ -7,16 +7,16 @@ import numpy as np
 from numpy import ndarray
 
 from ...registration import LawRegistration, Resistance, angle
+from ..law import ScalarLaw
 from ..law_parameters import number
-from ..law_plot import Drawn
 from .linear import STIFFNESS
 
-# Share of the locking angle up to which the law is drawn.
+# End of the shown range, as a share of the locking angle.
 _SHOWN = 0.95
 
 
 @dataclass(frozen=True)
-class Locking(Drawn):
+class Locking(ScalarLaw):
     """The shear law M_s = G Γ/(1 − (Γ/a)²), which has a pole at the locking angle a.
 
     Its energy, −½ G a² ln(1 − (Γ/a)²), has no bound either: no state reaches the pole.

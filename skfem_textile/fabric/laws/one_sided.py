@@ -7,9 +7,8 @@ import numpy as np
 from numpy import ndarray
 
 from ...registration import Option, Resistance
-from ..law import Law, domain_of
+from ..law import Law, ScalarLaw, domain_of
 from ..law_parameters import inner_law, number, refuse_force_at_rest
-from ..law_plot import Drawn
 
 # Strain from 0 within which a law goes over into the other.  A wider switch leaves more
 # of the small strains softer than the law.  A narrower one changes the tangent faster,
@@ -18,7 +17,7 @@ _WIDTH = 1e-4
 
 
 @dataclass(frozen=True)
-class TensionOnly(Drawn):
+class TensionOnly(ScalarLaw):
     """A law that vanishes in compression, with a smooth switch.
 
     The tension is T(r) r′ of a strain r(ε): r = 0 below −width, r = ε above width, and
@@ -82,7 +81,7 @@ class TensionOnly(Drawn):
 
 
 @dataclass(frozen=True)
-class Asymmetric(Drawn):
+class Asymmetric(ScalarLaw):
     """One law in tension and another in compression, with a smooth switch.
 
     Each is switched as in `TensionOnly`, and their tensions are added.  Above the width

@@ -9,7 +9,7 @@ from numpy import ndarray
 from numpy.polynomial.polynomial import polyval
 
 from ...registration import LawRegistration, Option
-from ..law_plot import Drawn
+from ..law import ScalarLaw
 
 #: What a law is for negative arguments, if it is given for positive ones.
 CONTINUATION = Option(
@@ -21,7 +21,7 @@ CONTINUATION = Option(
 
 
 @dataclass(frozen=True)
-class Polynomial(Drawn):
+class Polynomial(ScalarLaw):
     """The law c₁ s + c₂ s² + ... of s = x, or of s = sin x.
 
     Parameters

@@ -8,16 +8,15 @@ import numpy as np
 from numpy import ndarray
 
 from ...registration import Option, Resistance
-from ..law import Law, domain_of
+from ..law import Law, ScalarLaw, domain_of
 from ..law_parameters import inner_law, number
-from ..law_plot import Drawn
 
 # Largest strain at which the tension is looked for, and the first.
 _LARGEST, _FIRST = 10.0, 1e-6
 
 
 @dataclass(frozen=True)
-class Pretensioned(Drawn):
+class Pretensioned(ScalarLaw):
     """A law of fibres that were stretched before, up to a tension.
 
     The tension is T(ε + ε₀), where T(ε₀) is the given one.  Fibres with crimp have

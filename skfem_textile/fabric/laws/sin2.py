@@ -8,12 +8,11 @@ from numpy import ndarray
 
 from ...registration import LawRegistration, Resistance
 from ..law import OneStiffness
-from ..law_plot import Drawn
 from .linear import STIFFNESS
 
 
 @dataclass(frozen=True)
-class Sin2(OneStiffness, Drawn):
+class Sin2(OneStiffness):
     """The shear law w = ½ G sin²Γ, M_s = ½ G sin 2Γ, convex up to 45°.
 
     Raises

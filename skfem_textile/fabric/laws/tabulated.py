@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ...mesh.user_input import real_numbers
 from ...registration import LawRegistration, Option, Resistance
 from ..files.table_file import read_table, refuse_bad_points
-from ..law_plot import Drawn
+from ..law import ScalarLaw
 from .polynomial import CONTINUATION
 
 log = logging.getLogger(__name__)
@@ -33,7 +33,7 @@ class _Curve(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Tabulated(Drawn):
+class Tabulated(ScalarLaw):
     """A law through points: a cubic between each two, C¹ and monotone where they are.
 
     The interpolation is PCHIP of scipy.  A table whose points lie on a straight line is

@@ -7,15 +7,15 @@ import numpy as np
 from numpy import ndarray
 
 from ...registration import Resistance
+from ..law import ScalarLaw
 from ..law_parameters import number
-from ..law_plot import Drawn
 
 # The tangent is infinite there, and fibres of both families lie on each other.
 _CLOSED = 0.5 * np.pi
 
 
 @dataclass(frozen=True)
-class TangentShear(Drawn):
+class TangentShear(ScalarLaw):
     """The shear law M_s = G₀ tan Γ, and beyond a locking angle with another slope.
 
     For Γ beyond a it is G_L tan Γ + (G₀ − G_L) tan a, and odd, as in OpenRadioss's
