@@ -127,9 +127,8 @@ class Run:
         p = problem.ply.parameters_at_rest
         tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
-        undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance)
+        undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
         trial = Trial(problem, undeformed, None, energies, potentials)
-        trial.tangent = tangent
         state, values = self._state(0.0, trial), problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
@@ -149,8 +148,9 @@ class Run:
     def _go_on(self, saved: Saved, last: Trial) -> None:
         """Take up a run where its checkpoint ends."""
         progress, problem = saved.progress, last.problem
-        equilibrium = last.equilibrium
-        last.tangent = tangent_at(problem, equilibrium.u, equilibrium.parameters)
+        end = last.equilibrium
+        tangent = tangent_at(problem, end.u, end.parameters)
+        last.equilibrium = end._replace(tangent=tangent)
         self._start = last.next_start()
         self.record.states = saved.states
         self._length.next, self._steps_cut = progress.length, progress.steps_cut
