@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -117,12 +117,18 @@ class Newton:
     Near the equilibrium the parameters of the terms are updated with the predicted
     tensions, until an update changes the energy by less than `SETTLED`.
 
+    An equilibrium that is not stable is left along its softest motion, unless the load
+    path is followed, which leads around it.
+
     Parameters
     ----------
     most
-        Iterations at most.
+        Iterations at most; four times as many where the load path is not followed.
     longest
         Largest change of the displacement gradient in an increment.
+    imperfection
+        Size of the motion by which an unstable equilibrium is left, as a share of the
+        element size.
     """
 
     most: int = 30
@@ -140,17 +146,29 @@ class Newton:
         report: Report,
     ) -> Equilibrium:
         """See `Method`."""
-        u, (tangent, p) = start.u, _first_tangent(problem, start)
-        f, near, last = problem.forces_of(start, p), _NEAR, np.inf
-        progress, left = _Progress(problem, fixed_values, most_altered, report), False
-        number = 0
-        most = self.most if np.isfinite(most_altered) else 4 * self.most
-        while number < most:
-            du = tangent.increment(f, u, fixed_values)
-            if progress.number or problem.in_space:
+        tangent, p = _first_tangent(problem, start)
+        f = problem.forces_of(start, p)
+        progress = _Progress(problem, fixed_values, most_altered, report)
+        end = self._iterate(progress, _Iterate(start.u, f, p, tangent), self.most)
+        if not np.isfinite(most_altered) and end.unstable:
+            motion = self.imperfection * problem.element_size * end.tangent.softest()
+            u, p = problem.moved(end.u, motion), end.parameters
+            tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
+            away = _Iterate(
+                u, problem.residual(u, p), p, definite(problem, u, p, tension)
+            )
+            end = self._iterate(progress, away, 3 * self.most)
+        return progress.equilibrium(end)
+
+    def _iterate(self, progress: "_Progress", at: "_Iterate", most: int) -> "_Iterate":
+        """Iterates until the forces balance, or ``most`` of them."""
+        problem, near, last = progress.problem, _NEAR, np.inf
+        u, f, p, tangent = at
+        for _ in range(most):
+            du = tangent.increment(f, u, progress.fixed_values)
+            if progress.residuals or problem.in_space:
                 du = du / max(1.0, _largest_gradient(problem, du) / self.longest)
             du = within_laws(problem, u, du, p)
-            number += 1
             tension = problem.ply.geometric_tension(u, du, p)
             contact = tangent.contact(f, du)
             u = problem.moved(u, du)
@@ -164,21 +182,9 @@ class Newton:
                     p, f = after, problem.residual(u, after)
                 last = change
             if progress.balanced(tangent, u, f):
-                tangent = tangent_at(problem, u, p)
-                stable = tangent is None or not tangent.negative_pivots
-                if stable or left or np.isfinite(most_altered):
-                    return progress.equilibrium(u, f, p, tangent)
-            else:
-                tangent = definite(problem, u, p, tension, contact)
-                near_it = problem.unbalanced(f, u) <= 1e-3 * np.abs(f).max()
-                stable = not (tangent.altered and near_it)
-            if not stable and not left and np.isinf(most_altered):
-                size = self.imperfection * problem.element_size
-                u, left = problem.moved(u, size * tangent.softest()), True
-                f, number = problem.residual(u, p), 0
-                tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
-                tangent = definite(problem, u, p, tension)
-        raise progress.failure(self.most)
+                return _Iterate(u, f, p, tangent_at(problem, u, p))
+            tangent = definite(problem, u, p, tension, contact)
+        return _Iterate(u, f, p, tangent)
 
 
 @dataclass(frozen=True)
@@ -214,13 +220,32 @@ class PlainNewton:
             u = problem.moved(u, du)
             f = problem.residual(u, p)
             if progress.balanced(tangent, u, f):
-                return progress.equilibrium(u, f, p, tangent_at(problem, u, p))
+                break
             tangent = None
-        raise progress.failure(self.most)
+        tangent = tangent_at(problem, u, p)
+        return progress.equilibrium(_Iterate(u, f, p, tangent))
 
 
 #: Nonlinear solvers by name.
 METHODS: dict[str, Method] = {x.name: x for x in (Newton(), PlainNewton())}
+
+
+class _Iterate(NamedTuple):
+    """Displacement, forces, parameters, and the tangent of the next increment.
+
+    At balance that is the consistent tangent; None where it is singular.
+    """
+
+    u: ndarray
+    f: ndarray
+    parameters: Parameters
+    tangent: Any
+
+    @property
+    def unstable(self) -> bool:
+        """Whether the consistent tangent is regular and indefinite."""
+        tangent = self.tangent
+        return tangent is not None and bool(tangent.altered or tangent.negative_pivots)
 
 
 class _Progress:
@@ -233,16 +258,11 @@ class _Progress:
         most_altered: float,
         report: Report,
     ) -> None:
-        self._problem, self._fixed_values = problem, fixed_values
+        self.problem, self.fixed_values = problem, fixed_values
         self._most_altered, self._report = most_altered, report
-        self._residuals: list[float] = []
-        self._altered, self._tolerance = 0, 0.0
+        self.residuals: list[float] = []
+        self._altered, self._tolerance, self._balanced = 0, 0.0, False
         self._advice = _ON_SURFACE if problem.surfaces else ""
-
-    @property
-    def number(self) -> int:
-        """Number of iterations so far."""
-        return len(self._residuals)
 
     def balanced(self, tangent: Tangent, u: ndarray, f: ndarray) -> bool:
         """Whether the forces balance after an increment by a tangent.
@@ -252,39 +272,42 @@ class _Progress:
         NoEquilibriumError
             If more tangents were projected than allowed, or forces are not finite.
         """
-        problem = self._problem
-        self._u, self._f = u, f
-        self._residuals.append(problem.unbalanced(f, u))
+        problem = self.problem
+        self.residuals.append(problem.unbalanced(f, u))
         self._tolerance = tangent.tolerance(u, f)
         self._altered += tangent.altered
-        self._report(len(self._residuals), self._residuals[-1], self._tolerance)
+        self._report(len(self.residuals), self.residuals[-1], self._tolerance)
         if self._altered > self._most_altered:
             raise NoEquilibriumError(
                 f"more than {self._most_altered:g} tangents were indefinite on the way",
                 problem.around(problem.unfixed(f, u)),
                 advice=self._advice,
             )
-        below = self._residuals[-1] <= self._tolerance
-        return below and problem.is_fixed(u, self._fixed_values)
+        below = self.residuals[-1] <= self._tolerance
+        self._balanced = below and problem.is_fixed(u, self.fixed_values)
+        return self._balanced
 
-    def equilibrium(
-        self, u: ndarray, f: ndarray, p: Parameters, tangent: Tangent | None
-    ) -> Equilibrium:
-        """The end of the iteration, with the consistent tangent there."""
-        reached = tuple(self._residuals), self._tolerance
-        return Equilibrium(u, f, p, *reached, self._altered, tangent)
+    def equilibrium(self, end: _Iterate) -> Equilibrium:
+        """The equilibrium at the end of the iteration.
 
-    def failure(self, most: int) -> NoEquilibriumError:
-        """The error of an iteration that did not balance the forces."""
-        problem, residual = self._problem, self._residuals[-1]
-        stalled = residual <= _STALLED * self._tolerance
-        advice = self._advice or "more steps, or a larger stabilisation"
-        return NoEquilibriumError(
-            f"{residual:.2g} N unbalanced after {most} iterations, "
-            f"tolerance {self._tolerance:.2g} N",
-            problem.around(problem.unfixed(self._f, self._u)),
-            advice=LESS_ROUNDING if stalled else advice,
-        )
+        Raises
+        ------
+        NoEquilibriumError
+            If the forces do not balance.
+        """
+        problem, (u, f, p, tangent) = self.problem, end
+        residual, tolerance = self.residuals[-1], self._tolerance
+        if not self._balanced:
+            stalled = residual <= _STALLED * tolerance
+            advice = self._advice or "more steps, or a larger stabilisation"
+            raise NoEquilibriumError(
+                f"{residual:.2g} N unbalanced after {len(self.residuals)} iterations, "
+                f"tolerance {tolerance:.2g} N",
+                problem.around(problem.unfixed(f, u)),
+                advice=LESS_ROUNDING if stalled else advice,
+            )
+        residuals = tuple(self.residuals)
+        return Equilibrium(u, f, p, residuals, tolerance, self._altered, tangent)
 
 
 def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, Parameters]:

@@ -218,7 +218,7 @@ class Run:
         if not is_settled or self._depends_on_steps(state):
             self._path.mark(t)
         self._path.reached(state)
-        self._length.after(state.linear_solves - solves_again)
+        self._length.after(altered)
         self._keep(state, trial)
         return True
 
