@@ -176,10 +176,10 @@ class Newton:
             if problem.unbalanced(f, u) <= near * np.abs(f).max():
                 after = problem.updated(p, u, tension)
                 change = problem.change(p, after, u)
+                if change > last / 2:
+                    after = between(p, after, 0.5)
                 near = _NEAR * near if SETTLED < change <= last / 2 else 0.0
-                if change > SETTLED:
-                    after = after if change <= last / 2 else between(p, after, 0.5)
-                    p, f = after, problem.residual(u, after)
+                p, f = after, problem.residual(u, after)
                 last = change
             if progress.balanced(tangent, u, f):
                 return _Iterate(u, f, p, tangent_at(problem, u, p))

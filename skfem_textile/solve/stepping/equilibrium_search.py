@@ -204,6 +204,11 @@ def _update(trial: Trial) -> tuple[Parameters, float]:
         raise NoEquilibriumError("parameters are not finite")
     if problem.unbalanced(start.f, start.u) <= tolerance:
         return after, 0.0
+    largest = max(np.linalg.norm(x) for x in problem.reactions(f).values())
+    before, end = (sum(x.energies.values()) for x in (trial, start))
+    at_once = abs(end - before) <= SETTLED * abs(before)
+    if at_once and np.abs(start.f - f).sum() <= 0.1 * SETTLED * largest:
+        return after, 0.0
     if tangent is None or tangent.negative_pivots is None:
         return after, np.inf
     du, settled = tangent.settled(start.f)
