@@ -3,7 +3,7 @@
 import numpy as np
 from numpy import ndarray
 
-from ..solve.body import Body
+from ..solve.body import Body, Parameters
 from ..solve.conditions.surface import Grown, Surface
 
 # Share of the largest tension below which one is none: forces balance no better.
@@ -15,7 +15,11 @@ _FLAT = 1e5
 
 
 def contact_pressure(
-    ply: Body, surface: Surface, u: ndarray, t: float = 1.0
+    ply: Body,
+    surface: Surface,
+    u: ndarray,
+    t: float = 1.0,
+    parameters: Parameters | None = None,
 ) -> ndarray:
     """Pressure of a surface on the nodes of a ply per current area, in N/mm².
 
@@ -28,8 +32,9 @@ def contact_pressure(
         The ply, all nodes of which are on the surface.
     surface
         The surface.
-    u, t
-        Displacement and load factor of a state.
+    u, t, parameters
+        Displacement, load factor and parameters of a `State`; parameters at rest if
+        these are not given.
 
     Returns
     -------
@@ -41,7 +46,7 @@ def contact_pressure(
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
     normal = surface.gradient(x)
     normal = normal / np.linalg.norm(normal, axis=0)
-    force = (ply.nodal(ply.residual(u, t, True)) * normal).sum(axis=0)
+    force = (ply.nodal(ply.residual(u, t, parameters)) * normal).sum(axis=0)
     # With all of the corners of an element on the surface they give its area.
     sides = x[:, corners[2]] - x[:, corners[0]], x[:, corners[-1]] - x[:, corners[1]]
     area = 0.5 * np.linalg.norm(np.cross(*sides, axis=0), axis=0)

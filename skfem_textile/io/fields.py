@@ -6,6 +6,7 @@ from numpy import ndarray
 from ..drape import beyond_edges, bridging, contact_pressure, wrinkle_risk
 from ..solve.body import Body
 from ..solve.conditions import Surface
+from ..solve.states import State
 
 
 def point_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
@@ -16,10 +17,10 @@ def point_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
 def cell_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
     """Fibre strains, tensions and directions, and the shear angle, per element.
 
-    Strains are those that the law of tension sees (`Ply.law_strain`).  Of the
-    points in an element, that with the largest magnitude counts, so that the extremes
-    of a field are those of the ply.  Directions are those at the centre, in the current
-    configuration.
+    Strains are those that enter the law of tension (`Ply.law_strain`), tensions those
+    of the law there (`Ply.fibre_tension`).  Of the points in an element, that with the
+    largest magnitude counts, so that the extremes of a field are those of the ply.
+    Directions are those at the centre, in the current configuration.
 
     Returns
     -------
@@ -39,9 +40,16 @@ def cell_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
 
 
 def fields_on_tool(
-    ply: Body, surface: Surface, u: ndarray, t: float
+    ply: Body, surface: Surface, state: State
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
     """Fields of a ply that lies on a surface, of its vertices and of its elements.
+
+    Parameters
+    ----------
+    ply, surface
+        The ply, and the surface at the load factor of the state.
+    state
+        The state.
 
     Returns
     -------
@@ -50,7 +58,8 @@ def fields_on_tool(
         and ``bridging``, 1 where there is some, and on a tool of triangles
         ``beyond_tool``, 1 beyond its edges.
     """
-    pressure = contact_pressure(ply, surface, u, t)
+    u = state.u
+    pressure = contact_pressure(ply, surface, u, state.load_factor, state.parameters)
     of_elements = {
         "wrinkle_risk": wrinkle_risk(ply, u).astype(float),
         "bridging": bridging(ply, u, pressure).astype(float),

@@ -89,11 +89,11 @@ def _fields(
     result: Result, state: State, axes: Axes
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
     """Fields of the vertices and of the elements in a state."""
-    ply, u, t = result.ply, state.u, state.load_factor
+    ply, u = result.ply, state.u
     points, cells = point_fields(ply, u), cell_fields(ply, u)
-    surface = result.tool(t)
+    surface = result.tool(state.load_factor)
     if surface is not None:
-        on_points, on_cells = fields_on_tool(ply, surface, u, t)
+        on_points, on_cells = fields_on_tool(ply, surface, state)
         points, cells = points | on_points, cells | on_cells
     turned = [
         {name: x if x.ndim == 1 else x @ axes.turn.T for name, x in fields.items()}

@@ -4,6 +4,7 @@ import numpy as np
 from numpy import ndarray
 
 from skfem_textile.ply import Ply
+from skfem_textile.ply.term import PlyParameters
 from skfem_textile.scenes import Scene
 from skfem_textile.solve.conditions import Constraints
 
@@ -14,7 +15,9 @@ _FLAT = 1e-9
 _OFF, _LEFT = 1e-9, 1e-6
 
 
-def is_sound(ply: Ply, scene: Scene, u: ndarray) -> bool:
+def is_sound(
+    ply: Ply, scene: Scene, u: ndarray, parameters: PlyParameters | None = None
+) -> bool:
     """Whether a state is a stable, unfolded equilibrium under the whole load.
 
     It is judged by the area ratio at the corners and the fine points of the elements,
@@ -24,11 +27,13 @@ def is_sound(ply: Ply, scene: Scene, u: ndarray) -> bool:
     Parameters
     ----------
     ply
-        The ply, with what it remembered when the state was found.
+        The ply.
     scene
         Its scene, for the conditions.
     u
         Displacement, DOF vector of the ply's basis.
+    parameters
+        Parameters of the state; those at rest if not given.
 
     Raises
     ------
@@ -42,7 +47,7 @@ def is_sound(ply: Ply, scene: Scene, u: ndarray) -> bool:
     if not is_unfolded(ply, u) or off > _OFF * np.abs(u).max():
         return False
     free = constraints.free
-    K = ply.tangent(u).toarray()[np.ix_(free, free)]
+    K = ply.tangent(u, 1.0, parameters).toarray()[np.ix_(free, free)]
     if not np.all(K.diagonal() > 0):
         return False
     D = 1 / np.sqrt(K.diagonal())
@@ -50,7 +55,8 @@ def is_sound(ply: Ply, scene: Scene, u: ndarray) -> bool:
         L = np.linalg.cholesky(D[:, None] * K * D)
     except np.linalg.LinAlgError:
         return False
-    left = D * np.linalg.solve(L.T, np.linalg.solve(L, D * ply.residual(u)[free]))
+    f = ply.residual(u, 1.0, parameters)[free]
+    left = D * np.linalg.solve(L.T, np.linalg.solve(L, D * f))
     return bool(np.abs(left).max(initial=0.0) <= _LEFT * np.ptp(ply.mesh.p))
 
 

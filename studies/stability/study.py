@@ -147,15 +147,18 @@ def _run(
     summed_up = scene.summary(result)
     size = float(np.ptp(scene.mesh.p, axis=1).max())
     area = float(ply.basis.dx.sum())
+    last = result.states[-1]
     met = not problem.exact or (
         scene.errors(result)["displacement_error_max"] <= _EXACT * size
     )
     end = End(
         converged=result.converged,
-        sound=result.converged and met and is_sound(ply, scene, result.u),
+        sound=result.converged
+        and met
+        and is_sound(ply, scene, last.u, last.parameters),
         path_resolved=result.path_resolved,
         energy=float(summed_up["energy"]),
-        reactions=np.concatenate(list(result.states[-1].reactions.values())),
+        reactions=np.concatenate(list(last.reactions.values())),
         no_energy=problem.E * area * _NO_STRAIN**2,
         no_force=problem.E * size * _ROUND_OFF,
     )

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from skfem import MeshQuad, MeshTri
 
-from skfem_textile import BiaxialLaw, Full, Macro, OnePoint, Quadratic
+from skfem_textile import BiaxialLaw, Full, Macro, OnePoint, Quadratic, Values
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.rectangle import rectangle
 
@@ -101,12 +101,49 @@ def derivative(function, x, direction, step=1e-5):
     return (4 * difference(step) - difference(2 * step)) / 3
 
 
-def assert_derivatives(ply, u, du):
-    """Residual and tangent are derivatives of the energy along ``du``."""
-    assert derivative(ply.energy, u, du) == pytest.approx(ply.residual(u) @ du)
-    K = ply.tangent(u)
-    change, off = derivative(ply.residual, u, du), 1e-8 * abs(K).max()
+def assert_derivatives(ply, u, du, parameters=None, step=1e-5, rel=1e-6):
+    """Residual and tangent are derivatives of the energy along ``du``.
+
+    By central differences with parameters held fixed; ``rel`` is of the energy.
+    """
+
+    def energy(x):
+        return ply.energy(x, 1.0, parameters)
+
+    def residual(x):
+        return ply.residual(x, 1.0, parameters)
+
+    slope = derivative(energy, u, du, step)
+    assert slope == pytest.approx(residual(u) @ du, rel=rel)
+    K = ply.tangent(u, 1.0, parameters)
+    change, off = derivative(residual, u, du, step), 1e-8 * abs(K).max()
     np.testing.assert_allclose(change, K @ du, atol=off)
+
+
+def values_at_rest(term):
+    """Values of the parameters of a term at rest."""
+    return Values() if term.parameters is None else term.parameters.at_rest()
+
+
+def given_to_forms(term, t=1.0):
+    """Parameters of the forms of a term at rest, beside the displacement."""
+    return term._given(t, values_at_rest(term))
+
+
+def acting_tension(ply, u, parameters=None):
+    """Tensions that act on the nodes, the part of deviations included."""
+    return ply.predicted_tension(u, np.zeros_like(u), parameters)
+
+
+def place_of(state):
+    """Displacement, load factor and parameters of a state."""
+    return state.u, state.load_factor, state.parameters
+
+
+def forces_of(result, number=-1):
+    """Nodal forces of a state of a result, shape (d, n_nodes)."""
+    ply = result.ply
+    return ply.nodal(ply.residual(*place_of(result.states[number])))
 
 
 def zero_modes(K):

@@ -36,17 +36,17 @@ N_LAWS, N_PAIRS = 6, 30
 
 
 class Problem(NamedTuple):
-    """A ply, the same cloth, its macro-elements, states to commit, and one more."""
+    """A ply, the same cloth, its macro-elements, converged states, and one more."""
 
     ply: Ply
     cloth: plain.Cloth
     macros: list | None
-    committed: list
+    converged: list
     x: np.ndarray
 
 
 class Case(NamedTuple):
-    """A formulation, its mesh, its terms, and how many states are committed before.
+    """A formulation, its mesh, its terms, and how many converged states are before.
 
     ``rule`` is that of shear.  ``tension`` and ``stabilisation`` are energies of
     (problem, x); ``rate`` is a stabilisation without one: its work and its forces.
@@ -58,7 +58,7 @@ class Case(NamedTuple):
     tension: Callable
     stabilisation: Callable | None = None
     rate: Callable | None = None
-    commits: int = 0
+    states: int = 0
 
 
 def pointwise(rule):
@@ -70,7 +70,7 @@ def of_triangles(c):
 
 
 def of_macros(*c):
-    return lambda p, x: plain.macro_tension(p.cloth, x, p.macros, c, p.committed)
+    return lambda p, x: plain.macro_tension(p.cloth, x, p.macros, c, p.converged)
 
 
 def hourglass(C_s):
@@ -78,7 +78,7 @@ def hourglass(C_s):
 
 
 def automatic(p, x):
-    return plain.automatic_hourglass(p.cloth, x, p.macros, p.committed)
+    return plain.automatic_hourglass(p.cloth, x, p.macros, p.converged)
 
 
 def isotropic(kappa):
@@ -90,7 +90,7 @@ def continuity(C_j):
 
 
 def rate(C_s):
-    return lambda p, x: plain.rate(p.cloth, x, C_s, p.committed)
+    return lambda p, x: plain.rate(p.cloth, x, C_s, p.converged)
 
 
 def one_point(formulation, stabilisation=None, **others):
@@ -118,13 +118,13 @@ CASES = {
     "isotropic": one_point(OnePoint(0.7, "isotropic"), isotropic(0.7)),
     "continuity": one_point(OnePoint(0.6, "continuity"), continuity(0.6)),
     "rate": one_point(OnePoint(0.9, "rate"), rate=rate(0.9)),
-    "rate, steps": one_point(OnePoint(0.9, "rate"), rate=rate(0.9), commits=2),
+    "rate, steps": one_point(OnePoint(0.9, "rate"), rate=rate(0.9), states=2),
     "auto": one_point(OnePoint("auto"), automatic),
-    "auto, steps": one_point(OnePoint("auto"), automatic, commits=2),
+    "auto, steps": one_point(OnePoint("auto"), automatic, states=2),
     "macro triangles": macro(split_triangles),
     "macro quads": macro(split_quads),
     "macro both": macro(split_both),
-    "macro, steps": macro(split_both, commits=1),
+    "macro, steps": macro(split_both, states=1),
     "macro, chosen": macro_of(2.0, (3.0, 90.0)),
     "quadratic": quadratic(Quadratic(), pointwise("three")),
     "quadratic, mean": quadratic(Quadratic(20.0), of_triangles(20.0)),
@@ -146,11 +146,11 @@ def random_problem(case, seed):
         return A_1(e, X), A_2(e, X)
 
     cloth = plain.Cloth(X, elements, both, tension_laws, shear_law)
-    turns = [(seed // 3 + i) % 2 for i in range(case.commits + 1)]
-    *committed, x = [motion(rng, cloth, turn) for turn in turns]
+    turns = [(seed // 3 + i) % 2 for i in range(case.states + 1)]
+    *converged, x = [motion(rng, cloth, turn) for turn in turns]
     ply = Ply(mesh, Fabric(tension, shear, warp, weft), case.formulation)
     macros = None if originals is None else macro_elements(mesh, originals)
-    return Problem(ply, cloth, macros, committed, x)
+    return Problem(ply, cloth, macros, converged, x)
 
 
 def by_the_library(problem):
@@ -163,11 +163,13 @@ def by_the_library(problem):
         u[dofs] = x[..., 0] - problem.cloth.X
         return u
 
-    for state in problem.committed:
-        ply.commit(displacement(state))
-    u = displacement(problem.x)
-    forces = {name: ply.nodal(f) for name, f in ply.residuals(u).items()}
-    return ply.energies(u), forces, ply.nodal(ply.residual(u))
+    parameters = ply.parameters_at_rest
+    for state in problem.converged:
+        parameters = ply.updated(parameters, displacement(state))
+        parameters = ply.advanced(parameters, displacement(state))
+    place = displacement(problem.x), 1.0, parameters
+    forces = {name: ply.nodal(f) for name, f in ply.residuals(*place).items()}
+    return ply.energies(*place), forces, ply.nodal(ply.residual(*place))
 
 
 def by_definition(case, problem):

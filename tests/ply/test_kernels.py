@@ -6,7 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import TRIANGLE_AND_QUAD, distorted, distorted_for, wobble
+from helpers import (
+    TRIANGLE_AND_QUAD,
+    distorted,
+    distorted_for,
+    given_to_forms,
+    values_at_rest,
+    wobble,
+)
 from scipy.sparse import csr_matrix
 from skfem import (
     BilinearForm,
@@ -97,7 +104,7 @@ def test_assembling_a_form_by_its_kernel_or_by_itself_is_the_same(fabric):
             if term.kernel is None:
                 continue
             fast = with_kernel(term.forms, term.kernel)
-            w = term.parameters(1.0)
+            w = given_to_forms(term)
             for form, slow in zip(fast, term.forms, strict=True):
                 readable = asm(slow, term.basis, u=u, **w)
                 assert_same(asm(form, term.basis, u=u, **w), readable)
@@ -111,7 +118,7 @@ def test_a_ply_is_the_sum_of_its_forms(fabric):
         given = {"tension": {"tension": ply.terms[0].arrange(tensions)}}
         energy, f, K = 0.0, 0.0, 0.0
         for term in form_terms(ply):
-            w = term.parameters(1.0)
+            w = given_to_forms(term)
             energy += asm(term.forms.energy, term.basis, u=u, **w)
             f = f + asm(term.forms.residual, term.basis, u=u, **w)
             w = w | given.get(term.name, {})
@@ -126,13 +133,13 @@ def test_the_kernel_out_of_plane_gives_the_numbers_of_its_forms(fabric):
     for formulation in (OnePoint(2.0), OnePoint(), Macro()):
         ply = Ply(distorted(1), fabric, formulation, dimension=3)
         u, term = wobble(ply, 3), ply.terms[-1]
-        w = term.parameters(1.0)
+        w, p = given_to_forms(term), values_at_rest(term)
         energy, f, K = (asm(form, term.basis, u=u, **w) for form in term.forms)
         assert energy > 0
-        assert term.energy(u, 1.0) == pytest.approx(energy, rel=1e-12)
-        assert_same(term.residual(u, 1.0), f)
+        assert term.energy(u, 1.0, p) == pytest.approx(energy, rel=1e-12)
+        assert_same(term.residual(u, 1.0, p), f)
         pattern = Pattern(3, ply.nodes.shape[1], [term.nodes])
-        assert_same(pattern.matrix(pattern.sum([term.matrices(u, 1.0)])), K)
+        assert_same(pattern.matrix(pattern.sum([term.matrices(u, 1.0, p)])), K)
 
 
 @pytest.mark.parametrize("C_s", [3.0, None])

@@ -318,20 +318,25 @@ def test_a_finer_ply_has_four_parts_of_each_element_and_its_names(formulation, q
     linear = np.array([[0.1, 0.3], [0.0, 0.05]])
     u = ply.basis.zeros()
     u[node_dofs(ply.basis)] = linear @ ply.nodes
-    ply.settle(u)
+    parameters = ply.updated(ply.parameters_at_rest, u)
     finer = ply.finer()
-    carried, _ = finer.carry(u)
+    carried, theirs, tension = finer.carry(u, parameters)
     assert finer.ply.mesh.nelements == 4 * ply.mesh.nelements
     np.testing.assert_array_equal(np.bincount(finer.parent), 4)
     nodes = finer.ply.nodal(carried)
     np.testing.assert_allclose(nodes, linear @ finer.ply.nodes, atol=1e-14)
-    before, after = ply.energies(u), finer.ply.energies(carried)
+    before = ply.energies(u, 1.0, parameters)
+    after = finer.ply.energies(carried, 1.0, theirs)
     for name, energy in before.items():
         assert after[name] == pytest.approx(energy, rel=1e-9, abs=1e-12), name
-    for name, (parameters, _) in finer.ply.remembered.items():
-        held = ply.remembered[name][0]
-        for key, values in parameters.items():
-            assert values.mean() == pytest.approx(held[key].mean(), rel=1e-6)
+    acting = finer.ply.predicted_tension(carried, 0 * carried, theirs)
+    np.testing.assert_allclose(tension, finer.ply.arranged(acting), rtol=1e-6)
+    assert theirs.keys() == parameters.keys() == finer.ply.parameters_at_rest.keys()
+    for name, values in theirs.items():
+        for key, array in values.items():
+            assert array.shape == finer.ply.parameters_at_rest[name][key].shape
+            mean = parameters[name][key].mean()
+            assert array.mean() == pytest.approx(mean, rel=1e-6)
     for name, edges in ply.mesh.boundaries.items():
         total = lengths(finer.ply.mesh, finer.ply.mesh.boundaries[name]).sum()
         assert total == pytest.approx(lengths(ply.mesh, edges).sum(), rel=1e-12)

@@ -8,8 +8,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers import wobble
-from skfem import MeshQuad, asm
+from helpers import derivative, wobble
+from skfem import MeshQuad
 
 from skfem_textile import (
     Condition,
@@ -25,7 +25,6 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.forms.mean_tension import deviation_energy
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension, strip, trellis
 from skfem_textile.scenes.picture_frame import picture_frame
@@ -60,31 +59,51 @@ def largest(result, of):
     return max(max(state.shares[of].values()) for state in result.states)
 
 
+def energy_of_deviations(ply, u, E_d, points):
+    """Σ ½ E_d (λ − λ̄)² A, λ̄ the mean over the points of an element of the stiffness.
+
+    ``points`` has for each element of ``E_d``, shape (2, n, 1), the places of its
+    points among those of the ply, numbered element by element.
+    """
+    stretch, area = np.exp(ply.fibre_strain(u)).reshape(2, -1), ply.basis.dx.ravel()
+    energy = 0.0
+    for k, own in enumerate(points):
+        mean = np.average(stretch[:, own], axis=1, weights=area[own])
+        off = (stretch[:, own] - mean[:, None]) ** 2 @ area[own]
+        energy += 0.5 * E_d[:, k, 0] @ off
+    return energy
+
+
 @pytest.mark.parametrize("name", ["macro", "macro triangles", "mean"])
 def test_the_deviation_is_the_part_of_the_tension_that_E_d_scales(name):
+    """Energy and forces, against sums over the points of the ply."""
     ply = case(trellis, name, 4, E=1e6, G=Sin2(0.5)).ply()
-    ply.commit(wobble(ply, 1))
-    u, du = wobble(ply, 2), wobble(ply, 3, 1e-6)
-    (energy, forces), *others = (
-        (p.energy, p.forces) for p in ply.parts(u) if p.role == "deviation"
-    )
-    assert not others
-    tension = ply._tension
-    E_d = tension.memory.parameters["E_d"]
-    form = deviation_energy(ply.fabric)
-    assert energy == pytest.approx(asm(form, tension.basis, u=u, E_d=E_d), rel=1e-9)
-    ends = [asm(form, tension.basis, u=u + s * du, E_d=E_d) for s in (-1, 1)]
-    assert 2 * forces @ du == pytest.approx(ends[1] - ends[0], rel=1e-6)
+    parameters = ply.updated(ply.parameters_at_rest, wobble(ply, 1))
+    u, du = wobble(ply, 2), wobble(ply, 3, 1.0)
+    found = [p for p in ply.parts(u, 1.0, parameters) if p.role == "deviation"]
+    ((_, energy, forces),) = found
+    E_d = parameters["tension"]["E_d"]
+    assert np.ptp(E_d) > 1.0
+    n_points = ply.basis.dx.shape[1]
+    element = np.arange(ply.basis.dx.size) // n_points
+    whole = ply.mesh.parent[element] if name != "mean" else element
+    points = [np.flatnonzero(whole == k) for k in range(E_d.shape[1])]
+
+    def expected(x):
+        return energy_of_deviations(ply, x, E_d, points)
+
+    assert energy == pytest.approx(expected(u), rel=1e-9)
+    assert forces @ du == pytest.approx(derivative(expected, u, du, 1e-6), rel=1e-6)
 
 
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_parts_add_up_to_energy_and_forces(name):
     ply = case(trellis, name, 4).ply()
-    ply.commit(wobble(ply, 1))
-    u = wobble(ply, 2)
-    roles, energies, forces = zip(*ply.parts(u), strict=True)
-    assert sum(energies) == pytest.approx(ply.energy(u), rel=1e-12)
-    off = sum(forces) - ply.residual(u)
+    parameters = ply.updated(ply.parameters_at_rest, wobble(ply, 1))
+    place = wobble(ply, 2), 1.0, parameters
+    roles, energies, forces = zip(*ply.parts(*place), strict=True)
+    assert sum(energies) == pytest.approx(ply.energy(*place), rel=1e-12)
+    off = sum(forces) - ply.residual(*place)
     assert np.abs(off).max() < 1e-12 * max(np.abs(f).max() for f in forces)
     assert ("deviation" in roles) == (name != "one")
     assert ("stabilisation" in roles) == (name != "mean")

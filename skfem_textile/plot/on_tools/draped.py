@@ -88,6 +88,6 @@ def _found(result: Result, state: State) -> tuple[np.ndarray, np.ndarray]:
     ply, surface = result.ply, result.tool(state.load_factor)
     if surface is None:
         raise ValueError("a ply is on no tool: it needs a condition OnSurface")
-    points, cells = fields_on_tool(ply, surface, state.u, state.load_factor)
+    points, cells = fields_on_tool(ply, surface, state)
     pressure = points["contact_pressure"][ply.mesh.t].mean(axis=0)
     return pressure, np.flatnonzero(cells["wrinkle_risk"])

@@ -47,12 +47,13 @@ def measured_on_tool(
     ``holding`` are conditions on single nodes that keep it from sliding.
     Empty of a ply that is on no tool.
     """
-    ply, u, t = result.ply, result.u, result.states[-1].load_factor
+    ply, state = result.ply, result.states[-1]
+    u, t = state.u, state.load_factor
     surface = result.tool(t)
     if surface is None:
         return {}
     found = _Found(
-        contact_pressure(ply, surface, u, t),
+        contact_pressure(ply, surface, u, t, state.parameters),
         np.degrees(turn_of_normal(ply, surface, u)),
         beyond_edges(ply, surface, u),
     )
@@ -132,9 +133,7 @@ def _advice(result: Result, surface: Surface, found: _Found) -> dict[str, str]:
             "the tool would have to pull everywhere: turn its triangles round if the "
             "ply lies on its other side"
         )
-    if not (
-        np.any(ply.fabric.bending) or ply.load(u, result.states[-1].load_factor).any()
-    ):
+    if not (np.any(ply.fabric.bending) or _load(result).any()):
         advice["not_the_net"] = _NO_NET
     return advice
 
@@ -144,7 +143,7 @@ def _held(result: Result, holding: Sequence[str]) -> dict[str, float | str]:
     state, ply = result.states[-1], result.ply
     force = max(float(np.linalg.norm(state.reactions[name])) for name in holding)
     held: dict[str, float | str] = {"max_holding_force_N": force}
-    load = ply.nodal(ply.load(result.u, state.load_factor))
+    load = ply.nodal(_load(result))
     if 0 < _HOLDS * np.linalg.norm(load, axis=0).sum() < force:
         held["held_askew"] = (
             f"a node that keeps the ply from sliding carries {force:.3g} N, for the "
@@ -153,6 +152,12 @@ def _held(result: Result, holding: Sequence[str]) -> dict[str, float | str]:
             "the tool is symmetric, or take no tension and fibres that resist bending"
         )
     return held
+
+
+def _load(result: Result) -> ndarray:
+    """Nodal forces of the loads in N, in the last state."""
+    state = result.states[-1]
+    return result.ply.load(state.u, state.load_factor, state.parameters)
 
 
 def _share(ply: Body, elements: ndarray) -> float:

@@ -44,6 +44,7 @@ class Replay:
         start = None
         if state.load_factor > 0:
             start = self.last.next_start()
+            start = start.with_parameters(self.last.problem, state.parameters)
         self.last = check_state(self._problem.at(state.load_factor), state, start)
         return replace(state, shares=self.last.shares)
 

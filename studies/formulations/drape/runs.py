@@ -48,7 +48,7 @@ def row_of(case: Case) -> Row:
         "stable": state.verdict.stable,
         "fibre_strain": state.verdict.max_fibre_strain,
         "at_risk": float(drape.wrinkle_risk(ply, state.u).mean()),
-        "pressure_error": _pressure_error(case, ply, surface, state.u),
+        "pressure_error": _pressure_error(case, ply, surface, state),
     }
     if case.kind == SPHERE:
         return found | _on_net(ply, state)
@@ -155,7 +155,9 @@ def _on_developable(case: Case) -> tuple[Ply, Conditions, Surface, ndarray]:
     return rolled.problem(case.surface, formulation, cells, case.parts, *given)
 
 
-def _pressure_error(case: Case, ply: Ply, surface: Surface, u: ndarray) -> float | None:
+def _pressure_error(
+    case: Case, ply: Ply, surface: Surface, state: State
+) -> float | None:
     """Largest error of the mean contact pressure of an element, as a share.
 
     That of elements along edges that are pulled is left out.  On the sphere the exact
@@ -163,7 +165,7 @@ def _pressure_error(case: Case, ply: Ply, surface: Surface, u: ndarray) -> float
     """
     if not case.tension:
         return None
-    mesh = ply.users_mesh
+    mesh, u = ply.users_mesh, state.u
     pulled = ("right", "top", "left") if case.surface == FAN else ("right", "top")
     edges = np.hstack([mesh.boundaries[name] for name in pulled])
     on_edge = np.isin(mesh.t, mesh.facets[:, edges])
@@ -175,5 +177,6 @@ def _pressure_error(case: Case, ply: Ply, surface: Surface, u: ndarray) -> float
     else:
         centres = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
         exact = rolled.pressure(case.surface, case.tension, centres)
-    found = drape.contact_pressure(ply, surface, u)[ply.mesh.t].mean(axis=0)
+    place = u, state.load_factor, state.parameters
+    found = drape.contact_pressure(ply, surface, *place)[ply.mesh.t].mean(axis=0)
     return float(np.abs(found / exact - 1)[inner].max())

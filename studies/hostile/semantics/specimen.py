@@ -124,7 +124,8 @@ def check_result(result: Result, moves: Moves) -> None:
         off = np.abs(n @ u[:, nodes] - value).max()
         if not off <= 1e-9 * (1 + np.abs(value).max()):
             raise WrongAnswerError(f"nodes {nodes} are off by {off} mm")
-    f = ply.nodal(ply.residual(result.u))
+    state = result.states[-1]
+    f = ply.nodal(ply.residual(state.u, state.load_factor, state.parameters))
     largest = np.abs(f).max() + 1e-6
     if not np.abs(f.sum(axis=1)).max() <= 1e-9 * largest * len(f[0]):
         raise WrongAnswerError("the sum of the forces is not zero")

@@ -132,11 +132,13 @@ class Ours:
             result, note = LoadStepper(ply, scene.conditions, 1).run(), ""
         except StepError as error:
             result, note = error.result, str(error)
+        last = result.states[-1]
+        sound = is_sound(ply, scene, last.u, last.parameters)
         return {
-            "load": _load(scene, scene.reaction(result.states[-1])),
+            "load": _load(scene, scene.reaction(last)),
             "steps": len(result.states) - 1,
             "linear_solves": result.linear_solves,
-            "sound": result.converged and is_sound(ply, scene, result.u),
+            "sound": result.converged and sound,
             "note": note,
         }
 

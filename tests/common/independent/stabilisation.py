@@ -23,9 +23,9 @@ def hourglass(cloth, x, C_s):
     return energy
 
 
-def automatic_hourglass(cloth, x, macros, committed):
-    """`hourglass` with C_s of the last committed state."""
-    last = committed[-1] if committed else cloth.X[..., None]
+def automatic_hourglass(cloth, x, macros, converged):
+    """`hourglass` with C_s of the last converged state."""
+    last = converged[-1] if converged else cloth.X[..., None]
     return hourglass(cloth, x, automatic_stiffness(cloth, last, macros))
 
 
@@ -100,10 +100,10 @@ def rate_step(cloth, x, last, moments, C_s):
     return new, work, force
 
 
-def rate(cloth, x, C_s, committed):
-    """Work of all steps over the committed states to x, and the forces at x."""
+def rate(cloth, x, C_s, converged):
+    """Work of all steps over the converged states to x, and the forces at x."""
     last, moments, work = cloth.X, np.zeros((len(cloth.elements), 4)), 0.0
-    for state in [*committed, x]:
+    for state in [*converged, x]:
         now = state[..., 0]
         moments, done, force = rate_step(cloth, now, last, moments, C_s)
         last, work = now, work + done

@@ -32,12 +32,12 @@ def shear(cloth, x, rule):
     )
 
 
-def mean_tension(cloth, x, groups, multiples, committed=()):
+def mean_tension(cloth, x, groups, multiples, converged=()):
     """∫ Σ_α ψ(ln λ̄_α) + ½ E_d (λ_α − λ̄_α)² dΩ, λ̄ the mean over a group of points.
 
-    E_d is that of the last committed state.
+    E_d is that of the last converged state.
     """
-    last = committed[-1] if committed else cloth.X[..., None]
+    last = converged[-1] if converged else cloth.X[..., None]
     stiffnesses, whole = deviation_stiffnesses(cloth, last, groups, multiples), 0.0
     for group, pair in zip(groups, stiffnesses, strict=True):
         A_e, means = sum(p.area for p in group), []
@@ -55,7 +55,7 @@ def mean_tension(cloth, x, groups, multiples, committed=()):
     return whole
 
 
-def macro_tension(cloth, x, macros, multiples, committed=()):
+def macro_tension(cloth, x, macros, multiples, converged=()):
     """`mean_tension` at the centres of the quadrilaterals of each macro-element.
 
     ``multiples`` is the pair c of what was a triangle and what was a quadrilateral.
@@ -63,7 +63,7 @@ def macro_tension(cloth, x, macros, multiples, committed=()):
     groups = [[points_of(cloth, e, "centre")[0] for e in parts] for parts in macros]
     of_parts = dict(zip((3, 4), multiples, strict=True))
     chosen = [of_parts[len(parts)] for parts in macros]
-    return mean_tension(cloth, x, groups, chosen, committed)
+    return mean_tension(cloth, x, groups, chosen, converged)
 
 
 def quadratic_mean_tension(cloth, x, c):

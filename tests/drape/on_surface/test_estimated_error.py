@@ -53,9 +53,10 @@ def test_the_estimate_is_of_a_finer_ply_on_the_surface():
     state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
     finer = ply.finer()
     fine = problem_at(finer.ply, conditions, "superlu", 1.0)
-    carried, tension = finer.carry(state.u)
-    assert not fine.surfaces.are_on(carried, 1.0)
-    u, _ = error_estimate._moved(fine, carried, tension, np.zeros(2), loaded=True)
+    carried = finer.carry(state.u, state.parameters)
+    assert not fine.surfaces.are_on(carried[0], 1.0)
+    way = error_estimate._Way(fine, *carried)
+    u, _ = error_estimate._moved(way, np.zeros(2), loaded=True)
     assert fine.surfaces.are_on(u, 1.0)
 
 
@@ -76,14 +77,15 @@ def test_without_a_load_one_increment_tells_why_there_is_no_estimate(
         tangent.altered = not shortened
         return tangent
 
-    def within(problem, u, du):
+    def within(problem, u, du, parameters):
         made.append(du)
         return du / 2 if shortened else du
 
     monkeypatch.setattr(error_estimate, "definite", altered)
     monkeypatch.setattr(error_estimate, "within_laws", within)
+    way = error_estimate._Way(fine, *finer.carry(state.u, state.parameters))
     with pytest.raises(NoEquilibriumError, match=reason):
-        error_estimate._moved(fine, *finer.carry(state.u), np.zeros(2), loaded=False)
+        error_estimate._moved(way, np.zeros(2), loaded=False)
     assert len(made) == 1
 
 

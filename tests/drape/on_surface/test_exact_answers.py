@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import place_of
 from laid_plies import SYMMETRY, laid, square
 from skfem import MeshQuad, MeshTri
 
@@ -103,7 +104,7 @@ def rolled(angle, formulation, q=1.0, side=chebyshev.SIDE, mesh=MeshQuad, warn_o
 def test_a_cylinder_shears_no_ply_and_presses_by_tension_over_radius(formulation):
     ply, cylinder, state = rolled(0.0, formulation)
     assert np.abs(ply.shear_angle(state.u)).max() < 1e-8
-    pressure = drape.contact_pressure(ply, cylinder, state.u)
+    pressure = drape.contact_pressure(ply, cylinder, *place_of(state))
     inner = ply.nodes[0] < chebyshev.SIDE - 1e-9
     np.testing.assert_allclose(pressure[inner], 1.0 / 60.0, rtol=0.02)
     assert not drape.wrinkle_risk(ply, state.u).any()
@@ -136,7 +137,7 @@ def test_no_ply_shears_whose_elements_lie_between_generators(how, formulation, t
     )
     state = equilibrium_near(ply, conditions, start)
     assert np.abs(ply.shear_angle(state.u)).max() < 1e-10
-    pressure = drape.contact_pressure(ply, surface, state.u)
+    pressure = drape.contact_pressure(ply, surface, *place_of(state))
     mesh = ply.users_mesh
     on_edge = np.isin(mesh.t, mesh.boundary_nodes()).any(axis=0)[ply.parent]
     inner = np.setdiff1d(ply.mesh.t, ply.mesh.t[:, on_edge])
@@ -157,7 +158,7 @@ def test_no_ply_shears_on_a_cone_at_any_angle_of_its_fibres(degrees):
 def test_the_sphere_presses_by_the_sum_of_tensions_over_its_radius():
     ply, conditions, start = chebyshev.problem(OnePoint(), 24)
     state = equilibrium_near(ply, conditions, start)
-    pressure = drape.contact_pressure(ply, chebyshev.SPHERE, state.u)
+    pressure = drape.contact_pressure(ply, chebyshev.SPHERE, *place_of(state))
     tension = ply.fibre_tension(state.u)[..., 0].sum(axis=0)
     angle = ply.shear_angle(state.u)[:, 0]
     exact = tension / chebyshev.RADIUS / np.cos(angle)
@@ -188,7 +189,7 @@ def test_a_saddle_presses_or_would_have_to_pull(tension):
     }
     start = laid(ply, SADDLE)
     state = equilibrium_near(ply, conditions, start)
-    pressure = drape.contact_pressure(ply, SADDLE, state.u)
+    pressure = drape.contact_pressure(ply, SADDLE, *place_of(state))
     warp, weft = tension
     assert pressure[middle] == pytest.approx(0.004 * (weft - warp), rel=0.02)
 
@@ -198,6 +199,6 @@ def test_triangles_press_as_quadrilaterals_do(formulation):
     """A cylinder presses by q/R whatever the elements; all forces add up to it."""
     warned = "stabilisation", "deviation"
     ply, cylinder, state = rolled(0.0, formulation, 1.0, 60.0, MeshTri, warned)
-    pressure = drape.contact_pressure(ply, cylinder, state.u)
+    pressure = drape.contact_pressure(ply, cylinder, *place_of(state))
     inner = (ply.nodes[0] > 4.0) & (ply.nodes[0] < 56.0)
     np.testing.assert_allclose(pressure[inner], 1.0 / 60.0, rtol=0.02)

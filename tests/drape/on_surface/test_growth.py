@@ -65,7 +65,7 @@ def problem_and_start(ply, surface, **which):
     """The problem at the end of growth, and the ply at rest."""
     conditions = {"on": OnSurface(surface, **which)} | SYMMETRY
     problem = problem_of(ply, conditions)
-    return problem.at(1.0), problem.start(ply.basis.zeros())
+    return problem.at(1.0), problem.start(ply.basis.zeros(), ply.parameters_at_rest)
 
 
 def test_a_start_on_a_grown_cylinder_is_the_rolled_ply():
@@ -73,7 +73,8 @@ def test_a_start_on_a_grown_cylinder_is_the_rolled_ply():
     ply = square(60.0, 4, Fabric(1e4, 0.1))
     cylinder = drape.Cylinder(40.0, (0, 0, -40))
     problem, rest = problem_and_start(ply, cylinder)
-    half = problem.at(0.5).start(grown(problem.at(0.5), rest).u)
+    u = grown(problem.at(0.5), rest).u
+    half = problem.at(0.5).start(u, rest.parameters)
     exact = laid(ply, cylinder)
     assert np.abs(half.u - exact).max() > 1.0
     for start in (rest, half):
@@ -129,8 +130,9 @@ def test_a_ply_without_surfaces_balances_to_its_displacements_alone():
         ply = square(60.0, 4, Fabric(1e5, 0.1), corner=(corner, corner))
         problem = problem_of(ply, {"flat": Condition("left")})
         u = ply.basis.zeros()
-        tangent = Tangent(problem, u, np.ones((2, *ply.fibre_tension(u).shape[1:])))
-        found.append(tangent.tolerance(u, problem.residual(u)))
+        p, pulled = ply.parameters_at_rest, np.ones_like(ply.fibre_tension(u))
+        tangent = Tangent(problem, u, p, pulled)
+        found.append(tangent.tolerance(u, problem.residual(u, p)))
     assert found[1] == pytest.approx(found[0], rel=1e-6)
 
 

@@ -217,9 +217,9 @@ def test_the_last_resort_makes_a_tangent_definite_in_space():
     problem = Problem(ply, constraints, solver_named("superlu"))
     u = ply.basis.zeros()
     u[::3] = 0.3 * ply.nodes[1]
-    slack = ply.geometric_tension(u, 0 * u) * 0
-    assert not Tangent(problem, u, slack).definite
-    tangent = definite(problem, u, slack)
+    slack, rest = ply.geometric_tension(u, 0 * u) * 0, ply.parameters_at_rest
+    assert not Tangent(problem, u, rest, slack).definite
+    tangent = definite(problem, u, rest, slack)
     assert tangent.definite
     assert tangent.altered
 

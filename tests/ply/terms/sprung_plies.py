@@ -1,4 +1,4 @@
-"""A ply, and terms of one's own for it: springs, and what remembers."""
+"""A ply, and terms of one's own for it: springs, and one with parameters."""
 
 import numpy as np
 from helpers import distorted
@@ -6,7 +6,17 @@ from scipy.sparse import csr_matrix
 from skfem import BilinearForm, ElementQuad1, ElementVector, Functional, LinearForm
 from skfem.helpers import dot
 
-from skfem_textile import Condition, Fabric, Forms, OnePoint, Ply, Term
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Forms,
+    FormTerm,
+    OnePoint,
+    Ply,
+    Term,
+    TermParameters,
+    Values,
+)
 
 SPRINGS = Forms(
     Functional(lambda w: 0.5 * (1 + w["t"]) * dot(w["u"], w["u"])),
@@ -37,34 +47,41 @@ class Spring(Term):
         self.K = csr_matrix(3.0 * ends.T @ ends)
         self._couples = couples
 
-    def energy(self, u, t):
+    def energy(self, u, t, p):
         return 0.5 * u @ (self.K @ u)
 
-    def residual(self, u, t):
+    def residual(self, u, t, p):
         return self.K @ u
 
-    def tangent(self, u, t):
+    def tangent(self, u, t, p):
         return self.K
 
     def couples(self):
         return self._couples
 
 
-class Drag:
-    """A memory: drawn to the last converged displacement."""
+DRAG = Forms(
+    Functional(lambda w: 0.5 * dot(w["u"] - w["last"], w["u"] - w["last"])),
+    LinearForm(lambda v, w: dot(w["u"] - w["last"], v)),
+    BilinearForm(lambda u, v, w: dot(u, v)),
+)
 
-    work, depends_on = 0.0, "path"
 
-    def __init__(self, basis):
-        self.basis = basis
-        self.begin()
+class Drag(TermParameters):
+    """The displacement of the last converged state, and the number of steps."""
 
-    def begin(self):
-        self.parameters = {"last": self.basis.zeros()}
+    def __init__(self, basis, depends_on_steps=False):
+        self.basis, self.depends_on_steps = basis, depends_on_steps
 
-    def commit(self, u):
-        self.parameters = {"last": u.copy()}
-        return True
+    def at_rest(self):
+        zero = self.basis.zeros()
+        return Values({"last": zero, "times": zero})
 
-    def restore(self, parameters, work):
-        self.parameters = parameters
+    def advanced(self, values, u, t):
+        return Values({"last": u, "times": values["times"] + 1.0})
+
+
+def drag(ply, depends_on_steps=False, **options):
+    """A term that is drawn to the last converged displacement."""
+    parameters = Drag(ply.basis, depends_on_steps)
+    return FormTerm("drag", DRAG, ply.basis, parameters=parameters, **options)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from skfem import BilinearForm, CellBasis, MeshQuad
-from sprung_plies import ELEMENT, SPRINGS, Drag, Spring, plain
+from sprung_plies import ELEMENT, SPRINGS, Spring, plain
 
 from skfem_textile import Forms, FormTerm, MatrixTerm, VectorTerm
 
@@ -28,8 +28,7 @@ def test_a_tangent_that_is_not_symmetric_is_refused():
 
 def test_terms_of_another_ply_or_name_are_refused():
     ply, N = plain(), plain().basis.N
-    other, odd = CellBasis(MeshQuad(), ELEMENT), Drag(ply.basis)
-    odd.depends_on = "stat"
+    other, odd = CellBasis(MeshQuad(), ELEMENT), object()
     for term, complaint in (
         (FormTerm("a", SPRINGS, other), "its basis is not one of the displacement"),
         (MatrixTerm("a", np.eye(3)), "its matrix must be"),
@@ -40,8 +39,7 @@ def test_terms_of_another_ply_or_name_are_refused():
         (VectorTerm, "is no term: it is a class"),
         (VectorTerm("", np.ones(N)), "name must be some text"),
         (FormTerm("a", SPRINGS, None), "its basis is not one of the displacement"),
-        (FormTerm("a", SPRINGS, ply.basis, memory=object()), "memory has no parameter"),
-        (FormTerm("a", SPRINGS, ply.basis, memory=odd), "'stat': choose of state"),
+        (FormTerm("a", SPRINGS, ply.basis, parameters=odd), "its parameters have no"),
     ):
         with pytest.raises(ValueError, match=complaint):
             ply.with_terms(term)
@@ -80,7 +78,7 @@ def test_parts_of_a_term_that_do_not_fit_are_refused_with_its_name(wrong):
         pass
 
     own = getattr(Spring, part)
-    setattr(Wrong, part, lambda self, u, t: change(own(self, u, t), u))
+    setattr(Wrong, part, lambda self, u, t, p: change(own(self, u, t, p), u))
     ply = plain()
     with pytest.raises(ValueError, match=f"term 'spring': {complaint}"):
         ply.with_terms(Wrong(ply.basis.N))

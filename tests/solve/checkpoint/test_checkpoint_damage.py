@@ -234,7 +234,6 @@ def test_a_file_in_the_middle_that_is_sealed_anew_is_refused(run):
         (("verdict", "min_det_F"), [lambda x: 1.001 * x, "x"]),
         (("verdict", "max_fibre_strain"), [lambda x: 1.001 * x]),
         (("verdict",), [None, {}]),
-        (("work", "stabilisation"), [lambda x: x + 1.0, None]),
     ],
 )
 def test_a_last_state_that_contradicts_itself_is_refused(

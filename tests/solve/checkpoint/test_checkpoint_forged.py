@@ -55,12 +55,23 @@ def test_a_vector_of_another_shape_is_refused(run, value):
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])
-def test_memories_of_complex_numbers_are_refused(run, number):
+def test_parameters_of_complex_numbers_are_refused(run, number):
     def edit(text, arrays):
         arrays["stabilisation C_s"] = arrays["stabilisation C_s"].astype(complex)
 
     forge(run, number, edit)
     assert f"state_{number - 1:06d}.npz" in refusal(run)
+
+
+def test_files_of_another_format_are_refused_in_one_line(run):
+    """Those of format 6 have the work of each term beside its other parameters."""
+
+    def edit(text, arrays):
+        text["work"] = {"stabilisation": 0.0}
+
+    forge(run, 1, edit)
+    forge(run, 0, lambda text, arrays: text.update(format=6))
+    assert refusal(run) == (f"checkpoint {run} is of another run: format was 6, is 7")
 
 
 @pytest.mark.parametrize("said", ["two\nlines \x1b[31m", "long " * 2000, 10**400])

@@ -1,10 +1,17 @@
 """A run that was interrupted or killed is resumed to the same end."""
 
+import os
+import pickle
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from itertools import pairwise
+from pathlib import Path
 
+import extended_runs
+import helpers
 import numpy as np
 import pytest
 from strip_runs import assert_same, interrupted_at, stepper, whole
@@ -21,7 +28,55 @@ def test_a_resumed_run_gives_the_same_result_to_the_last_bit(tmp_path, kind, at)
     assert_same(resumed, whole(kind))
 
 
-def test_a_resumed_run_remembers_the_length_of_its_step(tmp_path):
+# Runs a formulation, afresh or from a checkpoint.
+IN_ANOTHER_PROCESS = """
+import pickle, sys
+from extended_runs import stepper
+name, folder, target = sys.argv[1:]
+result = stepper(name, folder or None).run(resume=bool(folder))
+with open(target, "wb") as file:
+    pickle.dump((result.states, result.history()), file)
+"""
+
+
+def in_another_process(name, folder, target):
+    """States and history."""
+    tests = Path(helpers.__file__).parents[1]
+    path = tests.parent, tests / "common", Path(__file__).parent
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, path))}
+    command = [sys.executable, "-c", IN_ANOTHER_PROCESS, name, folder, target]
+    arguments = [str(argument) for argument in command]
+    subprocess.run(arguments, env=environment, check=True, timeout=300)
+    return pickle.loads(target.read_bytes())
+
+
+@pytest.mark.parametrize("name", extended_runs.FORMULATIONS)
+def test_runs_resumed_or_in_another_process_are_the_same_to_the_last_bit(
+    tmp_path, name
+):
+    """Displacements and parameters of every state, and the history."""
+    first, target = extended_runs.stepper(name).run(), tmp_path / "found"
+    changed = [s.parameters for s in first.states if s.load_factor in (0.25, 0.5, 1)]
+    for before, after in pairwise(changed):
+        assert not any(before[term].same_as(after[term]) for term in after)
+    extended_runs.interrupted(name, tmp_path / "a")
+    shutil.copytree(tmp_path / "a", tmp_path / "b")
+    resumed = extended_runs.stepper(name, tmp_path / "a").run(resume=True)
+    assert_same(resumed, first)
+    for states, history in (
+        (resumed.states, resumed.history()),
+        in_another_process(name, "", target),
+        in_another_process(name, tmp_path / "b", target),
+    ):
+        assert history == first.history()
+        for found, state in zip(states, first.states, strict=True):
+            np.testing.assert_array_equal(found.u, state.u)
+            assert found.parameters.keys() == state.parameters.keys()
+            for term, values in found.parameters.items():
+                assert values.same_as(state.parameters[term])
+
+
+def test_a_resumed_run_goes_on_with_the_length_of_its_step(tmp_path):
     """This run cuts its only step, and grows again."""
     options = {"steps": 1, "strategies": [Mixed(most=5)]}
     whole = stepper(None, **options).run()

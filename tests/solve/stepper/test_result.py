@@ -88,13 +88,13 @@ class Grip(Term):
     def __init__(self, name, role):
         self.name, self.role = name, role
 
-    def energy(self, u, t):
+    def energy(self, u, t, p):
         return 0.5e-3 * float(((u - 0.01 * t) ** 2).sum())
 
-    def residual(self, u, t):
+    def residual(self, u, t, p):
         return 1e-3 * (u - 0.01 * t)
 
-    def tangent(self, u, t):
+    def tangent(self, u, t, p):
         return 1e-3 * identity(len(u), format="csr")
 
 

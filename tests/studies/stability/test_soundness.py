@@ -50,11 +50,10 @@ def test_the_equilibrium_is_that_with_the_stiffnesses_of_its_step():
     """Fibres with crimp are stiffer at the end, and more is held than at rest."""
     scene = SMALL()
     ply = Ply(scene.mesh, Fabric(CrimpToe(1e3, 0.004, 1.0), 0.5), Macro())
-    u = LoadStepper(ply, scene.conditions, 1).run().u
-    assert is_sound(ply, scene, u)
-    assert not is_sound(ply, scene, 0.999 * u)
-    ply.reset()
-    assert not is_sound(ply, scene, u)
+    state = LoadStepper(ply, scene.conditions, 1).run().states[-1]
+    assert is_sound(ply, scene, state.u, state.parameters)
+    assert not is_sound(ply, scene, 0.999 * state.u, state.parameters)
+    assert not is_sound(ply, scene, state.u)
 
 
 @pytest.mark.parametrize(("by", "sound"), [(-0.49, True), (-0.51, False)])

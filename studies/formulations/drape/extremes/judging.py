@@ -145,7 +145,7 @@ def _first_order(case: Extreme, found: Drape) -> float:
 
 def _energy(found: Drape, x: ndarray) -> float:
     u = drape.displacement(found.ply.nodes, x)
-    return found.ply.energy(u, 1.0, True)
+    return found.ply.energy(u, found.state.load_factor, found.state.parameters)
 
 
 def _against_net(case: Extreme, found: Drape) -> Row:

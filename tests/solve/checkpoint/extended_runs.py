@@ -1,0 +1,33 @@
+"""Bias extensions with each formulation whose terms have parameters, which change."""
+
+import pytest
+
+from skfem_textile import Fabric, LoadStepper, Macro, OnePoint, Ply, Quadratic, Sin2
+from skfem_textile.scenes import bias_extension
+
+FORMULATIONS = {
+    "macro": Macro(),
+    "one point": OnePoint(),
+    "rate": OnePoint(1.0, "rate"),
+    "mean": Quadratic(80.0),
+}
+
+
+def stepper(name, folder=None, **options):
+    scene = bias_extension(size=(4, 8))
+    fabric = Fabric(1e4, Sin2(0.5), scene.warp, scene.weft)
+    ply = Ply(scene.mesh, fabric, FORMULATIONS[name])
+    return LoadStepper(
+        ply, scene.conditions, 4, checkpoint=folder, solver="superlu", **options
+    )
+
+
+def interrupted(name, folder):
+    """Leave the checkpoint of a run that was interrupted half-way."""
+
+    def interrupt(state):
+        if state.load_factor >= 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stepper(name, folder, on_step=interrupt).run()
