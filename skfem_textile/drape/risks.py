@@ -46,6 +46,8 @@ def contact_pressure(
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
     normal = surface.gradient(x)
     normal = normal / np.linalg.norm(normal, axis=0)
+    if parameters is None:
+        parameters = ply.parameters_at_rest
     force = (ply.nodal(ply.residual(u, t, parameters)) * normal).sum(axis=0)
     # With all of the corners of an element on the surface they give its area.
     sides = x[:, corners[2]] - x[:, corners[0]], x[:, corners[-1]] - x[:, corners[1]]
