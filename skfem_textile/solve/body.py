@@ -97,7 +97,7 @@ class Body(Protocol):
         ...
 
     def residual(
-        self, u: ndarray, t: float, parameters: Parameters, corners: bool
+        self, u: ndarray, t: float, parameters: Parameters, corners: bool = True
     ) -> ndarray:
         """Nodal forces in N, internal ones less loads."""
         ...

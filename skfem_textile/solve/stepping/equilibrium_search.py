@@ -252,8 +252,8 @@ def _start_of_another(trial: Trial) -> Start | None:
     du, settled = tangent.settled(start.f)
     ours, theirs = (np.array([*problem.reactions(x).values()]) for x in (f, settled))
     force, largest = (np.linalg.norm(x, axis=1).max() for x in (ours - theirs, ours))
-    before, after = (sum(x.energies.values()) for x in (trial, start))
-    energy = abs(after + (0.5 * start.f + start.load) @ du - before)
+    before, end = (sum(x.energies.values()) for x in (trial, start))
+    energy = abs(end + (0.5 * start.f + start.load) @ du - before)
     changed = (
         force > _SETTLED * largest + tolerance * u.size
         or energy > _SETTLED * abs(before) + tolerance * np.abs(u).sum()
