@@ -90,7 +90,9 @@ def _figures(result: Result, found: _Found) -> dict[str, float]:
         "max_contact_pressure_N_per_mm2": float(pressure.max()),
         "min_contact_pressure_N_per_mm2": float(pressure.min()),
         "bridging_share_of_area": _share(ply, bridging(ply, u, pressure)),
-        "wrinkle_risk_share_of_area": _share(ply, wrinkle_risk(ply, u)),
+        "wrinkle_risk_share_of_area": _share(
+            ply, wrinkle_risk(ply, u, state.parameters)
+        ),
         "max_turn_of_normal_deg": float(found.turn_deg.max()),
     }
     if found.beyond is not None:
