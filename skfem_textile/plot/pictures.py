@@ -209,7 +209,7 @@ def fibre_directions(
     titles, shapes, states = chosen(results, titles, state, filename)
     row = []
     for result, title, shape, at in zip(results, titles, shapes, states, strict=True):
-        fields = cell_fields(result.ply, at.u, at.parameters)
+        fields = cell_fields(result.ply, at.u)
         names = "warp_direction", "weft_direction"
         fibres = Fibres(*(shape.seen(fields[name]) for name in names))
         row.append(Panel(title or "Fibre directions", shape, fibres=fibres))
