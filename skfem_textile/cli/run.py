@@ -156,7 +156,7 @@ def stepper_of(
     return AdaptiveStepper(
         *(case.ply(), case.scene.conditions, values["tolerance"], case.steps),
         most_unknowns=values["most_unknowns"],
-        method=case.method,
+        strategies=case.strategies,
         warn_only=case.warn_only,
         solver=case.solver,
     )

@@ -86,7 +86,9 @@ class Body(Protocol):
         """Role, energy in N·mm and nodal forces in N of each part, loads aside."""
         ...
 
-    def energy(self, u: ndarray, t: float, parameters: Parameters) -> float:
+    def energy(
+        self, u: ndarray, t: float, parameters: Parameters, corners: bool
+    ) -> float:
         """Energy in N·mm, potential of loads included."""
         ...
 
@@ -94,7 +96,9 @@ class Body(Protocol):
         """Nodal forces of each term in N, by the name of the term."""
         ...
 
-    def residual(self, u: ndarray, t: float, parameters: Parameters) -> ndarray:
+    def residual(
+        self, u: ndarray, t: float, parameters: Parameters, corners: bool = True
+    ) -> ndarray:
         """Nodal forces in N, internal ones less loads."""
         ...
 
@@ -110,7 +114,8 @@ class Body(Protocol):
         t: float,
         parameters: Parameters,
         tension: ndarray | None,
-        positive: bool,
+        corners: bool,
+        convex: bool,
     ) -> ndarray:
         """Blocks of the tangent in the order of ``pattern``."""
         ...
@@ -157,7 +162,9 @@ class Body(Protocol):
         """Fibre strain of warp and weft that the law of tension sees."""
         ...
 
-    def fibre_tension(self, u: ndarray) -> ndarray:
+    def fibre_tension(
+        self, u: ndarray, parameters: Parameters | None = None
+    ) -> ndarray:
         """Tension of warp and weft in N/mm."""
         ...
 
@@ -189,6 +196,10 @@ class Body(Protocol):
 
     def creased(self, u: ndarray) -> ndarray:
         """Elements that turn sharply against a neighbour."""
+        ...
+
+    def corners_open(self, u: ndarray) -> bool:
+        """Whether no corner resists."""
         ...
 
     def past_peak(self, u: ndarray) -> ndarray:

@@ -1,11 +1,20 @@
 """Equilibria and states, as the parts of the solver hand them on."""
 
+import sysconfig
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from traceback import extract_tb
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
+
+# Where code stands that is not the user's: this package, and installed ones.
+_INSTALLED = (
+    str(Path(__file__).parents[1]),
+    *{sysconfig.get_path(name) for name in ("purelib", "platlib", "stdlib")},
+)
 
 
 class NoEquilibriumError(Exception):
@@ -30,12 +39,36 @@ class NoEquilibriumError(Exception):
         self.advice, self.quantity = advice, quantity
 
 
+class UserError(Exception):
+    """An error that a user's function raised: a term, law, condition or callback.
+
+    The message has the type and the text of the error, and the function and line
+    outside installed packages that raised it.
+
+    Parameters
+    ----------
+    error
+        The error.
+    """
+
+    def __init__(self, error: Exception) -> None:
+        text = " ".join(str(error).split())
+        said = f"{type(error).__name__}: {text}" if text else type(error).__name__
+        frames = extract_tb(error.__traceback__)
+        users = [x for x in frames if not x.filename.startswith(_INSTALLED)]
+        if users:
+            where = users[-1]
+            said += (
+                f" ({where.name}, line {where.lineno} of {Path(where.filename).name})"
+            )
+        super().__init__(said)
+
+
 class Equilibrium(NamedTuple):
     """Where an iteration ended, and how it converged.
 
     ``parameters`` are those of the ply's terms with which the forces balance,
-    ``altered`` is the number of tangents that were projected, ``tangent`` is the
-    consistent tangent, None where it is singular.
+    ``altered`` is the number of tangents that had to be altered.
     """
 
     u: ndarray
@@ -44,7 +77,6 @@ class Equilibrium(NamedTuple):
     residuals: tuple[float, ...]
     tolerance: float
     altered: int = 0
-    tangent: Any = None
 
 
 @dataclass(frozen=True)
@@ -89,14 +121,14 @@ class Iteration(NamedTuple):
 
     load_factor: float
     step: float
-    method: str
+    strategy: str
     number: int
     residual: float
     tolerance: float
 
     def __str__(self) -> str:
         return (
-            f"load factor {self.load_factor:g}, {self.method} {self.number}: "
+            f"load factor {self.load_factor:g}, {self.strategy} {self.number}: "
             f"{self.residual:.3g} N unbalanced, tolerance {self.tolerance:.3g} N"
         )
 

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
-from .body import Parameters
-from .problem import Start, Tangent, between, turned
+from .problem import Start, Tangent, tangent_at, turned
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 from .stepping.shares import excess, shares
 
@@ -68,10 +67,10 @@ class Trial:
         self.energies, self.potentials = energies or {}, potentials or {}
         self.warnings: dict[str, str] = {}
 
-    @property
+    @cached_property
     def tangent(self) -> Tangent | None:
         """The consistent tangent; None where it is singular."""
-        return self.equilibrium.tangent
+        return tangent_at(self.problem, self.equilibrium.u, self.equilibrium.parameters)
 
     @cached_property
     def area_ratio(self) -> ndarray:
@@ -197,13 +196,6 @@ class Trial:
             return problem.start(u, advanced, self.tangent)
         load = problem.load(u, parameters)
         return Start(t, u, f, load, self.energies, parameters, self.tangent)
-
-    def start_with(self, parameters: Parameters, share: float) -> Start:
-        """The equilibrium as a start, a share of the way to other parameters."""
-        u, old = self.equilibrium.u, self.equilibrium.parameters
-        if share < 1.0:
-            parameters = between(old, parameters, share)
-        return self.problem.start(u, parameters, self.tangent)
 
     def verdict(self) -> Verdict:
         """What was found."""

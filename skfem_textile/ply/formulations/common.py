@@ -128,9 +128,11 @@ class OutOfPlane(FormTerm):
         """See `OutOfPlaneKernel`."""
         return self._numbers.forces(u, self._stiffness(p))
 
-    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+    def matrices(
+        self, u: ndarray, t: float, p: Values = NO_VALUES, convex: bool = False
+    ) -> ndarray:
         """See `OutOfPlaneKernel`."""
-        return self._numbers.matrices(u, self._stiffness(p))
+        return self._numbers.matrices(u, self._stiffness(p), convex)
 
     def _given(self, t: float, p: Values) -> Parameters:
         return {**super()._given(t, p), "C_s": self._stiffness(p)}

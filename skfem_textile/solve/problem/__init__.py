@@ -1,16 +1,7 @@
 """A ply under conditions, its tangents, and starts and goals of a search."""
 
-from .problem import Problem, between
+from .problem import Problem
 from .start import Goal, Start
 from .tangent import Tangent, reduced, tangent_at, turned
 
-__all__ = [
-    "Goal",
-    "Problem",
-    "Start",
-    "Tangent",
-    "between",
-    "reduced",
-    "tangent_at",
-    "turned",
-]
+__all__ = ["Goal", "Problem", "Start", "Tangent", "reduced", "tangent_at", "turned"]

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from typing import Any
 
@@ -12,28 +12,30 @@ from ..body import Body
 from ..checkpoint import Checkpoint
 from ..conditions import Conditions, Constraints, OnSurface
 from ..linear import ChosenSolver
-from ..newton import Method
 from ..problem import Problem
 from ..result import Result
 from ..states import Iteration, State
 from ..stepping.arguments import check_arguments
-from ..stepping.equilibrium_search import EquilibriumSearch, method_of
+from ..stepping.equilibrium_search import EquilibriumSearch, follows_path, strategy_of
 from ..stepping.error_estimate import estimated_error
 from ..stepping.limit import loads_grow
+from ..strategies import Strategy
 from .record import Record
 from .run import Run
 
 log = logging.getLogger(__name__)
 
-#: Checks that only warn by default.
+#: What a step tries and which checks only warn, unless told otherwise.
+DEFAULT_STRATEGIES = "mixed", "descent"
 DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners", "surface"
 
 
 class LoadStepper:
     """Load a ply, in steps that shrink where they fail and grow where they are easy.
 
-    A converged state is checked: if it is folded, torn or not stable, it is refused.  A
-    step that fails is halved.
+    Each step tries its strategies one after the other.  The state that they
+    find is judged: if it is folded, torn or not stable, it is refused.  A step that
+    fails is halved.
 
     Parameters
     ----------
@@ -44,9 +46,8 @@ class LoadStepper:
     steps
         Number of equal steps to the load factor 1.  The run has a state at the end of
         each, and in between where a step had to be halved.
-    method
-        Nonlinear solver: `Newton`, `PlainNewton` or the name of one, ``newton`` or
-        ``plain``.
+    strategies
+        What a step tries, in this order: names of `STRATEGIES`, or strategies.
     max_halvings
         How often a step may be halved before the run stops.
     warn_only
@@ -64,7 +65,7 @@ class LoadStepper:
     ------
     ValueError
         If a condition is not valid at some load factor, ``steps`` is no whole number
-        from 1 to a million, ``max_halvings`` none from 0 to 30, a method or check
+        from 1 to a million, ``max_halvings`` none from 0 to 30, a strategy or check
         unknown, the solver unknown or not installed, or something is of another kind.
 
     Examples
@@ -93,7 +94,7 @@ class LoadStepper:
         conditions: Conditions,
         steps: int = 20,
         *,
-        method: str | Method = "newton",
+        strategies: Sequence[str | Strategy] = DEFAULT_STRATEGIES,
         max_halvings: int = 8,
         warn_only: Collection[str] = DEFAULT_WARN_ONLY,
         on_iteration: Callable[[Iteration], None] | None = None,
@@ -102,20 +103,22 @@ class LoadStepper:
         solver: str = "auto",
     ) -> None:
         callbacks = {"on_iteration": on_iteration, "on_step": on_step}
-        check_arguments(ply, steps, max_halvings, warn_only, solver, callbacks)
+        check_arguments(
+            ply, steps, max_halvings, strategies, warn_only, solver, callbacks
+        )
         constraints = Constraints(ply.basis, conditions)
         self._conditions = conditions
         self.problem = Problem(ply, constraints, partial(ChosenSolver, solver))
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         for t in (0.0, *self.load_factors):
             constraints.fixed_values(t)  # refuses what is not valid
-        method = method_of(method)
-        self._follows = method.follows_path
+        chosen = [strategy_of(strategy) for strategy in strategies]
+        self._follows = any(map(follows_path, chosen))
         # Loads that grow may jump to another equilibrium: there work must agree.
         self._loaded = self._follows and loads_grow(ply, self.load_factors)
         refusing = {"work"} if self._loaded else set()
         self._search = EquilibriumSearch(
-            self.problem, method, frozenset(warn_only) - refusing, self._tell
+            self.problem, chosen, frozenset(warn_only) - refusing, self._tell
         )
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
@@ -183,7 +186,7 @@ class LoadStepper:
         """What the states depend on beyond the problem."""
         return {
             "steps": len(self.load_factors),
-            "method": repr(self._search.method),
+            "strategies": [repr(strategy) for strategy in self._search.strategies],
             "max_halvings": self.max_halvings,
             "warn_only": sorted(self._search.warn_only),
         }

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
-from ..checkpoint import Progress, Replay, Saved
+from ..checkpoint import CheckpointError, Progress, Replay, Saved
 from ..linear.solver import Clock
 from ..problem import Goal, tangent_at
 from ..result import Result, StepError
-from ..states import Equilibrium, NoEquilibriumError, State
+from ..states import Equilibrium, NoEquilibriumError, State, UserError
 from ..stepping.growth import grown
 from ..stepping.limit import is_known, limit_error, load_growth, nothing_drives
 from ..stepping.load_path import MOST_ALTERED, LoadPath
@@ -76,6 +76,12 @@ class Run:
             self._reach_load_factors()
         except NoEquilibriumError as failure:
             raise StepError.after(failure, self.result) from None
+        except (StepError, CheckpointError, MemoryError):
+            raise
+        except Exception as error:  # a user's function may raise anything
+            if not self.record.states:
+                raise
+            raise StepError.after(UserError(error), self.result) from error
         finally:
             if warning := self._path.warning():
                 log.warning(warning)
@@ -127,8 +133,9 @@ class Run:
         p = problem.ply.parameters_at_rest
         tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
-        undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
+        undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance)
         trial = Trial(problem, undeformed, None, energies, potentials)
+        trial.tangent = tangent
         state, values = self._state(0.0, trial), problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
@@ -148,9 +155,8 @@ class Run:
     def _go_on(self, saved: Saved, last: Trial) -> None:
         """Take up a run where its checkpoint ends."""
         progress, problem = saved.progress, last.problem
-        end = last.equilibrium
-        tangent = tangent_at(problem, end.u, end.parameters)
-        last.equilibrium = end._replace(tangent=tangent)
+        equilibrium = last.equilibrium
+        last.tangent = tangent_at(problem, equilibrium.u, equilibrium.parameters)
         self._start = last.next_start()
         self.record.states = saved.states
         self._length.next, self._steps_cut = progress.length, progress.steps_cut
@@ -218,7 +224,7 @@ class Run:
         if not is_settled or self._depends_on_steps(state):
             self._path.mark(t)
         self._path.reached(state)
-        self._length.after(altered)
+        self._length.after(state.linear_solves - solves_again)
         self._keep(state, trial)
         return True
 

@@ -63,14 +63,6 @@ def test_a_value_that_goes_wrong_on_the_way_keeps_what_was_computed():
     assert error.value.result.states[-1].load_factor == 0.5
 
 
-def test_an_error_of_a_callback_is_the_users():
-    ply, conditions = pulled(0.5)
-    stepper = LoadStepper(ply, conditions, 2, on_step=lambda state: int("x"))
-    with pytest.raises(ValueError, match="invalid literal"):
-        stepper.run()
-    assert load_factors(stepper.result) == [0.0, 0.5]
-
-
 @pytest.mark.parametrize("halvings", [0, 2])
 def test_a_run_that_fails_counts_the_steps_that_it_cut(halvings):
     ply, conditions = pulled(lambda X, t: -1.5 * (t > 0) + 0 * X[0])
