@@ -30,29 +30,30 @@ pulled, fixed = right.nodal["u^1"], np.union1d(left, right)
 free = ply.basis.complement_dofs(fixed)
 
 
-def equilibrium(u, elongation):
-    """Newton's method from ``u`` to the equilibrium at the given elongation."""
+def equilibrium(u, elongation, parameters):
+    """Newton's method from ``u``: displacement and forces at the given elongation."""
     for _ in range(20):
-        f, du = ply.residual(u), ply.basis.zeros()
+        f, du = ply.residual(u, 1.0, parameters), ply.basis.zeros()
         du[pulled] = elongation - u[pulled]
         if not du.any() and np.abs(f[free]).max() < 1e-8 * np.abs(f).max():
-            return u
-        u = u + solve(*condense(ply.tangent(u), -f, x=du, D=fixed))
+            return u, f
+        K = ply.tangent(u, 1.0, parameters)
+        u = u + solve(*condense(K, -f, x=du, D=fixed))
     raise RuntimeError("no convergence")
 
 
 # %%
-# The default formulation holds stiffnesses of the last step. ``commit`` tells it that a
-# step is done.
+# The default formulation has stiffnesses as parameters. ``updated`` evaluates them at
+# the end of each step.
 
-u = ply.basis.zeros()
+u, parameters = ply.basis.zeros(), ply.parameters_at_rest
 for step in range(1, STEPS + 1):
     elongation = PULLED * step / STEPS
-    u = equilibrium(u, elongation)
+    u, f = equilibrium(u, elongation, parameters)
     if step % 5 == 0:
-        load = ply.residual(u)[pulled].sum()
-        print(f"{elongation:5.1f} mm: {load:6.2f} N, energy {ply.energy(u):6.2f} N·mm")
-    ply.commit(u)
+        load, energy = f[pulled].sum(), ply.energy(u, 1.0, parameters)
+        print(f"{elongation:5.1f} mm: {load:6.2f} N, energy {energy:6.2f} N·mm")
+    parameters = ply.updated(parameters, u)
 strain = np.abs(ply.law_strain(u)).max()
 print(f"largest fibre strain {100 * strain:.2f} %")
 assert strain < 0.01

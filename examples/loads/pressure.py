@@ -47,7 +47,7 @@ assert abs(carried / (PRESSURE * SIDE**2) - 1) < 1e-6
 
 points = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(result.u)
 points[2] *= 5
-tension = ply.fibre_tension(result.u)[0].mean(axis=1)
+tension = ply.fibre_tension(result.u, result.states[-1].parameters)[0].mean(axis=1)
 
 plt.rcParams["font.size"] = 8
 figure = plt.figure(figsize=(3.35, 2.4), layout="constrained")

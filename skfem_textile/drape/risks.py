@@ -46,6 +46,8 @@ def contact_pressure(
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
     normal = surface.gradient(x)
     normal = normal / np.linalg.norm(normal, axis=0)
+    if parameters is None:
+        parameters = ply.parameters_at_rest
     force = (ply.nodal(ply.residual(u, t, parameters)) * normal).sum(axis=0)
     # With all of the corners of an element on the surface they give its area.
     sides = x[:, corners[2]] - x[:, corners[0]], x[:, corners[-1]] - x[:, corners[1]]
@@ -154,7 +156,9 @@ def _on_grown(ply: Body, surface: Surface, u: ndarray) -> tuple[ndarray, Surface
     return point + surface.t * (x - point), surface.surface
 
 
-def wrinkle_risk(ply: Body, u: ndarray) -> ndarray:
+def wrinkle_risk(
+    ply: Body, u: ndarray, parameters: Parameters | None = None
+) -> ndarray:
     """Elements in which fibres may buckle in the plane of the ply.
 
     An inextensible net buckles in its plane where the tension of a family is below −G,
@@ -168,15 +172,15 @@ def wrinkle_risk(ply: Body, u: ndarray) -> ndarray:
     ----------
     ply
         The ply.
-    u
-        Displacement.
+    u, parameters
+        Displacement and parameters of a `State`; see `Ply.fibre_tension`.
 
     Returns
     -------
     ndarray
         Bool, shape (n_elements,), of the elements of ``ply.mesh``.
     """
-    tension, weight = ply.fibre_tension(u), ply.basis.dx
+    tension, weight = ply.fibre_tension(u, parameters), ply.basis.dx
     mean = (tension * weight).sum(axis=-1) / weight.sum(axis=-1)
     sheared, fabric = np.abs(ply.shear_angle(u)).max(axis=1), ply.fabric.at()
     stiffness = fabric.shear_law.tangent(np.zeros((len(sheared), 1)))[:, 0]

@@ -103,8 +103,10 @@ def mean_tension(fabric: Fabric) -> Forms:
 
     @Functional
     def energy(w):
-        of_means = sum(law(w).energies(np.log(once(w, mean_stretches))))
-        return of_means + _of_deviations(fabric, w, once(w, stretches))
+        lam, E_d, means = once(w, stretches), w["E_d"], once(w, mean_stretches)
+        return sum(law(w).energies(np.log(means))) + sum(
+            0.5 * E_d[i] * (lam[i] - means[i]) ** 2 for i in families
+        )
 
     @LinearForm
     def residual(v, w):
@@ -120,24 +122,6 @@ def mean_tension(fabric: Fabric) -> Forms:
         return means + contract(grad(v), once(w, local_stiffness), grad(u))
 
     return Forms(energy, residual, tangent)
-
-
-def deviation_energy(fabric: Fabric) -> Functional:
-    """½ E_d (λ − λ̄)², the part of the energy of `mean_tension` that E_d scales."""
-
-    @Functional
-    def energy(w):
-        F, A = deformation(w), directions(fabric, w)
-        return _of_deviations(fabric, w, [kin.stretch(F, a) for a in A])
-
-    return energy
-
-
-def _of_deviations(fabric: Fabric, w: Any, stretches: list[ndarray]) -> ndarray:
-    return sum(
-        0.5 * w["E_d"][i] * (stretches[i] - mean(w, stretches[i])) ** 2
-        for i in families_with_law(fabric)
-    )
 
 
 def mean_fibre_tension(

@@ -4,7 +4,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..drape import beyond_edges, bridging, contact_pressure, wrinkle_risk
-from ..solve.body import Body
+from ..solve.body import Body, Parameters
 from ..solve.conditions import Surface
 from ..solve.states import State
 
@@ -14,11 +14,13 @@ def point_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
     return {"displacement": _in_space(ply.nodal(u)[:, : ply.mesh.nvertices])}
 
 
-def cell_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
+def cell_fields(
+    ply: Body, u: ndarray, parameters: Parameters | None = None
+) -> dict[str, ndarray]:
     """Fibre strains, tensions and directions, and the shear angle, per element.
 
-    Strains are those that enter the law of tension (`Ply.law_strain`), tensions those
-    of the law there (`Ply.fibre_tension`).  Of the points in an element, that with the
+    Strains are those that enter the law of tension (`Ply.law_strain`), tensions as of
+    `Ply.fibre_tension`.  Of the points in an element, that with the
     largest magnitude counts, so that the extremes of a field are those of the ply.
     Directions are those at the centre, in the current configuration.
 
@@ -29,7 +31,7 @@ def cell_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
         ``shear_angle`` (degrees), shape (n_elements,); ``warp_direction`` and
         ``weft_direction``, shape (n_elements, 3).
     """
-    strain, tension = ply.law_strain(u), ply.fibre_tension(u)
+    strain, tension = ply.law_strain(u), ply.fibre_tension(u, parameters)
     direction = ply.fibre_direction(u, ply.centre)[..., 0]
     fields = {"shear_angle": np.degrees(_extreme(ply.shear_angle(u)))}
     for i, family in enumerate(("warp", "weft")):
@@ -61,7 +63,7 @@ def fields_on_tool(
     u = state.u
     pressure = contact_pressure(ply, surface, u, state.load_factor, state.parameters)
     of_elements = {
-        "wrinkle_risk": wrinkle_risk(ply, u).astype(float),
+        "wrinkle_risk": wrinkle_risk(ply, u, state.parameters).astype(float),
         "bridging": bridging(ply, u, pressure).astype(float),
     }
     beyond = beyond_edges(ply, surface, u)

@@ -90,7 +90,7 @@ def _fields(
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
     """Fields of the vertices and of the elements in a state."""
     ply, u = result.ply, state.u
-    points, cells = point_fields(ply, u), cell_fields(ply, u)
+    points, cells = point_fields(ply, u), cell_fields(ply, u, state.parameters)
     surface = result.tool(state.load_factor)
     if surface is not None:
         on_points, on_cells = fields_on_tool(ply, surface, state)

@@ -83,11 +83,27 @@ class Measures:
         strain = self.fibre_strain(u)
         return strain if self._tension is None else self._tension.seen(strain)
 
-    def fibre_tension(self, u: ndarray) -> ndarray:
-        """Tension of warp and weft in N/mm: the law at `law_strain`.
+    def fibre_tension(
+        self, u: ndarray, parameters: PlyParameters | None = None
+    ) -> ndarray:
+        """Tension of warp and weft in N/mm at the ply's own points.
 
-        At the ply's own points, shape (2, n_elements, n_points).
+        Parameters
+        ----------
+        u
+            Displacement.
+        parameters
+            Parameters of the terms, such as ``State.parameters``: with mean stretches
+            the tension then includes the part of deviations from them, whose stiffness
+            is one of the parameters.  Without parameters it is the law at `law_strain`.
+
+        Returns
+        -------
+        ndarray
+            Shape (2, n_elements, n_points).
         """
+        if parameters is not None:
+            return self.predicted_tension(u, np.zeros_like(u), parameters)
         strain = self.law_strain(u)
         if self._tension is None:
             return np.zeros_like(strain)

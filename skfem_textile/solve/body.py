@@ -157,7 +157,9 @@ class Body(Protocol):
         """Fibre strain of warp and weft that the law of tension sees."""
         ...
 
-    def fibre_tension(self, u: ndarray) -> ndarray:
+    def fibre_tension(
+        self, u: ndarray, parameters: Parameters | None = None
+    ) -> ndarray:
         """Tension of warp and weft in N/mm."""
         ...
 

@@ -188,7 +188,9 @@ class Result:
             **_columns({of: shares[of] for of in ("energy", "work")}),
             "max_fibre_strain": verdict.max_fibre_strain,
             "mesh_fibre_strain": verdict.mesh_fibre_strain,
-            "max_fibre_tension": _largest(ply.fibre_tension(u)),
+            "max_fibre_tension": _largest(
+                ply.fibre_tension(u, self.states[-1].parameters)
+            ),
             "max_shear_angle_deg": float(np.degrees(_largest(ply.shear_angle(u)))),
             **self._errors(),
             "wall_time_s": self.wall_time_s,

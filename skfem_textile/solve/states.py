@@ -1,11 +1,20 @@
 """Equilibria and states, as the parts of the solver hand them on."""
 
+import sysconfig
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from traceback import extract_tb
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
+
+# Where code stands that is not the user's: this package, and installed ones.
+_INSTALLED = (
+    str(Path(__file__).parents[1]),
+    *{sysconfig.get_path(name) for name in ("purelib", "platlib", "stdlib")},
+)
 
 
 class NoEquilibriumError(Exception):
@@ -28,6 +37,31 @@ class NoEquilibriumError(Exception):
         super().__init__(message)
         self.elements = np.asarray(elements, dtype=int)
         self.advice, self.quantity = advice, quantity
+
+
+class UserError(Exception):
+    """An error that a user's function raised: a term, law, condition or callback.
+
+    The message has the type and the text of the error, and the function and line
+    outside installed packages that raised it.
+
+    Parameters
+    ----------
+    error
+        The error.
+    """
+
+    def __init__(self, error: Exception) -> None:
+        text = " ".join(str(error).split())
+        said = f"{type(error).__name__}: {text}" if text else type(error).__name__
+        frames = extract_tb(error.__traceback__)
+        users = [x for x in frames if not x.filename.startswith(_INSTALLED)]
+        if users:
+            where = users[-1]
+            said += (
+                f" ({where.name}, line {where.lineno} of {Path(where.filename).name})"
+            )
+        super().__init__(said)
 
 
 class Equilibrium(NamedTuple):

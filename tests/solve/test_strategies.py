@@ -6,6 +6,7 @@ import pytest
 from skfem_textile import Fabric, Macro, Ply, Quadratic
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension
+from skfem_textile.solve.newton import _shortened
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.stepping import equilibrium_search
 from skfem_textile.solve.stepping.equilibrium_search import (
@@ -13,7 +14,6 @@ from skfem_textile.solve.stepping.equilibrium_search import (
     Found,
     Goal,
 )
-from skfem_textile.solve.strategies import _shortened
 
 
 class Slope:

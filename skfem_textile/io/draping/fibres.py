@@ -114,7 +114,9 @@ def write_draped(
         for file in files:
             write_fibres(file, fibres)
         return
-    fields = on_users_elements(ply, cell_fields(ply, result.u))
+    fields = on_users_elements(
+        ply, cell_fields(ply, result.u, result.states[-1].parameters)
+    )
     directions = FibreDirections(*(fields[name][:, :2].T for name in _VECTORS))
     points = ply.mesh.p + moved[:, : ply.mesh.nvertices]
     for file in files:

@@ -73,9 +73,9 @@ class CornerTerm(ElementTerm):
         K = self._forms.tangent.elemental(basis, u=u).data.reshape(size, size, -1)
         elements: Any = basis.tind
         own = node_pair_blocks(K, self.nodes[:, elements], self._d)
-        every = np.zeros((*own.shape[:-1], self.nodes.shape[1]))
-        np.add.at(every, (..., elements), own)
-        return every
+        every = np.zeros((self.nodes.shape[1], *own.shape[:-1]))
+        np.add.at(every, elements, np.moveaxis(own, -1, 0))
+        return np.moveaxis(every, 0, -1)
 
     def _asm(self, form: Any, u: ndarray, nothing: Any) -> Any:
         """The form where corners close, and ``nothing`` where all are open."""

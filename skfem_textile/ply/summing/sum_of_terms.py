@@ -319,7 +319,7 @@ class SumOfTerms(Measures):
         of_kernels = self._of_kernels(self.terms, t, parameters)
         if self._tension in of_kernels and tension is not None:
             of_kernels[self._tension]["tension"] = tension
-        matrices = chain(
+        matrices: Iterable[ndarray | None] = chain(
             self._fused.matrices(u, of_kernels),
             (x.matrices(u, t, self._of(x, parameters)) for x in self._by_element),
         )

@@ -86,11 +86,12 @@ def _places(result: Result, axes: Axes) -> dict[str, float]:
 
 def _figures(result: Result, found: _Found) -> dict[str, float]:
     ply, u, pressure = result.ply, result.u, found.pressure
+    at_risk = wrinkle_risk(ply, u, result.states[-1].parameters)
     figures = {
         "max_contact_pressure_N_per_mm2": float(pressure.max()),
         "min_contact_pressure_N_per_mm2": float(pressure.min()),
         "bridging_share_of_area": _share(ply, bridging(ply, u, pressure)),
-        "wrinkle_risk_share_of_area": _share(ply, wrinkle_risk(ply, u)),
+        "wrinkle_risk_share_of_area": _share(ply, at_risk),
         "max_turn_of_normal_deg": float(found.turn_deg.max()),
     }
     if found.beyond is not None:

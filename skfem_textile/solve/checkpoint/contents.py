@@ -62,7 +62,8 @@ def _parameters(content: Content, at_rest: Parameters) -> Parameters:
             if saved[name].shape != like.shape or saved[name].dtype != like.dtype:
                 raise ValueError(f"its {name} is not of this ply")
         found[term] = type(values)(saved)
-    return type(at_rest)(found)
+    kind: Any = type(at_rest)
+    return kind(found)
 
 
 def progress_of(

@@ -253,4 +253,5 @@ def between(before: Parameters, after: Parameters, share: float) -> Parameters:
     def mixed(old: Any, new: Any) -> Any:
         return type(old)({name: x + share * (new[name] - x) for name, x in old.items()})
 
-    return type(before)({term: mixed(old, after[term]) for term, old in before.items()})
+    kind: Any = type(before)
+    return kind({term: mixed(old, after[term]) for term, old in before.items()})

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
-from ..checkpoint import Progress, Replay, Saved
+from ..checkpoint import CheckpointError, Progress, Replay, Saved
 from ..linear.solver import Clock
 from ..problem import Goal, tangent_at
 from ..result import Result, StepError
-from ..states import Equilibrium, NoEquilibriumError, State
+from ..states import Equilibrium, NoEquilibriumError, State, UserError
 from ..stepping.growth import grown
 from ..stepping.limit import is_known, limit_error, load_growth, nothing_drives
 from ..stepping.load_path import MOST_ALTERED, LoadPath
@@ -76,6 +76,12 @@ class Run:
             self._reach_load_factors()
         except NoEquilibriumError as failure:
             raise StepError.after(failure, self.result) from None
+        except (StepError, CheckpointError, MemoryError):
+            raise
+        except Exception as error:  # a user's function may raise anything
+            if not self.record.states:
+                raise
+            raise StepError.after(UserError(error), self.result) from error
         finally:
             if warning := self._path.warning():
                 log.warning(warning)
@@ -210,7 +216,7 @@ class Run:
         most_altered = self._path.most_altered(step, t, self._loaded)
         start = grown(self.problem.at(t), last)
         goal = Goal(t, step, values, start, last, most_altered)
-        trial, altered, followed_path, is_settled, solves_again = self._search(goal)
+        trial, altered, followed_path, is_settled = self._search(goal)
         state = self._state(t, trial)
         if self._path.must_repeat(step, state, altered, followed_path):
             log.info("step to %g was hard, taken again as two", t)

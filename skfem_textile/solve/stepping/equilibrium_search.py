@@ -39,15 +39,12 @@ class Found(NamedTuple):
     settled
         Whether the stiffnesses that the discretisation has at the state would not
         change it.
-    solves_again
-        Linear solves after it was found for the first time.
     """
 
     trial: Trial
     altered: int
     followed_path: bool
     settled: bool
-    solves_again: int = 0
 
 
 @dataclass(frozen=True)
@@ -80,8 +77,7 @@ class EquilibriumSearch:
         NoEquilibriumError
             If there is none.
         """
-        found, clock = self._first(goal), self.problem.clock
-        before, share, last = clock.solves, 1.0, np.inf
+        found, share, last = self._first(goal), 1.0, np.inf
         # The way from one to the next is easy.
         goal = goal._replace(most_altered=min(goal.most_altered, MOST_ALTERED))
         for _ in range(MOST_UPDATES):
@@ -98,7 +94,7 @@ class EquilibriumSearch:
                 break
             altered = max(found.altered, again.altered)
             found = again._replace(altered=altered)
-        return found._replace(solves_again=clock.solves - before)
+        return found
 
     def at_rest(self, start: Start, fixed_values: ndarray) -> Found:
         """The state at the load factor 0 of a ply that is not in balance there.

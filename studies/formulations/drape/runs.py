@@ -47,7 +47,7 @@ def row_of(case: Case) -> Row:
         "seconds": seconds,
         "stable": state.verdict.stable,
         "fibre_strain": state.verdict.max_fibre_strain,
-        "at_risk": float(drape.wrinkle_risk(ply, state.u).mean()),
+        "at_risk": float(drape.wrinkle_risk(ply, state.u, state.parameters).mean()),
         "pressure_error": _pressure_error(case, ply, surface, state),
     }
     if case.kind == SPHERE:
@@ -59,7 +59,7 @@ def _on_net(ply: Ply, state: State) -> Row:
     """What is off the Chebyshev net."""
     off = chebyshev.errors(ply, state.u)
     corner = ply.mesh.p[:, ply.mesh.t].mean(axis=1).sum(axis=0).argmax()
-    tension = ply.fibre_tension(state.u)
+    tension = ply.fibre_tension(state.u, state.parameters)
     largest, rms = chebyshev.error(ply, state.u)
     return {
         "largest": largest,
@@ -171,7 +171,7 @@ def _pressure_error(
     on_edge = np.isin(mesh.t, mesh.facets[:, edges])
     inner = ~on_edge[:, ply.parent].any(axis=0)
     if case.kind == SPHERE:
-        tension = ply.fibre_tension(u).mean(axis=2).sum(axis=0)
+        tension = ply.fibre_tension(u, state.parameters).mean(axis=2).sum(axis=0)
         angle = ply.shear_angle(u, ply.centre)[:, 0]
         exact = tension / chebyshev.RADIUS / np.cos(angle)
     else:

@@ -63,7 +63,9 @@ def judged(case: Extreme) -> Row:
     row: Row = {
         "solves": found.state.linear_solves,
         "strain": found.state.verdict.max_fibre_strain,
-        "at_risk": float(drape.wrinkle_risk(found.ply, found.state.u).mean()),
+        "at_risk": float(
+            drape.wrinkle_risk(found.ply, found.state.u, found.state.parameters).mean()
+        ),
         "element_size": float(found.ply.element_size),
         "off_surface": float(np.abs(distance(found.surface, found.positions)).max()),
         "first_order": _first_order(case, found),
@@ -85,7 +87,7 @@ def _told(found: Drape) -> str:
     ply, state = found.ply, found.state
     estimate = estimated_error(ply, found.conditions, "superlu", state).shear_angle
     reasons = {
-        "wrinkles": drape.wrinkle_risk(ply, state.u).any(),
+        "wrinkles": drape.wrinkle_risk(ply, state.u, state.parameters).any(),
         "stabilisation": excess(state.shares, "stabilisation"),
         "deviations": excess(state.shares, "deviation"),
         "estimated error": np.degrees(estimate or 0.0) > ANGLE,
