@@ -92,8 +92,10 @@ class EquilibriumSearch:
                 again = self._first(goal._replace(start=start))
             except NoEquilibriumError:
                 break
-            altered = max(found.altered, again.altered)
-            found = again._replace(altered=altered)
+            found = again._replace(
+                altered=max(found.altered, again.altered),
+                followed_path=found.followed_path and again.followed_path,
+            )
         return found
 
     def at_rest(self, start: Start, fixed_values: ndarray) -> Found:

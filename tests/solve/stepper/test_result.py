@@ -168,7 +168,7 @@ def test_callbacks_are_told_every_iteration_and_every_state():
     assert states == result.states[1:]
     assert len(iterations) == result.linear_solves
     assert iterations[0].load_factor == iterations[0].step == 0.5
-    assert iterations[0].strategy == "mixed"
+    assert iterations[0].method == "newton"
     assert iterations[-1].residual <= iterations[-1].tolerance
 
 
