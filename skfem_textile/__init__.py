@@ -45,12 +45,12 @@ from .ply.term import Load, MatrixTerm, Term, TermParameters, Values
 from .ply.terms import FormTerm, VectorTerm
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition, OnSurface, Surface
+from .solve.newton import Newton, PlainNewton
 from .solve.result import Result, StepError
 from .solve.states import Iteration, State, Verdict
 from .solve.stepper import LoadStepper
 from .solve.stepping.adaptive import AdaptiveResult, AdaptiveStepper, Round
 from .solve.stepping.equilibrium import equilibrium_near
-from .solve.strategies import Descent, Mixed, Newton
 
 __version__ = "0.2.0"
 
@@ -67,7 +67,6 @@ __all__ = [
     "Condition",
     "CrimpInterchange",
     "CrimpToe",
-    "Descent",
     "ElementQuad1Fluctuation",
     "Fabric",
     "Force",
@@ -88,10 +87,10 @@ __all__ = [
     "MatrixTerm",
     "MeanBasis",
     "MeshError",
-    "Mixed",
     "Newton",
     "OnSurface",
     "OnePoint",
+    "PlainNewton",
     "Ply",
     "Polynomial",
     "Pressure",

@@ -47,7 +47,7 @@ def load(
             bar.update(
                 task,
                 description=f"load factor {at.load_factor:.4g}, step {at.step:.2g}, "
-                f"{at.strategy} {at.number}",
+                f"{at.method} {at.number}",
             )
 
         def reached(state: State) -> None:

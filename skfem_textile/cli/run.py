@@ -156,7 +156,7 @@ def stepper_of(
     return AdaptiveStepper(
         *(case.ply(), case.scene.conditions, values["tolerance"], case.steps),
         most_unknowns=values["most_unknowns"],
-        strategies=case.strategies,
+        method=case.method,
         warn_only=case.warn_only,
         solver=case.solver,
     )

@@ -6,11 +6,14 @@ one block, below the diagonal.  Entries that happen to be zero are kept.
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import coo_matrix, csr_matrix
+
+# How far a matrix may be from symmetric, as a share of its largest entry.
+_SYMMETRIC = 1e-8
 
 
 class Pattern:
@@ -53,6 +56,7 @@ class Pattern:
         )
         self.rows, self.cols = np.divmod(distinct, n_nodes)
         self._keys = distinct
+        self._added: dict[str, _Added] = {}  # the last matrix of each term
         ends = np.cumsum([key.size for key in keys])[:-1]
         self._slots = [
             self._entry_numbers(own.reshape(key.shape), pair[0] < pair[1])
@@ -61,7 +65,7 @@ class Pattern:
             )
         ]
 
-    def sum(self, matrices: Iterable[ndarray]) -> ndarray:
+    def sum(self, matrices: Iterable[ndarray | None]) -> ndarray:
         """Blocks of the sum of element matrices, shape (n_blocks, d, d).
 
         Parameters
@@ -69,12 +73,14 @@ class Pattern:
         matrices
             Blocks of the pairs of nodes (a, c), a ≤ c, of the elements of each group,
             in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements).
+            None for a group whose matrices vanish.
         """
         d = self.dimension
         size = d * d * len(self.rows)
         sums = (
             np.bincount(slots.ravel(), matrix.ravel(), size)
             for slots, matrix in zip(self._slots, matrices, strict=True)
+            if matrix is not None
         )
         return sum(sums, np.zeros(size)).reshape(-1, d, d)
 
@@ -93,21 +99,37 @@ class Pattern:
         Raises
         ------
         ValueError
-            If it couples nodes that the pattern does not.
+            If it is not symmetric, or couples nodes that the pattern does not.
         """
-        entries, d = coo_matrix(matrix), self.dimension
+        K = csr_matrix(matrix)
+        if not K.has_canonical_format:
+            K = K.copy()
+            K.sum_duplicates()
+        last = self._added.get(name)
+        if last is None or K.data is not last.matrix.data:
+            if last is None or not _same_structure(K, last.matrix):
+                last = self._places(K)
+            self._added[name] = last = last._replace(matrix=K)
+            refuse_unsymmetric(name, K - K.T, K)
+            if K.data[last.outside].any():
+                raise ValueError(
+                    f"term {name!r}: its tangent couples nodes of which `couples` says "
+                    "nothing; let it name them"
+                )
+        np.add.at(blocks.reshape(-1), last.slots, K.data[last.inside])
+
+    def _places(self, K: csr_matrix) -> "_Added":
+        """Where the entries of a matrix are in the blocks."""
+        entries, d = K.tocoo(), self.dimension
         row, i = np.divmod(entries.row.astype(np.int64), d)
         col, j = np.divmod(entries.col.astype(np.int64), d)
-        below = (row >= col) & (entries.data != 0)
+        below = np.flatnonzero(row >= col)
         key = (row * self.n_nodes + col)[below]
         block = np.searchsorted(self._keys, key)
-        known = block < len(self._keys)
-        if not known.all() or not np.array_equal(self._keys[block], key):
-            raise ValueError(
-                f"term {name!r}: its tangent couples nodes of which `couples` says "
-                "nothing; let it name them"
-            )
-        np.add.at(blocks, (block, i[below], j[below]), entries.data[below])
+        known = self._keys[np.minimum(block, len(self._keys) - 1)] == key
+        inside, block = below[known], block[known]
+        slots = (d * block + i[inside]) * d + j[inside]
+        return _Added(K, slots, inside, below[~known])
 
     def matrix(self, blocks: ndarray) -> csr_matrix:
         """The whole matrix."""
@@ -145,6 +167,27 @@ class Pattern:
         return (d * d * block[:, None, None] + within).astype(dtype)
 
 
+class _Added(NamedTuple):
+    """A sparse matrix added to blocks.
+
+    ``slots`` are numbers of entries of the blocks, ``inside`` the numbers of the
+    matrix's entries there, ``outside`` those of entries for which there is no block.
+    """
+
+    matrix: csr_matrix
+    slots: ndarray
+    inside: ndarray
+    outside: ndarray
+
+
+def _same_structure(one: csr_matrix, other: csr_matrix) -> bool:
+    """Whether two matrices have entries in the same places."""
+    return (one.indptr is other.indptr and one.indices is other.indices) or (
+        np.array_equal(one.indptr, other.indptr)
+        and np.array_equal(one.indices, other.indices)
+    )
+
+
 def matrix_of_slots(
     slots: ndarray, row: ndarray, col: ndarray, shape: tuple[int, int]
 ) -> csr_matrix:
@@ -152,3 +195,27 @@ def matrix_of_slots(
     matrix = coo_matrix((slots, (row, col)), shape).tocsr()
     matrix.sort_indices()
     return matrix
+
+
+def refuse_unsymmetric(name: str, difference: Any, matrix: Any) -> None:
+    """Refuse a tangent that is no second derivative.
+
+    Parameters
+    ----------
+    name
+        Name of the term.
+    difference
+        The tangent less its transpose.
+    matrix
+        The tangent.
+
+    Raises
+    ------
+    ValueError
+        If it is not symmetric.
+    """
+    if abs(difference).max() > _SYMMETRIC * abs(matrix).max():
+        raise ValueError(
+            f"term {name!r}: its tangent is not symmetric, so it is not the second "
+            "derivative of an energy; mend its forms, or leave out what has no energy"
+        )

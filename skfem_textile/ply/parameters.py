@@ -73,17 +73,20 @@ class HeldStiffness(TermParameters):
     ) -> tuple[ndarray, ndarray]:
         """Mean stiffnesses of warp and weft, and tensions of their mean stretches.
 
-        Tensions that are given count in place of these, their means.
+        Predicted tensions count in place of these.  They are averaged as forces on the
+        stretch, T/λ, whose mean is that of the law: deviations from it cancel.
         """
         fabric = self._fabric.at(elements(w))
         strain = np.array([kin.fibre_strain(F, a) for a in A])
         laws = (fabric.tensions.of_family(i, strain) for i in range(2))
         pairs = zip(laws, strain, strict=True)
         E = mean(w, np.array([mean_slope(law, own) for law, own in pairs]))
+        stretch = np.array([kin.stretch(F, a) for a in A])
+        mean_stretch = mean(w, stretch)
         if "tension" in w:
-            return E, mean(w, w["tension"])
-        mean_strain = np.log(mean(w, np.array([kin.stretch(F, a) for a in A])))
-        return E, fibre_tension(of_elements(self._fabric, elements(w)), mean_strain)
+            return E, mean_stretch * mean(w, w["tension"] / stretch)
+        of_means = of_elements(self._fabric, elements(w))
+        return E, fibre_tension(of_means, np.log(mean_stretch))
 
     def _shear(
         self,

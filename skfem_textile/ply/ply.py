@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from numpy import ndarray
 from scipy.sparse import csr_matrix
 from skfem import Mesh
 from skfem.assembly.form.form import FormExtraParams
@@ -13,7 +12,6 @@ from ..fabric import Fabric, is_zero
 from ..fabric.law_check import check_laws
 from ..fabric.regions import fabric_of_regions, fabric_on
 from ..forms.bending import FibreEnd
-from ..forms.corners import RESISTING
 from ..forms.form import directions
 from ..mesh.bases import components, node_positions
 from ..mesh.corners import Corners
@@ -144,7 +142,7 @@ class Ply(SumOfTerms):
                 directions(fabric, FormExtraParams(parameters))
         self._further = tuple(terms)
         every = *needed, *self._further
-        super().__init__(self.basis, every, tension, corners)
+        super().__init__(self.basis, every, tension)
         for term in self.further_terms:
             check_term(term, self.basis, self.element_size)
 
@@ -222,10 +220,6 @@ class Ply(SumOfTerms):
     def follows_load_factor(self) -> bool:
         """Whether the energy may change with the load factor."""
         return bool(self.further_terms) or any(map(callable, self.fibre_ends.values()))
-
-    def corners_open(self, u: ndarray) -> bool:
-        """Whether no corner resists at ``u``."""
-        return bool(self.corners.area_ratio(u).min() >= RESISTING)
 
     def __repr__(self) -> str:
         terms = ", ".join(term.name for term in self.terms)

@@ -29,10 +29,6 @@ class Contribution(NamedTuple):
     forces: ndarray
 
 
-# How far a tangent may be from symmetric, as a share of its largest entry.
-_SYMMETRIC = 1e-8
-
-
 class Frozen(Mapping[str, T]):
     """An immutable mapping, which can be copied and pickled."""
 
@@ -190,17 +186,15 @@ class ElementTerm(Term):
         Nodes of its elements, shape (n_nodes, n_elements).
     """
 
-    kernel: Any
-    basis: Any
-    fused: Any
+    kernel: Any = None
+    basis: Any = None
+    fused: Any = False
     nodes: Any
 
-    def matrices(
-        self, u: ndarray, t: float, p: Values, convex: bool = False
-    ) -> ndarray:
+    def matrices(self, u: ndarray, t: float, p: Values) -> ndarray | None:
         """Blocks of the tangents of the elements, as `Pattern.sum` takes them.
 
-        Where ``convex``, a term that can leaves out what is not.
+        None where all vanish.
         """
         raise NotImplementedError
 
@@ -248,27 +242,3 @@ class MatrixTerm(Term):
         N = basis.N
         fits = np.shape(self.matrix) == (N, N)
         return "" if fits else f"its matrix must be {N} × {N}"
-
-
-def refuse_unsymmetric(name: str, difference: Any, matrix: Any) -> None:
-    """Refuse a tangent that is no second derivative.
-
-    Parameters
-    ----------
-    name
-        Name of the term.
-    difference
-        The tangent less its transpose.
-    matrix
-        The tangent.
-
-    Raises
-    ------
-    ValueError
-        If it is not symmetric.
-    """
-    if abs(difference).max() > _SYMMETRIC * abs(matrix).max():
-        raise ValueError(
-            f"term {name!r}: its tangent is not symmetric, so it is not the second "
-            "derivative of an energy; mend its forms, or leave out what has no energy"
-        )

@@ -14,6 +14,7 @@ from skfem.assembly.basis import AbstractBasis
 from ..fabric import Fabric
 from ..forms import Forms
 from ..mesh.bases import components, element_numbers
+from ..mesh.pattern import refuse_unsymmetric
 from ..mesh.user_input import call_user_function, real_numbers
 from .kernels.assembly import node_pair_blocks
 from .kernels.element_groups import Kernel, Parameters
@@ -25,7 +26,6 @@ from .term import (
     Term,
     TermParameters,
     Values,
-    refuse_unsymmetric,
 )
 
 
@@ -105,9 +105,7 @@ class FormTerm(ElementTerm):
         d = components(self.basis)
         return self.basis.element_dofs[::d] // d
 
-    def matrices(
-        self, u: ndarray, t: float, p: Values = NO_VALUES, convex: bool = False
-    ) -> ndarray:
+    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """See `ElementTerm`."""
         basis: Any = self.basis
         form, size = self.forms.tangent, basis.Nbfun

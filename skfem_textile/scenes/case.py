@@ -1,7 +1,7 @@
 """A case: all that one run needs, from the scene to the outputs."""
 
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from ..fabric import Fabric
@@ -9,9 +9,9 @@ from ..ply import Ply
 from ..ply.formulations import DEFAULT
 from ..ply.term import Load
 from ..ply.terms import Formulation
+from ..solve.newton import Method
 from ..solve.result import Result
-from ..solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
-from ..solve.strategies import Strategy
+from ..solve.stepper import DEFAULT_WARN_ONLY, LoadStepper
 from .scene import Scene
 
 
@@ -30,7 +30,7 @@ class Case:
         As for `Ply`.
     loads
         Loads beside the scene's conditions.
-    steps, strategies, warn_only, solver
+    steps, method, warn_only, solver
         As for `LoadStepper`.
     pictures
         Whether pictures are drawn, beside summary, history and fields.
@@ -50,7 +50,7 @@ class Case:
     formulation: Formulation = DEFAULT
     loads: tuple[Load, ...] = ()
     steps: int = 20
-    strategies: Sequence[str | Strategy] = DEFAULT_STRATEGIES
+    method: str | Method = "newton"
     warn_only: Collection[str] = DEFAULT_WARN_ONLY
     solver: str = "auto"
     pictures: bool = True
@@ -88,7 +88,7 @@ class Case:
             self.ply(),
             self.scene.conditions,
             self.steps,
-            strategies=self.strategies,
+            method=self.method,
             warn_only=self.warn_only,
             checkpoint=checkpoint,
             solver=self.solver,

@@ -86,9 +86,7 @@ class Body(Protocol):
         """Role, energy in N·mm and nodal forces in N of each part, loads aside."""
         ...
 
-    def energy(
-        self, u: ndarray, t: float, parameters: Parameters, corners: bool
-    ) -> float:
+    def energy(self, u: ndarray, t: float, parameters: Parameters) -> float:
         """Energy in N·mm, potential of loads included."""
         ...
 
@@ -96,9 +94,7 @@ class Body(Protocol):
         """Nodal forces of each term in N, by the name of the term."""
         ...
 
-    def residual(
-        self, u: ndarray, t: float, parameters: Parameters, corners: bool = True
-    ) -> ndarray:
+    def residual(self, u: ndarray, t: float, parameters: Parameters) -> ndarray:
         """Nodal forces in N, internal ones less loads."""
         ...
 
@@ -114,8 +110,7 @@ class Body(Protocol):
         t: float,
         parameters: Parameters,
         tension: ndarray | None,
-        corners: bool,
-        convex: bool,
+        positive: bool,
     ) -> ndarray:
         """Blocks of the tangent in the order of ``pattern``."""
         ...
@@ -196,10 +191,6 @@ class Body(Protocol):
 
     def creased(self, u: ndarray) -> ndarray:
         """Elements that turn sharply against a neighbour."""
-        ...
-
-    def corners_open(self, u: ndarray) -> bool:
-        """Whether no corner resists."""
         ...
 
     def past_peak(self, u: ndarray) -> ndarray:

@@ -68,7 +68,8 @@ class Equilibrium(NamedTuple):
     """Where an iteration ended, and how it converged.
 
     ``parameters`` are those of the ply's terms with which the forces balance,
-    ``altered`` is the number of tangents that had to be altered.
+    ``altered`` is the number of tangents that were projected, ``tangent`` is the
+    consistent tangent, None where it is singular.
     """
 
     u: ndarray
@@ -77,6 +78,7 @@ class Equilibrium(NamedTuple):
     residuals: tuple[float, ...]
     tolerance: float
     altered: int = 0
+    tangent: Any = None
 
 
 @dataclass(frozen=True)
@@ -121,14 +123,14 @@ class Iteration(NamedTuple):
 
     load_factor: float
     step: float
-    strategy: str
+    method: str
     number: int
     residual: float
     tolerance: float
 
     def __str__(self) -> str:
         return (
-            f"load factor {self.load_factor:g}, {self.strategy} {self.number}: "
+            f"load factor {self.load_factor:g}, {self.method} {self.number}: "
             f"{self.residual:.3g} N unbalanced, tolerance {self.tolerance:.3g} N"
         )
 

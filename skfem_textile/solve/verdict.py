@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
-from .problem import Start, Tangent, tangent_at, turned
+from .body import Parameters
+from .problem import Start, Tangent, between, turned
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
 from .stepping.shares import excess, shares
 
@@ -67,10 +68,10 @@ class Trial:
         self.energies, self.potentials = energies or {}, potentials or {}
         self.warnings: dict[str, str] = {}
 
-    @cached_property
+    @property
     def tangent(self) -> Tangent | None:
         """The consistent tangent; None where it is singular."""
-        return tangent_at(self.problem, self.equilibrium.u, self.equilibrium.parameters)
+        return self.equilibrium.tangent
 
     @cached_property
     def area_ratio(self) -> ndarray:
@@ -196,6 +197,13 @@ class Trial:
             return problem.start(u, advanced, self.tangent)
         load = problem.load(u, parameters)
         return Start(t, u, f, load, self.energies, parameters, self.tangent)
+
+    def start_with(self, parameters: Parameters, share: float) -> Start:
+        """The equilibrium as a start, a share of the way to other parameters."""
+        u, old = self.equilibrium.u, self.equilibrium.parameters
+        if share < 1.0:
+            parameters = between(old, parameters, share)
+        return self.problem.start(u, parameters, self.tangent)
 
     def verdict(self) -> Verdict:
         """What was found."""

@@ -38,7 +38,7 @@ def stiffness_of(result, scene):
 def test_a_saddle_point_is_refused_with_its_place():
     """Newton's method keeps a pushed rod straight, past the load that buckles it."""
     with pytest.raises(StepError, match=r"not stable: \d negative pivot") as error:
-        squeezed(steps=1, strategies=["newton"], max_halvings=0).run()
+        squeezed(steps=1, method="plain", max_halvings=0).run()
     assert error.value.elements.size
     assert error.value.result.states[-1].load_factor == 0.0
 
@@ -46,7 +46,7 @@ def test_a_saddle_point_is_refused_with_its_place():
 def test_a_check_may_be_switched_to_a_warning(caplog):
     with caplog.at_level(logging.WARNING, logger="skfem_textile"):
         result = squeezed(
-            steps=1, strategies=["newton"], warn_only=["stability", "work"]
+            steps=1, method="plain", warn_only=["stability", "work"]
         ).run()
     assert "load factor 1: an equilibrium, but not stable" in caplog.text
     summary = result.summary()

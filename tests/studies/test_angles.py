@@ -9,8 +9,8 @@ from helpers import cells, drawn_here
 
 from skfem_textile.ply.formulations import Full, Quadratic
 from skfem_textile.scenes.bias_extension import WIDTH
+from skfem_textile.solve.newton import PlainNewton
 from skfem_textile.solve.stepper import LoadStepper
-from skfem_textile.solve.strategies import Newton
 from studies.__main__ import main
 from studies.angles import cases, references, runs, tables
 from studies.angles.cases import (
@@ -127,7 +127,7 @@ def test_loads_are_compared_with_the_stored_ones():
 
 def test_the_load_is_nan_from_where_a_run_stops(monkeypatch):
     def balks(*given):
-        return LoadStepper(*given, strategies=[Newton(most=2)], max_halvings=0)
+        return LoadStepper(*given, method=PlainNewton(most=2), max_halvings=0)
 
     monkeypatch.setattr(runs, "LoadStepper", balks)
     found = STUDY.examine(Judged(AT_30, "quads", 8, 1))

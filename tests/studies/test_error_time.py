@@ -448,7 +448,7 @@ def test_a_search_that_takes_long_is_given_up(monkeypatch):
 def test_a_run_of_this_library_that_stops_early_says_so(monkeypatch):
     class Once(LoadStepper):
         def __init__(self, ply, conditions, steps, solver):
-            super().__init__(ply, conditions, steps, strategies=["newton"])
+            super().__init__(ply, conditions, steps, method="plain")
             self.max_halvings = 0
 
     monkeypatch.setattr(timed_codes, "LoadStepper", Once)

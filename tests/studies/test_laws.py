@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from helpers import cells, drawn_here
 
-from skfem_textile.solve.strategies import Newton
+from skfem_textile.solve.newton import PlainNewton
 from studies.__main__ import main
 from studies.angles import cases as cases_of_angles
 from studies.angles import references
@@ -165,7 +165,7 @@ def test_a_refused_case_has_no_load(monkeypatch):
     stepper = study.LoadStepper
 
     def balks(ply, conditions, steps):
-        return stepper(ply, conditions, 1, strategies=[Newton(most=2)], max_halvings=0)
+        return stepper(ply, conditions, 1, method=PlainNewton(most=2), max_halvings=0)
 
     monkeypatch.setattr(study, "LoadStepper", balks)
     (found,) = STUDY.examine(Case("judged", LINEAR, QUADS, 8, 1))

@@ -81,7 +81,7 @@ def case_of(values: Mapping[str, Any]) -> tuple[Case, dict[str, Any]]:
         loads=tuple(_force(scene, *one) for one in values["force"]),
         formulation=chosen(),
         steps=values["steps"],
-        strategies=values["strategy"],
+        method=values["method"],
         warn_only=values["warn_only"],
         solver=values["solver"],
         pictures=values["pictures"],

@@ -12,9 +12,9 @@ from ...ply.formulations import DEFAULT, FORMULATIONS
 from ...registration import Option, SceneRegistration
 from ...scenes.common.edge_vectors import FORCES
 from ...solve.linear import SOLVERS
-from ...solve.stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY
+from ...solve.newton import METHODS
+from ...solve.stepper import DEFAULT_WARN_ONLY
 from ...solve.stepping.adaptive.rounds import MOST_UNKNOWNS
-from ...solve.strategies import STRATEGIES
 from ...solve.verdict import CHECKS
 from ..fibres.from_files import DIRECTIONS, FABRIC
 from .laws import BENDING, PREFIXES, described, law_table, own_options
@@ -52,9 +52,12 @@ _STEPPING = (
         read=int,
         metavar="N",
     ),
-    replace(
-        _names("strategy", "what a step tries, in this order", STRATEGIES, "NAME", "+"),
-        default=list(DEFAULT_STRATEGIES),
+    Option(
+        name="method",
+        help="nonlinear solver: newton, or plain: Newton's method with the consistent "
+        "tangent, which needs small steps",
+        default="newton",
+        choices=tuple(METHODS),
     ),
     replace(
         _names("warn-only", "checks that do not refuse a state", CHECKS, "CHECK", "*"),

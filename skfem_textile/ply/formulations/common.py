@@ -128,11 +128,9 @@ class OutOfPlane(FormTerm):
         """See `OutOfPlaneKernel`."""
         return self._numbers.forces(u, self._stiffness(p))
 
-    def matrices(
-        self, u: ndarray, t: float, p: Values = NO_VALUES, convex: bool = False
-    ) -> ndarray:
+    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """See `OutOfPlaneKernel`."""
-        return self._numbers.matrices(u, self._stiffness(p), convex)
+        return self._numbers.matrices(u, self._stiffness(p))
 
     def _given(self, t: float, p: Values) -> Parameters:
         return {**super()._given(t, p), "C_s": self._stiffness(p)}

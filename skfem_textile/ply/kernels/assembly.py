@@ -142,15 +142,10 @@ class KernelSum:
                     f[i::d] += np.bincount(nodes, local[:, i].ravel(), len(f) // d)
         return f
 
-    def matrices(
-        self, u: ndarray, given: TermParameters, convex: bool = False
-    ) -> Iterator[ndarray]:
-        """Blocks of the elements of each group, sums over terms, for `Pattern.sum`.
-
-        ``convex`` as of `element_matrices`.
-        """
+    def matrices(self, u: ndarray, given: TermParameters) -> Iterator[ndarray]:
+        """Blocks of the elements of each group, sums over terms, for `Pattern.sum`."""
         for shared in self._groups:
-            yield element_matrices(self._kernels(shared, u, given), convex)
+            yield element_matrices(self._kernels(shared, u, given))
 
     def predicted_tension(
         self, u: ndarray, du: ndarray, term: KernelTerm, w: Parameters
@@ -208,15 +203,13 @@ def element_forces(kernels: Sequence[KernelOnGroup]) -> ndarray:
     return f if group.modes is None else transformed(group, "ran,rin->ain", f)
 
 
-def element_matrices(kernels: Sequence[KernelOnGroup], convex: bool = False) -> ndarray:
+def element_matrices(kernels: Sequence[KernelOnGroup]) -> ndarray:
     """Sum of the element matrices of kernels on a group.
 
     Parameters
     ----------
     kernels
         The kernels.
-    convex
-        Whether what resists shear is made positive semi-definite at each point.
 
     Returns
     -------
@@ -231,12 +224,9 @@ def element_matrices(kernels: Sequence[KernelOnGroup], convex: bool = False) -> 
     for block in group.blocks():
         k = np.zeros((_n_pairs(group.n_modes), d, d, block.stop - block.start))
         for points, (fibres, stress) in stresses.items():
-            of_block = stress.of(block), block, convex
-            points.add_stiffness(k, *fibres.stiffness(*of_block), block)
+            points.add_stiffness(k, *fibres.stiffness(stress.of(block), block), block)
         for strain in rank_one:
-            s = strain.stiffness[:, block]
-            s = np.maximum(s, 0.0) if convex and strain.of_shear else s
-            add_rank_one(k, strain.gradients(block), s)
+            add_rank_one(k, strain.gradients(block), strain.stiffness[:, block])
         K[..., block] = (
             k if group.modes is None else nodal_blocks(k, group.modes[..., block])
         )
@@ -286,6 +276,32 @@ def full_matrices(K: ndarray) -> ndarray:
     for (a, c), block in zip(pairs, K, strict=True):
         full[a, :, c], full[c, :, a] = block, block.transpose(1, 0, 2)
     return full.reshape(d * n_nodes, d * n_nodes, -1)
+
+
+def positive_part(K: ndarray | None) -> ndarray | None:
+    """Element matrices with their negative eigenvalues set to zero.
+
+    Parameters
+    ----------
+    K
+        Blocks of the pairs of nodes, shape (n_pairs, d, d, n).
+
+    Returns
+    -------
+    ndarray
+        Blocks of the nearest positive semi-definite matrices (Higham 1988).
+    """
+    if K is None or not np.isfinite(K).all():
+        return K
+    full = full_matrices(K).transpose(2, 0, 1).copy()
+    eigenvalues, vectors = np.linalg.eigh(full)
+    indefinite = eigenvalues[:, 0] < 0
+    values, V = np.minimum(eigenvalues[indefinite], 0.0), vectors[indefinite]
+    full[indefinite] -= (V * values[:, None]) @ V.swapaxes(1, 2)
+    n_nodes, d = full.shape[1] // K.shape[1], K.shape[1]
+    first, second = np.triu_indices(n_nodes)
+    blocks = full.reshape(-1, n_nodes, d, n_nodes, d)
+    return blocks[:, first, :, second].transpose(0, 2, 3, 1)
 
 
 def node_pair_blocks(K: ndarray, nodes: ndarray, d: int) -> ndarray:

@@ -7,9 +7,7 @@ the weft lies anticlockwise of the warp at rest, g = ∂Γ/∂a = (e_β − c e_
     ∂²Γ/∂a₁∂a₂  = n ⊗ n/(s λ₁λ₂).
 
 Both are sums of squares: −(g ⊗ v + v ⊗ g) is ½ of (v − g)² − (v + g)², and with
-m_α = n/λ_α the rest is (1 − c)/2s of (m₁ + m₂)² less (1 + c)/2s of (m₁ − m₂)².  The
-squares with a positive coefficient are the nearest positive semi-definite matrix, per
-change of unit vectors.
+m_α = n/λ_α the rest is (1 − c)/2s of (m₁ + m₂)² less (1 + c)/2s of (m₁ − m₂)².
 """
 
 from functools import cached_property
@@ -68,7 +66,7 @@ class InSpace:
         return forces
 
     def stiffness(
-        self, stress: "Stress", block: slice, convex: bool
+        self, stress: "Stress", block: slice
     ) -> tuple[ndarray, ndarray | None]:
         """See `FibreDeformation`."""
         T, M, E = stress
@@ -81,22 +79,17 @@ class InSpace:
                 if i == j:
                     own[:, :, k] += T / squared
         _add_square(own, along, v)
-        return own, None if M is None else self._add_shear(own, M, block, convex)
+        return own, None if M is None else self._add_shear(own, M, block)
 
-    def _add_shear(
-        self, own: ndarray, M: ndarray, block: slice, convex: bool
-    ) -> ndarray:
+    def _add_shear(self, own: ndarray, M: ndarray, block: slice) -> ndarray:
         """Add M ∂²Γ/∂a_α², and return M ∂²Γ/∂a₁∂a₂."""
         g, n, c, s = (x[..., block] for x in self._crossing)
         v, squared = self.v[..., block], self.squared_stretch[..., block]
         side = np.broadcast_to(self.side, self.squared_stretch.shape[1:])[..., block]
         half, lifted = 0.5 * M, 0.5 * M * side / s
-        squares = [half, -half, lifted * (1 - c), -lifted * (1 + c)]
-        if convex:
-            squares = [np.maximum(x, 0.0) for x in squares]
-        towards, away, together, apart = squares
-        _add_square(own, towards, v - g)
-        _add_square(own, away, v + g)
+        together, apart = lifted * (1 - c), -lifted * (1 + c)
+        _add_square(own, half, v - g)
+        _add_square(own, -half, v + g)
         normal = np.zeros((len(M), len(_PAIRS), M.shape[-1]))
         _add_square(normal[None], 1.0, n[None])
         own += ((together + apart) / squared)[:, :, None] * normal

@@ -69,12 +69,9 @@ class FibreDeformation:
         return forces
 
     def stiffness(
-        self, stress: "Stress", block: slice, convex: bool
+        self, stress: "Stress", block: slice
     ) -> tuple[ndarray, ndarray | None]:
         """E v vᵀ + T ∂²ε + M ∂²Γ with the stress of a block.
-
-        M ∂²Γ is ½ s M of (v − s ∂Γ)(v − s ∂Γ)ᵀ − (v + s ∂Γ)(v + s ∂Γ)ᵀ, s = sign M, of
-        which only the first is kept where it is to be convex.
 
         Parameters
         ----------
@@ -82,8 +79,6 @@ class FibreDeformation:
             That of the block.
         block
             Elements.
-        convex
-            Whether M ∂²Γ is made positive semi-definite.
 
         Returns
         -------
@@ -98,7 +93,7 @@ class FibreDeformation:
         first = second = np.zeros(1)
         if T is not None:
             first, second = T * minus_eps, T * minus_theta
-        if M is not None and not convex:
+        if M is not None:
             signed = np.array([M, -M])
             first, second = first - signed * minus_theta, second + signed * minus_eps
         own = np.empty((*x.shape[:2], 3, x.shape[-1]))
@@ -107,12 +102,6 @@ class FibreDeformation:
             own[:, :, 0] += E * xx
             own[:, :, 1] += E * xy
             own[:, :, 2] += E * yy
-        if M is not None and convex:
-            turn = np.sign(np.array([M, -M]))
-            first, second = x + turn * y, y - turn * x
-            own[:, :, 0] += 0.5 * np.abs(M) * first**2
-            own[:, :, 1] += 0.5 * np.abs(M) * first * second
-            own[:, :, 2] += 0.5 * np.abs(M) * second**2
         return own, None
 
     def angle_derivatives(self, block: slice) -> tuple[ndarray, ndarray]:
@@ -148,12 +137,10 @@ class RankOneStiffness(NamedTuple):
     """Stiffness s of P strains of each element, shape (P, n), and their gradients g.
 
     ``gradients`` takes a block of elements and returns shape (P, n_modes, d, n_block).
-    ``of_shear`` tells whether it is the slope of a shear law.
     """
 
     stiffness: ndarray
     gradients: Callable[[slice], ndarray]
-    of_shear: bool = False
 
 
 class IntegrationPoints(Protocol):

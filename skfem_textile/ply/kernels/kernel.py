@@ -115,7 +115,7 @@ class ShearKernel:
         """The slope of the shear law, along the gradient of the shear angle."""
         G = _moments("tangent", group, fibres)
         return [
-            RankOneStiffness(p.dx * G_p, partial(_angle_gradients, p, f), True)
+            RankOneStiffness(p.dx * G_p, partial(_angle_gradients, p, f))
             for p, f, G_p in zip(group.points, fibres, G, strict=True)
         ]
 

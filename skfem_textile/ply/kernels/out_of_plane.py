@@ -58,25 +58,16 @@ class OutOfPlaneKernel:
             f[i] = np.bincount(nodes, local[:, i].ravel(), f.shape[1])
         return f.T.ravel()
 
-    def matrices(self, u: ndarray, C_s: Any, convex: bool) -> ndarray:
-        """Blocks of the pairs of nodes of the elements, shape (10, 3, 3, n).
-
-        Parameters
-        ----------
-        u, C_s
-            Displacement and stiffness.
-        convex
-            Whether v ∂²v is left out, without which they are positive semi-definite.
-        """
+    def matrices(self, u: ndarray, C_s: Any) -> ndarray:
+        """Blocks of the pairs of nodes of the elements, shape (10, 3, 3, n)."""
         y, gradients, v = self._vectors(u)
         (a, c), B, k = np.triu_indices(4), self._B, self._stiffness(C_s)
         K = np.einsum("n,pin,pjn->pijn", k, gradients[a], gradients[c])
-        if not convex:
-            across = sum(
-                (B[s, a] * B[t, c] - B[t, a] * B[s, c])[:, None] * y[third]
-                for s, t, third in _CYCLE
-            )
-            K += np.einsum("n,ijk,pkn->pijn", k * v, _EPSILON, across)
+        across = sum(
+            (B[s, a] * B[t, c] - B[t, a] * B[s, c])[:, None] * y[third]
+            for s, t, third in _CYCLE
+        )
+        K += np.einsum("n,ijk,pkn->pijn", k * v, _EPSILON, across)
         return K
 
     def _stiffness(self, C_s: Any) -> ndarray:

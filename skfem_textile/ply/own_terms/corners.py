@@ -1,6 +1,5 @@
 """The term that keeps the corners of elements open."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,10 @@ from skfem import CellBasis, asm
 
 from ...fabric import Fabric
 from ...forms.corners import RESISTING, corner_resistance
+from ...mesh.bases import components
 from ...mesh.corners import CornerBasis, Corners
-from ..term import NO_VALUES, Term, Values
+from ..kernels.assembly import node_pair_blocks
+from ..term import NO_VALUES, ElementTerm, Values
 
 # κ as a share of the fibre stiffness, where this is more than the shear stiffness.
 # A larger one adds more energy where corners close; a smaller one lets them come closer
@@ -31,7 +32,7 @@ def corner_stiffness(fabric: Fabric, basis: CellBasis) -> float:
     return max(G, _SHARE_OF_FIBRES * (E_1 + E_2) / 2)
 
 
-class CornerTerm(Term):
+class CornerTerm(ElementTerm):
     """The term of the corners, which acts where they close and nowhere else.
 
     Parameters
@@ -49,6 +50,8 @@ class CornerTerm(Term):
     def __init__(self, stiffness: float, basis: CellBasis, corners: Corners) -> None:
         self._forms = corner_resistance(stiffness)
         self._basis, self._corners = basis, corners
+        self._d = d = components(basis)
+        self.nodes = basis.element_dofs[::d] // d
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """κ Σ A/n b(det F)."""
@@ -62,13 +65,26 @@ class CornerTerm(Term):
         """Its second derivative; None where all corners are open."""
         return self._asm(self._forms.tangent, u, None)
 
-    def couples(self) -> Sequence[ndarray]:
-        """Nothing but the nodes of each element."""
-        return ()
+    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray | None:
+        """See `ElementTerm`; None where all corners are open."""
+        if (basis := self._closing(u)) is None:
+            return None
+        size: Any = basis.Nbfun
+        K = self._forms.tangent.elemental(basis, u=u).data.reshape(size, size, -1)
+        elements: Any = basis.tind
+        own = node_pair_blocks(K, self.nodes[:, elements], self._d)
+        every = np.zeros((self.nodes.shape[1], *own.shape[:-1]))
+        np.add.at(every, elements, np.moveaxis(own, -1, 0))
+        return np.moveaxis(every, 0, -1)
 
     def _asm(self, form: Any, u: ndarray, nothing: Any) -> Any:
-        """The form where corners close, and what there is where all are open."""
+        """The form where corners close, and ``nothing`` where all are open."""
+        basis = self._closing(u)
+        return nothing if basis is None else asm(form, basis, u=u)
+
+    def _closing(self, u: ndarray) -> CornerBasis | None:
+        """Basis of the corners that close; None where all are open."""
         closing, elements = np.nonzero(self._corners.area_ratio(u) < RESISTING)
         if not elements.size:
-            return nothing
-        return asm(form, CornerBasis(self._basis, elements, closing), u=u)
+            return None
+        return CornerBasis(self._basis, elements, closing)

@@ -12,7 +12,7 @@ from skfem import CellBasis
 
 from ...mesh.bases import components
 from ...mesh.pattern import Pattern
-from ..kernels.assembly import KernelSum
+from ..kernels.assembly import KernelSum, positive_part
 from ..kernels.element_groups import Parameters
 from ..measures import Measures
 from ..term import (
@@ -21,18 +21,15 @@ from ..term import (
     ElementTerm,
     Frozen,
     Load,
-    MatrixTerm,
     PlyParameters,
     Role,
     Term,
     TermParameters,
     Values,
-    refuse_unsymmetric,
 )
 from .term_check import coupled_nodes, terms_on_basis
 
 if TYPE_CHECKING:
-    from ..own_terms.corners import CornerTerm
     from ..terms import TensionTerm
 
 
@@ -48,8 +45,8 @@ class SumOfTerms(Measures):
         Basis of the displacement.
     terms
         Terms and loads, their names all different.
-    tension, corners
-        The terms of the fibres and of the corners among them, if there are such.
+    tension
+        The term of the fibres among them, if there is one.
 
     Raises
     ------
@@ -62,10 +59,9 @@ class SumOfTerms(Measures):
         basis: CellBasis,
         terms: Iterable[Term | Load],
         tension: "TensionTerm | None" = None,
-        corners: "CornerTerm | None" = None,
     ) -> None:
         self._terms = terms_on_basis(terms, basis)
-        self.basis, self._tension, self._of_corners = basis, tension, corners
+        self.basis, self._tension = basis, tension
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -155,29 +151,31 @@ class SumOfTerms(Measures):
 
     @cached_property
     def _fused(self) -> KernelSum:
-        """The terms with kernels, which share what they know of the fibres."""
+        """The terms with kernels, which share the deformations of the fibres."""
         fused: list[Any] = [term for term in self.terms if _is_fused(term)]
         return KernelSum(self.basis.N, fused)
 
     @cached_property
-    def pattern(self) -> Pattern:
-        """Which nodes the tangent couples."""
-        others = [term for term in self.terms if not _is_fused(term)]
-        plain = [term.nodes for term in others if isinstance(term, ElementTerm)]
-        couples = [nodes for x in others for nodes in coupled_nodes(x, self.basis)]
-        d = components(self.basis)
-        return Pattern(d, self.basis.N // d, [*self._fused.elements, *plain], couples)
+    def _by_element(self) -> list[ElementTerm]:
+        """Further terms that give matrices of elements."""
+        return [
+            term
+            for term in self.terms
+            if isinstance(term, ElementTerm) and not term.fused
+        ]
 
     @cached_property
-    def _constant(self) -> dict[str, ndarray]:
-        """Blocks of the tangents that do not change, by the names of their terms."""
-        found = {}
-        for term in self.terms:
-            if isinstance(term, MatrixTerm):
-                shape = len(self.pattern.rows), *2 * (components(self.basis),)
-                found[term.name] = blocks = np.zeros(shape)
-                self.pattern.add(blocks, term.matrix, term.name)
-        return found
+    def _by_matrix(self) -> list[Term]:
+        """Terms that give a sparse matrix."""
+        return [term for term in self.terms if not isinstance(term, ElementTerm)]
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Which nodes the tangent couples."""
+        elements = [*self._fused.elements, *(term.nodes for term in self._by_element)]
+        couples = [n for x in self._by_matrix for n in coupled_nodes(x, self.basis)]
+        d = components(self.basis)
+        return Pattern(d, self.basis.N // d, elements, couples)
 
     def energies(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
@@ -197,11 +195,9 @@ class SumOfTerms(Measures):
         u: ndarray,
         t: float = 1.0,
         parameters: PlyParameters | None = None,
-        corners: bool = True,
     ) -> float:
         """Energy in N·mm, potentials of loads included; parameters of `residual`."""
-        terms = self._acting(corners)
-        return sum(self._energy(term, u, t, parameters) for term in terms)
+        return sum(self._energy(term, u, t, parameters) for term in self.terms)
 
     def residuals(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
@@ -229,7 +225,6 @@ class SumOfTerms(Measures):
         u: ndarray,
         t: float = 1.0,
         parameters: PlyParameters | None = None,
-        corners: bool = True,
     ) -> ndarray:
         """Nodal forces in N, internal ones less loads: the derivative of the energy.
 
@@ -239,10 +234,8 @@ class SumOfTerms(Measures):
             Displacement and load factor.
         parameters
             Parameters of the terms; those at rest if not given.
-        corners
-            Whether corners resist.
         """
-        return self._forces(self._acting(corners), u, t, parameters)
+        return self._forces(self.terms, u, t, parameters)
 
     def parts(
         self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
@@ -308,8 +301,7 @@ class SumOfTerms(Measures):
         t: float = 1.0,
         parameters: PlyParameters | None = None,
         tension: ndarray | None = None,
-        corners: bool = True,
-        convex: bool = False,
+        positive: bool = False,
     ) -> ndarray:
         """Blocks of the tangent in the order of ``pattern``, shape (n_blocks, d, d).
 
@@ -320,31 +312,24 @@ class SumOfTerms(Measures):
         tension
             Fibre tensions to use in the geometric stiffness, as `geometric_tension`
             gives them.
-        corners
-            Whether corners resist.
-        convex
-            Whether what resists shear and stabilises is made positive semi-definite, at
-            each point or in each element, as a last resort of an iteration.
+        positive
+            Whether the matrices of the elements are replaced by the nearest positive
+            semi-definite ones.
         """
-        terms = self._acting(corners)
-        of_kernels = self._of_kernels(terms, t, parameters)
+        of_kernels = self._of_kernels(self.terms, t, parameters)
         if self._tension in of_kernels and tension is not None:
             of_kernels[self._tension]["tension"] = tension
-        others = [term for term in terms if not _is_fused(term)]
-        plain = [term for term in others if isinstance(term, ElementTerm)]
-        fused = self._fused.matrices(u, of_kernels, convex)
-        matrices = (
-            term.matrices(u, t, self._of(term, parameters), convex) for term in plain
+        matrices: Iterable[ndarray | None] = chain(
+            self._fused.matrices(u, of_kernels),
+            (x.matrices(u, t, self._of(x, parameters)) for x in self._by_element),
         )
-        blocks = self.pattern.sum(chain(fused, matrices))
-        for term in others:
-            if isinstance(term, MatrixTerm):
-                blocks += self._constant[term.name]
-            elif term not in plain:
-                K = term.tangent(u, t, self._of(term, parameters))
-                if K is not None:
-                    refuse_unsymmetric(term.name, K - K.T, K)
-                    self.pattern.add(blocks, K, term.name)
+        if positive:
+            matrices = map(positive_part, matrices)
+        blocks = self.pattern.sum(matrices)
+        for term in self._by_matrix:
+            K = term.tangent(u, t, self._of(term, parameters))
+            if K is not None:
+                self.pattern.add(blocks, K, term.name)
         return blocks
 
     def geometric_tension(
@@ -369,10 +354,6 @@ class SumOfTerms(Measures):
             for term in terms
             if _is_fused(term)
         }
-
-    def _acting(self, corners: bool) -> list[Term]:
-        """The terms, that of the corners on demand."""
-        return [t for t in self._terms if corners or t is not self._of_corners]
 
     def gradient(self, u: ndarray, points: ndarray | None = None) -> ndarray:
         """Displacement gradient ∇u, shape (d, 2, n_elements, n_points).

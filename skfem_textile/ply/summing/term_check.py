@@ -14,7 +14,8 @@ from scipy.sparse import csr_matrix, issparse
 from skfem import CellBasis
 
 from ...mesh.bases import components
-from ..term import NO_VALUES, Load, Role, Term, Values, refuse_unsymmetric
+from ...mesh.pattern import refuse_unsymmetric
+from ..term import NO_VALUES, Load, Role, Term, Values
 
 # Members of a declaration of parameters, and of a term.
 _PARAMETERS_MEMBERS = "depends_on_steps", "at_rest", "updated", "advanced"

@@ -81,7 +81,6 @@ def check_state(problem: Problem, state: State, before: Start | None) -> Trial:
     f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
     equilibrium = Equilibrium(u, f, p, (), state.tolerance)
     trial = Trial(problem, equilibrium, before, energies, potentials)
-    trial.tangent = None  # a factorisation that tells nothing new
     largest = float(np.abs(f).max())
     rounding = max(state.tolerance - problem.converged * largest, 0.0)
     force = SAME * largest + rounding * u.size

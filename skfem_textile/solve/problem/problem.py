@@ -2,7 +2,7 @@
 
 from copy import copy
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 # comes back in the reactions is to be seen to ten digits.
 _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
 
-# Share of the energy by which stiffnesses of the discretisation may be off on the way.
-_NEARLY_SETTLED = 0.002
-
 
 class Problem:
     """A ply under conditions at one load factor: what an iteration needs to know.
@@ -41,8 +38,6 @@ class Problem:
     ----------
     load_factor
         Load factor.
-    corners_resist
-        Whether corners resist; not on the way to a state in which all are open.
     held
         Forces in N that act beside the loads: what is not let go yet at rest.
     converged
@@ -59,7 +54,6 @@ class Problem:
     ) -> None:
         self.ply = ply
         self.load_factor = 0.0
-        self.corners_resist = True
         self.held: ndarray | float = 0.0
         self.constraints = constraints
         self._solver = solver
@@ -81,13 +75,13 @@ class Problem:
 
     def energy(self, u: ndarray, parameters: Parameters) -> float:
         """Energy, potential of loads included, on the clock."""
-        arguments = u, self.load_factor, parameters, self.corners_resist
+        arguments = u, self.load_factor, parameters
         energy = self.clock.time("assembly", self.ply.energy, *arguments)
         return energy - float(np.sum(self.held * u))
 
     def residual(self, u: ndarray, parameters: Parameters) -> ndarray:
         """Nodal forces, internal ones less loads, on the clock."""
-        arguments = u, self.load_factor, parameters, self.corners_resist
+        arguments = u, self.load_factor, parameters
         return self.clock.time("assembly", self.ply.residual, *arguments) - self.held
 
     def energies(
@@ -110,19 +104,12 @@ class Problem:
         """Parameters updated at ``u``; see `Ply.updated`."""
         return self.ply.updated(parameters, u, self.load_factor, tension)
 
-    def settled(self, parameters: Parameters, u: ndarray) -> Parameters:
-        """Parameters updated at ``u``, if that changes the energy noticeably."""
-        after = self.updated(parameters, u)
-        if after is parameters:
-            return parameters
-        before, settled = (
-            sum(self.energies(u, x)[0].values()) for x in (parameters, after)
-        )
-        return (
-            after
-            if abs(settled - before) > _NEARLY_SETTLED * abs(before)
-            else parameters
-        )
+    def change(self, before: Parameters, after: Parameters, u: ndarray) -> float:
+        """Change of the energy by an update of the parameters, as a share of it."""
+        if after is before:
+            return 0.0
+        old, new = (sum(self.energies(u, p)[0].values()) for p in (before, after))
+        return abs(new - old) / abs(old) if old else np.inf
 
     def start(
         self, u: ndarray, parameters: Parameters, tangent: Tangent | None = None
@@ -152,13 +139,6 @@ class Problem:
         _ = self.system  # that both share it
         other = copy(self)
         other.held = held
-        return other
-
-    def without_corners(self) -> "Problem":
-        """The same problem, on the same clock, in which no corner resists."""
-        _ = self.system  # that both share it
-        other = copy(self)
-        other.corners_resist = False
         return other
 
     @property
@@ -265,3 +245,13 @@ class Problem:
         forces = self.ply.nodal(u)
         dof = len(forces) * np.linalg.norm(forces, axis=0).argmax()
         return np.flatnonzero((self.ply.basis.element_dofs == dof).any(axis=0))
+
+
+def between(before: Parameters, after: Parameters, share: float) -> Parameters:
+    """Parameters a share of the way from some to others."""
+
+    def mixed(old: Any, new: Any) -> Any:
+        return type(old)({name: x + share * (new[name] - x) for name, x in old.items()})
+
+    kind: Any = type(before)
+    return kind({term: mixed(old, after[term]) for term, old in before.items()})

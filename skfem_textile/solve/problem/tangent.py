@@ -38,7 +38,7 @@ _MORE_STIFFNESS = (
 class Tangent:
     """Tangent of a problem, factorised on the free unknowns.
 
-    ``altered`` tells that it is not what the iteration wanted: that was indefinite.
+    ``projected`` is True where an indefinite tangent was projected.
 
     Parameters
     ----------
@@ -48,8 +48,9 @@ class Tangent:
         Displacement, and parameters of the ply's terms.
     tension
         Fibre tensions for the geometric stiffness in place of those of ``u``.
-    convex
-        Whether what resists shear is made positive semi-definite.
+    positive
+        Whether the matrices of the elements are projected onto positive semi-definite
+        ones.
     contact
         Multipliers λ of nodes on surfaces in place of those of ``u``.
 
@@ -65,14 +66,13 @@ class Tangent:
         u: ndarray,
         parameters: Parameters,
         tension: ndarray | None = None,
-        convex: bool = False,
+        positive: bool = False,
         contact: ndarray | None = None,
     ) -> None:
         self._problem, clock, system = problem, problem.clock, problem.system
         self._u = u
         self.altered = False
-        acting = tension, problem.corners_resist, convex
-        arguments = u, problem.load_factor, parameters, *acting
+        arguments = u, problem.load_factor, parameters, tension, positive
         blocks = clock.time("assembly", problem.ply.stiffness, *arguments)
         self._turn = problem.turn(u)
         if problem.surfaces:

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from functools import partial
 from typing import Any
 
@@ -12,30 +12,28 @@ from ..body import Body
 from ..checkpoint import Checkpoint
 from ..conditions import Conditions, Constraints, OnSurface
 from ..linear import ChosenSolver
+from ..newton import Method
 from ..problem import Problem
 from ..result import Result
 from ..states import Iteration, State
 from ..stepping.arguments import check_arguments
-from ..stepping.equilibrium_search import EquilibriumSearch, follows_path, strategy_of
+from ..stepping.equilibrium_search import EquilibriumSearch, method_of
 from ..stepping.error_estimate import estimated_error
 from ..stepping.limit import loads_grow
-from ..strategies import Strategy
 from .record import Record
 from .run import Run
 
 log = logging.getLogger(__name__)
 
-#: What a step tries and which checks only warn, unless told otherwise.
-DEFAULT_STRATEGIES = "mixed", "descent"
+#: Checks that only warn by default.
 DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners", "surface"
 
 
 class LoadStepper:
     """Load a ply, in steps that shrink where they fail and grow where they are easy.
 
-    Each step tries its strategies one after the other.  The state that they
-    find is judged: if it is folded, torn or not stable, it is refused.  A step that
-    fails is halved.
+    A converged state is checked: if it is folded, torn or not stable, it is refused.  A
+    step that fails is halved.
 
     Parameters
     ----------
@@ -46,8 +44,9 @@ class LoadStepper:
     steps
         Number of equal steps to the load factor 1.  The run has a state at the end of
         each, and in between where a step had to be halved.
-    strategies
-        What a step tries, in this order: names of `STRATEGIES`, or strategies.
+    method
+        Nonlinear solver: `Newton`, `PlainNewton` or the name of one, ``newton`` or
+        ``plain``.
     max_halvings
         How often a step may be halved before the run stops.
     warn_only
@@ -65,7 +64,7 @@ class LoadStepper:
     ------
     ValueError
         If a condition is not valid at some load factor, ``steps`` is no whole number
-        from 1 to a million, ``max_halvings`` none from 0 to 30, a strategy or check
+        from 1 to a million, ``max_halvings`` none from 0 to 30, a method or check
         unknown, the solver unknown or not installed, or something is of another kind.
 
     Examples
@@ -94,7 +93,7 @@ class LoadStepper:
         conditions: Conditions,
         steps: int = 20,
         *,
-        strategies: Sequence[str | Strategy] = DEFAULT_STRATEGIES,
+        method: str | Method = "newton",
         max_halvings: int = 8,
         warn_only: Collection[str] = DEFAULT_WARN_ONLY,
         on_iteration: Callable[[Iteration], None] | None = None,
@@ -103,22 +102,20 @@ class LoadStepper:
         solver: str = "auto",
     ) -> None:
         callbacks = {"on_iteration": on_iteration, "on_step": on_step}
-        check_arguments(
-            ply, steps, max_halvings, strategies, warn_only, solver, callbacks
-        )
+        check_arguments(ply, steps, max_halvings, warn_only, solver, callbacks)
         constraints = Constraints(ply.basis, conditions)
         self._conditions = conditions
         self.problem = Problem(ply, constraints, partial(ChosenSolver, solver))
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         for t in (0.0, *self.load_factors):
             constraints.fixed_values(t)  # refuses what is not valid
-        chosen = [strategy_of(strategy) for strategy in strategies]
-        self._follows = any(map(follows_path, chosen))
+        method = method_of(method)
+        self._follows = method.follows_path
         # Loads that grow may jump to another equilibrium: there work must agree.
         self._loaded = self._follows and loads_grow(ply, self.load_factors)
         refusing = {"work"} if self._loaded else set()
         self._search = EquilibriumSearch(
-            self.problem, chosen, frozenset(warn_only) - refusing, self._tell
+            self.problem, method, frozenset(warn_only) - refusing, self._tell
         )
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
@@ -186,7 +183,7 @@ class LoadStepper:
         """What the states depend on beyond the problem."""
         return {
             "steps": len(self.load_factors),
-            "strategies": [repr(strategy) for strategy in self._search.strategies],
+            "method": repr(self._search.method),
             "max_halvings": self.max_halvings,
             "warn_only": sorted(self._search.warn_only),
         }

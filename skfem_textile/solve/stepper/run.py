@@ -133,9 +133,8 @@ class Run:
         p = problem.ply.parameters_at_rest
         tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
-        undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance)
+        undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
         trial = Trial(problem, undeformed, None, energies, potentials)
-        trial.tangent = tangent
         state, values = self._state(0.0, trial), problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
@@ -155,8 +154,9 @@ class Run:
     def _go_on(self, saved: Saved, last: Trial) -> None:
         """Take up a run where its checkpoint ends."""
         progress, problem = saved.progress, last.problem
-        equilibrium = last.equilibrium
-        last.tangent = tangent_at(problem, equilibrium.u, equilibrium.parameters)
+        end = last.equilibrium
+        tangent = tangent_at(problem, end.u, end.parameters)
+        last.equilibrium = end._replace(tangent=tangent)
         self._start = last.next_start()
         self.record.states = saved.states
         self._length.next, self._steps_cut = progress.length, progress.steps_cut
@@ -216,7 +216,7 @@ class Run:
         most_altered = self._path.most_altered(step, t, self._loaded)
         start = grown(self.problem.at(t), last)
         goal = Goal(t, step, values, start, last, most_altered)
-        trial, altered, followed_path, is_settled, solves_again = self._search(goal)
+        trial, altered, followed_path, is_settled = self._search(goal)
         state = self._state(t, trial)
         if self._path.must_repeat(step, state, altered, followed_path):
             log.info("step to %g was hard, taken again as two", t)
@@ -224,7 +224,7 @@ class Run:
         if not is_settled or self._depends_on_steps(state):
             self._path.mark(t)
         self._path.reached(state)
-        self._length.after(state.linear_solves - solves_again)
+        self._length.after(altered)
         self._keep(state, trial)
         return True
 

@@ -4,7 +4,6 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 from ..linear import check_solver
-from ..strategies import STRATEGIES
 from ..verdict import CHECKS
 
 # More equal steps than this are taken for a slip.
@@ -18,7 +17,6 @@ def check_arguments(
     ply: Any,
     steps: Any,
     max_halvings: Any,
-    strategies: Any,
     warn_only: Any,
     solver: str,
     callbacks: dict[str, Callable | None],
@@ -27,7 +25,7 @@ def check_arguments(
 
     Parameters
     ----------
-    ply, steps, max_halvings, strategies, warn_only, solver
+    ply, steps, max_halvings, warn_only, solver
         As of `LoadStepper`.
     callbacks
         Functions by the names of their arguments.
@@ -40,10 +38,7 @@ def check_arguments(
     if isinstance(ply, type) or not hasattr(ply, "stiffness"):
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
     _check_numbers(steps, max_halvings)
-    _check_list("strategies", strategies, STRATEGIES)
     _check_list("checks in warn_only", warn_only, CHECKS)
-    if not strategies:
-        raise ValueError(f"name at least one strategy of {', '.join(STRATEGIES)}")
     for name in warn_only:
         if name not in [*CHECKS]:  # which a list may be asked, that is no name
             known = ", ".join(CHECKS)

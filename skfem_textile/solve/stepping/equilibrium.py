@@ -1,6 +1,6 @@
 """A state at one load factor, from a displacement that is near it."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
 import numpy as np
 from numpy import ndarray
@@ -8,10 +8,10 @@ from numpy import ndarray
 from ..body import Body, Parameters
 from ..conditions import Conditions, Constraints
 from ..linear import ChosenSolver
+from ..newton import Method
 from ..problem import Problem
 from ..states import State
-from ..strategies import Strategy
-from .equilibrium_search import EquilibriumSearch, Goal, strategy_of
+from .equilibrium_search import EquilibriumSearch, Goal, method_of
 
 
 def equilibrium_near(
@@ -21,7 +21,7 @@ def equilibrium_near(
     load_factor: float = 1.0,
     *,
     parameters: Parameters | None = None,
-    strategies: Sequence[str | Strategy] = ("mixed",),
+    method: str | Method = "newton",
     warn_only: Collection[str] = (),
     solver: str = "auto",
 ) -> State:
@@ -41,13 +41,13 @@ def equilibrium_near(
         Parameters of the ply's terms to start with, as ``State.parameters``; those at
         rest if not given: away from balance the tensions of stiff fibres are far from
         those at balance.
-    strategies, warn_only, solver
+    method, warn_only, solver
         As for `LoadStepper`.
 
     Raises
     ------
     NoEquilibriumError
-        If no strategy finds a state, or each that they find is refused.
+        If no state is found, or it is refused.
     ValueError
         If a condition or a name is not valid.
     """
@@ -57,8 +57,9 @@ def equilibrium_near(
     )
     with np.errstate(all="ignore"):  # what is not finite is caught
         start = problem.start(u, parameters or ply.parameters_at_rest)
-    chosen = [strategy_of(strategy) for strategy in strategies]
-    search = EquilibriumSearch(problem, chosen, frozenset(warn_only), lambda _: None)
+    search = EquilibriumSearch(
+        problem, method_of(method), frozenset(warn_only), lambda _: None
+    )
     values = constraints.fixed_values(load_factor)
     found = search(Goal(load_factor, 0.0, values, start, None))
     return found.trial.state(load_factor, problem.clock.solves)

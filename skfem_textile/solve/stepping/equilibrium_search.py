@@ -1,15 +1,16 @@
-"""The search for a state at one load factor: strategies, one after the other."""
+"""The search for a state at one load factor."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
+from ..body import Parameters
+from ..newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
 from ..problem import Goal, Problem, Start
 from ..states import Equilibrium, Iteration, NoEquilibriumError
-from ..strategies import LESS_ROUNDING, STRATEGIES, Strategy, balanced
 from ..verdict import Trial
 from .load_path import MOST_ALTERED
 
@@ -17,15 +18,6 @@ _AT_REST = (
     "less tension, compression or load at rest, loads that grow with the load factor, "
     "or more shear stiffness"
 )
-
-# Share of the largest reaction, and of the energy, by which the stiffnesses at a state
-# may change it.  Reactions alone tell nothing where they balance a load, or each other.
-# Chosen: with what further times would change, half of a percent at most.
-_SETTLED = 0.0025
-
-# How often a state is found again.  Each time about a quarter of the change is left; in
-# coarse quadratic triangles at 60 degrees of shear it is half.
-_TIMES = 4
 
 # The shortest step to balance at rest, as a share of what is not balanced: of a ply
 # that is stable there, and of another.  With longer ones heavy cantilevers with little
@@ -47,28 +39,22 @@ class Found(NamedTuple):
     settled
         Whether the stiffnesses that the discretisation has at the state would not
         change it.
-    solves_again
-        Linear solves after it was found for the first time.
     """
 
     trial: Trial
     altered: int
     followed_path: bool
     settled: bool
-    solves_again: int = 0
 
 
 @dataclass(frozen=True)
 class EquilibriumSearch:
-    """Strategies, and what their states must stand.
-
-    A stabilisation and what meets deviations take their stiffness from a state near the
-    one that is sought.  Where that was not near enough, the state is found again.
+    """Nonlinear solver and acceptance checks.
 
     Attributes
     ----------
-    problem, strategies
-        What to solve, and what to try, in this order.
+    problem, method
+        Problem and nonlinear solver.
     warn_only
         Checks of `CHECKS` that do not refuse a state but only warn.
     report
@@ -76,38 +62,41 @@ class EquilibriumSearch:
     """
 
     problem: Problem
-    strategies: Sequence[Strategy]
+    method: Method
     warn_only: Collection[str]
     report: Callable[[Iteration], None]
 
     def __call__(self, goal: Goal) -> Found:
-        """A state that passes every check.
+        """A state that passes every check, its parameters settled if they can be.
+
+        Parameters that would change the state are updated and the forces balanced
+        again.  An update is halved if changes do not shrink by half.
 
         Raises
         ------
         NoEquilibriumError
-            If no strategy finds one.
+            If there is none.
         """
-        found, clock = self._first(goal), self.problem.clock
-        before = clock.solves
-        for _ in range(_TIMES):
+        found, share, last = self._first(goal), 1.0, np.inf
+        # The way from one to the next is easy.
+        goal = goal._replace(most_altered=min(goal.most_altered, MOST_ALTERED))
+        for _ in range(MOST_UPDATES):
             with np.errstate(all="ignore"):  # what is not finite is caught
-                start = _start_of_another(found.trial)
-            if start is None:
-                found = found._replace(settled=True)
-                break
-            # It is near, so that the way to it is easy.
-            most_altered = min(goal.most_altered, MOST_ALTERED)
+                after, change = _update(found.trial)
+                if change <= SETTLED:
+                    found = found._replace(settled=True)
+                    break
+                share, last = share if change <= last / 2 else share / 2, change
+                start = found.trial.start_with(after, share)
             try:
-                again = self._first(
-                    goal._replace(start=start, most_altered=most_altered)
-                )
+                again = self._first(goal._replace(start=start))
             except NoEquilibriumError:
                 break
-            altered = max(found.altered, again.altered)
-            followed_path = found.followed_path and again.followed_path
-            found = Found(again.trial, altered, followed_path, settled=False)
-        return found._replace(solves_again=clock.solves - before)
+            found = again._replace(
+                altered=max(found.altered, again.altered),
+                followed_path=found.followed_path and again.followed_path,
+            )
+        return found
 
     def at_rest(self, start: Start, fixed_values: ndarray) -> Found:
         """The state at the load factor 0 of a ply that is not in balance there.
@@ -158,68 +147,34 @@ class EquilibriumSearch:
             done, step = share, 2 * step
 
     def _first(self, goal: Goal) -> Found:
-        """The state that the first strategy finds which finds any.
+        """An equilibrium at the parameters of the start that passes every check.
 
         Raises
         ------
         NoEquilibriumError
-            If no strategy finds one.
-        """
-        strategies = self.strategies
-        if np.isfinite(goal.most_altered):
-            strategies = [s for s in strategies if follows_path(s)] or strategies
-        failures: dict[str, NoEquilibriumError] = {}
-        for strategy in strategies:
-            try:
-                with np.errstate(all="ignore"):  # what is not finite is caught
-                    trial = self._trial_by(strategy, goal)
-            except NoEquilibriumError as failure:
-                failures.setdefault(str(failure), failure)
-            else:
-                altered = trial.equilibrium.altered
-                return Found(trial, altered, follows_path(strategy), settled=False)
-        advice = next(iter(failures.values())).advice
-        told = max(
-            failures.values(), key=lambda f: (f.quantity != "", f.elements.size > 0)
-        )
-        raise NoEquilibriumError(
-            f"no acceptable state at {goal.load_factor:.6g}: {'; '.join(failures)}",
-            told.elements,
-            advice if goal.load_factor or advice == LESS_ROUNDING else _AT_REST,
-            told.quantity,
-        )
-
-    def _trial_by(self, strategy: Strategy, goal: Goal) -> Trial:
-        """A state that one strategy finds.
-
-        On the way to a state in which all corners are open none resists: it is shorter.
+            If there is none.
         """
         problem = self.problem.at(goal.load_factor).holding(goal.held)
-        if strategy is self.strategies[0] and problem.ply.corners_open(goal.start.u):
-            open_corners = problem.without_corners()
-            equilibrium = self._balanced(open_corners, strategy, goal)
-            if problem.ply.corners_open(equilibrium.u):
-                return self._checked(problem, equilibrium, goal)
-        equilibrium = self._balanced(problem, strategy, goal)
-        return self._checked(problem, equilibrium, goal)
+        method, place = self.method, (goal.load_factor, goal.step)
 
-    def _balanced(
-        self, problem: Problem, strategy: Strategy, goal: Goal
-    ) -> Equilibrium:
-        name = type(strategy).__name__.lower()
+        def report(*iteration: Any) -> None:
+            self.report(Iteration(*place, method.name, *iteration))
 
-        def report(number: int, residual: float, tolerance: float) -> None:
-            place = goal.load_factor, goal.step
-            self.report(Iteration(*place, name, number, residual, tolerance))
-
-        return balanced(
-            problem,
-            strategy.iterates(problem, goal.start, goal.fixed_values),
-            goal.fixed_values,
-            strategy.most,
-            goal.most_altered,
-            report,
-        )
+        try:
+            with np.errstate(all="ignore"):  # what is not finite is caught
+                equilibrium = method.solve(
+                    problem, goal.start, goal.fixed_values, goal.most_altered, report
+                )
+                trial = self._checked(problem, equilibrium, goal)
+        except NoEquilibriumError as failure:
+            at_rest = not goal.load_factor and failure.advice != LESS_ROUNDING
+            raise NoEquilibriumError(
+                f"no acceptable state at {goal.load_factor:.6g}: {failure}",
+                failure.elements,
+                _AT_REST if at_rest else failure.advice,
+                failure.quantity,
+            ) from None
+        return Found(trial, equilibrium.altered, method.follows_path, settled=False)
 
     def _checked(self, problem: Problem, equilibrium: Equilibrium, goal: Goal) -> Trial:
         """The trial of an equilibrium that passes every check."""
@@ -232,56 +187,54 @@ class EquilibriumSearch:
         return trial
 
 
-def _start_of_another(trial: Trial) -> Start | None:
-    """Where the search for another state starts; None if this one is good enough.
+def _update(trial: Trial) -> tuple[Parameters, float]:
+    """Parameters updated at an equilibrium, and how much that changes it.
 
-    It has the stiffnesses at the state, if they are finite.
+    The change is the larger one of energy and reactions, as a share of these, to first
+    order; zero within what the equilibrium leaves unbalanced.
     """
     problem, (u, f, parameters, *_) = trial.problem, trial.equilibrium
     if (after := problem.updated(parameters, u)) is parameters:
-        return None
+        return after, 0.0
     start, tangent = problem.start(u, after, trial.tangent), trial.tangent
     tolerance = trial.equilibrium.tolerance
-    if (
-        not np.isfinite(start.f).all()
-        or problem.unbalanced(start.f, start.u) <= tolerance
-    ):
-        return None
+    if not np.isfinite(start.f).all():
+        raise NoEquilibriumError("parameters are not finite")
+    if problem.unbalanced(start.f, start.u) <= tolerance:
+        return after, 0.0
+    largest = max(np.linalg.norm(x) for x in problem.reactions(f).values())
+    before, end = (sum(x.energies.values()) for x in (trial, start))
+    at_once = abs(end - before) <= SETTLED * abs(before)
+    if at_once and np.abs(start.f - f).sum() <= 0.1 * SETTLED * largest:
+        return after, 0.0
     if tangent is None or tangent.negative_pivots is None:
-        return start
+        return after, np.inf
     du, settled = tangent.settled(start.f)
     ours, theirs = (np.array([*problem.reactions(x).values()]) for x in (f, settled))
     force, largest = (np.linalg.norm(x, axis=1).max() for x in (ours - theirs, ours))
     before, end = (sum(x.energies.values()) for x in (trial, start))
     energy = abs(end + (0.5 * start.f + start.load) @ du - before)
-    changed = (
-        force > _SETTLED * largest + tolerance * u.size
-        or energy > _SETTLED * abs(before) + tolerance * np.abs(u).sum()
-    )
-    return start if changed else None
+    of_force = max(force - tolerance * u.size, 0.0) / largest if largest else 0.0
+    of_energy = max(energy - tolerance * np.abs(u).sum(), 0.0) / abs(before)
+    return after, float(max(of_force, of_energy))
 
 
-def strategy_of(strategy: str | Strategy) -> Strategy:
-    """A strategy, or the one of that name.
+def method_of(method: str | Method) -> Method:
+    """A nonlinear solver, or the one of that name.
 
     Raises
     ------
     ValueError
         If there is none, or it is allowed no iteration.
     """
-    if isinstance(strategy, str):
-        if strategy not in STRATEGIES:
+    if isinstance(method, str):
+        if method not in METHODS:
             raise ValueError(
-                f"unknown strategy {strategy!r}: choose of {', '.join(STRATEGIES)}"
+                f"unknown method {method!r}: choose of {', '.join(METHODS)}"
             )
-        return STRATEGIES[strategy]
-    if isinstance(strategy, type) or not hasattr(strategy, "iterates"):
-        raise ValueError(f"{strategy} is neither a strategy nor the name of one")
-    if strategy.most < 1:
-        raise ValueError(f"{strategy} must be allowed at least one iteration")
-    return strategy
-
-
-def follows_path(strategy: Strategy) -> bool:
-    """Whether the tangents that a strategy alters tell if it stays on the path."""
-    return getattr(strategy, "follows_path", False)
+        return METHODS[method]
+    if isinstance(method, type) or not hasattr(method, "solve"):
+        raise ValueError(f"{method!r} is neither a nonlinear solver nor its name")
+    if method.most < 1:
+        raise ValueError(f"{method} must be allowed at least one iteration")
+    return method

@@ -14,9 +14,9 @@ from numpy import ndarray
 from ..body import Body, Parameters
 from ..conditions import Conditions, Constraints
 from ..linear import solver_named
+from ..newton import definite, no_contact, within_laws
 from ..problem import Problem, Tangent
 from ..states import ErrorEstimate, NoEquilibriumError, State
-from ..strategies import definite, no_contact, within_laws
 from .work import NO_LOAD, carries_load, change_of, work
 
 #: Error of the shear angle over the change that halved elements make, and error of the

@@ -142,8 +142,7 @@ class LoadPath:
         if step > 0.75 * self._short and self.halvings and t > self.not_followed_until:
             self.to_compare.append(StepEnd.of(state))
             return True
-        if not self.to_compare:
-            self.mark(t)
+        self.mark(t)
         return False
 
     def stop_following(self, goal: float) -> bool:

@@ -2,11 +2,6 @@
 
 from dataclasses import dataclass
 
-# After a step of no more linear solves than this the next may be twice as long.  With
-# more, more of the longer steps fail and are halved again; with fewer, steps stay short
-# where longer ones would do.
-_EASY_SOLVES = 6
-
 
 @dataclass
 class StepLength:
@@ -46,7 +41,7 @@ class StepLength:
         """Make the next step as long as a requested one."""
         self.next = self.longest
 
-    def after(self, linear_solves: int) -> None:
-        """Make the next step twice as long if one took few linear solves."""
-        if linear_solves <= _EASY_SOLVES:
+    def after(self, altered: int) -> None:
+        """Make the next step twice as long if no tangent was projected in one."""
+        if altered == 0:
             self.next = min(2 * self.next, self.longest)

@@ -110,12 +110,12 @@ def test_a_rotated_problem_has_the_same_answer():
         assert b[key] == pytest.approx(a[key], rel=1e-6), key
 
 
-@pytest.mark.parametrize("strategy", ["mixed", "descent", "newton"])
-def test_every_strategy_finds_the_same_state(strategy):
+@pytest.mark.parametrize("method", ["newton", "plain"])
+def test_every_method_finds_the_same_state(method):
     scene = strip(cut(rectangle(40, 60, (3, 4))))
     energies = [
         run(scene, 10, 100.0, 1.0, **options).summary()["energy"]
-        for options in ({}, {"strategies": [strategy]})
+        for options in ({}, {"method": method})
     ]
     assert energies[1] == pytest.approx(energies[0], rel=1e-6)
 

@@ -13,7 +13,7 @@ from skfem_textile import (
     LoadStepper,
     Macro,
     MatrixTerm,
-    Mixed,
+    Newton,
     OnePoint,
     Quadratic,
     Values,
@@ -142,13 +142,13 @@ def test_parameters_are_advanced_once_for_every_converged_state(depends_on_steps
     ply = ply.with_terms(drag(ply, depends_on_steps))
     refused = iter([True, False, True])
 
-    class Moody(Mixed):
-        def iterates(self, *arguments):
+    class Moody(Newton):
+        def solve(self, *arguments):
             if next(refused, False):
                 raise NoEquilibriumError("not today")
-            return super().iterates(*arguments)
+            return super().solve(*arguments)
 
-    result = LoadStepper(ply, CONDITIONS, 4, strategies=[Moody()]).run()
+    result = LoadStepper(ply, CONDITIONS, 4, method=Moody()).run()
     assert result.steps_cut == 2
     used = [state.parameters["drag"] for state in result.states]
     assert [p["times"][0] for p in used] == list(range(len(result.states)))

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from strip_runs import assert_same, interrupted_at, stepper, whole
 
-from skfem_textile import CheckpointError, Mixed, StepError
+from skfem_textile import CheckpointError, Newton, StepError
 from skfem_textile.cli import main as cli
 
 
@@ -78,7 +78,7 @@ def test_runs_resumed_or_in_another_process_are_the_same_to_the_last_bit(
 
 def test_a_resumed_run_goes_on_with_the_length_of_its_step(tmp_path):
     """This run cuts its only step, and grows again."""
-    options = {"steps": 1, "strategies": [Mixed(most=5)]}
+    options = {"steps": 1, "method": Newton(most=5)}
     whole = stepper(None, **options).run()
     assert whole.steps_cut > 0
     interrupted_at(tmp_path / "c", whole.states[1].load_factor, **options)
@@ -89,9 +89,7 @@ def test_a_run_that_stopped_early_is_resumed_to_the_same_end(tmp_path):
     """A run that cannot go on says so again, and keeps what it had."""
     ends = []
     for resume in (False, True):
-        run = stepper(
-            tmp_path / "c", steps=4, E=1e8, strategies=["newton"], max_halvings=1
-        )
+        run = stepper(tmp_path / "c", steps=4, E=1e8, method="plain", max_halvings=1)
         with pytest.raises(StepError) as error:
             run.run(resume)
         ends.append(error.value.result)

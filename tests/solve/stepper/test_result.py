@@ -168,14 +168,14 @@ def test_callbacks_are_told_every_iteration_and_every_state():
     assert states == result.states[1:]
     assert len(iterations) == result.linear_solves
     assert iterations[0].load_factor == iterations[0].step == 0.5
-    assert iterations[0].strategy == "mixed"
+    assert iterations[0].method == "newton"
     assert iterations[-1].residual <= iterations[-1].tolerance
 
 
 def test_the_log_tells_iterations_and_steps(caplog):
     ply, conditions = pulled(0.5)
     with caplog.at_level(logging.DEBUG, logger="skfem_textile"):
-        result = LoadStepper(ply, conditions, 1, strategies=[ShortSteps()]).run()
+        result = LoadStepper(ply, conditions, 1, method=ShortSteps()).run()
     levels = [record.levelno for record in caplog.records]
     assert levels.count(logging.DEBUG) == result.linear_solves
     assert "step to 1 failed, halved: no acceptable state at 1: too long" in caplog.text

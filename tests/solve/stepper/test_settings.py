@@ -5,7 +5,7 @@ import pytest
 from pulled import pulled
 from skfem import MeshQuad
 
-from skfem_textile import Condition, Fabric, Full, LoadStepper, Mixed, Ply
+from skfem_textile import Condition, Fabric, Full, LoadStepper, Newton, Ply
 
 
 @pytest.mark.parametrize(
@@ -24,8 +24,8 @@ def test_steps_that_nobody_can_mean_are_refused(steps):
         ({"strategies": []}, "name at least one strategy"),
         ({"warn_only": ["stable"]}, "unknown check 'stable': choose of folding"),
         ({"max_halvings": -1}, "max_halvings must be a whole number from 0"),
-        ({"strategies": [Mixed]}, "neither a strategy nor the name of one"),
-        ({"strategies": [Mixed(most=0)]}, "at least one iteration"),
+        ({"strategies": [Newton]}, "neither a strategy nor the name of one"),
+        ({"method": Newton(most=0)}, "at least one iteration"),
     ],
 )
 def test_unknown_options_are_refused(option, message):

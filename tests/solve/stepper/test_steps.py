@@ -8,30 +8,30 @@ import pytest
 from pulled import ShortSteps, load_factors, pulled
 from skfem import MeshQuad
 
-from skfem_textile import Condition, Fabric, Full, LoadStepper, Mixed, Ply, StepError
+from skfem_textile import Condition, Fabric, Full, LoadStepper, Newton, Ply, StepError
 from skfem_textile.solve.states import NoEquilibriumError
 
 
-class ShyAtFirst(Mixed):
+class ShyAtFirst(Newton):
     """Fails beyond the first tenth of the way unless steps are short."""
 
-    def iterates(self, problem, start, fixed_values):
+    def solve(self, problem, start, fixed_values, most_altered, report):
         at = np.abs(start.u).max()
         if at < 0.05 and fixed_values.max() - at > 0.03:
             raise NoEquilibriumError("too long")
-        return super().iterates(problem, start, fixed_values)
+        return super().solve(problem, start, fixed_values, most_altered, report)
 
 
 def test_a_failed_step_is_halved_and_counted():
     ply, conditions = pulled(0.5)
-    result = LoadStepper(ply, conditions, 1, strategies=[ShortSteps()]).run()
+    result = LoadStepper(ply, conditions, 1, method=ShortSteps()).run()
     assert load_factors(result) == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert result.steps_cut == result.summary()["steps_cut"] >= 2
 
 
 def test_steps_grow_again_and_land_on_the_requested_load_factors():
     ply, conditions = pulled(0.5)
-    result = LoadStepper(ply, conditions, 5, strategies=[ShyAtFirst()]).run()
+    result = LoadStepper(ply, conditions, 5, method=ShyAtFirst()).run()
     reached = load_factors(result)
     assert set(np.linspace(0, 1, 6)) <= set(reached)
     assert np.diff(reached).min() < 0.06
@@ -57,7 +57,7 @@ def test_a_value_that_goes_wrong_on_the_way_keeps_what_was_computed():
     ply, conditions = pulled(
         lambda X, t: 0.5 * t + (np.nan if t == 0.75 else 0.0) * X[0]
     )
-    stepper = LoadStepper(ply, conditions, 2, strategies=[ShortSteps()])
+    stepper = LoadStepper(ply, conditions, 2, method=ShortSteps())
     with pytest.raises(StepError, match=r"not finite at load factor 0\.75") as error:
         stepper.run()
     assert error.value.result.states[-1].load_factor == 0.5

@@ -110,7 +110,7 @@ def test_the_load_is_the_force_along_what_is_prescribed():
 
 def test_a_refused_case_keeps_what_it_reached(monkeypatch):
     """Newton's method alone does not get these coarse triangles to 50°."""
-    newton = partial(LoadStepper, strategies=["newton"], max_halvings=0)
+    newton = partial(LoadStepper, method="plain", max_halvings=0)
     monkeypatch.setattr(study, "LoadStepper", newton)
     (row,) = STUDY.examine(case(BIAS[2], METHODS[5], 8))
     assert "stopped at load factor 0.8" in row["refused"]

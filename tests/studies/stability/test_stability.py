@@ -8,7 +8,7 @@ import pytest
 from helpers import drawn_here
 from skfem import MeshQuad
 
-from skfem_textile import Condition, Full, LoadStepper, Mixed, OnePoint
+from skfem_textile import Condition, Full, LoadStepper, Newton, OnePoint
 from skfem_textile.scenes import Scene, picture_frame, strip
 from skfem_textile.solve.stepper import DEFAULT_STRATEGIES
 from skfem_textile.solve.verdict import CHECKS
@@ -134,7 +134,7 @@ def test_what_another_run_solves_is_refused_though_solvable(
         if (way == "more steps" and steps == 10) or strategies == (way,):
             strategies = DEFAULT_STRATEGIES
         else:
-            strategies = [Mixed(most=1)]
+            strategies = [Newton(most=1)]
         return LoadStepper(
             ply, conditions, steps, strategies=strategies, max_halvings=0
         )
@@ -153,9 +153,7 @@ def test_a_saddle_point_taken_for_an_answer_is_wrong(few_steps, monkeypatch):
 
     def credulous(ply, conditions, steps, strategies):
         warn_only = list(CHECKS)
-        return LoadStepper(
-            ply, conditions, steps, strategies=["newton"], warn_only=warn_only
-        )
+        return LoadStepper(ply, conditions, steps, method="plain", warn_only=warn_only)
 
     monkeypatch.setattr(study, "LoadStepper", credulous)
     assert outcomes(ROD) == [ends.WRONG, ends.WRONG]

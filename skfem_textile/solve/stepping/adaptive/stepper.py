@@ -1,7 +1,7 @@
 """The load stepper in a loop: solve, estimate, refine, until a tolerance is met."""
 
 import logging
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any
@@ -11,10 +11,10 @@ import numpy as np
 from ....ply.finer import refuse_what_has_no_finer
 from ....ply.refinement import marked, refine, shear_angle_jumps
 from ...conditions import Conditions, Constraints
+from ...newton import Method
 from ...result import Result, StepError
 from ...states import ErrorEstimate, Iteration, NoEquilibriumError, State
-from ...stepper import DEFAULT_STRATEGIES, DEFAULT_WARN_ONLY, LoadStepper
-from ...strategies import Strategy
+from ...stepper import DEFAULT_WARN_ONLY, LoadStepper
 from ..equilibrium import equilibrium_near
 from ..error_estimate import (
     estimated_error,
@@ -63,7 +63,7 @@ class AdaptiveStepper:
         No mesh has more unknowns.
     on_round
         Called with each `Round`.
-    steps, strategies, warn_only, solver, on_iteration, on_step
+    steps, method, warn_only, solver, on_iteration, on_step
         As for `LoadStepper`.
 
     Raises
@@ -95,7 +95,7 @@ class AdaptiveStepper:
         *,
         most_unknowns: int = MOST_UNKNOWNS,
         on_round: Callable[[Round], None] | None = None,
-        strategies: Sequence[str | Strategy] = DEFAULT_STRATEGIES,
+        method: str | Method = "newton",
         warn_only: Collection[str] = DEFAULT_WARN_ONLY,
         solver: str = "auto",
         on_iteration: Callable[[Iteration], None] | None = None,
@@ -115,7 +115,7 @@ class AdaptiveStepper:
         self._ply, self._conditions, self._steps = ply, conditions, steps
         self.tolerance, self.most_unknowns = tolerance, most_unknowns
         self._search: dict[str, Any] = {
-            "strategies": strategies,
+            "method": method,
             "warn_only": warn_only,
             "solver": solver,
         }
@@ -240,17 +240,12 @@ class AdaptiveStepper:
             return None
         u = found.carry(state.u)
         try:
-            after = equilibrium_near(found.ply, self._conditions, u, **self._carried())
+            after = equilibrium_near(found.ply, self._conditions, u, **self._search)
         except NoEquilibriumError as error:
             log.info("the whole load is applied anew: %s", error)
             return self._apply(found.ply)
         self._finish(found.ply, after, whole_path=False)
         return found.ply, after
-
-    def _carried(self) -> dict[str, Any]:
-        """How a state that was carried over is balanced: by the first strategy."""
-        first = self._search["strategies"][:1]
-        return self._search | {"strategies": first}
 
     def _finish(self, ply: "Ply", state: State, whole_path: bool) -> None:
         """Estimate the error of a state, and keep its round.

@@ -1,0 +1,424 @@
+"""Newton's method for an equilibrium at one load factor."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+from numpy import ndarray
+
+from .body import Parameters
+from .problem import Problem, Start, Tangent, between, tangent_at
+from .states import Equilibrium, NoEquilibriumError
+
+# Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
+# singular, and in space the least one of a projected tangent.  Along the fibres it must
+# not outweigh the stiffness of a crimped fabric at rest.
+_FIRST_TENSION = 0.1
+
+# The same where nodes are on surfaces over the shear stiffness, at least: an initial
+# guess there is far from inextensible.
+_OVER_SHEAR_STIFFNESS = 10.0
+
+# Share of the largest force that is unbalanced near an equilibrium.  From there on mean
+# stretches are known well enough for a stiffness.
+_NEAR = 0.1
+
+#: Updates of the parameters at most on the way to a state.
+MOST_UPDATES = 8
+
+#: Share of the energy and of the largest reaction by which an update of the parameters
+#: may change them at a state.
+SETTLED = 0.0025
+
+# Over the tolerance what is unbalanced at the end of an iteration that met rounding.
+_STALLED = 100.0
+
+#: What to do where rounding keeps forces from balancing.
+LESS_ROUNDING = (
+    "coordinates of mesh and surfaces that are nearer to the origin, for what is left "
+    "is rounding"
+)
+
+# What to do where a ply on a surface finds no balance.
+_ON_SURFACE = (
+    "a ply that ends before sharp corners of the surface; where it has none, tension "
+    "on the edges or fibres that resist bending"
+)
+
+# Halvings of an increment until every law has a value.
+_HALVINGS_WITHIN_LAWS = 12
+
+#: Called with the number of an iteration, its residual and its tolerance, both in N.
+Report = Callable[[int, float, float], None]
+
+
+class Method(Protocol):
+    """A nonlinear solver.
+
+    Its ``repr`` identifies it where a checkpoint is resumed.
+
+    Attributes
+    ----------
+    name
+        Name in reports and messages.
+    follows_path
+        Whether a state is on the load path if at most `MOST_ALTERED` tangents were
+        projected.
+    """
+
+    name: ClassVar[str]
+    follows_path: ClassVar[bool]
+
+    @property
+    def most(self) -> int:
+        """Iterations at most."""
+        ...
+
+    def solve(
+        self,
+        problem: Problem,
+        start: Start,
+        fixed_values: ndarray,
+        most_altered: float,
+        report: Report,
+    ) -> Equilibrium:
+        """Balance the forces and bring the fixed unknowns to their values.
+
+        Parameters
+        ----------
+        problem, start, fixed_values
+            Problem, initial guess, and values of the fixed unknowns.
+        most_altered
+            Projected tangents at most.
+        report
+            Called after each iteration.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If the forces do not balance.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Newton:
+    """Mixed-integration-point Newton with a positive definite tangent.
+
+    The geometric stiffness has the fibre tensions that the previous iteration
+    predicted, T(ε) + T′ ∂ε·∇du, instead of those at its displacement, which are far
+    larger wherever nearly inextensible fibres turn (Magisano, Leonetti & Garcea 2017).
+    The residual is unchanged.  Where the tangent is not positive definite it is
+    projected, so that increments do not lead to saddle points (`definite`).  No
+    increment changes the displacement gradient by more than ``longest``, except for the
+    first of a ply in its plane, which brings the fixed unknowns to their values.
+
+    Near the equilibrium the parameters of the terms are updated with the predicted
+    tensions, until an update changes the energy by less than `SETTLED`.
+
+    An equilibrium that is not stable is left along its softest motion, unless the load
+    path is followed, which leads around it.
+
+    Parameters
+    ----------
+    most
+        Iterations at most; four times as many where the load path is not followed.
+    longest
+        Largest change of the displacement gradient in an increment.
+    imperfection
+        Size of the motion by which an unstable equilibrium is left, as a share of the
+        element size.
+    """
+
+    most: int = 30
+    longest: float = 1.0
+    imperfection: float = 0.01
+    name: ClassVar[str] = "newton"
+    follows_path: ClassVar[bool] = True
+
+    def solve(
+        self,
+        problem: Problem,
+        start: Start,
+        fixed_values: ndarray,
+        most_altered: float,
+        report: Report,
+    ) -> Equilibrium:
+        """See `Method`."""
+        tangent, p = _first_tangent(problem, start)
+        f = problem.forces_of(start, p)
+        progress = _Progress(problem, fixed_values, most_altered, report)
+        end = self._iterate(progress, _Iterate(start.u, f, p, tangent), self.most)
+        if not np.isfinite(most_altered) and end.unstable:
+            motion = self.imperfection * problem.element_size * end.tangent.softest()
+            u, p = problem.moved(end.u, motion), end.parameters
+            tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
+            away = _Iterate(
+                u, problem.residual(u, p), p, definite(problem, u, p, tension)
+            )
+            end = self._iterate(progress, away, 3 * self.most)
+        return progress.equilibrium(end)
+
+    def _iterate(self, progress: "_Progress", at: "_Iterate", most: int) -> "_Iterate":
+        """Iterates until the forces balance, or ``most`` of them."""
+        problem, near, last = progress.problem, _NEAR, np.inf
+        u, f, p, tangent = at
+        for _ in range(most):
+            du = tangent.increment(f, u, progress.fixed_values)
+            if progress.residuals or problem.in_space:
+                du = du / max(1.0, _largest_gradient(problem, du) / self.longest)
+            du = within_laws(problem, u, du, p)
+            tension = problem.ply.geometric_tension(u, du, p)
+            contact = tangent.contact(f, du)
+            u = problem.moved(u, du)
+            f = problem.residual(u, p)
+            if problem.unbalanced(f, u) <= near * np.abs(f).max():
+                after = problem.updated(p, u, tension)
+                change = problem.change(p, after, u)
+                if change > last / 2:
+                    after = between(p, after, 0.5)
+                near = _NEAR * near if SETTLED < change <= last / 2 else 0.0
+                p, f = after, problem.residual(u, after)
+                last = change
+            if progress.balanced(tangent, u, f):
+                return _Iterate(u, f, p, tangent_at(problem, u, p))
+            tangent = definite(problem, u, p, tension, contact)
+        return _Iterate(u, f, p, tangent)
+
+
+@dataclass(frozen=True)
+class PlainNewton:
+    """Newton's method with the consistent tangent: for small steps, for comparison.
+
+    Parameters
+    ----------
+    most
+        Iterations at most.
+    """
+
+    most: int = 20
+    name: ClassVar[str] = "plain"
+    follows_path: ClassVar[bool] = False
+
+    def solve(
+        self,
+        problem: Problem,
+        start: Start,
+        fixed_values: ndarray,
+        most_altered: float,
+        report: Report,
+    ) -> Equilibrium:
+        """See `Method`."""
+        u, p, tangent = start.u, start.parameters, start.tangent
+        f = problem.forces_of(start, p)
+        progress = _Progress(problem, fixed_values, most_altered, report)
+        for _ in range(self.most):
+            if tangent is None or problem.surfaces:  # which move with the load factor
+                tangent = Tangent(problem, u, p)
+            du = within_laws(problem, u, tangent.increment(f, u, fixed_values), p)
+            u = problem.moved(u, du)
+            f = problem.residual(u, p)
+            if progress.balanced(tangent, u, f):
+                break
+            tangent = None
+        tangent = tangent_at(problem, u, p)
+        return progress.equilibrium(_Iterate(u, f, p, tangent))
+
+
+#: Nonlinear solvers by name.
+METHODS: dict[str, Method] = {x.name: x for x in (Newton(), PlainNewton())}
+
+
+class _Iterate(NamedTuple):
+    """Displacement, forces, parameters, and the tangent of the next increment.
+
+    At balance that is the consistent tangent; None where it is singular.
+    """
+
+    u: ndarray
+    f: ndarray
+    parameters: Parameters
+    tangent: Any
+
+    @property
+    def unstable(self) -> bool:
+        """Whether the consistent tangent is regular and indefinite."""
+        tangent = self.tangent
+        return tangent is not None and bool(tangent.altered or tangent.negative_pivots)
+
+
+class _Progress:
+    """Residuals of an iteration, and when it ends."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        fixed_values: ndarray,
+        most_altered: float,
+        report: Report,
+    ) -> None:
+        self.problem, self.fixed_values = problem, fixed_values
+        self._most_altered, self._report = most_altered, report
+        self.residuals: list[float] = []
+        self._altered, self._tolerance, self._balanced = 0, 0.0, False
+        self._advice = _ON_SURFACE if problem.surfaces else ""
+
+    def balanced(self, tangent: Tangent, u: ndarray, f: ndarray) -> bool:
+        """Whether the forces balance after an increment by a tangent.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If more tangents were projected than allowed, or forces are not finite.
+        """
+        problem = self.problem
+        self.residuals.append(problem.unbalanced(f, u))
+        self._tolerance = tangent.tolerance(u, f)
+        self._altered += tangent.altered
+        self._report(len(self.residuals), self.residuals[-1], self._tolerance)
+        if self._altered > self._most_altered:
+            raise NoEquilibriumError(
+                f"more than {self._most_altered:g} tangents were indefinite on the way",
+                problem.around(problem.unfixed(f, u)),
+                advice=self._advice,
+            )
+        below = self.residuals[-1] <= self._tolerance
+        self._balanced = below and problem.is_fixed(u, self.fixed_values)
+        return self._balanced
+
+    def equilibrium(self, end: _Iterate) -> Equilibrium:
+        """The equilibrium at the end of the iteration.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If the forces do not balance.
+        """
+        problem, (u, f, p, tangent) = self.problem, end
+        residual, tolerance = self.residuals[-1], self._tolerance
+        if not self._balanced:
+            stalled = residual <= _STALLED * tolerance
+            advice = self._advice or "more steps, or a larger stabilisation"
+            raise NoEquilibriumError(
+                f"{residual:.2g} N unbalanced after {len(self.residuals)} iterations, "
+                f"tolerance {tolerance:.2g} N",
+                problem.around(problem.unfixed(f, u)),
+                advice=LESS_ROUNDING if stalled else advice,
+            )
+        residuals = tuple(self.residuals)
+        return Equilibrium(u, f, p, residuals, tolerance, self._altered, tangent)
+
+
+def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, Parameters]:
+    """The first tangent and parameters.
+
+    Where the tangent at the start is singular, fibres have a tension in it.  On
+    surfaces the parameters then are those at the tension that loads cause: those at
+    rest are too small where it is large.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If it is singular even so.
+    """
+    u, p = start.u, start.parameters
+    regular = start.tangent and start.tangent.negative_pivots is not None
+    if start.tangent and regular and not problem.surfaces:
+        return start.tangent, p
+    tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
+    if regular:  # but surfaces have moved with the load factor
+        return definite(problem, u, p, tension), p
+    size = _FIRST_TENSION
+    if problem.surfaces:
+        of_loads = np.full_like(tension, _tension_of_loads(problem, start))
+        p = problem.updated(p, u, of_loads)
+        G = problem.ply.fabric.shear_law.tangent(np.zeros((tension.shape[1], 1))).mean()
+        size = max(float(of_loads.max()), _OVER_SHEAR_STIFFNESS * G) or size
+    first = np.full_like(tension, size)
+    return Tangent(problem, u, p, first, contact=no_contact(problem)), p
+
+
+def _tension_of_loads(problem: Problem, start: Start) -> float:
+    """Tension in N/mm of the order that loads along surfaces cause in fibres.
+
+    The tension of a square with all of the loads on two of its sides.  With ten times
+    more or less a sphere takes twice the solves.
+    """
+    ply, u = problem.ply, start.u
+    along = ply.nodal(problem.unfixed(problem.load(u, start.parameters), u))
+    sides = 2 * np.sqrt(ply.basis.dx.sum())
+    return float(np.linalg.norm(along, axis=0).sum() / sides)
+
+
+def definite(
+    problem: Problem,
+    u: ndarray,
+    parameters: Parameters,
+    tension: ndarray,
+    contact: ndarray | None = None,
+) -> Tangent:
+    """The tangent; where it is not positive definite, a projected one.
+
+    The projected tangent has no compression, element matrices projected onto positive
+    semi-definite ones, and on surfaces no contact forces.  In space it has a least
+    fibre tension.
+
+    Parameters
+    ----------
+    problem, u, parameters
+        The problem, a displacement, and parameters of the terms.
+    tension, contact
+        As of `Tangent`.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If it is singular.
+    """
+    try:
+        tangent = Tangent(problem, u, parameters, tension, contact=contact)
+        if tangent.definite:
+            return tangent
+    except NoEquilibriumError:
+        pass
+    least = np.maximum(tension, _FIRST_TENSION if problem.in_space else 0.0)
+    untouched = no_contact(problem)
+    tangent = Tangent(problem, u, parameters, least, positive=True, contact=untouched)
+    tangent.altered = True
+    return tangent
+
+
+def no_contact(problem: Problem) -> ndarray | None:
+    """Multipliers 0 for nodes on surfaces; None where there are none."""
+    return np.zeros(len(problem.surfaces.nodes)) if problem.surfaces else None
+
+
+def within_laws(
+    problem: Problem, u: ndarray, du: ndarray, parameters: Parameters
+) -> ndarray:
+    """The increment, halved until every law has a value.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If none is short enough.
+    """
+    for _ in range(_HALVINGS_WITHIN_LAWS):
+        if problem.in_domain(u + du, parameters):
+            return du
+        du = du / 2
+    end = problem.ply.closest_end(u)
+    raise NoEquilibriumError(
+        "even the shortest increment passes the end of a law"
+        + (f": {end}" if end else ""),
+        end.elements if end else (),
+        "a law that holds further (of a table: more points, or extrapolation=linear), "
+        "or a smaller load",
+        end.quantity if end else "",
+    )
+
+
+def _largest_gradient(problem: Problem, du: ndarray) -> float:
+    ply = problem.ply
+    return float(np.abs(ply.gradient(du, ply.fine_points)).max())
