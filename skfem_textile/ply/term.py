@@ -146,11 +146,15 @@ class Term(Protocol):
         One of `Role`.
     parameters
         Declaration of the term's parameters; None without parameters.
+    line_search
+        Whether increments are shortened until the energy falls: for energies with
+        kinks or steep walls, such as a contact, where whole increments overshoot.
     """
 
     name: str
     role: Role
     parameters: TermParameters | None = None
+    line_search: bool = False
 
     def energy(self, u: ndarray, t: float, p: Values) -> float:
         """Energy in N·mm; of a load its potential, −F·u of a constant force F."""

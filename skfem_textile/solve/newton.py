@@ -9,6 +9,7 @@ from numpy import ndarray
 
 from .body import Parameters
 from .problem import Problem, Start, Tangent, between, tangent_at
+from .problem.tangent import EPSILON
 from .states import Equilibrium, NoEquilibriumError
 
 # Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
@@ -46,8 +47,12 @@ _ON_SURFACE = (
     "on the edges or fibres that resist bending"
 )
 
-# Halvings of an increment until every law has a value.
-_HALVINGS_WITHIN_LAWS = 12
+# Halvings of an increment until every law has a value, or the energy falls.
+_HALVINGS = 12
+
+# Share of the predicted fall of the energy that an increment must reach (Armijo's rule,
+# with the constant of Nocedal & Wright, Numerical Optimization, 2006, section 3.1).
+_ARMIJO = 1e-4
 
 #: Called with the number of an iteration, its residual and its tolerance, both in N.
 Report = Callable[[int, float, float], None]
@@ -112,7 +117,8 @@ class Newton:
     The residual is unchanged.  Where the tangent is not positive definite it is
     projected, so that increments do not lead to saddle points (`definite`).  No
     increment changes the displacement gradient by more than ``longest``, except for the
-    first of a ply in its plane, which brings the fixed unknowns to their values.
+    first of a ply in its plane, which brings the fixed unknowns to their values.  Where
+    a term asks for a line search, the energy falls in each increment but the first.
 
     Near the equilibrium the parameters of the terms are updated with the predicted
     tensions, until an update changes the energy by less than `SETTLED`.
@@ -171,6 +177,8 @@ class Newton:
             du = within_laws(problem, u, du, p)
             tension = problem.ply.geometric_tension(u, du, p)
             contact = tangent.contact(f, du)
+            if progress.residuals and problem.line_search:
+                du = descending(problem, u, du, f, p)
             u = problem.moved(u, du)
             f = problem.residual(u, p)
             if problem.unbalanced(f, u) <= near * np.abs(f).max():
@@ -179,7 +187,8 @@ class Newton:
                 if change > last / 2:
                     after = between(p, after, 0.5)
                 near = _NEAR * near if SETTLED < change <= last / 2 else 0.0
-                p, f = after, problem.residual(u, after)
+                if last == np.inf or change > SETTLED / 2:
+                    p, f = after, problem.residual(u, after)
                 last = change
             if progress.balanced(tangent, u, f):
                 return _Iterate(u, f, p, tangent_at(problem, u, p))
@@ -404,7 +413,7 @@ def within_laws(
     NoEquilibriumError
         If none is short enough.
     """
-    for _ in range(_HALVINGS_WITHIN_LAWS):
+    for _ in range(_HALVINGS):
         if problem.in_domain(u + du, parameters):
             return du
         du = du / 2
@@ -417,6 +426,23 @@ def within_laws(
         "or a smaller load",
         end.quantity if end else "",
     )
+
+
+def descending(
+    problem: Problem, u: ndarray, du: ndarray, f: ndarray, parameters: Parameters
+) -> ndarray:
+    """The increment, halved until the energy falls as its slope f·du predicts.
+
+    The whole increment where none does, or where the slope does not predict a fall.
+    """
+    slope, energy = float(f @ du), problem.energy(u, parameters)
+    round_off = 8 * EPSILON * abs(energy)
+    if slope < 0:
+        for share in 0.5 ** np.arange(_HALVINGS):
+            fall = problem.energy(problem.moved(u, share * du), parameters) - energy
+            if fall <= _ARMIJO * share * slope + round_off:
+                return share * du
+    return du
 
 
 def _largest_gradient(problem: Problem, du: ndarray) -> float:

@@ -19,7 +19,10 @@ from ..term import NO_VALUES, Load, Role, Term, Values
 
 # Members of a declaration of parameters, and of a term.
 _PARAMETERS_MEMBERS = "depends_on_steps", "at_rest", "updated", "advanced"
-_TERM_MEMBERS = "name", "role", "parameters", "energy", "residual", "tangent", "couples"
+_TERM_MEMBERS = (
+    *("name", "role", "parameters", "line_search"),
+    *("energy", "residual", "tangent", "couples"),
+)
 
 # How far a and b are from rest, and from each other, as shares of the element size.
 # Chosen: between them terms are nearly linear, and their changes more than round-off.

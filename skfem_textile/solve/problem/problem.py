@@ -141,6 +141,11 @@ class Problem:
         other.held = held
         return other
 
+    @cached_property
+    def line_search(self) -> bool:
+        """Whether a term asks for a line search."""
+        return any(term.line_search for term in self.ply.terms)
+
     @property
     def in_space(self) -> bool:
         """Whether the ply may leave its plane."""

@@ -19,7 +19,7 @@ from ..states import Iteration, State
 from ..stepping.arguments import check_arguments
 from ..stepping.equilibrium_search import EquilibriumSearch, method_of
 from ..stepping.error_estimate import estimated_error
-from ..stepping.limit import loads_grow
+from ..stepping.limit import moves
 from .record import Record
 from .run import Run
 
@@ -107,15 +107,9 @@ class LoadStepper:
         self._conditions = conditions
         self.problem = Problem(ply, constraints, partial(ChosenSolver, solver))
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
-        for t in (0.0, *self.load_factors):
-            constraints.fixed_values(t)  # refuses what is not valid
-        method = method_of(method)
-        self._follows = method.follows_path
-        # Loads that grow may jump to another equilibrium: there work must agree.
-        self._loaded = self._follows and loads_grow(ply, self.load_factors)
-        refusing = {"work"} if self._loaded else set()
+        moved = moves(self.problem, (0.0, *self.load_factors))
         self._search = EquilibriumSearch(
-            self.problem, method, frozenset(warn_only) - refusing, self._tell
+            self.problem, method_of(method), frozenset(warn_only), self._tell, moved
         )
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
@@ -167,8 +161,8 @@ class LoadStepper:
         }
         estimate = partial(estimated_error, self.problem.ply, self._conditions)
         record = Record(self.problem, surfaces, estimate, self.checkpoint)
-        how = self.max_halvings, self._follows, self._loaded
-        return Run(self._search, self.load_factors, *how, record, self._reached)
+        arguments = self.load_factors, self.max_halvings, record, self._reached
+        return Run(self._search, *arguments)
 
     def _tell(self, iteration: Iteration) -> None:
         log.debug("%s", iteration)

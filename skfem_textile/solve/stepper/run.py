@@ -14,7 +14,7 @@ from ..problem import Goal, tangent_at
 from ..result import Result, StepError
 from ..states import Equilibrium, NoEquilibriumError, State, UserError
 from ..stepping.growth import grown
-from ..stepping.limit import is_known, limit_error, load_growth, nothing_drives
+from ..stepping.limit import balanced_at_rest, is_known, limit_error, load_growth
 from ..stepping.load_path import MOST_ALTERED, LoadPath
 from ..stepping.step_length import StepLength
 from ..verdict import Trial
@@ -42,8 +42,6 @@ class Run:
         Load factors to reach.
     max_halvings
         How often a step may be halved.
-    follows, loaded
-        Whether it follows the path of the load, and whether loads grow along it.
     record
         Where its states go.
     reached
@@ -55,18 +53,17 @@ class Run:
         search: "EquilibriumSearch",
         load_factors: Sequence[float],
         max_halvings: int,
-        follows: bool,
-        loaded: bool,
         record: "Record",
         reached: Callable[[State], None],
     ) -> None:
         self._search, self.problem, self.record = search, search.problem, record
-        self._load_factors, self._loaded, self._reached = load_factors, loaded, reached
+        self._load_factors, self._reached = load_factors, reached
         self.problem.clock, self._began = Clock(), perf_counter()
         self._steps_cut = 0
         longest = load_factors[0]
         shortest = longest / 2.0**max_halvings
         self._length = StepLength(longest, shortest, next=longest)
+        follows = search.method.follows_path
         self._path = LoadPath(longest, max_halvings if follows else 0)
 
     def __call__(self, resume: bool) -> Result:
@@ -139,7 +136,8 @@ class Run:
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
             self._keep(state, trial)
-            if nothing_drives(problem, self._load_factors, tolerance):
+            rest = self._load_factors, tolerance
+            if not self._search.moved and balanced_at_rest(problem, *rest):
                 log.warning(_NOTHING_DRIVES)
         else:
             self.record.states = [state]  # until the ply is in balance
@@ -191,7 +189,8 @@ class Run:
         """
         last = self.record.states[-1]
         step = target - last.load_factor
-        growth = load_growth(self.problem.ply, last, target) if self._loaded else 0.0
+        loaded = self._search.loads_drive(self._start)
+        growth = load_growth(self.problem.ply, last, target) if loaded else 0.0
         if self._length.may_be_halved(step) or not is_known(growth, step):
             log.info("step to %g failed, halved: %s", target, failure)
             return False
@@ -213,7 +212,8 @@ class Run:
         except ValueError as error:
             raise StepError.after(error, self.result) from None
         last, step = self._start, t - self.record.states[-1].load_factor
-        most_altered = self._path.most_altered(step, t, self._loaded)
+        loaded = self._search.loads_drive(last)
+        most_altered = self._path.most_altered(step, t, loaded)
         start = grown(self.problem.at(t), last)
         goal = Goal(t, step, values, start, last, most_altered)
         trial, altered, followed_path, is_settled = self._search(goal)

@@ -1,6 +1,6 @@
 """The search for a state at one load factor."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ from ..newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
 from ..problem import Goal, Problem, Start
 from ..states import Equilibrium, Iteration, NoEquilibriumError
 from ..verdict import Trial
+from .limit import loads_drive
 from .load_path import MOST_ALTERED
 
 _AT_REST = (
@@ -58,13 +59,26 @@ class EquilibriumSearch:
     warn_only
         Checks of `CHECKS` that do not refuse a state but only warn.
     report
-        Told of each iteration.
+        Called with each iteration.
+    moved
+        Whether conditions prescribe a motion, see `moves`.
     """
 
     problem: Problem
     method: Method
-    warn_only: Collection[str]
+    warn_only: frozenset[str]
     report: Callable[[Iteration], None]
+    moved: bool = True
+
+    def loads_drive(self, at: Start) -> bool:
+        """Whether loads drive the steps from a state, and a path of theirs is followed.
+
+        They may jump to another equilibrium: there work must agree.
+        """
+        if not self.method.follows_path:
+            return False
+        place = at.u, at.parameters, at.energies
+        return loads_drive(self.problem.at(at.load_factor), *place, self.moved)
 
     def __call__(self, goal: Goal) -> Found:
         """A state that passes every check, its parameters settled if they can be.
@@ -183,7 +197,11 @@ class EquilibriumSearch:
         if before:  # one set of parameters for both
             before = before.with_parameters(problem, parameters)
         trial = Trial(problem, equilibrium, before, energies, potentials)
-        trial.apply_checks(self.warn_only)
+        place = equilibrium.u, parameters, energies
+        if self.method.follows_path and loads_drive(problem, *place, self.moved):
+            trial.apply_checks(self.warn_only - {"work"})
+        else:
+            trial.apply_checks(self.warn_only)
         return trial
 
 

@@ -1,10 +1,11 @@
 """Limits of a load, which no equilibrium near the last one carries more of."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy import ndarray
 
-from ..body import PROBED, Body
+from ..body import Body, Parameters
 from ..problem import Problem
 from ..states import NoEquilibriumError, State
 
@@ -16,35 +17,56 @@ _KNOWN_SHARE = 0.005
 # the limit is known; a shorter one takes more steps, of changes that are round-off.
 _SHORTEST_STEP = 1e-9
 
-# Share of the element size by which nodes are moved to see what loads depend on: small
-# against elements, large against round-off.
-_PROBE = 1e-3
+# Share of the energy of a ply from which loads that grow drive it: half, for the work
+# of a load that alone drives a ply is at least the energy.
+_DRIVES = 0.5
 
 
-def loads_grow(ply: Body, load_factors: Sequence[float]) -> bool:
-    """Whether the load factor drives loads, and not only displacements.
+def moves(problem: Problem, load_factors: Sequence[float]) -> bool:
+    """Whether conditions prescribe a motion, or keep nodes on surfaces.
+
+    Raises
+    ------
+    ValueError
+        If a condition has no valid value at one of the load factors.
+    """
+    values = [problem.constraints.fixed_values(t).any() for t in load_factors]
+    return problem.surfaces is not None or any(values)
+
+
+def loads_drive(
+    problem: Problem,
+    u: ndarray,
+    parameters: Parameters,
+    energies: Mapping[str, float],
+    moved: bool,
+) -> bool:
+    """Whether the growth of loads drives a ply, beside displacements and surfaces.
 
     Parameters
     ----------
-    ply
-        The ply.
-    load_factors
-        Load factors of the run.
+    problem
+        The problem at the load factor of a state.
+    u, parameters, energies
+        Displacement, parameters and energies by term of the state.
+    moved
+        As of `moves`.
     """
+    ply, t = problem.ply, problem.load_factor
     if "load" not in ply.roles.values():
         return False
-    direction = np.random.default_rng(0).uniform(-1.0, 1.0, ply.basis.N)
-    u = _PROBE * ply.element_size * direction  # some loads depend on it
-    at_rest = ply.load(u, 0.0)
-    return any(
-        not np.array_equal(ply.load(u, t), at_rest) for t in (*PROBED, *load_factors)
-    )
+    if not t:  # no displacement yet to compare work
+        return not moved
+    growth = ply.load(u, t, parameters) - ply.load(u, 0.0, parameters)
+    if not moved:
+        return bool(growth.any())
+    return bool(np.abs(growth * u).sum() > _DRIVES * abs(sum(energies.values())))
 
 
-def nothing_drives(
+def balanced_at_rest(
     problem: Problem, load_factors: Sequence[float], tolerance: float
 ) -> bool:
-    """Whether the ply at rest is in equilibrium at every load factor.
+    """Whether no load moves the ply at rest at any load factor.
 
     Parameters
     ----------
@@ -55,10 +77,6 @@ def nothing_drives(
     tolerance
         Force in N from which on a nodal force counts, be its node held or free.
     """
-    if problem.surfaces or any(
-        np.any(problem.constraints.fixed_values(t)) for t in load_factors
-    ):
-        return False
     rest, p = problem.ply.basis.zeros(), problem.ply.parameters_at_rest
     return all(
         np.abs(problem.at(t).residual(rest, p)).max() <= tolerance for t in load_factors

@@ -10,9 +10,9 @@ from ..states import State
 # Length of the step, as a share of the load factor, that tells how conditions move.
 _STEP_BACK = 1e-3
 
-# Work over the energy of a ply on a surface from which it is that of a load.  Chosen:
-# nodes that hold a ply on a tool of triangles do up to 0.2 % of the energy in work, as
-# they follow the tool; an edge tension does several times the energy.
+# Work over the energy of a ply on a surface from which a load does it.  Nodes that hold
+# a ply on a tool of triangles do up to 0.2 % of the energy in work as they follow the
+# tool; an edge tension does several times the energy.
 _OF_A_LOAD = 0.01
 
 #: Why there is no error of a load.
