@@ -1,10 +1,24 @@
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+from scipy.sparse import csr_matrix
+from skfem import MeshQuad
 
-from skfem_textile import Fabric, Macro, Ply, Quadratic
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Full,
+    Macro,
+    Newton,
+    Ply,
+    Quadratic,
+    Term,
+    equilibrium_near,
+)
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension
+from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.stepping import equilibrium_search
 from skfem_textile.solve.stepping.equilibrium_search import (
     EquilibriumSearch,
@@ -51,3 +65,41 @@ def test_a_state_that_was_updated_counts_as_hard_as_at_first(
     search = EquilibriumSearch(None, None, (), None)
     again = search(Goal(1.0, 1.0, None, None, None))
     assert again == Found("", altered, followed, True)
+
+
+class Towards(Term):
+    """A force that grows with the distance to a point and soon no more."""
+
+    name, role, line_search = "towards", "internal", True
+
+    def __init__(self, basis, x, force, reach):
+        self.x, self.force, self.reach, self.n = x, force, reach, basis.N
+
+    def _over_reach(self, u):
+        return (u[-1] - self.x) / self.reach
+
+    def energy(self, u, t, p):
+        return self.force * self.reach * np.hypot(1, self._over_reach(u))
+
+    def residual(self, u, t, p):
+        y = self._over_reach(u)
+        return np.append(np.zeros(self.n - 1), self.force * y / np.hypot(1, y))
+
+    def tangent(self, u, t, p):
+        slope = self.force / self.reach / np.hypot(1, self._over_reach(u)) ** 3
+        return csr_matrix(([slope], ([self.n - 1], [self.n - 1])), (self.n, self.n))
+
+
+def test_a_line_search_keeps_increments_from_overshooting():
+    """Far from the point the tangent is small: whole increments pass it by more."""
+    ply = Ply(MeshQuad().refined(1).with_defaults(), Fabric(10.0, 3.0), Full())
+    term = Towards(ply.basis, 0.02, 3.0, 0.01)
+    ply = Ply(ply.mesh, ply.fabric, Full(), [term])
+    arguments = ply, {"clamp": Condition("bottom")}, ply.basis.zeros()
+    method = Newton(longest=np.inf)
+    assert equilibrium_near(*arguments, method=method).u[-1] == pytest.approx(
+        0.0193, 1e-2
+    )
+    term.line_search = False
+    with pytest.raises(NoEquilibriumError):
+        equilibrium_near(*arguments, method=method)
