@@ -24,11 +24,11 @@ def test_a_solver_is_taken_by_name_or_refused_in_one_line(
     assert "solver 'cholmod' needs cvxopt: pip install cvxopt" in said
 
 
-def test_a_run_takes_strategies_and_checks_by_name(tmp_path):
-    arguments = ("--strategy", "newton", "--warn-only", "stability", "work")
+def test_a_run_takes_a_method_and_checks_by_name(tmp_path):
+    arguments = ("--method", "plain", "--warn-only", "stability", "work")
     assert run(tmp_path, *QUICK, *arguments) == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert summary["inputs"]["strategy"] == ["newton"]
+    assert summary["inputs"]["method"] == "plain"
     assert summary["inputs"]["warn_only"] == ["stability", "work"]
 
 

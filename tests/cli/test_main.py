@@ -56,7 +56,7 @@ def test_studies_are_said_to_be_elsewhere(capsys, command):
         (("--mesh", "curly"), "--mesh curly: neither a file nor aligned"),
         (("--formulation", "fuller"), "--formulation"),
         (("--stabilisation", "magic"), "--stabilisation"),
-        (("--strategy", "magic"), "--strategy"),
+        (("--method", "magic"), "--method"),
         (("--warn-only", "magic"), "--warn-only"),
     ],
 )

@@ -244,7 +244,7 @@ def test_every_long_part_of_a_run_is_told_on_a_terminal_alone(tmp_path, terminal
         shown = b"".join(iter(lambda: read(ours), b""))
     os.close(ours)
     assert child.returncode == 0
-    parts = b"preparing the ply", b", mixed ", b"estimating", b"drawing pictures"
+    parts = b"preparing the ply", b", newton ", b"estimating", b"drawing pictures"
     assert [part in shown for part in parts] == [terminal] * 4
 
 

@@ -168,7 +168,7 @@ _LOADED = {
     "steps": Option(int, 20),
     "tolerance": Option(float, None),
     "most-unknowns": Option(int, 50_000),
-    "strategy": Option(one_of("mixed", "descent", "newton"), ["mixed", "descent"], "+"),
+    "method": Option(one_of("newton", "plain"), "newton"),
     "warn-only": Option(
         one_of(*_CHECKS),
         ["work", "stabilisation", "deviation", "corners", "surface"],

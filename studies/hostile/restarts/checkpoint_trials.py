@@ -29,7 +29,7 @@ OTHERS = (
     *({"seed": 2}, {"size": (4, 2)}, {"size": (2, 3)}, {"moved": 1e-6}),
     *({"moved": -1e-3}, {"pull": 0.15}, {"pull": 0.1 + 1e-7}, {"clamp": "left"}),
     *({"warp": 1e-4}, {"warp": 45.0}, {"formulation": "full"}, {"max_halvings": 7}),
-    *({"formulation": "quadratic"}, {"strategies": ("newton",)}, {"warn_only": ()}),
+    *({"formulation": "quadratic"}, {"method": "plain"}, {"warn_only": ()}),
     *({"weight": 2e-3}, {"weight": 0.0}, {"foundation": 0.02}, {"foundation": 0.0}),
     *({"solver": "cholmod"}, {"solver": "pardiso"}, {"moved": 1e-14}),
 )

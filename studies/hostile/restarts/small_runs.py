@@ -49,7 +49,7 @@ class Settings(NamedTuple):
     pull: float = 0.2
     clamp: str = "bottom"
     warp: float = 0.0
-    strategies: tuple[str, ...] = ("mixed", "descent")
+    method: str = "newton"
     max_halvings: int = 8
     warn_only: tuple[str, ...] = (
         "work",
@@ -92,7 +92,7 @@ def stepper(settings: Settings, folder: Path | None, **options: Any) -> LoadStep
         _with_further_terms(Ply(_mesh(s), fabric, formulation), s),
         conditions,
         s.steps,
-        strategies=s.strategies,
+        method=s.method,
         max_halvings=s.max_halvings,
         warn_only=s.warn_only,
         solver=s.solver,

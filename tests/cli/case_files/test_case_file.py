@@ -62,7 +62,7 @@ def test_the_written_case_has_every_default(tmp_path):
         "stepping": {
             "steps": 3,
             "most_unknowns": 50_000,
-            "strategy": ["mixed", "descent"],
+            "method": "newton",
             "warn_only": ["work", "stabilisation", "deviation", "corners", "surface"],
             "solver": "auto",
         },

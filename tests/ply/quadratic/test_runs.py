@@ -1,4 +1,4 @@
-"""Runs with quadratic triangles: scenes, strategies, checkpoints, files, pictures."""
+"""Runs with quadratic triangles: scenes, methods, checkpoints, files, pictures."""
 
 from dataclasses import replace
 

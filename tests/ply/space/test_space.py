@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import assert_derivatives, derivative, distorted, wobble
+from helpers import assert_derivatives, derivative, distorted, one_quad, wobble
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -18,6 +18,7 @@ from skfem_textile import (
     Sin2,
     Traction,
 )
+from skfem_textile.forms.corners import RESISTING
 from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
@@ -96,7 +97,7 @@ def test_closing_corners_have_exact_derivatives_in_space(closing):
     corner = np.flatnonzero((ply.nodes == 1).all(axis=0))[0]
     u[3 * corner : 3 * corner + 2] = -closing, -closing / 2
     u[2::3] += 0.01 * np.sin(np.arange(4))
-    assert not ply.corners_open(u)
+    assert ply.corners.area_ratio(u).min() < RESISTING
     term = next(term for term in ply.terms if term.name == "corners")
     d = wobble(ply, 3, 1.0)
 
@@ -181,31 +182,49 @@ def test_a_bias_extension_held_in_its_plane_gives_the_numbers_of_the_plane(formu
     np.testing.assert_allclose(results[1].u, flat(results[0].u), rtol=0, atol=1e-10)
 
 
-def pivots(ply, u, convex, tension=None):
-    blocks = ply.stiffness(u, tension=tension, convex=convex)
-    return np.linalg.eigvalsh(ply.pattern.matrix(blocks).toarray())
+def tangent(ply, u, positive, tension=None):
+    blocks = ply.stiffness(u, tension=tension, positive=positive)
+    return ply.pattern.matrix(blocks).toarray()
 
 
 @every_formulation
 @pytest.mark.parametrize("shear", [0.4, -0.4])
-def test_convex_shear_makes_the_tangent_positive_semi_definite(formulation, shear):
+def test_a_projected_tangent_is_positive_semi_definite(formulation, shear):
     """Shear moments alone make it indefinite across the ply, of either sign."""
     fabric = Fabric(100.0, Sin2(0.7), warp=(1, 0.1), weft=(-0.2, 1))
     ply = in_space(fabric, formulation)
     u = curved_state(ply, 7, height=0.1)
     u[::3] += shear * ply.nodes[1]
     tension = ply.arranged(np.zeros((2, *ply.basis.dx.shape)))
-    least, *_, most = pivots(ply, u, False, tension)
+    least, *_, most = np.linalg.eigvalsh(tangent(ply, u, False, tension))
     assert least < -1e-4 * most
-    least, *_, most = pivots(ply, u, True, tension)
+    least, *_, most = np.linalg.eigvalsh(tangent(ply, u, True, tension))
     assert least > -1e-12 * most
 
 
-def test_convex_shear_is_the_tangent_where_that_is_convex():
-    ply = Ply(distorted(1), FABRICS["even"], OnePoint(), dimension=3)
-    u = ply.basis.zeros()
+@every_formulation
+def test_matrices_of_elements_without_compression_and_shear_are_not_changed(
+    formulation,
+):
+    ply = Ply(distorted(1), FABRICS["even"], formulation, dimension=3)
+    u = flat(0.02 * ply.nodes.T.ravel())
+    assert ply.geometric_tension(u, 0 * u).min() > 0.01
+    exact = ply.stiffness(u)
     np.testing.assert_allclose(
-        ply.stiffness(u, convex=True), ply.stiffness(u), atol=1e-12
+        ply.stiffness(u, positive=True), exact, rtol=0, atol=1e-12 * exact.max()
+    )
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_projected_matrix_of_an_element_is_the_nearest_one(dimension):
+    ply = Ply(one_quad(), FABRICS["even"], Full(), dimension=dimension)
+    u = wobble(ply, 8, 0.02)
+    u[::dimension] -= 0.2 * ply.nodes[0]
+    values, V = np.linalg.eigh(tangent(ply, u, False))
+    assert values[0] < -0.01 * values[-1]
+    nearest = (V * np.maximum(values, 0.0)) @ V.T
+    np.testing.assert_allclose(
+        tangent(ply, u, True), nearest, rtol=0, atol=1e-12 * values[-1]
     )
 
 

@@ -76,8 +76,8 @@ def test_files_of_another_format_are_refused_in_one_line(run):
 
 @pytest.mark.parametrize("said", ["two\nlines \x1b[31m", "long " * 2000, 10**400])
 def test_what_a_file_says_is_told_in_one_short_line(run, said):
-    forge(run, 0, lambda text, arrays: text.update(strategies=said))
-    assert "strategies was" in refusal(run)
+    forge(run, 0, lambda text, arrays: text.update(method=said))
+    assert "method was" in refusal(run)
 
 
 @pytest.mark.parametrize("name", ["run.npz", "state_000001.npz"])

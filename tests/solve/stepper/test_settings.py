@@ -20,11 +20,10 @@ def test_steps_that_nobody_can_mean_are_refused(steps):
 @pytest.mark.parametrize(
     ("option", "message"),
     [
-        ({"strategies": ["mixd"]}, "unknown strategy 'mixd': choose of mixed, descent"),
-        ({"strategies": []}, "name at least one strategy"),
+        ({"method": "newtn"}, "unknown method 'newtn': choose of newton, plain"),
         ({"warn_only": ["stable"]}, "unknown check 'stable': choose of folding"),
         ({"max_halvings": -1}, "max_halvings must be a whole number from 0"),
-        ({"strategies": [Newton]}, "neither a strategy nor the name of one"),
+        ({"method": Newton}, "neither a nonlinear solver nor its name"),
         ({"method": Newton(most=0)}, "at least one iteration"),
     ],
 )
@@ -51,8 +50,8 @@ def test_an_unknown_solver_is_refused_before_any_work():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ({"strategies": "mixed"}, "strategies must be given as a list, of mixed, "),
-        ({"strategies": None}, "strategies must be given as a list"),
+        ({"method": ["newton"]}, "neither a nonlinear solver nor its name"),
+        ({"method": None}, "None is neither a nonlinear solver nor its name"),
         ({"warn_only": "work"}, "checks in warn_only must be given as a list"),
         ({"warn_only": None}, "checks in warn_only must be given as a list"),
         ({"warn_only": [[]]}, r"unknown check \[\]"),

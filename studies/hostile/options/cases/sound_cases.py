@@ -37,7 +37,7 @@ _TABLES = {
     "mesh": {"source", "size", "jitter", "seed"},
     "formulation": {"name", "cs_N_per_mm", "stabilisation", "deviation"},
     "loads": {"force_N"},
-    "stepping": {"steps", "tolerance", "most_unknowns", "strategy", "warn_only"}
+    "stepping": {"steps", "tolerance", "most_unknowns", "method", "warn_only"}
     | {"solver"},
     "output": {"pictures", "test_curve"},
 }
@@ -100,7 +100,7 @@ def sound_case(random: Random) -> str:
         ([], ["[formulation]", 'name = "one-point"', "cs_N_per_mm = 4.0"])
     )
     lines += random.choice(([], ["[loads.force_N]", "right = [0.1, 0.0]"]))
-    lines += ["[stepping]", "steps = 1", 'strategy = ["mixed", "descent"]']
+    lines += ["[stepping]", "steps = 1", 'method = "newton"']
     lines += ['solver = "superlu"', "[output]", "pictures = false"]
     lines += random.choice(([], ['test_curve = "test.csv"']))
     return "\n".join([*lines, ""])
