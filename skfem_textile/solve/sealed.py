@@ -1,28 +1,33 @@
-"""Files of arrays and text with a seal: run, name and a digest that tells of changes.
+"""Files of arrays and text with a seal, and locks for one writer at a time.
 
-A seal is the last line of a file.  Its digest is of the content, of the rest of the
-seal and of the digest of the file before it in a series: a file that was edited
-disagrees with the others although it is given a digest anew.
+A seal is the last line of a file: run, name, and a digest of the content, of the rest
+of the seal and of the digest of the file before it in a series.  A file that was edited
+disagrees with the others even if it is given a new digest.
 """
 
 import io
 import json
 import os
 import re
+import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
+from weakref import WeakSet
 
 import numpy as np
 from numpy import ndarray
+
+if sys.platform != "win32":
+    import fcntl
 
 _SEAL = re.compile(r"([0-9a-f]{32}) (run|state_[0-9]{6,}) ([0-9a-f]{64})")
 
 
 class Content(NamedTuple):
-    """What a file holds, and its seal."""
+    """Text and arrays of a file, and its seal."""
 
     text: dict[str, Any]
     arrays: dict[str, ndarray]
@@ -49,7 +54,7 @@ def write(
     before
         Digest of the file before it; empty for the first.
     text
-        What JSON can say.
+        Mapping that JSON can hold.
     arrays
         Arrays by name.
 
@@ -92,9 +97,9 @@ def read(path: Path, run: str, before: str) -> Content:
     if path.exists() and not path.is_file():  # a pipe or device would never end
         raise ValueError("is no file")
     body, _, seal = path.read_bytes().rpartition(b"\n")
-    if not (told := _SEAL.fullmatch(seal.decode(errors="replace"))):
+    if not (match := _SEAL.fullmatch(seal.decode(errors="replace"))):
         raise ValueError("is damaged: its last line is no seal")
-    its_run, name, its_digest = told.groups()
+    its_run, name, its_digest = match.groups()
     if run and its_run != run:
         raise ValueError("is of another run")
     if name != path.stem:
@@ -111,3 +116,66 @@ def read(path: Path, run: str, before: str) -> Content:
 
 def _digest(before: str, run: str, name: str, body: bytes) -> str:
     return sha256(f"{before} {run} {name} ".encode() + body).hexdigest()
+
+
+class Lock:
+    """A lock on a file or folder that is there, until it is released.
+
+    The system keeps it with the open file (``flock``), and lifts it however the process
+    ends: a run that was killed leaves no lock behind, which a file with the number of
+    its process would be.  Where the system has no such lock (Windows, some network
+    drives) there is none.
+
+    Parameters
+    ----------
+    path
+        The file or folder.
+
+    Raises
+    ------
+    BlockingIOError
+        If another run, or another part of this one, holds it.
+    """
+
+    _descriptor = -1  # also of a lock that was interrupted as it was made
+
+    def __init__(self, path: Path) -> None:
+        if sys.platform == "win32":
+            return
+        self._descriptor = os.open(path, os.O_RDONLY)
+        _HELD.add(self)
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self.release()
+            raise BlockingIOError(
+                f"another run is writing to {path}: wait for it, or name another place"
+            ) from None
+        except OSError:  # no such lock on this drive
+            self.release()
+
+    @property
+    def is_held(self) -> bool:
+        """Whether nobody else can hold it: not where the system has no such lock."""
+        return self._descriptor >= 0
+
+    def release(self) -> None:
+        """Lift the lock; again if it is lifted, to no effect."""
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
+
+    __del__ = release
+
+
+_HELD: WeakSet[Lock] = WeakSet()
+
+
+def _leave_to_parent() -> None:
+    """Close the locks that a forked process shares: they are its parent's."""
+    for lock in list(_HELD):
+        lock.release()
+
+
+if sys.platform != "win32":
+    os.register_at_fork(after_in_child=_leave_to_parent)
