@@ -104,8 +104,9 @@ class AdaptiveResult(Result):
     @property
     def tolerance_met(self) -> bool:
         """Whether the whole load was applied, and its estimated error is small."""
-        last = [one for one in self.rounds[-1:] if one.whole_path]
-        return self.converged and any(one.error <= self.tolerance for one in last)
+        last = self.rounds[-1:]
+        met = any(one.whole_path and one.error <= self.tolerance for one in last)
+        return self.converged and met
 
     def summary(self) -> dict[str, Any]:
         """As of `Result`, with ``tolerance``, ``tolerance_met`` and ``rounds``."""
@@ -207,11 +208,7 @@ class AdaptiveStepper:
             )
         self._ply, self._conditions, self._steps = ply, conditions, steps
         self.tolerance, self.most_unknowns = tolerance, most_unknowns
-        self._search: dict[str, Any] = {
-            "method": method,
-            "warn_only": warn_only,
-            "solver": solver,
-        }
+        self._search = dict[str, Any](method=method, warn_only=warn_only, solver=solver)
         self.on_iteration, self.on_step, self.on_round = on_iteration, on_step, on_round
         self._stepper = self._stepper_of(ply)
         self._estimate: ErrorEstimate | None = None
@@ -301,13 +298,7 @@ class AdaptiveStepper:
             self._apply(ply)
 
     def _apply(self, ply: "Ply") -> tuple["Ply", State]:
-        """Apply the whole load to a ply; a round.
-
-        Raises
-        ------
-        StepError
-            If that fails.  What was found on a mesh before remains.
-        """
+        """Apply the whole load to a ply, a round; on failure the one before remains."""
         stepper = self._stepper_of(ply)
         if not self._rounds:  # what a failure or an interruption leaves
             self._stepper, self._estimate = stepper, None
@@ -340,13 +331,7 @@ class AdaptiveStepper:
         return found.ply, after
 
     def _finish(self, ply: "Ply", state: State, whole_path: bool) -> None:
-        """Estimate the error of a state, and keep its round.
-
-        Raises
-        ------
-        StepError
-            If nothing that moves carries a load.
-        """
+        """Estimate the error of a state, and keep its round."""
         place = ply, self._conditions, self._stepper.result.solver.name
         try:
             work = work_of(problem_at(*place, state.load_factor), state)
@@ -369,12 +354,8 @@ class AdaptiveStepper:
 def _refuse_what_cannot_be_refined(ply: "Ply", conditions: Conditions) -> None:
     """Refuse a ply and conditions that are not valid on a refined mesh.
 
-    Raises
-    ------
-    ValueError
-        If the ply cannot be refined or has no estimated error, or a condition is on
-        nodes by number that are no vertices or share an edge, or has no valid value
-        there.
+    The ply must have a refined one and an estimated error, and conditions valid values
+    there; those on nodes by number must be on vertices that share no edge.
     """
     refine(ply, [])
     try:

@@ -124,12 +124,10 @@ class Checkpoint:
                     f"checkpoint {self.folder} holds an unfinished run: resume it, or "
                     "remove the folder"
                 )
-        self._run = uuid4().hex
-        arrays = self._fingerprint()
+        self._run, beside = uuid4().hex, self.folder / f".{_RUN}"
+        settings, arrays = self._settings, self._fingerprint()
         with self._writing():
-            self._last = sealed.write(
-                self.folder / f".{_RUN}", self._run, "run", "", self._settings, arrays
-            )
+            self._last = sealed.write(beside, self._run, "run", "", settings, arrays)
 
     def save(self, number: int, state: State, progress: Progress) -> None:
         """Write a state, and where the stepper is.
@@ -264,12 +262,12 @@ class Checkpoint:
         try:
             yield
         except OSError as error:
-            message = (
-                f"cannot write checkpoint {self.folder}: {error.strerror or error}"
-            )
+            why = error.strerror or error
             if error.strerror and self._files():  # not where another run writes to it
-                message += "; what it holds remains"
-            raise CheckpointError(message) from None
+                why = f"{why}; what it holds remains"
+            raise CheckpointError(
+                f"cannot write checkpoint {self.folder}: {why}"
+            ) from None
 
     @contextmanager
     def _using(self, file: Path) -> Iterator[None]:
@@ -288,15 +286,7 @@ class Checkpoint:
 class Replay:
     """Checks of the states of a checkpoint, one after the other from the first on.
 
-    Parameters
-    ----------
-    problem
-        The problem that is run.
-
-    Attributes
-    ----------
-    last
-        The trial of the last state.
+    ``last`` is the trial of the last state.
     """
 
     last: Trial
@@ -365,13 +355,9 @@ def _compare(
 def _state(
     content: sealed.Content, before: Sequence[State], at_rest: Parameters
 ) -> State:
-    """The state in a file, after others; parameters have the types of those at rest.
+    """The state in a file; refused if it is not one after those before it.
 
-    Raises
-    ------
-    ValueError
-        If its load factor is not one after theirs, or its parameters are not of the
-        ply.
+    Its parameters must have the names, shapes and types of those at rest.
     """
     text = {k: v for k, v in content.text.items() if k != "progress"}
     for key in _VECTORS:
@@ -396,13 +382,7 @@ def _state(
 def _progress(
     text: Mapping[str, Any], states: Sequence[State], settings: Mapping[str, Any]
 ) -> Progress:
-    """Where the stepper was at the last of the states.
-
-    Raises
-    ------
-    ValueError
-        If that is not a place of a run with these states and settings.
-    """
+    """Where the stepper was; refused if no run has these states and settings there."""
     path, clock = LoadPath.of(text["path"]), Clock(**text["clock"])
     progress = Progress(**{**text, "path": path, "clock": clock})
     longest = 1.0 / settings["steps"]

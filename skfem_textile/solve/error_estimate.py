@@ -172,14 +172,9 @@ def _is_of_load(work: ndarray, problem: Problem, state: State) -> bool:
 def _estimate(
     ply: Body, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
-    """The estimate; of the shear angle alone where a surface shapes a ply without load.
+    """The estimate, of the shear angle alone where a surface shapes a ply without load.
 
-    Raises
-    ------
-    NoEquilibriumError
-        If the finer ply has no state near.
-    ValueError
-        If there is no finer ply, or nothing shapes the ply.
+    A ValueError says that there is no finer ply, or that nothing shapes the ply.
     """
     coarse, u = problem_at(ply, conditions, solver, state.load_factor), state.u
     p = coarse.updated(state.parameters, u)
@@ -259,11 +254,6 @@ def _moved(way: _Way, before: ndarray, loaded: bool) -> tuple[ndarray, ndarray]:
 
     A second increment whose tangent is not altered settles it, unless the first had to
     be shortened.  Otherwise the work decides, and without a load nothing does.
-
-    Raises
-    ------
-    NoEquilibriumError
-        If the increments do not settle.
     """
     problem = way.problem
     values = problem.constraints.fixed_values(problem.load_factor)

@@ -1,7 +1,7 @@
 """The result of a run, and the error that ends one."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
@@ -133,17 +133,14 @@ class Result:
         """
         rows, work = [], 0.0
         for state in self.states:
-            verdict = state.verdict
-            work += verdict.work
+            verdict = asdict(state.verdict)
+            work += verdict.pop("work")
             row = {
                 "load_factor": state.load_factor,
                 "linear_solves": state.linear_solves,
                 "residual": state.residuals[-1] if state.residuals else 0.0,
                 "tolerance": state.tolerance,
-                "negative_pivots": verdict.negative_pivots,
-                "min_det_F": verdict.min_det_F,
-                "max_fibre_strain": verdict.max_fibre_strain,
-                "mesh_fibre_strain": verdict.mesh_fibre_strain,
+                **verdict,
             }
             for name, reaction in state.reactions.items():
                 vectors = {"displacement": state.displacements[name]}
@@ -261,30 +258,26 @@ class StepError(RuntimeError):
     def after(cls, error: Exception, result: Result) -> "StepError":
         """The error that ends a run, with what the run has found."""
         elements = getattr(error, "elements", np.empty(0, dtype=int))
-        advice = getattr(error, "advice", "")
+        advice, state = getattr(error, "advice", ""), result.states[-1]
+        lengths = {
+            name: float(np.linalg.norm(u))
+            for name, u in state.displacements.items()
+            if name not in result.surfaces
+        }
+        name = max(lengths, key=lengths.__getitem__, default="")
+        moved = (
+            f" ({name} moved by {lengths[name]:.4g} mm)" if lengths.get(name) else ""
+        )
         first = ", ".join(map(str, elements[:_ELEMENTS]))
         more = ", ..." if elements.size > _ELEMENTS else ""
         return cls(
-            f"stopped at {_place(result)}: {error}"
+            f"stopped at load factor {state.load_factor:.6g}{moved}: {error}"
             + (f" (element {first}{more})" if elements.size else "")
             + (f"; try {advice}" if advice else ""),
             result,
             elements,
             getattr(error, "quantity", ""),
         )
-
-
-def _place(result: Result) -> str:
-    """The load factor reached, and the condition that has moved its nodes furthest."""
-    state = result.states[-1]
-    lengths = {
-        name: float(np.linalg.norm(u))
-        for name, u in state.displacements.items()
-        if name not in result.surfaces
-    }
-    name = max(lengths, key=lengths.__getitem__, default="")
-    moved = f" ({name} moved by {lengths[name]:.4g} mm)" if lengths.get(name) else ""
-    return f"load factor {state.load_factor:.6g}{moved}"
 
 
 def _energies(state: State) -> dict[str, float]:

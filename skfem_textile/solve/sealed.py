@@ -43,25 +43,11 @@ def write(
     text: Mapping[str, Any],
     arrays: Mapping[str, ndarray],
 ) -> str:
-    """Write a file, which is on the disk when the function returns.
+    """Write a file, which is on the disk when the function returns; its digest.
 
-    Parameters
-    ----------
-    path
-        The file, wherever it is written for now.
-    run, name
-        The run, 32 hexadecimal digits, and the name of the file in it.
-    before
-        Digest of the file before it; empty for the first.
-    text
-        Mapping that JSON can hold.
-    arrays
-        Arrays by name.
-
-    Returns
-    -------
-    str
-        The digest.
+    ``run`` has 32 hexadecimal digits, ``name`` is that of the file in the run, and
+    ``before`` the digest of the file before it, empty for the first.  ``text`` is what
+    JSON can hold.
 
     Raises
     ------
@@ -171,11 +157,10 @@ class Lock:
 _HELD: WeakSet[Lock] = WeakSet()
 
 
-def _leave_to_parent() -> None:
-    """Close the locks that a forked process shares: they are its parent's."""
+def _release_all() -> None:
     for lock in list(_HELD):
         lock.release()
 
 
-if sys.platform != "win32":
-    os.register_at_fork(after_in_child=_leave_to_parent)
+if sys.platform != "win32":  # a forked process leaves the locks to its parent
+    os.register_at_fork(after_in_child=_release_all)

@@ -12,6 +12,7 @@ edge alone.
 """
 
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING, TypeAlias
@@ -68,40 +69,34 @@ _CORNER_SHARE = 0.01
 _GAP = 0.125
 
 
+@dataclass(eq=False)
 class Trial:
     """An equilibrium to be checked.
 
-    Parameters
+    Attributes
     ----------
-    problem
-        The problem.
-    equilibrium
-        The equilibrium.
+    problem, equilibrium
+        The problem, and the equilibrium.
     start
         The last good state; None for a state before the load.
     energies, potentials
         Energy of the equilibrium in N·mm by term, and potentials of the loads.
-
-    Attributes
-    ----------
-    move
-        Displacement in the step, shape (n_unknowns,); (1,) without a ``start``.
     warnings
         Messages of the checks that failed and only warn, by their names.
     """
 
-    def __init__(
-        self,
-        problem: "Problem",
-        equilibrium: Equilibrium,
-        start: Start | None = None,
-        energies: Mapping[str, float] | None = None,
-        potentials: Mapping[str, float] | None = None,
-    ) -> None:
-        self.problem, self.equilibrium, self.start = problem, equilibrium, start
-        self.energies, self.potentials = energies or {}, potentials or {}
-        self.move = equilibrium.u - start.u if start else np.zeros(1)
-        self.warnings: dict[str, str] = {}
+    problem: "Problem"
+    equilibrium: Equilibrium
+    start: Start | None
+    energies: Mapping[str, float]
+    potentials: Mapping[str, float]
+    warnings: dict[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def move(self) -> ndarray:
+        """Displacement in the step, shape (n_unknowns,); zero without a ``start``."""
+        u = self.equilibrium.u
+        return u - self.start.u if self.start else np.zeros_like(u)
 
     @property
     def tangent(self) -> Tangent | None:
@@ -204,15 +199,7 @@ class Trial:
         return self.problem.start(u, parameters, self.tangent)
 
     def state(self, load_factor: float, linear_solves: int) -> State:
-        """The state that it becomes.
-
-        Parameters
-        ----------
-        load_factor
-            Load factor.
-        linear_solves
-            Linear solves since the state before.
-        """
+        """The state, after a number of linear solves since the state before."""
         problem, ply, equilibrium = self.problem, self.problem.ply, self.equilibrium
         u, tangent = equilibrium.u, equilibrium.tangent
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
@@ -390,14 +377,8 @@ def excess(
 ) -> str:
     """Words for the shares of a role that are too large; empty if there are none.
 
-    Parameters
-    ----------
-    shares
-        As `State.shares`.
-    role
-        ``stabilisation`` or ``deviation``.
-    supports
-        Conditions whose reactions do not count.
+    The role is ``stabilisation`` or ``deviation``.  Reactions of the conditions
+    ``supports`` do not count.
     """
     passed = {f"{name}_reaction" for name in supports}
     return ", ".join(
