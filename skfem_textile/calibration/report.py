@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric.files.fabric_file import law_to_json
-from ..solve.stepping.shares import excess
+from ..solve.verdict import excess
 from .beginning import rest_notes, seems_swapped
 from .biaxial import FAMILIES
 from .regression import CONFIDENCE, Fit

@@ -11,8 +11,8 @@ from .interruption import INTERRUPTED
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from ..solve.adaptive import AdaptiveStepper
     from ..solve.stepper import LoadStepper
-    from ..solve.stepping.adaptive import AdaptiveStepper
 
     Stepper: TypeAlias = LoadStepper | AdaptiveStepper
 

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any
 from .. import __version__
 from ..mesh.user_input import printable
 from ..scenes.case import Case
+from ..solve.adaptive import MOST_UNKNOWNS, AdaptiveStepper
 from ..solve.result import Result, StepError
 from ..solve.states import ErrorEstimate
 from ..solve.stepper import LoadStepper
-from ..solve.stepping.adaptive.rounds import MOST_UNKNOWNS
-from ..solve.stepping.adaptive.stepper import AdaptiveStepper
 from .case.curve import CURVE, curve_of, write_curve
 from .case.written import WRITTEN_FILES, WrittenCase, refuse_foreign_case
 from .interruption import INTERRUPTED, held

@@ -1,7 +1,7 @@
-"""What a run of the load stepper leaves behind."""
+"""The result of a run, and the error that ends one."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
@@ -21,8 +21,8 @@ _LINES = 11
 # Elements that the message of an error names at most.
 _ELEMENTS = 5
 
-#: Terms that every table has, in this order before others.
-TERMS = ("tension", "shear", "stabilisation", "corners")
+# Terms that every table has, in this order before others.
+_TERMS = ("tension", "shear", "stabilisation", "corners")
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,23 +133,22 @@ class Result:
         """
         rows, work = [], 0.0
         for state in self.states:
-            verdict = state.verdict
-            work += verdict.work
+            verdict = asdict(state.verdict)
+            work += verdict.pop("work")
             row = {
                 "load_factor": state.load_factor,
                 "linear_solves": state.linear_solves,
                 "residual": state.residuals[-1] if state.residuals else 0.0,
                 "tolerance": state.tolerance,
-                "negative_pivots": verdict.negative_pivots,
-                "min_det_F": verdict.min_det_F,
-                "max_fibre_strain": verdict.max_fibre_strain,
-                "mesh_fibre_strain": verdict.mesh_fibre_strain,
+                **verdict,
             }
             for name, reaction in state.reactions.items():
-                row |= _components(f"{name}_displacement", state.displacements[name])
-                row |= _components(f"{name}_reaction", reaction)
-            row |= _columns(state.shares)
-            rows.append(row | _energies(state) | {"work": work})
+                vectors = {"displacement": state.displacements[name]}
+                for what, vector in (vectors | {"reaction": reaction}).items():
+                    components = zip("xyz", vector.tolist(), strict=False)
+                    row |= {f"{name}_{what}_{axis}": x for axis, x in components}
+            row |= _columns(state.shares) | _energies(state) | {"work": work}
+            rows.append(row)
         return rows
 
     def summary(self) -> dict[str, str | int | float | bool | None]:
@@ -168,14 +167,20 @@ class Result:
         where both are None it begins with "none: " and says why.  A ply that a tool
         alone shapes has an error of the shear angle, and none of a load.
         """
-        ply, u, verdict = self.ply, self.u, self.states[-1].verdict
-        shares = self.states[-1].shares
+        ply, u, state = self.ply, self.u, self.states[-1]
+        verdict, shares, error = state.verdict, state.shares, self.estimated_error
+        angle = error.shear_angle
+        how = "none" if angle is None else "by a finer mesh"
+        if error.reason:
+            none = "" if angle is None else "; of the load none"
+            how = f"{how}{none}: {error.reason}"
+        tension = ply.fibre_tension(u, state.parameters)
         return {
             "formulation": ply.formulation.name,
             "n_elements": int(ply.mesh.nelements),
             "n_dofs": int(ply.basis.N),
             "converged": self.converged,
-            "load_factor": self.states[-1].load_factor,
+            "load_factor": state.load_factor,
             "load_steps": len(self.states) - 1,
             "steps_cut": self.steps_cut,
             "path_resolved": self.path_resolved,
@@ -184,36 +189,22 @@ class Result:
             "stable": verdict.stable,
             "negative_pivots": verdict.negative_pivots,
             "min_det_F": verdict.min_det_F,
-            **_energies(self.states[-1]),
+            **_energies(state),
             **_columns({of: shares[of] for of in ("energy", "work")}),
             "max_fibre_strain": verdict.max_fibre_strain,
             "mesh_fibre_strain": verdict.mesh_fibre_strain,
-            "max_fibre_tension": _largest(
-                ply.fibre_tension(u, self.states[-1].parameters)
-            ),
-            "max_shear_angle_deg": float(np.degrees(_largest(ply.shear_angle(u)))),
-            **self._errors(),
-            "wall_time_s": self.wall_time_s,
-            "assembly_time_s": self.assembly_time_s,
-            "solve_time_s": self.solve_time_s,
-            "solver": self.solver.name,
-            "solver_reason": self.solver.reason,
-        }
-
-    def _errors(self) -> dict[str, str | float | None]:
-        """The estimated error, and how it was found or why not."""
-        error = self.estimated_error
-        angle = error.shear_angle
-        how = "none" if angle is None else "by a finer mesh"
-        if error.reason:
-            none = "" if angle is None else "; of the load none"
-            how = f"{how}{none}: {error.reason}"
-        return {
+            "max_fibre_tension": float(np.abs(tension).max()),
+            "max_shear_angle_deg": float(np.degrees(np.abs(ply.shear_angle(u)).max())),
             "estimated_load_error": error.load,
             "estimated_shear_angle_error_deg": (
                 None if angle is None else float(np.degrees(angle))
             ),
             "error_estimate": how,
+            "wall_time_s": self.wall_time_s,
+            "assembly_time_s": self.assembly_time_s,
+            "solve_time_s": self.solve_time_s,
+            "solver": self.solver.name,
+            "solver_reason": self.solver.reason,
         }
 
     def __repr__(self) -> str:
@@ -267,10 +258,21 @@ class StepError(RuntimeError):
     def after(cls, error: Exception, result: Result) -> "StepError":
         """The error that ends a run, with what the run has found."""
         elements = getattr(error, "elements", np.empty(0, dtype=int))
-        advice = getattr(error, "advice", "")
+        advice, state = getattr(error, "advice", ""), result.states[-1]
+        lengths = {
+            name: float(np.linalg.norm(u))
+            for name, u in state.displacements.items()
+            if name not in result.surfaces
+        }
+        name = max(lengths, key=lengths.__getitem__, default="")
+        moved = (
+            f" ({name} moved by {lengths[name]:.4g} mm)" if lengths.get(name) else ""
+        )
+        first = ", ".join(map(str, elements[:_ELEMENTS]))
+        more = ", ..." if elements.size > _ELEMENTS else ""
         return cls(
-            f"stopped at {_place(result)}: {error}"
-            + _among(elements)
+            f"stopped at load factor {state.load_factor:.6g}{moved}: {error}"
+            + (f" (element {first}{more})" if elements.size else "")
             + (f"; try {advice}" if advice else ""),
             result,
             elements,
@@ -278,30 +280,9 @@ class StepError(RuntimeError):
         )
 
 
-def _place(result: Result) -> str:
-    """The load factor reached, and the condition that has moved its nodes furthest."""
-    state = result.states[-1]
-    lengths = {
-        name: float(np.linalg.norm(u))
-        for name, u in state.displacements.items()
-        if name not in result.surfaces
-    }
-    name = max(lengths, key=lengths.__getitem__, default="")
-    moved = f" ({name} moved by {lengths[name]:.4g} mm)" if lengths.get(name) else ""
-    return f"load factor {state.load_factor:.6g}{moved}"
-
-
-def _among(elements: ndarray) -> str:
-    """The first of some elements, for a message."""
-    if not elements.size:
-        return ""
-    first = ", ".join(map(str, elements[:_ELEMENTS]))
-    return f" (element {first}{', ...' if elements.size > _ELEMENTS else ''})"
-
-
 def _energies(state: State) -> dict[str, float]:
     """Internal energy in all and by term, and the potentials of loads."""
-    names = dict.fromkeys((*TERMS, *state.energies))
+    names = dict.fromkeys((*_TERMS, *state.energies))
     by_term = {f"{term}_energy": state.energies.get(term, 0.0) for term in names}
     loads = {f"{load}_potential": value for load, value in state.potentials.items()}
     return {"energy": sum(state.energies.values())} | by_term | loads
@@ -314,12 +295,3 @@ def _columns(shares: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
         for whole, by_part in shares.items()
         for part, share in by_part.items()
     }
-
-
-def _components(name: str, vector: ndarray) -> dict[str, float]:
-    axes = "xyz"[: len(vector)]
-    return {f"{name}_{axis}": x for axis, x in zip(axes, vector.tolist(), strict=True)}
-
-
-def _largest(x: ndarray) -> float:
-    return float(np.abs(x).max())

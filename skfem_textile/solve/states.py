@@ -1,4 +1,4 @@
-"""Equilibria and states, as the parts of the solver hand them on."""
+"""Equilibria, states with their figures, and the errors on the way to them."""
 
 import sysconfig
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-# Where code stands that is not the user's: this package, and installed ones.
+# Folders of code that is not the user's: of this package, and of installed ones.
 _INSTALLED = (
     str(Path(__file__).parents[1]),
     *{sysconfig.get_path(name) for name in ("purelib", "platlib", "stdlib")},
@@ -53,23 +53,20 @@ class UserError(Exception):
 
     def __init__(self, error: Exception) -> None:
         text = " ".join(str(error).split())
-        said = f"{type(error).__name__}: {text}" if text else type(error).__name__
+        message = f"{type(error).__name__}: {text}" if text else type(error).__name__
         frames = extract_tb(error.__traceback__)
         users = [x for x in frames if not x.filename.startswith(_INSTALLED)]
-        if users:
-            where = users[-1]
-            said += (
-                f" ({where.name}, line {where.lineno} of {Path(where.filename).name})"
-            )
-        super().__init__(said)
+        for at in users[-1:]:
+            message += f" ({at.name}, line {at.lineno} of {Path(at.filename).name})"
+        super().__init__(message)
 
 
 class Equilibrium(NamedTuple):
-    """Where an iteration ended, and how it converged.
+    """The end of an iteration, and how it converged.
 
-    ``parameters`` are those of the ply's terms with which the forces balance,
-    ``altered`` is the number of tangents that were projected, ``tangent`` is the
-    consistent tangent, None where it is singular.
+    ``parameters`` of the ply's terms balance the forces, ``altered`` is the number of
+    tangents that were projected, ``tangent`` is the consistent tangent, None where it
+    is singular.
     """
 
     u: ndarray
@@ -83,7 +80,7 @@ class Equilibrium(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """What was found of a state.
+    """Figures of a state that tell whether it is an answer.
 
     Attributes
     ----------
@@ -115,7 +112,7 @@ class Verdict:
 
 
 class Iteration(NamedTuple):
-    """What ``on_iteration`` is told: an iteration on the way to a load factor.
+    """An iteration on the way to a load factor, as ``on_iteration`` is given it.
 
     ``step`` is the length of the step, ``residual`` the largest free nodal force in N,
     which must fall below ``tolerance``.
@@ -158,14 +155,14 @@ class State:
     residuals
         Largest free nodal force in N after each iteration of the last attempt.
     tolerance
-        What the last of them had to fall below.
+        Force in N that the last of them had to fall below.
     verdict
-        What was found of the state: stability, folding, strain and work.
+        Stability, folding, strain and work of the state.
     potentials
         Potential of each load in N·mm.
     shares
-        What stabilisation and deviations carry of energy, work and reactions, from 0
-        to 1, by part, by what it is a share of.
+        Shares of ``stabilisation`` and ``deviation``, from 0 to 1, in each whole:
+        ``energy``, ``work`` and, for each condition, ``CONDITION_reaction``.
     parameters
         Parameters of the ply's terms with which the forces balance, such as stiffnesses
         of the discretisation: an immutable mapping, see `Ply.parameters_at_rest`.

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skfem_textile.solve.stepping.error_estimate import (
+from skfem_textile.solve.error_estimate import (
     LOAD_OVER_SHARE,
     SHEAR_ANGLE_OVER_CHANGE,
 )

@@ -12,9 +12,9 @@ from skfem import CellBasis
 from skfem_textile import Condition
 from skfem_textile.ply import Ply
 from skfem_textile.scenes import Scene
+from skfem_textile.solve.adaptive import AdaptiveResult, AdaptiveStepper
 from skfem_textile.solve.result import Result, StepError
 from skfem_textile.solve.stepper import LoadStepper
-from skfem_textile.solve.stepping.adaptive import AdaptiveResult, AdaptiveStepper
 
 from ..common.log import errors_only
 from ..common.rivals.newton import STEPS, NotConvergedError, Run

@@ -22,12 +22,11 @@ from skfem_textile import (
     split,
 )
 from skfem_textile.scenes import bias_extension
+from skfem_textile.solve import adaptive as stepper_module
+from skfem_textile.solve.adaptive import counted
+from skfem_textile.solve.error_estimate import problem_at, work_of
 from skfem_textile.solve.states import ErrorEstimate, NoEquilibriumError
 from skfem_textile.solve.stepper.run import Run
-from skfem_textile.solve.stepping.adaptive import stepper as stepper_module
-from skfem_textile.solve.stepping.adaptive.rounds import counted
-from skfem_textile.solve.stepping.error_estimate import problem_at
-from skfem_textile.solve.stepping.work import work_of
 
 LONG = pytest.mark.long
 

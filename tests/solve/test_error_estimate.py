@@ -21,7 +21,7 @@ from skfem_textile import (
 from skfem_textile.mesh.named_nodes import with_named_nodes
 from skfem_textile.scenes import bias_extension, picture_frame
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve.stepping import error_estimate
+from skfem_textile.solve import error_estimate
 
 MACRO = Macro()
 FORMULATIONS = [MACRO, OnePoint(), Full(), Quadratic(20.0)]

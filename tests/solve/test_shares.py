@@ -1,6 +1,6 @@
 """What the discretisation carries of energy, work and reactions, and when that is told.
 
-The limits are those of `skfem_textile.solve.stepping.shares`: a tenth of energy and
+The limits are those of `skfem_textile.solve.verdict`: a tenth of energy and
 work, a quarter of the nodal forces of a reaction.
 """
 

@@ -145,7 +145,7 @@ def test_of_many_failures_five_are_named_and_all_are_counted(thread):
 
 
 def test_cases_are_taken_as_they_are_needed(monkeypatch):
-    module = import_module("skfem_textile.solve.sweep.sweep")
+    module = import_module("skfem_textile.solve.sweep")
     monkeypatch.setattr(module, "_MAX_PENDING", 8)
     counter = iter(range(9999))
     with ThreadPoolExecutor(2) as executor:

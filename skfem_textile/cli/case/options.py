@@ -11,10 +11,10 @@ from typing import Any
 from ...ply.formulations import DEFAULT, FORMULATIONS
 from ...registration import Option, SceneRegistration
 from ...scenes.common.edge_vectors import FORCES
+from ...solve.adaptive import MOST_UNKNOWNS
 from ...solve.linear import SOLVERS
 from ...solve.newton import METHODS
 from ...solve.stepper import DEFAULT_WARN_ONLY
-from ...solve.stepping.adaptive.rounds import MOST_UNKNOWNS
 from ...solve.verdict import CHECKS
 from ..fibres.from_files import DIRECTIONS, FABRIC
 from .laws import BENDING, PREFIXES, described, law_table, own_options

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from weakref import finalize
 
-from ...solve.checkpoint.lock import Lock
+from ...solve.sealed import Lock
 from ..interruption import held
 from ..output import OutputError
 

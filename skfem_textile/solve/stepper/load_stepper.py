@@ -11,6 +11,7 @@ import numpy as np
 from ..body import Body
 from ..checkpoint import Checkpoint
 from ..conditions import Conditions, Constraints, OnSurface
+from ..error_estimate import estimated_error
 from ..linear import ChosenSolver
 from ..newton import Method
 from ..problem import Problem
@@ -18,7 +19,6 @@ from ..result import Result
 from ..states import Iteration, State
 from ..stepping.arguments import check_arguments
 from ..stepping.equilibrium_search import EquilibriumSearch, method_of
-from ..stepping.error_estimate import estimated_error
 from ..stepping.limit import moves
 from .record import Record
 from .run import Run

@@ -15,9 +15,9 @@ from skfem_textile import (
 )
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
+from skfem_textile.solve import error_estimate
+from skfem_textile.solve.error_estimate import estimated_error, problem_at
 from skfem_textile.solve.states import NoEquilibriumError
-from skfem_textile.solve.stepping import error_estimate
-from skfem_textile.solve.stepping.error_estimate import estimated_error, problem_at
 from studies.formulations.drape import chebyshev
 
 

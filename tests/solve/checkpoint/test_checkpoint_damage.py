@@ -8,7 +8,7 @@ import pytest
 from sheared_runs import interrupted, opened, stepper
 
 from skfem_textile import CheckpointError
-from skfem_textile.solve.checkpoint import sealed
+from skfem_textile.solve import sealed
 
 
 @pytest.fixture(scope="module")

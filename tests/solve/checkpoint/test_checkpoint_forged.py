@@ -6,7 +6,7 @@ import pytest
 from sheared_runs import opened, stepper
 
 from skfem_textile import CheckpointError
-from skfem_textile.solve.checkpoint import sealed
+from skfem_textile.solve import sealed
 
 
 def forge(folder, number, edit):

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from skfem_textile.solve.checkpoint.lock import Lock
+from skfem_textile.solve.sealed import Lock
 
 ROOT = Path(__file__).parents[2]
 HOLDS = """
 import sys, time
 from pathlib import Path
-from skfem_textile.solve.checkpoint.lock import Lock
+from skfem_textile.solve.sealed import Lock
 lock = Lock(Path(sys.argv[1]))
 print("held", flush=True)
 time.sleep(60)
@@ -20,7 +20,7 @@ time.sleep(60)
 FORKS = """
 import os, sys, time
 from pathlib import Path
-from skfem_textile.solve.checkpoint.lock import Lock
+from skfem_textile.solve.sealed import Lock
 lock, (came, goes) = Lock(Path(sys.argv[1])), os.pipe()
 child = os.fork()
 if not child:

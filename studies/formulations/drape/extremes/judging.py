@@ -16,10 +16,10 @@ from numpy import ndarray
 
 from skfem_textile import drape
 from skfem_textile.solve.conditions.surface import distance, onto
+from skfem_textile.solve.error_estimate import estimated_error
 from skfem_textile.solve.result import StepError
 from skfem_textile.solve.states import NoEquilibriumError
-from skfem_textile.solve.stepping.error_estimate import estimated_error
-from skfem_textile.solve.stepping.shares import excess
+from skfem_textile.solve.verdict import excess
 
 from ....study import Row
 from .cases import Extreme

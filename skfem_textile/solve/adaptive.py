@@ -1,33 +1,42 @@
 """The load stepper in a loop: solve, estimate, refine, until a tolerance is met."""
 
 import logging
-from collections.abc import Callable, Collection
-from dataclasses import fields
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import asdict, dataclass, fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....ply.finer import refuse_what_has_no_finer
-from ....ply.refinement import marked, refine, shear_angle_jumps
-from ...conditions import Conditions, Constraints
-from ...newton import Method
-from ...result import Result, StepError
-from ...states import ErrorEstimate, Iteration, NoEquilibriumError, State
-from ...stepper import DEFAULT_WARN_ONLY, LoadStepper
-from ..equilibrium import equilibrium_near
-from ..error_estimate import (
+from ..ply.finer import refuse_what_has_no_finer
+from ..ply.refinement import marked, refine, shear_angle_jumps
+from .conditions import Conditions, Constraints
+from .error_estimate import (
+    change_of,
     estimated_error,
     problem_at,
     refuse_single_nodes,
+    work_of,
 )
-from ..work import change_of, work_of
-from .rounds import MOST_UNKNOWNS, AdaptiveResult, Round, counted
+from .newton import Method
+from .result import Result, StepError
+from .states import ErrorEstimate, Iteration, NoEquilibriumError, State
+from .stepper import DEFAULT_WARN_ONLY, LoadStepper
+from .stepping.equilibrium import equilibrium_near
 
 if TYPE_CHECKING:
-    from ....ply import Ply
+    from ..ply import Ply
 
 log = logging.getLogger(__name__)
+
+#: Unknowns at most, unless told otherwise: a run that reaches them takes about 80 s on
+#: one core, with all of its meshes (`skfem-textile run bias_extension --mesh delaunay
+#: --size 10x20 --tolerance 1e-6 --no-render --out DIR`).
+MOST_UNKNOWNS = 50_000
+
+# What an estimate counts: on refined meshes it was up to a third too small,
+# `python -m studies adaptive`.
+_MARGIN = 1.5
 
 # Share of the squares of the jumps that the elements carry which are refined.  Chosen:
 # with less there are more rounds, with more elements are refined that need not be.
@@ -35,6 +44,91 @@ _SHARE = 0.5
 
 # Rounds at most: each about doubles the unknowns.
 _MOST_ROUNDS = 25
+
+
+@dataclass(frozen=True)
+class Round:
+    """A mesh of the loop, and what was found on it.
+
+    Attributes
+    ----------
+    unknowns
+        Number of unknowns.
+    linear_solves
+        Linear solves that the state took.
+    whole_path
+        Whether the whole load was applied, and not only its end.
+    load_change
+        Change of the load since the round before, as a share of it; None at first.
+    estimated_load_error
+        As of `Result.summary`.
+    error
+        What counts: the largest of one and a half times the estimate, changes on this
+        mesh, and half of what counted on the last coarser mesh that has an estimate.
+        Infinite where there is no estimate.
+    """
+
+    unknowns: int
+    linear_solves: int
+    whole_path: bool
+    load_change: float | None
+    estimated_load_error: float | None
+    error: float
+
+    def __str__(self) -> str:
+        shares = self.load_change, self.estimated_load_error
+        change, error = ("none" if x is None else f"{x:.2%}" for x in shares)
+        return (
+            f"{self.unknowns} unknowns, {self.linear_solves} linear solves"
+            f"{', whole path' if self.whole_path else ''}, load changed by {change}, "
+            f"estimated error {error}"
+            + (f", counted as {self.error:.2%}" if self.error < np.inf else "")
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptiveResult(Result):
+    """The result on the last mesh, and the rounds that led to it.
+
+    Attributes
+    ----------
+    tolerance
+        Error of the load that was asked for, as a share of it.
+    rounds
+        All rounds, that of the last mesh included.
+    """
+
+    tolerance: float
+    rounds: tuple[Round, ...]
+
+    @property
+    def tolerance_met(self) -> bool:
+        """Whether the whole load was applied, and its estimated error is small."""
+        last = self.rounds[-1:]
+        met = any(one.whole_path and one.error <= self.tolerance for one in last)
+        return self.converged and met
+
+    def summary(self) -> dict[str, Any]:
+        """As of `Result`, with ``tolerance``, ``tolerance_met`` and ``rounds``."""
+        rows = [asdict(one).items() for one in self.rounds]
+        return super().summary() | {
+            "tolerance": self.tolerance,
+            "tolerance_met": self.tolerance_met,
+            "rounds": [{k: None if x == np.inf else x for k, x in row} for row in rows],
+        }
+
+
+def counted(
+    rounds: Sequence[Round], unknowns: int, change: float | None, estimate: float | None
+) -> float:
+    """What counts as the error of a round, see `Round`."""
+    if estimate is None:
+        return np.inf
+    at_once = [one.load_change for one in rounds if one.unknowns == unknowns]
+    coarser = [one.error for one in rounds if one.unknowns < unknowns]
+    before = [error for error in coarser if error < np.inf][-1:]
+    changes = [x for x in (change, *at_once) if x is not None]
+    return max([_MARGIN * estimate, *changes, *(error / 2 for error in before)])
 
 
 class AdaptiveStepper:
@@ -114,11 +208,7 @@ class AdaptiveStepper:
             )
         self._ply, self._conditions, self._steps = ply, conditions, steps
         self.tolerance, self.most_unknowns = tolerance, most_unknowns
-        self._search: dict[str, Any] = {
-            "method": method,
-            "warn_only": warn_only,
-            "solver": solver,
-        }
+        self._search = dict[str, Any](method=method, warn_only=warn_only, solver=solver)
         self.on_iteration, self.on_step, self.on_round = on_iteration, on_step, on_round
         self._stepper = self._stepper_of(ply)
         self._estimate: ErrorEstimate | None = None
@@ -163,24 +253,6 @@ class AdaptiveStepper:
             f"error of the load {said}, {100 * self.tolerance:g}% was asked for"
         )
 
-    def _refine_from(self, ply: "Ply", state: State) -> None:
-        """Refine until the tolerance is met, or the mesh would be too large."""
-        finer: tuple[Ply, State] | None = (ply, state)
-        while finer is not None:
-            ply, state = finer
-            last = self._rounds[-1]
-            if last.error > self.tolerance:
-                finer = self._refined(ply, state)
-            elif last.whole_path:
-                return
-            else:
-                finer = self._apply(ply)
-        if not self._rounds[-1].whole_path:
-            self._apply(ply)
-
-    def _unmet(self, why: str) -> StepError:
-        return StepError(why, self.result, np.empty(0, dtype=int))
-
     @property
     def states(self) -> tuple[State, ...]:
         """The states on the last mesh on which the whole load was applied.
@@ -199,23 +271,34 @@ class AdaptiveStepper:
             found["estimate"] = lambda _: estimate
         return AdaptiveResult(**found, tolerance=self.tolerance, rounds=rounds)
 
+    def _unmet(self, why: str) -> StepError:
+        return StepError(why, self.result, np.empty(0, dtype=int))
+
     def _stepper_of(self, ply: "Ply") -> LoadStepper:
-        callbacks: dict[str, Any] = {
-            "on_iteration": self.on_iteration,
-            "on_step": self.on_step,
-        }
         return LoadStepper(
-            ply, self._conditions, self._steps, **self._search, **callbacks
+            *(ply, self._conditions, self._steps),
+            on_iteration=self.on_iteration,
+            on_step=self.on_step,
+            **self._search,
         )
 
-    def _apply(self, ply: "Ply") -> tuple["Ply", State]:
-        """Apply the whole load to a ply; a round.
+    def _refine_from(self, ply: "Ply", state: State) -> None:
+        """Refine until the tolerance is met, or the mesh would be too large."""
+        finer: tuple[Ply, State] | None = (ply, state)
+        while finer is not None:
+            ply, state = finer
+            last = self._rounds[-1]
+            if last.error > self.tolerance:
+                finer = self._refined(ply, state)
+            elif last.whole_path:
+                return
+            else:
+                finer = self._apply(ply)
+        if not self._rounds[-1].whole_path:
+            self._apply(ply)
 
-        Raises
-        ------
-        StepError
-            If that fails.  What was found on a mesh before remains.
-        """
+    def _apply(self, ply: "Ply") -> tuple["Ply", State]:
+        """Apply the whole load to a ply, a round; on failure the one before remains."""
         stepper = self._stepper_of(ply)
         if not self._rounds:  # what a failure or an interruption leaves
             self._stepper, self._estimate = stepper, None
@@ -248,13 +331,7 @@ class AdaptiveStepper:
         return found.ply, after
 
     def _finish(self, ply: "Ply", state: State, whole_path: bool) -> None:
-        """Estimate the error of a state, and keep its round.
-
-        Raises
-        ------
-        StepError
-            If nothing that moves carries a load.
-        """
+        """Estimate the error of a state, and keep its round."""
         place = ply, self._conditions, self._stepper.result.solver.name
         try:
             work = work_of(problem_at(*place, state.load_factor), state)
@@ -263,13 +340,9 @@ class AdaptiveStepper:
             raise self._unmet(why) from None
         change = change_of(self._work, work) if self._rounds else None
         self._work, found = work, estimated_error(*place, state)
-        estimate = found.load
+        estimate, solves, unknowns = found.load, state.linear_solves, int(ply.basis.N)
         if whole_path:
-            self._estimate = found
-        solves = state.linear_solves
-        if whole_path:
-            solves = self._stepper.result.linear_solves
-        unknowns = int(ply.basis.N)
+            self._estimate, solves = found, self._stepper.result.linear_solves
         error = counted(self._rounds, unknowns, change, estimate)
         one = Round(unknowns, solves, whole_path, change, estimate, error)
         self._rounds.append(one)
@@ -281,12 +354,8 @@ class AdaptiveStepper:
 def _refuse_what_cannot_be_refined(ply: "Ply", conditions: Conditions) -> None:
     """Refuse a ply and conditions that are not valid on a refined mesh.
 
-    Raises
-    ------
-    ValueError
-        If the ply cannot be refined or has no estimated error, or a condition is on
-        nodes by number that are no vertices or share an edge, or has no valid value
-        there.
+    The ply must have a refined one and an estimated error, and conditions valid values
+    there; those on nodes by number must be on vertices that share no edge.
     """
     refine(ply, [])
     try:

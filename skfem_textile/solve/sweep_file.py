@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from ..checkpoint.lock import Lock
+from .sealed import Lock
 
 log = logging.getLogger(__name__)
 
@@ -18,6 +18,8 @@ _ENTRIES = ["case", "found", "digest"]
 
 # Number of lines, or of cases, that a message lists.
 _LISTED = 5
+
+_FOREIGN = "{} is not what a sweep wrote: remove it or name another file"
 
 
 class ResultsFile:
@@ -35,7 +37,7 @@ class ResultsFile:
     def __init__(self, path: Path) -> None:
         self._path, self._names = path, set[str]()
         if path.exists() and not path.is_file():
-            raise _not_a_sweeps(path)
+            raise ValueError(_FOREIGN.format(path))
         with open(path, "ab"):
             self._lock = Lock(path)
         try:
@@ -54,7 +56,7 @@ class ResultsFile:
         *lines, unfinished = content.split(b"\n")
         entries = [_entry(line) for line in lines]
         if content and not any(entries):
-            raise _not_a_sweeps(self._path)
+            raise ValueError(_FOREIGN.format(self._path))
         if _LINE_START.startswith(unfinished[: len(_LINE_START)]):
             # A sweep died while it wrote; if the last line is whole this cuts nothing.
             os.truncate(self._path, len(content) - len(unfinished))
@@ -92,6 +94,8 @@ class ResultsFile:
         ------
         OSError
             If it cannot be written.
+        TypeError
+            If JSON cannot hold it.
         """
         result_text = json.dumps(result, ensure_ascii=False, default=_as_json)
         name_text = json.dumps(name, ensure_ascii=False)
@@ -122,18 +126,6 @@ def _entry(line: bytes) -> tuple[str, str] | None:
     return (name, json.dumps(entry["found"])) if isinstance(name, str) else None
 
 
-def shortened(items: list[str], separator: str) -> str:
-    """The first items on one line, and the number of the others."""
-    more = [f"and {len(items) - _LISTED} more"] if items[_LISTED:] else []
-    return separator.join(items[:_LISTED] + more)
-
-
-def _not_a_sweeps(path: Path) -> ValueError:
-    return ValueError(
-        f"{path} is not what a sweep wrote: remove it or name another file"
-    )
-
-
 def _digest(start: bytes) -> bytes:
     return sha256(start).hexdigest()[:16].encode()
 
@@ -147,3 +139,9 @@ def _as_json(array: Any) -> Any:
             f"a sweep cannot write a {type(array).__name__} to a file: return numbers, "
             "text, lists or dicts"
         ) from None
+
+
+def shortened(items: list[str], separator: str) -> str:
+    """The first items on one line, and the number of the others."""
+    more = [f"and {len(items) - _LISTED} more"] if items[_LISTED:] else []
+    return separator.join(items[:_LISTED] + more)

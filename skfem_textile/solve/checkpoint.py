@@ -1,0 +1,410 @@
+"""A run on disk, one file per converged state, to go on from after an interruption."""
+
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+from uuid import uuid4
+
+import numpy as np
+from numpy import ndarray
+
+from . import fingerprint, sealed
+from .body import Body, Parameters, Supports
+from .linear.solver import Clock
+from .problem import Problem
+from .states import Equilibrium, State, Verdict
+from .stepping.load_path import LoadPath
+from .verdict import Trial
+
+# Version of the files; another one is refused.
+_FORMAT = 7
+_RUN, _STATES = "run.npz", "state_*.npz"
+
+# Fields of a state with a vector for each condition.
+_VECTORS = ("reactions", "displacements")
+
+# Characters of a setting that a message shows.
+_SHOWN = 100
+
+# How far the forces of the same ply may differ between machines, and what round-off
+# leaves of strains and area ratios.
+_SAME, _ROUND_OFF = 1e-9, 1e-13
+
+
+class CheckpointError(ValueError):
+    """A checkpoint that cannot be used; the message says why and what to do."""
+
+
+class Progress(NamedTuple):
+    """Where the stepper is: length of its next step, steps cut, path, clock, time."""
+
+    length: float
+    steps_cut: int
+    path: LoadPath
+    clock: Clock
+    elapsed: float
+
+
+class Saved(NamedTuple):
+    """States read from a checkpoint, and where the stepper was at the last of them."""
+
+    states: list[State]
+    progress: Progress
+
+
+class Checkpoint:
+    """The states of a run in a folder.
+
+    Every file is written beside its place and then renamed, so a run may be killed at
+    any moment; the next removes what it left there.  ``run.npz`` identifies a run: by
+    its settings as given, and by mesh, laws, conditions and forces (`fingerprint`).
+    Every state has the name of the run, its own number, and a digest of its content and
+    of all files before it.
+
+    Parameters
+    ----------
+    folder
+        The folder; made when a run begins.
+    ply, constraints
+        The ply that is loaded, and its conditions as fixed unknowns.
+    settings
+        What else the result depends on.
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        ply: Body,
+        constraints: Supports,
+        settings: Mapping[str, Any],
+    ) -> None:
+        try:
+            self.folder = Path(folder)
+        except TypeError:
+            raise CheckpointError(
+                f"checkpoint must be a folder, not {folder!r}"
+            ) from None
+        if "\0" in str(folder):
+            raise CheckpointError(f"checkpoint {str(folder)!r} is no path")
+        self._ply, self._constraints = ply, constraints
+        described = fingerprint.settings(ply, constraints)
+        given = {"format": _FORMAT, **settings, **described}
+        self._settings = json.loads(json.dumps(given))
+        self._run, self._last = "", ""
+        self._lock: sealed.Lock | None = None
+
+    def release(self) -> None:
+        """Let others have the folder."""
+        if self._lock is not None:
+            self._lock.release()
+        self._lock = None
+
+    def begin(self) -> None:
+        """Make the folder ready for a new run; a finished one stays until `save`.
+
+        Raises
+        ------
+        CheckpointError
+            If it holds an unfinished run, or another run writes to it, or it cannot be
+            written.
+        """
+        with self._writing():
+            self.folder.mkdir(parents=True, exist_ok=True)
+        self._hold()
+        if self._files():
+            *_, last = self._states(self._read(_RUN, "", ""))
+            with self._using(self._files()[-1]):
+                finished = last.text["load_factor"] == 1.0
+            if not finished:
+                raise CheckpointError(
+                    f"checkpoint {self.folder} holds an unfinished run: resume it, or "
+                    "remove the folder"
+                )
+        self._run, beside = uuid4().hex, self.folder / f".{_RUN}"
+        settings, arrays = self._settings, self._fingerprint()
+        with self._writing():
+            self._last = sealed.write(beside, self._run, "run", "", settings, arrays)
+
+    def save(self, number: int, state: State, progress: Progress) -> None:
+        """Write a state, and where the stepper is.
+
+        The first state of a run takes the place of a finished run.
+
+        Raises
+        ------
+        CheckpointError
+            If it cannot be written.
+        """
+        text = asdict(replace(state, parameters={}))
+        path, clock = progress.path.saved(), asdict(progress.clock)
+        text["progress"] = progress._asdict() | {"path": path, "clock": clock}
+        arrays = {"u": text.pop("u")}
+        del text["shares"], text["parameters"]  # `Replay` computes the shares
+        for key in _VECTORS:
+            text[key] = {name: v.tolist() for name, v in text[key].items()}
+        for term, values in state.parameters.items():
+            arrays |= {f"{term} {name}": array for name, array in values.items()}
+        name = f"state_{number:06d}"
+        with self._writing():
+            beside = self.folder / f".{name}.npz"
+            self._last = sealed.write(beside, self._run, name, self._last, text, arrays)
+            if number == 0:
+                for file in reversed(self._files()):
+                    file.unlink()
+                (self.folder / f".{_RUN}").replace(self.folder / _RUN)
+            beside.replace(self.folder / f"{name}.npz")
+
+    def load(self, checked: Callable[[State], State]) -> Saved | None:
+        """Read and check every state; None if there is none.
+
+        Parameters
+        ----------
+        checked
+            Called with one state after the other; returns the whole state, or raises
+            ValueError where it is not one of this run.
+
+        Raises
+        ------
+        CheckpointError
+            If a file is damaged or missing, or belongs to another run, or another run
+            writes to the folder.
+        """
+        if not self.folder.is_dir():
+            return None
+        self._hold()
+        if not (files := self._files()):
+            return None
+        run = self._read(_RUN, "", "")
+        with self._using(self.folder / _RUN):
+            self._check_identity(run)
+        states: list[State] = []
+        contents = list(self._states(run))
+        for file, content in zip(files, contents, strict=True):
+            with self._using(file):
+                states.append(_state(content, states, self._ply.parameters_at_rest))
+        for i, file in enumerate(files):
+            with self._using(file):
+                states[i] = checked(states[i])
+        with self._using(files[-1]):
+            saved = contents[-1].text["progress"]
+            progress = _progress(saved, states, self._settings)
+        self._last = contents[-1].digest
+        return Saved(states, progress)
+
+    def _files(self) -> list[Path]:
+        """The files of states in their order, whatever else the folder holds."""
+        files = [f for f in self.folder.glob(_STATES) if f.stem[6:].isdecimal()]
+        return sorted(files, key=lambda file: int(file.stem[6:]))
+
+    def _states(self, run: sealed.Content) -> Iterator[sealed.Content]:
+        """Contents of the files of states, each of this run and with its number."""
+        last = run
+        for number, file in enumerate(self._files()):
+            if file.stem != (name := f"state_{number:06d}"):
+                raise CheckpointError(
+                    f"checkpoint file {self.folder / name}.npz is missing"
+                )
+            last = self._read(file.name, run.run, last.digest)
+            yield last
+
+    def _read(self, name: str, run: str, before: str) -> sealed.Content:
+        path = self.folder / name
+        try:
+            return sealed.read(path, run, before)
+        except FileNotFoundError:
+            why = "is missing"
+        except OSError as error:
+            why = f"cannot be read: {error.strerror or error}"
+        except ValueError as error:
+            why = str(error)
+        raise CheckpointError(f"checkpoint file {path} {why}")
+
+    def _check_identity(self, run: sealed.Content) -> None:
+        """Refuse a run whose settings or fingerprint are not as those of this one."""
+        another = f"checkpoint {self.folder} is of another run: "
+        for name, value in self._settings.items():
+            if (was := run.text.get(name)) != value:
+                raise CheckpointError(
+                    f"{another}{name} was {_shown(was)}, is {_shown(value)}"
+                )
+        self._run = run.run
+        ours, theirs, missing = self._fingerprint(), run.arrays, np.empty(0)
+        for name in ours | theirs:
+            new, old = ours.get(name, missing), theirs.get(name, missing)
+            finite = np.isfinite(new)  # laws may have poles
+            same = old.shape == new.shape and np.array_equal(np.isfinite(old), finite)
+            allowed = _SAME * np.abs(new[finite]).max(initial=0.0)
+            if not same or np.any(np.abs(old[finite] - new[finite]) > allowed):
+                raise CheckpointError(f"{another}its {name} differ")
+
+    def _fingerprint(self) -> dict[str, ndarray]:
+        steps = self._settings["steps"]
+        return fingerprint.arrays(self._ply, self._constraints, steps)
+
+    def _hold(self) -> None:
+        """Lock the folder, and remove what a killed run left half done."""
+        if self._lock is not None:
+            return
+        with self._writing():
+            self._lock = sealed.Lock(self.folder)
+        if self._lock.is_held:
+            for beside in (f".{_RUN}", f".{_STATES}"):
+                for file in self.folder.glob(beside):
+                    with suppress(OSError):  # in a folder that can only be read
+                        file.unlink()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            why = error.strerror or error
+            if error.strerror and self._files():  # not where another run writes to it
+                why = f"{why}; what it holds remains"
+            raise CheckpointError(
+                f"cannot write checkpoint {self.folder}: {why}"
+            ) from None
+
+    @contextmanager
+    def _using(self, file: Path) -> Iterator[None]:
+        """Refuse content that is whole and makes no sense."""
+        makes_no_sense = ArithmeticError, AttributeError, LookupError, TypeError
+        try:
+            yield
+        except CheckpointError:
+            raise
+        except (*makes_no_sense, ValueError) as error:
+            raise CheckpointError(
+                f"checkpoint file {file} is damaged: {_shown(error)}"
+            ) from None
+
+
+class Replay:
+    """Checks of the states of a checkpoint, one after the other from the first on.
+
+    ``last`` is the trial of the last state.
+    """
+
+    last: Trial
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+
+    def __call__(self, state: State) -> State:
+        """Compare a state with a trial of its displacement; give it its shares.
+
+        Counts and residuals are not compared: they depend on how the state was found.
+
+        Raises
+        ------
+        ValueError
+            If they disagree.
+        """
+        t, u, p = state.load_factor, state.u, state.parameters
+        before = None
+        if t > 0:
+            before = self.last.next_start().with_parameters(self.last.problem, p)
+        problem = self._problem.at(t)
+        n = problem.ply.basis.N
+        if u.shape != (n,) or u.dtype != float or not np.isfinite(u).all():
+            raise ValueError("its displacement is not one of this ply")
+        if not problem.is_fixed(u, problem.constraints.fixed_values(t)):
+            raise ValueError("its displacement is not that of its load factor")
+        f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
+        equilibrium = Equilibrium(u, f, p, (), state.tolerance)
+        trial = Trial(problem, equilibrium, before, energies, potentials)
+        found, largest = trial.state(t, state.linear_solves), float(np.abs(f).max())
+        rounding = max(state.tolerance - problem.converged * largest, 0.0)
+        energy = _SAME * sum(map(abs, (*energies.values(), *potentials.values())))
+        energy += rounding * float(np.abs(u).sum())
+        allowed = {
+            "reactions": _SAME * largest + rounding * u.size,
+            "displacements": _SAME * float(np.abs(u).max()),
+            "energies": energy,
+            "potentials": energy,
+        }
+        for name, error in allowed.items():
+            _compare(name, getattr(state, name), getattr(found, name), error)
+        ours, theirs = asdict(found.verdict), asdict(state.verdict)
+        del ours["negative_pivots"], theirs["negative_pivots"]
+        work = {"work": ours.pop("work")}, {"work": theirs.pop("work")}
+        _compare("work", *work, energy + _SAME * sum(map(abs, trial.works)))
+        for name, value in ours.items():
+            error = _SAME * abs(value) + _ROUND_OFF
+            _compare("verdict", {name: theirs[name]}, {name: value}, error)
+        self.last = trial
+        return replace(state, shares=found.shares)
+
+
+def _compare(
+    name: str, saved: Mapping[str, Any], expected: Mapping[str, Any], error: float
+) -> None:
+    """Refuse values that are not the expected ones, within an error."""
+    if list(saved) != list(expected):
+        raise ValueError(f"its {name} are not those of this problem")
+    for key, value in expected.items():
+        off = np.abs(np.subtract(saved[key], value))
+        if np.shape(saved[key]) != np.shape(value) or not np.all(off <= error):
+            raise ValueError(f"its {name} are not those of its displacement")
+
+
+def _state(
+    content: sealed.Content, before: Sequence[State], at_rest: Parameters
+) -> State:
+    """The state in a file; refused if it is not one after those before it.
+
+    Its parameters must have the names, shapes and types of those at rest.
+    """
+    text = {k: v for k, v in content.text.items() if k != "progress"}
+    for key in _VECTORS:
+        text[key] = {name: np.array(v) for name, v in text[key].items()}
+    text["residuals"] = tuple(text["residuals"])
+    text["verdict"] = Verdict(**text["verdict"])
+    parameters = {}
+    for term, values in at_rest.items():
+        saved = {name: content.arrays[f"{term} {name}"] for name in values}
+        for name, like in values.items():
+            if saved[name].shape != like.shape or saved[name].dtype != like.dtype:
+                raise ValueError(f"its {name} is not of this ply")
+        parameters[term] = type(values)(saved)
+    kind: Any = type(at_rest)
+    state = State(u=content.arrays["u"], parameters=kind(parameters), **text)
+    last = before[-1].load_factor if before else -1.0
+    if not last < state.load_factor <= 1:
+        raise ValueError(f"its load factor is {state.load_factor}, after {last}")
+    return state
+
+
+def _progress(
+    text: Mapping[str, Any], states: Sequence[State], settings: Mapping[str, Any]
+) -> Progress:
+    """Where the stepper was; refused if no run has these states and settings there."""
+    path, clock = LoadPath.of(text["path"]), Clock(**text["clock"])
+    progress = Progress(**{**text, "path": path, "clock": clock})
+    longest = 1.0 / settings["steps"]
+    if not 0 < progress.length <= longest * (1 + _SAME):
+        raise ValueError(f"the length of its step is {progress.length}")
+    numbers = list(path.unresolved)
+    numbers += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
+    if not np.isfinite([progress.elapsed, *clock.seconds.values(), *numbers]).all():
+        raise ValueError("its times or load factors are not finite")
+    if set(clock.seconds) != set(Clock().seconds):
+        raise ValueError("its times are not those of a run")
+    if (
+        path.longest != longest
+        or path.halvings not in (0, settings["max_halvings"])
+        or clock.solves != sum(state.linear_solves for state in states)
+        or not (clock.factorisations >= 0 and progress.steps_cut >= 0)
+    ):
+        raise ValueError("its counts are not those of its states")
+    return progress
+
+
+def _shown(value: object) -> str:
+    """A value of a file, short and on one line."""
+    text = "".join(char if char.isprintable() else " " for char in str(value))
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
