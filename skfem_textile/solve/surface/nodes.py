@@ -183,10 +183,8 @@ class SurfaceNodes:
 
         Parameters
         ----------
-        u
-            Displacement.
-        t
-            Load factor.
+        u, t
+            Displacement and load factor.
         du
             Motion of what linear conditions fix, a DOF vector.
         """
