@@ -45,12 +45,13 @@ from .ply.term import Load, MatrixTerm, Term, TermParameters, Values
 from .ply.terms import FormTerm, VectorTerm
 from .solve.adaptive import AdaptiveResult, AdaptiveStepper, Round
 from .solve.checkpoint import CheckpointError
-from .solve.conditions import Condition, OnSurface, Surface
+from .solve.conditions import Condition
 from .solve.newton import Newton, PlainNewton
 from .solve.result import Result, StepError
 from .solve.states import Iteration, State, Verdict
 from .solve.stepper import LoadStepper
 from .solve.stepping.equilibrium import equilibrium_near
+from .solve.surface import OnSurface, Surface
 
 __version__ = "0.2.0"
 

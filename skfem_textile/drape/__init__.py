@@ -1,6 +1,6 @@
 """Draping: surfaces, plies laid on them without mechanics, and what plies meet."""
 
-from ..solve.conditions.geodesics import displacement, exponential_map
+from ..solve.surface.geodesics import displacement, exponential_map
 from .axes import SAME_AXES, Axes
 from .crossings import Net
 from .fibres_in_space import FibresInSpace, fibres_on_ply, fibres_on_tool

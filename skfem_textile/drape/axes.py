@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..solve.conditions.geodesics import tangents
-from ..solve.conditions.surface import Surface
+from ..solve.surface import Surface
+from ..solve.surface.geodesics import tangents
 
 # Slope of a plane against one across the x axis up to which x has no direction in it,
 # 1°.

@@ -13,8 +13,8 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.user_input import real_numbers
-from ..solve.conditions.geodesics import tangents
-from ..solve.conditions.surface import Surface, onto
+from ..solve.surface import Surface, onto
+from ..solve.surface.geodesics import tangents
 from .crossings import Net
 
 # Iterations of Newton's method at most to a crossing, and its error as a share of the

@@ -4,7 +4,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..solve.body import Body, Parameters
-from ..solve.conditions.surface import Grown, Surface
+from ..solve.surface import Grown, Surface
 
 # Share of the largest tension below which one is none: forces balance no better.
 _NONE = 1e-8

@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 from numpy import ndarray
 
-from ..solve.conditions.surface import Surface
+from ..solve.surface import Surface
 
 # Corners of a cube, and the six tetrahedra into which its paths from the first corner
 # to the last cut it.

@@ -5,8 +5,8 @@ from numpy import ndarray
 
 from ..drape import beyond_edges, bridging, contact_pressure, wrinkle_risk
 from ..solve.body import Body, Parameters
-from ..solve.conditions import Surface
 from ..solve.states import State
+from ..solve.surface import Surface
 
 
 def point_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:

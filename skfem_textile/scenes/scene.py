@@ -10,9 +10,10 @@ from skfem import Mesh
 
 from ..drape import SAME_AXES, Axes
 from ..fabric import Fabric, Law, is_zero
-from ..solve.conditions import Condition, OnSurface
+from ..solve.conditions import Condition
 from ..solve.result import Result
 from ..solve.states import State
+from ..solve.surface import OnSurface
 from .shear_test import BiasTest, FrameTest
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 if TYPE_CHECKING:
     from ..fabric.law_end import LawEnd
     from ..mesh.pattern import Pattern
-    from .conditions.surface_nodes import SurfaceNodes
+    from .surface.nodes import SurfaceNodes
 
 #: Parameters of the terms of a ply by the names of the terms; immutable.
 Parameters: TypeAlias = Mapping[str, Any]

@@ -13,7 +13,8 @@ from .linear.solver import Choice
 from .states import ErrorEstimate, State
 
 if TYPE_CHECKING:
-    from .conditions import Conditions, OnSurface, Surface
+    from .conditions import Conditions
+    from .surface import OnSurface, Surface
 
 # States that a printed result lists at most.
 _LINES = 11

@@ -17,7 +17,7 @@ def test_a_solver_is_taken_by_name_or_refused_in_one_line(
     assert run(tmp_path, *QUICK, "--solver", "superlu") == 0
     capsys.readouterr()
     monkeypatch.setattr(
-        "skfem_textile.solve.linear.choice.find_spec", lambda name: None
+        "skfem_textile.solve.linear.solver.find_spec", lambda name: None
     )
     again = ("run", "strip", "--out", str(tmp_path / "b"), *QUICK)
     said = refused(capsys, *again, "--solver", "cholmod")

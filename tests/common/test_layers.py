@@ -91,18 +91,19 @@ def origins(place, name):
     if inside in MODULES:
         return imports(inside) if hands_on(inside) else {inside}
     if not hands_on(place):
-        return {place}
+        found = name in registries(place)
+        return {place} | (registering(place.rpartition(".")[0]) if found else set())
     for other, handed in named(place):
         if handed == name and (other, handed) != (place, name):
             return origins(other, handed)
     return registering(place) if name in registries(place) else set()
 
 
-def registries(package):
-    """Names that a package gives to what `registered` finds in its folder."""
+def registries(module):
+    """Names that a module gives to what `registered` finds in its folder."""
     return {
         ast.unparse(node.targets)
-        for node in tree(package).body
+        for node in tree(module).body
         if isinstance(node, ast.Assign)
         and ast.unparse(node.value).startswith("registered(")
     }

@@ -11,7 +11,7 @@ from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.mesh.pattern import Pattern
 from skfem_textile.ply.kernels import kernel as kernels
 from skfem_textile.scenes import picture_frame, strip
-from skfem_textile.solve.linear.solvers import superlu
+from skfem_textile.solve.linear import superlu
 
 KERNELS = {
     "tension": kernels.TensionKernel,

@@ -7,7 +7,7 @@ from laid_plies import square
 from skfem_textile import OnSurface, drape
 from skfem_textile.fabric import Linear
 from skfem_textile.scenes.space.edge_tension import EdgeTension
-from skfem_textile.solve.conditions.surface import Grown
+from skfem_textile.solve.surface import Grown
 
 TENSION = 2.0
 TOUCH = 20.0, -10.0

@@ -17,7 +17,7 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.solve.conditions.surface import Grown
+from skfem_textile.solve.surface import Grown
 
 
 class Changed:

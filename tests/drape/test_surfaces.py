@@ -8,7 +8,7 @@ from helpers import sphere
 from skfem_textile import drape
 from skfem_textile.io import read_surface
 from skfem_textile.mesh.checks import MeshError
-from skfem_textile.solve.conditions.surface import Grown, OffSurfaceError, is_on, onto
+from skfem_textile.solve.surface import Grown, OffSurfaceError, is_on, onto
 
 RNG = np.random.default_rng(1)
 

@@ -132,7 +132,7 @@ def test_a_ply_with_every_unknown_fixed_is_no_special_case(factorised):
 
 def test_a_solver_that_is_not_installed_is_refused_with_what_it_needs(monkeypatch):
     monkeypatch.setattr(
-        "skfem_textile.solve.linear.choice.find_spec", lambda name: None
+        "skfem_textile.solve.linear.solver.find_spec", lambda name: None
     )
     with pytest.raises(ValueError, match="'cholmod' needs cvxopt: pip install cvxopt"):
         solver_named("cholmod")

@@ -13,12 +13,12 @@ from skfem_textile.solve.linear import (
     SOLVERS,
     ChosenSolver,
     SingularMatrixError,
-    choice,
     solver_named,
 )
-from skfem_textile.solve.linear.solvers.superlu import SuperLU
+from skfem_textile.solve.linear import solver as linear
+from skfem_textile.solve.linear.superlu import SuperLU
 
-LARGE = choice.MEASURED_FROM
+LARGE = linear.MEASURED_FROM
 
 
 class Fakes:
@@ -26,9 +26,9 @@ class Fakes:
 
     def __init__(self, monkeypatch):
         self._monkeypatch, self.time, self.factorised = monkeypatch, 0.0, []
-        monkeypatch.setattr(choice, "SOLVERS", {"superlu": SOLVERS["superlu"]})
-        monkeypatch.setattr(choice, "_MEASURED", {})
-        monkeypatch.setattr(choice, "perf_counter", lambda: self.time)
+        monkeypatch.setattr(linear, "SOLVERS", {"superlu": SOLVERS["superlu"]})
+        monkeypatch.setattr(linear, "_MEASURED", {})
+        monkeypatch.setattr(linear, "perf_counter", lambda: self.time)
 
     def add(self, name, *seconds, fails=None):
         """A solver that takes so long the first, second, ... time, or fails."""
@@ -53,9 +53,9 @@ class Fakes:
             rival=True,
         )
         first = {name: fake}
-        others = {k: o for k, o in choice.SOLVERS.items() if k != "superlu"}
+        others = {k: o for k, o in linear.SOLVERS.items() if k != "superlu"}
         offers = others | first | {"superlu": SOLVERS["superlu"]}
-        self._monkeypatch.setattr(choice, "SOLVERS", offers)
+        self._monkeypatch.setattr(linear, "SOLVERS", offers)
 
 
 @pytest.fixture
@@ -153,7 +153,7 @@ def test_a_matrix_that_is_not_definite_tells_nothing_and_the_next_one_does(fakes
 def test_of_very_large_systems_what_is_eliminated_first_is_measured(fakes):
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
-    n = choice._MOST_MEASURED + 1
+    n = linear._MOST_MEASURED + 1
     chosen(n)
     measured = [size for _, size in fakes.factorised]
     assert measured == [n - 1] * 4 + [n]
@@ -202,10 +202,7 @@ def test_a_measurement_is_on_the_clock_but_not_among_the_factorisations(
     fakes.add("slow", 0.2)
     fakes.add("fast", 0.1)
     plain = run()
-    monkeypatch.setattr(choice, "MEASURED_FROM", 10)
-    monkeypatch.setattr(
-        "skfem_textile.solve.linear.solver.perf_counter", lambda: fakes.time
-    )
+    monkeypatch.setattr(linear, "MEASURED_FROM", 10)
     fakes.factorised.clear()
     result = run()
     slow = [name for name, _ in fakes.factorised].count("slow")
@@ -224,7 +221,7 @@ def test_a_run_is_resumed_whichever_solver_is_chosen(fakes, monkeypatch, tmp_pat
     fakes.add("fast", 0.1)
     whole = run(folder=tmp_path)
     (tmp_path / "state_000002.npz").unlink()
-    monkeypatch.setattr(choice, "MEASURED_FROM", 10)
+    monkeypatch.setattr(linear, "MEASURED_FROM", 10)
     resumed = run(folder=tmp_path, resume=True)
     assert (whole.solver.name, resumed.solver.name) == ("slow", "fast")
     np.testing.assert_allclose(resumed.u, whole.u, atol=1e-12)
@@ -236,8 +233,8 @@ def test_auto_passes_over_a_package_that_is_not_whole(monkeypatch, caplog):
             return import_module(name)
         raise ImportError(f"no {name}")
 
-    monkeypatch.setattr(choice, "import_module", broken)
-    monkeypatch.setattr(choice, "find_spec", lambda name: True)
+    monkeypatch.setattr(linear, "import_module", broken)
+    monkeypatch.setattr(linear, "find_spec", lambda name: True)
     assert chosen(LARGE - 1).name == "superlu"
     assert "solver cholmod: no cvxopt.cholmod" in caplog.text
 

@@ -12,7 +12,7 @@ from ...fabric import Fabric
 from ...fabric.directions import FibreDirections, directions_of, warn_of_directions
 from ...mesh.user_input import printable
 from ...registration import Option
-from ...solve.conditions import OnSurface
+from ...solve.surface import OnSurface
 
 if TYPE_CHECKING:
     from ...scenes import Scene

@@ -4,8 +4,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...drape import triangles_on
-from ...solve.conditions import Surface
-from ...solve.conditions.surface import Grown
+from ...solve.surface import Grown, Surface
 from ..sheet import Tool, eye_axes
 
 # Chosen by eye: how far a tool is drawn beyond the ply, over the diagonal of the ply's

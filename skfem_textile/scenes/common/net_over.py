@@ -4,7 +4,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...drape import Net, net
-from ...solve.conditions import OnSurface
+from ...solve.surface import OnSurface
 
 #: Cells of a net over the longer side of the ply.  Chosen: directions of its threads at
 #: the edges are off by 1e-4.

@@ -16,8 +16,8 @@ from ...drape import (
     wrinkle_risk,
 )
 from ...solve.body import Body
-from ...solve.conditions import Surface
 from ...solve.result import Result
+from ...solve.surface import Surface
 
 _NO_NET = (
     "nothing pulls the edges, and fibres do not resist bending: where fibres are "

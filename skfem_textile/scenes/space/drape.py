@@ -15,8 +15,7 @@ from ...drape import Axes, ToolMesh, TriangleMesh
 from ...drape.elements import boundary_edges
 from ...mesh.contact import signed_areas
 from ...registration import Option, SceneRegistration
-from ...solve.conditions import OnSurface
-from ...solve.conditions.surface import OffSurfaceError, onto
+from ...solve.surface import OffSurfaceError, OnSurface, onto
 from ..scene import Scene
 from .foreseen import tell_of_net
 from .laid import DEFAULTS, LaidPly, from_options, laid, options

@@ -21,7 +21,7 @@ from skfem.helpers import dot
 from ...drape import Net
 from ...fabric.law import Law
 from ...ply.term import Term, Values
-from ...solve.conditions import OnSurface
+from ...solve.surface import OnSurface
 from ..common.net_over import CELLS, net_over
 
 # Cells that the net reaches beyond the ply.

@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from ...drape import Axes
 from ...drape.kinematic_net import FoldedNetError, NetError
-from ...solve.conditions import OnSurface
+from ...solve.surface import OnSurface
 from ..common.net_over import CELLS, net_over
 
 log = logging.getLogger(__name__)

@@ -20,9 +20,9 @@ from ...fabric import Fabric
 from ...mesh.checks import MeshError, check_mesh, with_edges
 from ...ply.term import Load
 from ...registration import Option, angle
-from ...solve.conditions import Condition, OnSurface
-from ...solve.conditions.surface import Surface
+from ...solve.conditions import Condition
 from ...solve.result import Result
+from ...solve.surface import OnSurface, Surface
 from ..common.on_tool import measured_on_tool
 from ..rectangle import misfit, rectangle
 from ..scene import Scene, unknown

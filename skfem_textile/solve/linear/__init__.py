@@ -1,9 +1,16 @@
 """Sparse direct solvers of symmetric systems, by name."""
 
-from .choice import ChosenSolver, check_solver, solver_named
-from .dissection import nested_dissection
-from .solver import Choice, Factors, SingularMatrixError, Solver
-from .solvers import SOLVERS
+from .solver import (
+    SOLVERS,
+    Choice,
+    ChosenSolver,
+    Factors,
+    SingularMatrixError,
+    Solver,
+    check_solver,
+    solver_named,
+)
+from .system import System, nested_dissection
 
 __all__ = [
     "SOLVERS",
@@ -12,6 +19,7 @@ __all__ = [
     "Factors",
     "SingularMatrixError",
     "Solver",
+    "System",
     "check_solver",
     "nested_dissection",
     "solver_named",

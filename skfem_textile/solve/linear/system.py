@@ -1,21 +1,23 @@
-"""The linear system that constraints leave of a tangent, its places found once."""
+"""The linear system that constraints leave of a tangent, and its order of elimination.
 
-from typing import Protocol
+The order is a nested dissection by geometry, which keeps factors sparse (George 1973):
+the nodes of a part are halved along its longer side, and the nodes that keep the halves
+apart are eliminated after both.  These are the fewest that touch every pair across, by
+König's theorem from a largest matching (Hopcroft & Karp 1973).
+"""
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from ...mesh.pattern import Pattern, matrix_of_slots
-from .dissection import nested_dissection
+from ..body import Supports
 from .solver import SolverOfPattern
 
-
-class Fixing(Protocol):
-    """Which unknowns are fixed and which are free."""
-
-    free: ndarray
-    fixed: ndarray
+# Parts of no more nodes than this are not divided.  Smaller parts take longer to order;
+# larger ones leave more entries in the factors.
+_LEAF_NODES = 32
 
 
 class System:
@@ -49,7 +51,7 @@ class System:
         self,
         pattern: Pattern,
         positions: ndarray,
-        constraints: Fixing,
+        constraints: Supports,
         solver: SolverOfPattern,
     ) -> None:
         nodes = nested_dissection(positions, np.array([pattern.rows, pattern.cols]))
@@ -69,8 +71,10 @@ class System:
             slots[across], row[across], col[across] - n, (n, n_fixed)
         )
         self._pattern = pattern
-        self._turn: _Turn | None = None  # the last
-        self.solver = solver(_lower(self.upper))
+        self._turn: csr_matrix | None = None  # the last, whose places are known
+        # The upper triangle by rows is the lower one by columns.
+        upper = self.upper.data, self.upper.indices, self.upper.indptr
+        self.solver = solver(csc_matrix(upper, (n, n)))
 
     def turned(self, blocks: ndarray, turn: csr_matrix) -> ndarray:
         """The blocks of a tangent in unknowns that are turned, Rᵀ K R.
@@ -82,30 +86,92 @@ class System:
         turn
             R, as of `Problem.turn`.
         """
-        if self._turn is None or self._turn.turn is not turn:
-            self._turn = _Turn(self._pattern, turn)
-        return self._turn(blocks)
-
-
-class _Turn:
-    """Rᵀ K R, with the places of what it changes."""
-
-    def __init__(self, pattern: Pattern, turn: csr_matrix) -> None:
-        self.turn, d = turn, pattern.dimension
-        R = turn.tobsr(blocksize=(d, d)).data
-        turned = np.any(np.eye(d) != R, axis=(1, 2))
-        self._rows = np.flatnonzero(turned[pattern.rows])
-        self._cols = np.flatnonzero(turned[pattern.cols])
-        self._left = R[pattern.rows[self._rows]].swapaxes(1, 2)
-        self._right = R[pattern.cols[self._cols]]
-
-    def __call__(self, blocks: ndarray) -> ndarray:
+        d, pattern = self.dimension, self._pattern
+        if self._turn is not turn:
+            self._turn, R = turn, turn.tobsr(blocksize=(d, d)).data
+            turned = np.any(np.eye(d) != R, axis=(1, 2))
+            self._rows = np.flatnonzero(turned[pattern.rows])
+            self._cols = np.flatnonzero(turned[pattern.cols])
+            self._left = R[pattern.rows[self._rows]].swapaxes(1, 2)
+            self._right = R[pattern.cols[self._cols]]
         blocks = blocks.copy()
         blocks[self._rows] = self._left @ blocks[self._rows]
         blocks[self._cols] = blocks[self._cols] @ self._right
         return blocks
 
 
-def _lower(upper: csr_matrix) -> csc_matrix:
-    """The upper triangle by rows as the lower one by columns: the same arrays."""
-    return csc_matrix((upper.data, upper.indices, upper.indptr), upper.shape)
+def nested_dissection(positions: ndarray, pairs: ndarray) -> ndarray:
+    """Nodes in an order of elimination.
+
+    Parameters
+    ----------
+    positions
+        Of the nodes, shape (2, n_nodes).
+    pairs
+        Numbers of the nodes that are coupled, shape (2, n_pairs).
+
+    Returns
+    -------
+    ndarray
+        Numbers of the nodes, shape (n_nodes,).
+
+    Examples
+    --------
+    Of nodes in a row the middle one comes last.
+
+    >>> x = np.stack([np.arange(65.0), np.zeros(65)])
+    >>> int(nested_dissection(x, np.stack([np.arange(64), np.arange(1, 65)]))[-1])
+    32
+    """
+    n, n_parts = positions.shape[1], 1
+    part = np.zeros(n, dtype=np.int64)  # of each node; −1 once it keeps others apart
+    place = np.zeros(n, dtype=np.int64)  # in the order, a digit of three per division
+    while True:
+        size = np.bincount(part[part >= 0], minlength=n_parts)
+        if size.max(initial=0) <= _LEAF_NODES:
+            return np.argsort(place, kind="stable")
+        upper = _upper_halves(positions, part, size)
+        pairs = pairs[:, (part[pairs[0]] == part[pairs[1]]) & (part[pairs[0]] >= 0)]
+        across = pairs[:, upper[pairs[0]] != upper[pairs[1]]]
+        first, second = np.where(upper[across[0]], across[::-1], across)
+        between = np.zeros(n, dtype=bool)
+        between[_cover(first, second)] = True
+        place = 3 * place + np.where(part < 0, 0, np.where(between, 2, upper))
+        part = np.where((part < 0) | between, -1, 2 * part + upper)
+        n_parts *= 2
+
+
+def _upper_halves(positions: ndarray, part: ndarray, size: ndarray) -> ndarray:
+    """Whether each node lies above the middle of its part, along its longer side."""
+    nodes = np.flatnonzero(part >= 0)
+    part_of, x = part[nodes], positions[:, nodes]
+    low, high = np.full((2, 2, len(size)), [[[np.inf]], [[-np.inf]]])
+    for axis in range(2):
+        np.minimum.at(low[axis], part_of, x[axis])
+        np.maximum.at(high[axis], part_of, x[axis])
+    longer = (high - low).argmax(axis=0)
+    order = np.lexsort((x[longer[part_of], np.arange(len(nodes))], part_of))
+    rank = np.arange(len(nodes)) - (np.cumsum(size) - size)[part_of[order]]
+    upper = np.zeros(len(part), dtype=bool)
+    upper[nodes[order]] = 2 * rank >= size[part_of[order]]
+    return upper
+
+
+def _cover(first: ndarray, second: ndarray) -> ndarray:
+    """The fewest nodes that touch every pair, each of one node on either side."""
+    lower, i = np.unique(first, return_inverse=True)
+    upper, j = np.unique(second, return_inverse=True)
+    pairs = csr_matrix((np.ones(len(i)), (i, j)), shape=(len(lower), len(upper)))
+    mate = maximum_bipartite_matching(pairs, perm_type="column")
+    matched = np.flatnonzero(mate >= 0)
+    back = np.full(len(upper), -1)
+    back[mate[matched]] = matched
+    # What alternating paths from unmatched nodes of the lower side reach.
+    reached, new, passed = mate < 0, mate < 0, np.zeros(len(upper), dtype=bool)
+    while new.any():
+        ahead = (pairs.T @ new > 0) & ~passed
+        passed |= ahead
+        new = np.zeros_like(reached)
+        new[back[ahead]] = True
+        reached |= new
+    return np.concatenate([lower[~reached], upper[passed]])

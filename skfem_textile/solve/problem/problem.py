@@ -16,7 +16,7 @@ from .start import Start
 from .tangent import EPSILON, NOT_FINITE, Tangent, plain, turned
 
 if TYPE_CHECKING:
-    from ..conditions.surface_nodes import SurfaceNodes
+    from ..surface.nodes import SurfaceNodes
 
 # Share of the largest force that an equilibrium may leave unbalanced; under loads what
 # comes back in the reactions is to be seen to ten digits.

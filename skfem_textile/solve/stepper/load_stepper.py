@@ -10,7 +10,7 @@ import numpy as np
 
 from ..body import Body
 from ..checkpoint import Checkpoint
-from ..conditions import Conditions, Constraints, OnSurface
+from ..conditions import Conditions, Constraints
 from ..error_estimate import estimated_error
 from ..linear import ChosenSolver
 from ..newton import Method
@@ -20,6 +20,7 @@ from ..states import Iteration, State
 from ..stepping.arguments import check_arguments
 from ..stepping.equilibrium_search import EquilibriumSearch, method_of
 from ..stepping.limit import moves
+from ..surface import OnSurface
 from .record import Record
 from .run import Run
 

@@ -17,8 +17,8 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.solve.conditions.between_nodes import gaps
 from skfem_textile.solve.states import NoEquilibriumError
+from skfem_textile.solve.surface import gaps
 
 SIDE, TOP, SLOPE = 90.0, 40.0, np.tan(np.radians(50))
 OTHERS = "work", "stabilisation", "deviation", "corners"

@@ -18,7 +18,7 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
-from skfem_textile.solve.linear.solvers.superlu import SuperLU
+from skfem_textile.solve.linear.superlu import SuperLU
 from skfem_textile.solve.problem import Problem
 
 

@@ -22,8 +22,7 @@ from skfem_textile import (
 )
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve.linear import SOLVERS
-from skfem_textile.solve.linear.solvers import superlu
+from skfem_textile.solve.linear import SOLVERS, superlu
 
 
 def test_linear_solves_include_abandoned_attempts():

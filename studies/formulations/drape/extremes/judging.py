@@ -15,10 +15,10 @@ import numpy as np
 from numpy import ndarray
 
 from skfem_textile import drape
-from skfem_textile.solve.conditions.surface import distance, onto
 from skfem_textile.solve.error_estimate import estimated_error
 from skfem_textile.solve.result import StepError
 from skfem_textile.solve.states import NoEquilibriumError
+from skfem_textile.solve.surface import distance, onto
 from skfem_textile.solve.verdict import excess
 
 from ....study import Row

@@ -6,8 +6,8 @@ the node moves along its surface across n = P∇φ/‖P∇φ‖.  The equilibriu
 ∂E/∂x = λ∇φ across what is held, and its tangent is that of E less λ∇²φ.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -15,13 +15,9 @@ from scipy.sparse import bsr_matrix, csr_matrix, identity
 from skfem import CellBasis
 
 from ..states import NoEquilibriumError
-from .asked import Asked, SurfaceError
-from .between_nodes import Gaps, gaps
 from .geodesics import exponential_map
-from .surface import OffSurfaceError, is_on, onto
-
-if TYPE_CHECKING:
-    from .on_surface import OnSurface
+from .on_surface import OnSurface, SurfaceError, UserSurface
+from .surface import Gaps, OffSurfaceError, gaps, is_on, onto
 
 # Sine of the angle between a normal and what conditions hold below which they hold the
 # node across its surface already.  Chosen: far above rounding.
@@ -79,24 +75,17 @@ class SurfaceNodes:
     Raises
     ------
     ValueError
-        If the ply is no ply in space, what is given is no surface, or a node is to be
-        on two surfaces.
+        If what is given is no surface, or a node is to be on two surfaces.
     """
 
     def __init__(
         self,
-        conditions: Mapping[str, "OnSurface"],
+        conditions: Mapping[str, OnSurface],
         nodes: Mapping[str, ndarray],
         X: ndarray,
-        d: int,
         turn: csr_matrix | None,
         prescribed: ndarray,
     ) -> None:
-        if d != 3:
-            raise ValueError(
-                f"condition {next(iter(conditions))!r}: only a ply in space lies on a "
-                "surface: Ply(..., dimension=3)"
-            )
         self._X = np.pad(X, ((0, 1), (0, 0)))
         n_nodes = X.shape[1]
         every = identity(3 * n_nodes, format="csr") if turn is None else turn
@@ -104,20 +93,27 @@ class SurfaceNodes:
         free = np.ones(3 * n_nodes, dtype=bool)
         free[prescribed] = False
         self._free = free.reshape(-1, 3)
-        movable: ndarray = np.any(self._free, axis=1)
         for name, condition in conditions.items():
             condition.check(name, self._X[:, nodes[name]])
-        self._parts = [
-            (name, condition, nodes[name][movable[nodes[name]]])
-            for name, condition in conditions.items()
-        ]
+        self._parts, taken = [], np.zeros(n_nodes, dtype=bool)
+        for name, condition in conditions.items():
+            own = nodes[name][self._free[nodes[name]].any(axis=1)]
+            if taken[own].any():
+                node = own[taken[own]].min()
+                raise ValueError(
+                    f"condition {name!r}: node {node} is on another surface too"
+                )
+            taken[own] = True
+            self._parts.append((name, condition, own))
         self.nodes = np.concatenate([own for _, _, own in self._parts])
-        _refuse_two(self._parts, n_nodes)
         first = self._free[self.nodes].argmax(axis=1)
         self.eliminated = 3 * self.nodes + first
         columns = self._frames[self.nodes] * self._free[self.nodes][:, None]
         self._projector = columns @ columns.swapaxes(1, 2)
-        self._kept: tuple[ndarray, float, dict[str, Any]] = np.empty(0), 0.0, {}
+        # Contact and turn of the last displacement: an iteration needs them repeatedly.
+        self._u, self._t = np.empty(0), 0.0
+        self._contact: Contact | None = None
+        self._turn: csr_matrix | None = None
         self._laid: dict[float, ndarray] = {}
 
     def check(self, t: float) -> None:
@@ -139,9 +135,8 @@ class SurfaceNodes:
         NoEquilibriumError
             If a node is held across its surface already.
         """
-        return self._keep("contact", u, t, self._found_contact)
-
-    def _found_contact(self, u: ndarray, t: float) -> Contact:
+        if self._contact and t == self._t and np.array_equal(u, self._u):
+            return self._contact
         x = self._positions(u)
         surfaces = [(s, x[:, own]) for s, own in self._surfaces(t)]
         level = np.concatenate([s.level(at) for s, at in surfaces])
@@ -155,7 +150,9 @@ class SurfaceNodes:
                 f"conditions hold node {node} across its surface already",
                 advice="fewer conditions there",
             )
-        return Contact(self.nodes, level, gradient, along / length, length)
+        self._u, self._t, self._turn = u.copy(), t, None
+        self._contact = Contact(self.nodes, level, gradient, along / length, length)
+        return self._contact
 
     def hessian(self, u: ndarray, t: float) -> ndarray:
         """∇²φ at the nodes, shape (n, 3, 3)."""
@@ -165,32 +162,29 @@ class SurfaceNodes:
 
     def turn(self, u: ndarray, t: float) -> csr_matrix:
         """The map from unknowns of which ``eliminated`` lie across surfaces."""
-        return self._keep("turn", u, t, self._found_turn)
-
-    def _found_turn(self, u: ndarray, t: float) -> csr_matrix:
-        frames, own = self._frames.copy(), self.nodes
-        across = np.einsum("nij,in->nj", frames[own], self.contact(u, t).across)
-        across = np.where(self._free[own], across, 0.0)
-        row = np.arange(len(own))
-        first = self.eliminated - 3 * own
-        mirror = across.copy()  # Householder: its reflection has n as column `first`
-        mirror[row, first] += np.copysign(1.0, across[row, first])
-        squared = (mirror**2).sum(axis=1)[:, None, None]
-        reflection = np.eye(3) - 2 * mirror[:, :, None] * mirror[:, None] / squared
-        frames[own] = frames[own] @ reflection
-        n = len(frames)
-        blocks = frames, np.arange(n), np.arange(n + 1)
-        return bsr_matrix(blocks, shape=(3 * n, 3 * n)).tocsr()
+        contact = self.contact(u, t)
+        if self._turn is None:
+            frames, own = self._frames.copy(), self.nodes
+            across = np.einsum("nij,in->nj", frames[own], contact.across)
+            # Householder: the reflection has n as its column ``first``.
+            mirror = np.where(self._free[own], across, 0.0)
+            row, first = np.arange(len(own)), self.eliminated - 3 * own
+            mirror[row, first] += np.copysign(1.0, mirror[row, first])
+            squared = (mirror**2).sum(axis=1)[:, None, None]
+            reflection = np.eye(3) - 2 * mirror[:, :, None] * mirror[:, None] / squared
+            frames[own] = frames[own] @ reflection
+            n = len(frames)
+            blocks = frames, np.arange(n), np.arange(n + 1)
+            self._turn = bsr_matrix(blocks, shape=(3 * n, 3 * n)).tocsr()
+        return self._turn
 
     def motion(self, u: ndarray, t: float, du: ndarray) -> ndarray:
         """A motion of conditions, and what brings nodes onto surfaces to first order.
 
         Parameters
         ----------
-        u
-            Displacement.
-        t
-            Load factor.
+        u, t
+            Displacement and load factor.
         du
             Motion of what linear conditions fix, a DOF vector.
         """
@@ -243,7 +237,7 @@ class SurfaceNodes:
                 s: self._laid[s]
                 if s in self._laid
                 else exponential_map(
-                    Asked(name, condition.at(name, s)), X, touch, steps=_STEPS
+                    UserSurface(name, condition.at(name, s)), X, touch, steps=_STEPS
                 )
                 for s in (before, t)
             }
@@ -298,32 +292,9 @@ class SurfaceNodes:
         most = np.nansum(height)
         return np.where(height * np.copysign(1.0, most) < 0, -1.0, 1.0)
 
-    def _keep(self, name: str, u: ndarray, t: float, found: Callable) -> Any:
-        """What was found of the last displacement: an iteration asks several times."""
-        last_u, last_t, kept = self._kept
-        if t != last_t or not np.array_equal(u, last_u):
-            kept = {}
-            self._kept = u.copy(), t, kept
-        if name not in kept:
-            kept[name] = found(u, t)
-        return kept[name]
-
-    def _surfaces(self, t: float) -> list[tuple[Asked, ndarray]]:
+    def _surfaces(self, t: float) -> list[tuple[UserSurface, ndarray]]:
         """The surfaces at a load factor, and the nodes on each."""
-        return [(Asked(name, c.at(name, t)), own) for name, c, own in self._parts]
+        return [(UserSurface(name, c.at(name, t)), own) for name, c, own in self._parts]
 
     def _positions(self, u: ndarray) -> ndarray:
         return self._X + u.reshape(-1, 3).T
-
-
-def _refuse_two(
-    parts: Sequence[tuple[str, "OnSurface", ndarray]], n_nodes: int
-) -> None:
-    """Refuse a node on two surfaces."""
-    count = np.zeros(n_nodes, dtype=int)
-    for name, _, own in parts:
-        count[own] += 1
-        if (count > 1).any():
-            raise ValueError(
-                f"condition {name!r}: node {count.argmax()} is on another surface too"
-            )

@@ -1,10 +1,12 @@
-"""Surfaces as zeros of a function of position, and points brought onto them."""
+"""Surfaces as zeros of a function of position, points brought onto them, and gaps."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
+from skfem import CellBasis
 
 # Distance from a surface, as a share of the largest coordinate, of a point that is on
 # it, and iterations at most to get there.  Chosen: far below any mesh, and above the
@@ -124,3 +126,59 @@ def onto(surface: Surface, x: ndarray, free: ndarray | None = None) -> ndarray:
     raise OffSurfaceError(
         f"{off.sum()} point(s) have no way to the surface, the first at {place}"
     )
+
+
+class Gaps(NamedTuple):
+    """Gaps between elements and their surfaces, 0 where an element is on none.
+
+    Attributes
+    ----------
+    share
+        Largest gap of each element over its longest edge, shape (n_elements,).
+    gap
+        Largest gap in mm, shape (n_elements,).
+    place
+        Where that is in mm, shape (3, n_elements).
+    """
+
+    share: ndarray
+    gap: ndarray
+    place: ndarray
+
+
+def gaps(
+    surfaces: Iterable[tuple[Surface, ndarray]], x: ndarray, basis: CellBasis
+) -> Gaps:
+    """Gaps of the elements whose nodes all lie on one surface.
+
+    They are measured midway between nodes: of quadrilaterals at the centre and the
+    middles of the edges, of quadratic triangles between corners and middles of edges.
+
+    Parameters
+    ----------
+    surfaces
+        Surfaces, and the numbers of the nodes on each.
+    x
+        Positions of the nodes in mm, shape (3, n_nodes).
+    basis
+        Basis of the displacement.
+    """
+    nodes, n = basis.element_dofs[::3] // 3, basis.nelems
+    vector: Any = basis.elem
+    element = vector.elem  # of each component
+    one, other = np.triu_indices(len(nodes), 1)
+    middles = 0.5 * (element.doflocs[one] + element.doflocs[other]).round(12)
+    at = np.unique(middles, axis=0).T
+    shapes = np.array([element.lbasis(at, i)[0] for i in range(len(nodes))])
+    corners = x[:, nodes[: len(basis.mesh.t)]]
+    edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=0)
+    gap, place = np.zeros(n), corners.mean(axis=1)
+    for surface, own in surfaces:
+        elements = np.flatnonzero(np.isin(nodes, own).all(axis=0))
+        points = np.einsum("kp,ike->ipe", shapes, x[:, nodes[:, elements]])
+        off = np.abs(distance(surface, points.reshape(3, -1)))
+        off = off.reshape(points.shape[1:])
+        furthest = off.argmax(axis=0), np.arange(len(elements))
+        gap[elements] = off[furthest]
+        place[:, elements] = points[:, *furthest]
+    return Gaps(gap / edges.max(axis=0), gap, place)

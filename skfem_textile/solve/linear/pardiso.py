@@ -8,9 +8,9 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU as Decomposition
 
-from ....registration import SolverRegistration
-from ..solver import OneAtATime, SingularMatrixError
-from .superlu import SuperLU
+from ...registration import SolverRegistration
+from .solver import SingularMatrixError
+from .superlu import OneAtATime
 
 # Types of matrices and phases, as its manual numbers them.
 _SYMMETRIC_INDEFINITE = -2
@@ -44,23 +44,14 @@ class Pardiso(OneAtATime):
         self._A = csr_matrix(
             (np.ones(lower.nnz), lower.indices, lower.indptr), lower.shape
         )
-        solver = PyPardisoSolver(mtype=_SYMMETRIC_INDEFINITE)
+        self.pardiso = solver = PyPardisoSolver(mtype=_SYMMETRIC_INDEFINITE)
         solver.perm = np.arange(1, lower.shape[0] + 1, dtype=np.int32)
-        for number, value in (
-            (_OWN_PARAMETERS, 1),
-            (_ORDER_GIVEN, 1),
-            (_REFINEMENTS, 1),
-            (_LEAST_PIVOT, 13),
-        ):
-            solver.set_iparm(number, value)
-        self._solver = solver
+        solver.set_iparm(_OWN_PARAMETERS, 1)
+        solver.set_iparm(_ORDER_GIVEN, 1)
+        solver.set_iparm(_REFINEMENTS, 1)
+        solver.set_iparm(_LEAST_PIVOT, 13)
         finalize(self, solver.free_memory, everything=True)
         self.call(_ANALYSE)
-
-    @cached_property
-    def pivoting(self) -> SuperLU:
-        """What solves where the matrix is indefinite: PARDISO pivots in blocks only."""
-        return SuperLU(self.lower)
 
     def factorise(self, data: ndarray) -> "PardisoFactors":
         """Factors of the matrix with the entries ``data``."""
@@ -74,17 +65,19 @@ class Pardiso(OneAtATime):
             self._A.data = data
         if not self._A.nnz:
             return np.empty(0)
-        self._solver.set_phase(phase)
+        self.pardiso.set_phase(phase)
         none = np.zeros(self._A.shape[0])
-        return self._solver._call_pardiso(self._A, none if b is None else b)
-
-    def told(self, number: int) -> int:
-        """One of its parameters."""
-        return int(self._solver.get_iparm(number))
+        return self.pardiso._call_pardiso(self._A, none if b is None else b)
 
 
 class PardisoFactors:
-    """See `Factors`."""
+    """See `Factors`.
+
+    Attributes
+    ----------
+    definite
+        Whether no pivot is negative, and none of them round-off.
+    """
 
     def __init__(self, solver: Pardiso, data: ndarray) -> None:
         self._solver, self._data = solver, data
@@ -98,25 +91,21 @@ class PardisoFactors:
             raise SingularMatrixError
         return self._negative
 
-    @property
-    def definite(self) -> bool:
-        """Whether no pivot is negative, and none of them round-off."""
-        return self._negative == 0
-
     def refactorise(self) -> None:
         """Factors and inertia."""
         from pypardiso.pardiso_wrapper import PyPardisoError
 
-        solver = self._solver
+        self._negative: int | None = None
         try:
-            solver.call(_FACTORISE, self._data)
+            self._solver.call(_FACTORISE, self._data)
         except PyPardisoError as error:
             if error.value != _ZERO_PIVOT:
                 raise
-            self._negative = None
         else:
-            singular = solver.told(_PERTURBED) > 0
-            self._negative = None if singular else solver.told(_NEGATIVE)
+            parameter = self._solver.pardiso.get_iparm
+            if parameter(_PERTURBED) <= 0:
+                self._negative = int(parameter(_NEGATIVE))
+        self.definite = self._negative == 0
 
     def solve(self, b: ndarray) -> ndarray:
         """Solve A x = b."""
@@ -127,8 +116,9 @@ class PardisoFactors:
 
     @cached_property
     def _pivoted(self) -> Decomposition:
+        """What solves an indefinite system: PARDISO pivots in blocks only."""
         self.factorisations += 1
-        return self._solver.pivoting.pivoted(self._data)
+        return self._solver.superlu.pivoted(self._data)
 
 
 REGISTRATION = SolverRegistration(

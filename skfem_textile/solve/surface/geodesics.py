@@ -86,28 +86,14 @@ def exponential_map(
     away = X - np.asarray(touch)[:, None]
     lengths = np.linalg.norm(away, axis=0)
     directions = along @ (away / np.where(lengths > 0, lengths, 1.0))
-    ends = _ends(surface, start, directions, lengths, 1 / steps)
-    return onto(surface, ends)
-
-
-def _ends(
-    surface: Surface,
-    start: ndarray,
-    directions: ndarray,
-    lengths: ndarray,
-    longest_step: float,
-) -> ndarray:
-    """Ends of geodesics from a point in unit directions, shape (3, n).
-
-    All advance together by steps of one length, a share of the longest geodesic, so
-    that their errors are alike, each to its own end.  The method is that of Nyström, of
-    order 4 (Hairer, Nørsett & Wanner 1993, Solving ordinary differential equations I,
-    II.14); the change at the end of a step tells its error.
-    """
+    # All geodesics advance together by steps of one length, a share of the longest, so
+    # that their errors are alike, each to its own end.  The method is that of Nyström,
+    # of order 4 (Hairer, Nørsett & Wanner 1993, Solving ordinary differential equations
+    # I, II.14); the change at the end of a step tells its error.
     longest = lengths.max(initial=0.0)
     x, v = np.tile(start, len(lengths)), longest * directions
     bend = _bending(surface, x)(v)
-    way, step, ends = 0.0, longest_step, lengths / (longest or 1.0)
+    way, step, ends = 0.0, 1 / steps, lengths / (longest or 1.0)
     left = np.flatnonzero(ends)
     while left.size:
         h = np.minimum(step, ends[left] - way)
@@ -126,8 +112,8 @@ def _ends(
             left = left[ends[left] > way]
         longer = _CAUTION * np.cbrt(_ACCURACY * longest / max(error, _TINY))
         step *= float(np.clip(longer, _SHORTER, _LONGER))
-        step = min(max(step, _SHORTEST), longest_step)
-    return x
+        step = min(max(step, _SHORTEST), 1 / steps)
+    return onto(surface, x)
 
 
 def tangents(surface: Surface, point: ndarray, first: ndarray | tuple) -> ndarray:

@@ -1,0 +1,334 @@
+"""Conditions on displacements, and the constraints into which they are resolved."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix, identity
+from scipy.sparse.linalg import splu
+from skfem import CellBasis
+
+from ..fabric import Direction, unit_vectors
+from ..mesh.bases import components, node_dofs, node_positions
+from ..mesh.selection import Where, selected_nodes
+from ..mesh.user_input import call_user_function, real_numbers
+from .surface import OnSurface
+from .surface.nodes import SurfaceNodes
+
+Value: TypeAlias = (
+    ArrayLike | Sequence[ArrayLike | None] | Callable[[ndarray, float], ndarray]
+)
+
+# Two directions at a node closer than this (radians) are one.  A larger angle takes
+# directions that differ on purpose for one.  A smaller one takes round-off of normals
+# for a second direction, along which a node is then held.
+_PARALLEL_ANGLE = 1e-6
+
+# Conditions agree at a node if their displacements differ by no more than this share of
+# the largest, and, for round-off, this share of the largest coordinate.
+_AGREEING, _ROUND_OFF = 1e-9, 1e-15
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """A displacement fixed on some nodes, whole or along one direction.
+
+    Parameters
+    ----------
+    where
+        The name of a boundary or of nodes of the mesh, a function of position
+        ``(2, n) -> (n,) bool``, one bool per node of the ply (``ply.nodes``), or node
+        numbers.  The nodes of a ply are vertices, then middles of edges if the element
+        has nodes there.
+    value
+        Displacement in mm: with a direction, a scalar per node; without, a vector per
+        node, shape (d, n), with d = 2 components in the plane and 3 in space.  Either a
+        function ``value(X, t)`` of reference position and load factor, or a constant
+        that is reached in proportion to the load factor.  Values per node are in the
+        order in which the node numbers are given, and of ascending numbers where none
+        are.  Of constant components those that are None stay free.
+    direction
+        The direction in which the displacement is fixed: a vector of d components or a
+        function of position.  Without it the whole displacement is fixed.
+
+    Examples
+    --------
+    A clamp, an edge pulled by 5 mm, a roller on a slope of 30°, and in space an edge
+    that is pulled along y, does not move along x and is free along z:
+
+    >>> clamp = Condition("bottom")
+    >>> pulled = Condition("top", 5.0, direction=(0, 1))
+    >>> roller = Condition(lambda x: x[0] > 99.9, direction=(-0.5, 3**0.5 / 2))
+    >>> in_space = Condition("top", (0.0, 5.0, None))
+    """
+
+    where: Where
+    value: Value = 0.0
+    direction: Direction | None = None
+
+    def nodes(self, name: str, basis: CellBasis) -> ndarray:
+        """Numbers of the nodes on which the condition acts, in the order of its values.
+
+        Raises
+        ------
+        ValueError
+            If the boundary is unknown, the nodes are not valid, or there are none.
+        """
+        return selected_nodes(f"condition {name!r}", self.where, basis)
+
+    def directions(self, name: str, X: ndarray, d: int = 2) -> ndarray:
+        """Fixed directions at nodes, shape (k, d, n), with k from 1 to d."""
+        shape = d, X.shape[1]
+        if self.direction is None:
+            axes = np.eye(d)[self._axes(name, d)]
+            return np.broadcast_to(axes[:, :, None], (len(axes), *shape))
+        what = f"condition {name!r}: direction"
+        n = unit_vectors(what, self.direction, X, d=d)
+        return np.broadcast_to(n, shape)[None]
+
+    def values(self, name: str, X: ndarray, t: float, d: int = 2) -> ndarray:
+        """Displacements along the fixed directions, shape (k, n)."""
+        what, given = f"condition {name!r}: the value", self.value
+        axes, n_nodes = self._axes(name, d), X.shape[1]
+        if callable(self.value):
+            given = call_user_function(what, self.value, X, t)
+        elif len(axes) < d:
+            given = [x for x in self.value if x is not None]  # type: ignore[union-attr]
+        value = real_numbers(what, given)
+        if not np.all(np.isfinite(value)):
+            raise ValueError(f"{what} is not finite at load factor {t:g}")
+        if not callable(self.value):
+            value = t * value
+            if value.shape == (len(axes),) and self.direction is None:
+                value = np.broadcast_to(value[:, None], (len(axes), n_nodes))
+        shape = (len(axes), n_nodes) if self.direction is None else (n_nodes,)
+        one_for_all = value.ndim == 0 and (self.direction is not None or value == 0)
+        if value.shape != shape and not one_for_all:
+            raise ValueError(f"{what} must have shape {shape}, not {value.shape}")
+        return np.broadcast_to(value, shape).reshape(-1, n_nodes)
+
+    def _axes(self, name: str, d: int) -> list[int]:
+        """Numbers of the components that are fixed where there is no direction."""
+        value = self.value
+        if not isinstance(value, list | tuple) or all(x is not None for x in value):
+            return list(range(d))
+        axes = [i for i, x in enumerate(value) if x is not None]
+        if self.direction is not None or len(value) != d or not axes:
+            raise ValueError(
+                f"condition {name!r}: the value {value} must have {d} components, some "
+                "of them numbers and None where it is free, and no direction beside it"
+            )
+        return axes
+
+    def turned(self, Q: ndarray) -> "Condition":
+        """The same condition in a problem turned in its plane by the rotation Q."""
+        if self.direction is None and len(axes := self._axes("turned", 2)) < 2:
+            (axis,), value = axes, self.value
+            along: Any = np.eye(2)[axis]
+            return Condition(self.where, value[axis], along).turned(Q)  # type: ignore[index, arg-type]
+        where, direction = self.where, self.direction
+
+        def turned_value(X: ndarray, t: float) -> ndarray:
+            plain = Q.T @ X
+            n = self.values("turned", plain, t)
+            return Q @ n if direction is None else n[0]
+
+        def turned_where(X: ndarray) -> ndarray:
+            return where(Q.T @ X)  # type: ignore[operator]
+
+        def turned_direction(X: ndarray) -> ndarray:
+            return Q @ unit_vectors("direction", direction, Q.T @ X)  # type: ignore[arg-type]
+
+        return Condition(
+            turned_where if callable(where) else where,
+            turned_value,
+            None if direction is None else turned_direction,
+        )
+
+
+#: What a ply meets, by name.
+Conditions: TypeAlias = Mapping[str, Condition | OnSurface]
+
+
+class Constraints:
+    """The conditions of a ply, resolved into fixed unknowns.
+
+    Where inclined directions are fixed at a node and others are free, the unknowns of
+    that node are turned so that the first lie along them: u = turn @ q.  Conditions
+    that repeat one another are merged.
+
+    Parameters
+    ----------
+    basis
+        Basis of the displacement.
+    conditions
+        `Condition` and `OnSurface` by name.
+
+    Attributes
+    ----------
+    turn
+        Orthogonal matrix from the turned to the plain unknowns; None where every
+        fixed direction lies along an axis.  Nodes on surfaces turn further.
+    prescribed
+        Numbers of the (turned) unknowns that conditions on displacements fix.
+    surfaces
+        The nodes on surfaces; None where there are none.
+    fixed, free
+        Numbers of the fixed unknowns, those across surfaces among them, and of the
+        others.
+    nodes
+        Node numbers of each condition, by name: ascending, each of them once.
+
+    Raises
+    ------
+    ValueError
+        If a condition is not valid, or two of them disagree.
+    """
+
+    def __init__(self, basis: CellBasis, conditions: Conditions) -> None:
+        if not isinstance(conditions, Mapping):
+            raise ValueError(
+                "conditions must be a mapping of names to Conditions, not "
+                f"{type(conditions).__name__}"
+            )
+        for name, condition in conditions.items():
+            if not isinstance(condition, Condition | OnSurface):
+                raise ValueError(
+                    f"condition {name!r} must be a Condition, like "
+                    f"Condition('bottom'), not {type(condition).__name__}"
+                )
+        if not conditions:
+            raise ValueError("no conditions: a ply must be held somewhere")
+        self._X, self._d = node_positions(basis), components(basis)
+        acting = {name: c.nodes(name, basis) for name, c in conditions.items()}
+        self.nodes = {name: np.unique(nodes) for name, nodes in acting.items()}
+        on = {k: c for k, c in conditions.items() if isinstance(c, OnSurface)}
+        self._conditions = [
+            (name, c, self._X[:, acting[name]])
+            for name, c in conditions.items()
+            if isinstance(c, Condition)
+        ]
+        # Each row fixes one direction at one node.
+        node, direction = [np.empty(0, int)], [np.empty((self._d, 0))]
+        for name, condition, X in self._conditions:
+            n = condition.directions(name, X, self._d)
+            node.append(np.tile(acting[name], len(n)))
+            direction.append(n.transpose(1, 0, 2).reshape(self._d, -1))
+        self._node = np.concatenate(node)
+        self._resolve(basis, np.concatenate(direction, axis=1))
+        self.fixed, self.surfaces = self.prescribed, None
+        if on:
+            if self._d != 3:
+                raise ValueError(
+                    f"condition {next(iter(on))!r}: only a ply in space lies on a "
+                    "surface: Ply(..., dimension=3)"
+                )
+            place = self._X, self.turn, self.prescribed
+            self.surfaces = SurfaceNodes(on, acting, *place)
+            self.fixed = np.union1d(self.prescribed, self.surfaces.eliminated)
+        self.free = np.setdiff1d(np.arange(basis.N), self.fixed)
+
+    def _resolve(self, basis: CellBasis, direction: ndarray) -> None:
+        """Choose the fixed unknowns and the map from the rows' values to theirs.
+
+        ``_rows @ q[prescribed]`` are the displacements along the directions.
+        """
+        d, dofs = self._d, node_dofs(basis)[:, : self._X.shape[1]]
+        held, count = _held_directions(self._node, direction, self._X.shape[1])
+        projector = np.einsum("jin,jkn->ikn", held, held)
+        crossed = projector * (1 - np.eye(d))[:, :, None]
+        along_axes = (crossed == 0).all(axis=(0, 1)) | (count == d)
+        inclined = np.flatnonzero(~along_axes)
+        self.turn = _turns(basis.N, dofs[:, inclined], held[..., inclined])
+
+        axes = np.einsum("iin->in", projector) > 0.5
+        first = np.arange(d)[:, None] < count
+        fixed = np.where(count == d, True, np.where(along_axes, axes, first))
+        self.prescribed = np.sort(dofs[fixed])
+        rows = np.tile(np.arange(len(self._node)), d)
+        entries = direction.ravel(), (rows, dofs[:, self._node].ravel())
+        N = csr_matrix(entries, shape=(len(self._node), basis.N))
+        if self.turn is not None:
+            N = N @ self.turn
+        self._rows = N[:, self.prescribed]
+        # The rows of a node couple its unknowns alone, of full rank by choice: least
+        # squares, which leave a remainder where conditions disagree.
+        normal = (self._rows.T @ self._rows).tocsc()
+        self._normal = splu(normal) if len(self.prescribed) else None
+
+    def fixed_values(self, t: float) -> ndarray:
+        """Values of the prescribed unknowns at the load factor ``t``.
+
+        Raises
+        ------
+        ValueError
+            If two conditions ask a node for different displacements, or a surface
+            cannot grow.
+        """
+        if self.surfaces:
+            self.surfaces.check(t)
+        if self._normal is None:
+            return np.empty(0)
+        g = np.concatenate(
+            [c.values(name, X, t, self._d).ravel() for name, c, X in self._conditions]
+        )
+        q = self._normal.solve(self._rows.T @ g)
+        remainder = np.abs(self._rows @ q - g)
+        allowed = _AGREEING * np.abs(g).max() + _ROUND_OFF * np.abs(self._X).max()
+        if remainder.max() > allowed:
+            node = self._node[remainder.argmax()]
+            names = [name for name, nodes in self.nodes.items() if node in nodes]
+            raise ValueError(
+                f"conditions {' and '.join(map(repr, names))} disagree at node {node} "
+                f"{tuple(self._X[:, node].round(6).tolist())}, load factor {t:g}"
+            )
+        return q
+
+
+def _held_directions(
+    node: ndarray, direction: ndarray, n_nodes: int
+) -> tuple[ndarray, ndarray]:
+    """Orthonormal directions held at each node, and how many there are.
+
+    Shapes (d, d, n_nodes), zero where there are fewer, and (n_nodes,).
+    """
+    d = len(direction)
+    held, count = np.zeros((d, d, n_nodes)), np.zeros(n_nodes, dtype=int)
+    # The number of each row among the rows of its node.
+    order = np.argsort(node, kind="stable")
+    _, start, counts = np.unique(node[order], return_index=True, return_counts=True)
+    number = np.empty(len(node), dtype=int)
+    number[order] = np.arange(len(node)) - np.repeat(start, counts)
+    for i in range(counts.max(initial=0)):
+        rows = number == i
+        at, n = node[rows], direction[:, rows]
+        known = held[..., at]
+        share = np.einsum("jin,in->jn", known, n)
+        rest = n - np.einsum("jin,jn->in", known, share)
+        length = np.linalg.norm(rest, axis=0)
+        new = length >= _PARALLEL_ANGLE
+        unit = np.where(count[at] > 0, rest / np.where(new, length, 1.0), n)
+        held[count[at[new]], :, at[new]] = unit[:, new].T
+        count[at[new]] += 1
+    return held, count
+
+
+def _turns(n_dofs: int, dofs: ndarray, held: ndarray) -> csr_matrix | None:
+    """Identity, but for nodes whose first unknowns are to lie along what is held."""
+    if dofs.size == 0:
+        return None
+    turn = identity(n_dofs, format="lil")
+    for own, (first, *others) in zip(dofs.T, held.transpose(2, 0, 1), strict=True):
+        if len(first) == 2:
+            frame = [first, [-first[1], first[0]]]
+        else:
+            second = others[0]
+            if not second.any():
+                second = np.cross(first, np.eye(3)[np.abs(first).argmin()])
+                second = second / np.linalg.norm(second)
+            frame = [first, second, np.cross(first, second)]
+        turn[np.ix_(own, own)] = np.transpose(frame)
+    return turn.tocsr()

@@ -1,0 +1,145 @@
+"""CHOLMOD through cvxopt, which is under the GPL and never required."""
+
+from collections.abc import Callable
+from functools import cached_property
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import SuperLU as Decomposition
+
+from ...registration import SolverRegistration
+from .solver import SingularMatrixError, refuse_round_off
+from .superlu import OneAtATime
+
+# Kinds of factors, as its option ``supernodal`` numbers them: LLᵀ and LDLᵀ.
+_SUPERNODAL, _SIMPLICIAL = 2, 0
+
+# Systems that its function ``solve`` solves with a part of the factors, as it numbers
+# them: D x = b, and x = P b with the order P of the pivots.
+_DIAGONAL, _PERMUTED = 6, 7
+
+# Unknowns from which the time to import it is repaid, see ``docs/speed.md``.
+_REPAID_FROM = 500
+
+# The options of cvxopt are those of the whole process.
+_LOCK = Lock()
+
+
+class Cholmod(OneAtATime):
+    """Cholesky factors, whose success proves stability; LDLᵀ counts where it fails.
+
+    Parameters
+    ----------
+    lower
+        As of `Solver`.
+    """
+
+    def __init__(self, lower: csc_matrix) -> None:
+        import cvxopt.cholmod  # when the first system is to be solved
+
+        self.lower, self.cvxopt, n = lower, cvxopt, lower.shape[0]
+        col = np.repeat(np.arange(n), np.diff(lower.indptr))
+        rows, cols, self._order = (
+            cvxopt.matrix(x.astype(np.int64), tc="i")
+            for x in (lower.indices, col, np.arange(n))
+        )
+        self.A = cvxopt.spmatrix(0.0, rows, cols, (n, n))
+        self.factors = self.of_kind(
+            _SUPERNODAL, cvxopt.cholmod.symbolic, self.A, self._order
+        )
+
+    def factorise(self, data: ndarray) -> "CholmodFactors":
+        """Factors of the matrix with the entries ``data``."""
+        return CholmodFactors(self, data)
+
+    @cached_property
+    def simplicial(self) -> Any:
+        """The pattern analysed for LDLᵀ."""
+        symbolic = self.cvxopt.cholmod.symbolic
+        return self.of_kind(_SIMPLICIAL, symbolic, self.A, self._order)
+
+    def of_kind(self, kind: int, function: Callable, *args: Any) -> Any:
+        """Call a function of cvxopt that makes factors, to make them of this kind."""
+        options = self.cvxopt.cholmod.options
+        with _LOCK:
+            before = dict(options)
+            options["supernodal"] = kind
+            try:
+                return function(*args)
+            finally:
+                options.clear()
+                options.update(before)
+
+
+class CholmodFactors:
+    """See `Factors`."""
+
+    def __init__(self, solver: Cholmod, data: ndarray) -> None:
+        self._solver, self._data = solver, data
+        self._cvxopt = solver.cvxopt
+        self.factorisations = 0
+        self.definite = True
+        solver.hold(self)
+
+    def refactorise(self) -> None:
+        """Cholesky's factors, if there are any."""
+        solver, cholmod = self._solver, self._cvxopt.cholmod
+        solver.A.V = self._cvxopt.matrix(self._data)
+        try:
+            solver.of_kind(_SUPERNODAL, cholmod.numeric, solver.A, solver.factors)
+            root = np.array(cholmod.diag(solver.factors)).ravel()
+            self._refuse_round_off(solver.factors, root**2)
+        except (ArithmeticError, SingularMatrixError):
+            self.definite = False
+
+    @cached_property
+    def negative_pivots(self) -> int:
+        """By the signs of D."""
+        if self.definite:
+            return 0
+        self.factorisations += 1
+        solver, cholmod = self._solver, self._cvxopt.cholmod
+        solver.A.V = self._cvxopt.matrix(self._data)
+        try:
+            solver.of_kind(_SIMPLICIAL, cholmod.numeric, solver.A, solver.simplicial)
+        except ArithmeticError:
+            raise SingularMatrixError from None
+        reciprocal = self._cvxopt.matrix(1.0, (solver.lower.shape[0], 1))
+        cholmod.solve(solver.simplicial, reciprocal, sys=_DIAGONAL)
+        pivots = 1.0 / np.array(reciprocal).ravel()
+        self._refuse_round_off(solver.simplicial, np.abs(pivots))
+        return int(np.sum(pivots < 0))
+
+    def solve(self, b: ndarray) -> ndarray:
+        """Solve A x = b."""
+        if not self.definite:
+            return self._pivoted.solve(b)
+        self._solver.hold(self)
+        x = self._cvxopt.matrix(b)
+        self._cvxopt.cholmod.solve(self._solver.factors, x)
+        return np.array(x).ravel()
+
+    @cached_property
+    def _pivoted(self) -> Decomposition:
+        """What solves where there is no Cholesky factor: LDLᵀ does not pivot."""
+        self.factorisations += 1
+        return self._solver.superlu.pivoted(self._data)
+
+    def _refuse_round_off(self, factors: Any, pivots: ndarray) -> None:
+        diagonal = self._cvxopt.matrix(self._data[self._solver.lower.indptr[:-1]])
+        self._cvxopt.cholmod.solve(factors, diagonal, sys=_PERMUTED)
+        refuse_round_off(pivots, np.array(diagonal).ravel())
+
+
+REGISTRATION = SolverRegistration(
+    name="cholmod",
+    description="CHOLMOD of SuiteSparse",
+    build=Cholmod,
+    module="cvxopt.cholmod",
+    unknowns=_REPAID_FROM,
+    rival=True,
+    rank=1,
+)

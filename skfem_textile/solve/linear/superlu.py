@@ -1,0 +1,144 @@
+"""SciPy's SuperLU: needs nothing else, and solves what other solvers cannot pivot."""
+
+from functools import cached_property
+from typing import Any
+from weakref import ref
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import SuperLU as Decomposition
+from scipy.sparse.linalg import splu
+
+from ...mesh.pattern import matrix_of_slots
+from ...registration import SolverRegistration
+from .solver import SingularMatrixError, refuse_round_off
+
+
+class SuperLU:
+    """LU factors; pivots stay on the diagonal and tell the inertia.
+
+    Parameters
+    ----------
+    lower
+        As of `Solver`.
+    """
+
+    def __init__(self, lower: csc_matrix) -> None:
+        slots, row = np.arange(lower.nnz), lower.indices
+        col = np.repeat(np.arange(lower.shape[0]), np.diff(lower.indptr))
+        below = row > col
+        self._whole = matrix_of_slots(
+            np.append(slots, slots[below]),
+            np.append(col, row[below]),
+            np.append(row, col[below]),
+            lower.shape,
+        )
+
+    def factorise(self, data: ndarray) -> "SuperLUFactors":
+        """Factors of the matrix with the entries ``data``."""
+        return SuperLUFactors(self, data)
+
+    def matrix(self, data: ndarray) -> csc_matrix:
+        """The matrix with the entries ``data`` of the lower triangle."""
+        whole = self._whole
+        return csc_matrix((data[whole.data], whole.indices, whole.indptr), whole.shape)
+
+    def pivoted(self, data: ndarray) -> Decomposition:
+        """LU factors to solve an indefinite system with.
+
+        Raises
+        ------
+        SingularMatrixError
+            If a pivot vanishes to working precision.
+        """
+        A = self.matrix(data)
+        lu = _decomposed(A, pivoting=0.01)
+        columns = abs(A).max(axis=0).toarray().ravel()
+        refuse_round_off(np.abs(lu.U.diagonal())[lu.perm_c], columns)
+        return lu
+
+
+class SuperLUFactors:
+    """See `Factors`."""
+
+    def __init__(self, solver: SuperLU, data: ndarray) -> None:
+        self._solver, self._data = solver, data
+        self.factorisations = 1
+        A = solver.matrix(data)
+        self._lu, self._diagonal = _decomposed(A, pivoting=0.0), A.diagonal()
+
+    @cached_property
+    def negative_pivots(self) -> int | None:
+        """By the signs of the pivots, where they stay on the diagonal."""
+        lu = self._lu
+        pivots = lu.U.diagonal()
+        refuse_round_off(np.abs(pivots)[lu.perm_c], self._diagonal)
+        kept = np.array_equal(lu.perm_r, lu.perm_c)
+        return int(np.sum(pivots < 0)) if kept else None
+
+    @property
+    def definite(self) -> bool:
+        """Whether every pivot is positive, and none of them round-off."""
+        try:
+            return self.negative_pivots == 0
+        except SingularMatrixError:
+            return False
+
+    def solve(self, b: ndarray) -> ndarray:
+        """Solve A x = b."""
+        return (self._lu if self.definite else self._pivoted).solve(b)
+
+    @cached_property
+    def _pivoted(self) -> Decomposition:
+        self.factorisations += 1
+        return self._solver.pivoted(self._data)
+
+
+class OneAtATime:
+    """Base of solvers that keep the factors of one matrix, the last that was asked for.
+
+    Factors of large matrices are most of the memory of a run.  Those of another matrix
+    are computed again.
+    """
+
+    lower: csc_matrix
+    # Weak, or memory would not be free before Python looks for cycles.
+    _held: ref | None = None
+
+    @cached_property
+    def superlu(self) -> SuperLU:
+        """Solves indefinite systems; analysed when the first is to be solved."""
+        return SuperLU(self.lower)
+
+    def hold(self, factors: Any) -> None:
+        """Keep these factors, and no others."""
+        if self._held is None or self._held() is not factors:
+            self._held = None  # in case this fails
+            factors.refactorise()
+            factors.factorisations += 1
+            self._held = ref(factors)
+
+
+def _decomposed(A: csc_matrix, pivoting: float) -> Decomposition:
+    """Factors in the order of the matrix, but for what pivoting asks."""
+    try:
+        return splu(
+            A,
+            permc_spec="NATURAL",
+            diag_pivot_thresh=pivoting,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError:
+        raise SingularMatrixError from None
+
+
+REGISTRATION = SolverRegistration(
+    name="superlu",
+    description="SciPy's SuperLU",
+    build=SuperLU,
+    module="scipy",
+    unknowns=0,
+    rival=False,
+    rank=3,
+)

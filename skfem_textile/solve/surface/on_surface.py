@@ -1,0 +1,314 @@
+"""The condition that nodes lie on a surface, and whether the surface is a valid one.
+
+Gradient and Hessian are to be the slopes of level and gradient.  Between two points of
+a line a slope must be some value of the derivative between those at its ends.  That
+holds where the derivative jumps too.  Where it turns round it may fail, but not on
+three intervals on end: there the parts contradict each other.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+from skfem import CellBasis
+
+from ...mesh.bases import node_positions
+from ...mesh.selection import Where, selected_nodes
+from ...mesh.user_input import call_user_function
+from ..states import NoEquilibriumError
+from .surface import Grown, Surface
+
+# Distance of the surface from the plane of the ply where they touch, as a share of the
+# largest coordinate, and the sine of the angle between them, that count as none.
+# Chosen: above what meshes of surfaces are rounded to.
+_TOUCHING = 1e-4
+
+# Nodes near which a surface is checked, and the length of an interval over the extent
+# of the nodes.  Chosen: shorter than any fillet that a mesh of the ply follows, and
+# long enough for surfaces that are themselves computed to ten digits.
+_NODES, _INTERVAL = 12, 1e-3
+
+# Ends of the intervals of a line, in intervals from its middle.
+_ENDS = np.arange(-2, 3)
+
+# How far slopes may be off: as a share of the derivative, and, for round-off, of what
+# changes and of the coordinates.  Chosen: a derivative that is off by less takes no
+# more iterations.
+_OFF, _NOISE, _ROUNDING = 1e-2, 1e-9, 64 * 2.0**-53
+
+# What a function may raise of points at which it need not be defined: beyond the nodes.
+_UNDEFINED = (ValueError, ArithmeticError, LookupError, RuntimeError, AssertionError)
+
+# Steps at most to the surface.
+_MOST = 20
+
+
+@dataclass(frozen=True, eq=False)
+class OnSurface:
+    """Nodes lie on a surface, along which they move freely.
+
+    With the load factor the surface grows out of the plane of the ply: at the load
+    factor t it is the surface enlarged by 1/t about the point where it touches the
+    plane z = 0.  At 1 it is the surface as it is, and need not touch that plane.
+
+    Parameters
+    ----------
+    surface
+        The surface.
+    where
+        The nodes, as for `Condition`; all nodes if not given.
+    touch
+        x and y of the point in mm where the surface touches the plane of the ply.
+
+    Examples
+    --------
+    A square ply grows onto a sphere of the radius 100 mm, its first node held at the
+    pole and its lower edge in a plane of symmetry:
+
+    >>> import numpy as np
+    >>> from skfem import MeshQuad
+    >>> from skfem_textile import Condition, Fabric, LoadStepper, OnSurface, Ply, drape
+    >>> mesh = MeshQuad().refined(2).scaled(60.0).with_defaults()
+    >>> ply = Ply(mesh, Fabric(1e4, 0.1), dimension=3)
+    >>> conditions = {
+    ...     "tool": OnSurface(drape.Sphere(100.0, (0, 0, -100))),
+    ...     "x": Condition("left", (0.0, None, None)),
+    ...     "y": Condition("bottom", (None, 0.0, None)),
+    ... }
+    >>> result = LoadStepper(ply, conditions, 1).run()
+    >>> x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(result.u)
+    >>> bool(np.allclose(np.linalg.norm(x + [[0], [0], [100]], axis=0), 100))
+    True
+    """
+
+    surface: Surface
+    where: Where | None = None
+    touch: tuple[float, float] = (0.0, 0.0)
+
+    def nodes(self, name: str, basis: CellBasis) -> ndarray:
+        """Numbers of the nodes on the surface, ascending.
+
+        Raises
+        ------
+        ValueError
+            If the nodes are not valid, or there are none.
+        """
+        if self.where is None:
+            return np.arange(node_positions(basis).shape[1])
+        return np.unique(selected_nodes(f"condition {name!r}", self.where, basis))
+
+    def check(self, name: str, x: ndarray) -> None:
+        """Refuse what is no surface at points, shape (3, n).
+
+        Raises
+        ------
+        ValueError
+            If a method is missing, fails, gives arrays of another shape, or
+            contradicts another.
+        """
+        methods = "level", "gradient", "hessian"
+        if isinstance(self.surface, type) or not all(
+            hasattr(self.surface, method) for method in methods
+        ):
+            raise ValueError(
+                f"condition {name!r}: a surface must be like drape.Sphere(100.0), with "
+                f"{', '.join(methods)}, not {self.surface!r}"
+            )
+        surface = UserSurface(name, self.surface)
+        for method in methods:
+            getattr(surface, method)(x)
+        _check_derivatives(surface, x)
+
+    def at(self, name: str, t: float) -> Surface:
+        """The surface at a load factor.
+
+        Raises
+        ------
+        ValueError
+            If it is still to grow, and fails or does not touch the plane of the ply.
+        """
+        if t == 1:
+            return self.surface
+        point = np.array([*self.touch, 0.0])
+        surface = UserSurface(name, self.surface)
+        level = float(surface.level(point[:, None])[0])
+        normal = surface.gradient(point[:, None])[:, 0]
+        length = float(np.linalg.norm(normal))
+        if not (np.isfinite(level) and 0 < length < np.inf):
+            off = "has no tangent plane"
+        elif abs(level) / length > _TOUCHING * max(1.0, float(np.abs(point).max())):
+            off = f"is {abs(level) / length:.3g} mm away"
+        elif (sine := float(np.hypot(*normal[:2])) / length) > _TOUCHING:
+            off = f"is inclined by {np.degrees(np.arcsin(min(sine, 1.0))):.2g}°"
+        else:
+            return Grown(self.surface, point, t)
+        raise ValueError(
+            f"condition {name!r}: the surface cannot grow out of the ply, for it does "
+            f"not touch the plane z = 0 at {self.touch}, where it {off}: move it, give "
+            "another point as touch, or start from positions on it with "
+            "equilibrium_near"
+        )
+
+
+class SurfaceError(NoEquilibriumError, ValueError):
+    """A surface that fails: before a run it is not valid, in a run an attempt fails."""
+
+
+@dataclass(frozen=True, eq=False)
+class UserSurface:
+    """The surface of a condition; errors name the condition and what failed.
+
+    Its methods raise a `SurfaceError` if an array has another shape, or the user's
+    function fails, whose error is the cause.
+
+    Parameters
+    ----------
+    name
+        Name of the condition.
+    surface
+        The surface.
+    """
+
+    name: str
+    surface: Surface
+
+    def level(self, x: ndarray) -> ndarray:
+        """φ, shape (n,)."""
+        return self._value("level", x, ())
+
+    def gradient(self, x: ndarray) -> ndarray:
+        """∇φ, shape (3, n)."""
+        return self._value("gradient", x, (3,))
+
+    def hessian(self, x: ndarray) -> ndarray:
+        """∇²φ, shape (3, 3, n)."""
+        return self._value("hessian", x, (3, 3))
+
+    def _value(self, method: str, x: ndarray, rows: tuple[int, ...]) -> ndarray:
+        what = f"condition {self.name!r}: {method} of the surface"
+        try:
+            found = call_user_function(what, getattr(self.surface, method), x)
+        except ValueError as error:
+            advice = "a surface that goes on beyond the ply, or a smaller ply"
+            raise SurfaceError(str(error), advice=advice) from error.__cause__
+        shape = *rows, x.shape[1]
+        if np.shape(found) != shape:
+            raise SurfaceError(
+                f"{what} must have the shape {shape}, not {np.shape(found)}"
+            )
+        return np.asarray(found)
+
+
+def _check_derivatives(surface: UserSurface, x: ndarray) -> None:
+    """Refuse a surface whose parts contradict each other where a ply may lie.
+
+    They are compared at some points of it, to which slopes of level lead from nodes.
+
+    Parameters
+    ----------
+    surface
+        The surface.
+    x
+        Reference positions of the nodes in mm, shape (3, n).
+
+    Raises
+    ------
+    ValueError
+        If they do; the message names the part, the place, both numbers and the length
+        over which they differ.
+    NoEquilibriumError
+        If a function of the surface fails with an error that is not one of its domain.
+    """
+    h = _INTERVAL * float(np.ptp(x, axis=1).max())
+    if not h:
+        return
+    some = np.unique(np.linspace(0, x.shape[1] - 1, _NODES).astype(int))
+    try:
+        with np.errstate(all="ignore"):  # what is not finite tells nothing
+            points = _on_surface(surface, x[:, some], h)
+            # Shape (3, axes, places on each line, points).
+            steps = h * np.eye(3)[:, :, None, None] * _ENDS[:, None]
+            lines = points[:, None, None] + steps
+            flat = lines.reshape(3, -1)
+            level = surface.level(flat).reshape(1, *lines.shape[1:])
+            gradient = surface.gradient(flat).reshape(lines.shape)
+            hessian = surface.hessian(flat).reshape(3, *lines.shape)
+    except NoEquilibriumError as error:
+        if isinstance(error.__cause__, _UNDEFINED):
+            return
+        raise
+    axis = np.arange(3)
+    part, of = "gradient", "level"
+    found = _contradiction(lines, level, gradient[axis, axis][None], h)
+    if found is None:
+        part, of = "hessian", "gradient"
+        found = _contradiction(lines, gradient, hessian[:, axis, axis], h)
+    if found is None:
+        return
+    row, i, place, slope, value = found
+    if part == "gradient":
+        changing, derivative = "level", f"the {'xyz'[i]} component of gradient"
+    else:
+        changing = f"the {'xyz'[row]} component of gradient"
+        derivative = f"hessian[{row}, {i}]"
+    raise ValueError(
+        f"condition {surface.name!r}: {part} of the surface differs from the slope of "
+        f"{of} at ({', '.join(f'{c:.6g}' for c in place)}): along {'xyz'[i]} "
+        f"{changing} changes by {slope:.4g} per mm, and {derivative} is {value:.4g}; "
+        f"slopes are over {h:.3g} mm: correct the derivative, or smooth waves that are "
+        f"shorter than {3 * h:.3g} mm, which no ply of this size follows"
+    )
+
+
+def _on_surface(surface: Surface, x: ndarray, h: float) -> ndarray:
+    """Points of a surface near others, without those that do not get there."""
+    for _ in range(_MOST):
+        ends = x[:, None, None] + h * np.eye(3)[:, :, None, None] * [[-1], [1]]
+        back, ahead = np.moveaxis(
+            surface.level(ends.reshape(3, -1)).reshape(3, 2, -1), 1, 0
+        )
+        slope, level = (ahead - back) / (2 * h), surface.level(x)
+        squared = (slope**2).sum(axis=0)
+        near = np.abs(level) <= h * np.sqrt(squared)
+        if near.all():
+            break
+        x = x - np.where(near, 0.0, level / squared) * slope
+        finite = np.isfinite(x).all(axis=0)
+        x, near = x[:, finite], near[finite]
+    return x[:, near]
+
+
+def _contradiction(
+    lines: ndarray, whole: ndarray, derivative: ndarray, h: float
+) -> tuple[int, int, ndarray, float, float] | None:
+    """The largest contradiction on lines: row, axis, place, slope and derivative.
+
+    None where there is no contradiction.
+
+    Parameters
+    ----------
+    lines
+        Positions, shape (3, axes, places, points).
+    whole, derivative
+        Rows of what changes, and of its derivatives along the lines, shape (rows, axes,
+        places, points).
+    h
+        Length of an interval.
+    """
+    size = np.abs(derivative).max(axis=(0, 1, 2))
+    rounding = _ROUNDING * np.abs(lines).max(initial=0.0)
+    slack = _OFF * size
+    slack += (_NOISE * np.abs(whole).max(axis=(0, 1, 2)) + rounding * size) / h
+    change = np.diff(whole, axis=2) / h
+    low = np.minimum(derivative[:, :, :-1], derivative[:, :, 1:])
+    high = np.maximum(derivative[:, :, :-1], derivative[:, :, 1:])
+    excess = np.maximum(low - change, change - high) - slack
+    off = excess > 0
+    thrice = off[:, :, :-2] & off[:, :, 1:-1] & off[:, :, 2:]
+    if not thrice.any():
+        return None
+    at = np.where(thrice, excess[:, :, 1:-1], 0.0).argmax()
+    row, axis, place, point = (int(i) for i in np.unravel_index(at, thrice.shape))
+    i = row, axis, place + 1, point
+    middle = lines[:, axis, place + 1 : place + 3, point].mean(axis=1)
+    return row, axis, middle, float(change[i]), float((low[i] + high[i]) / 2)
