@@ -48,9 +48,9 @@ from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition
 from .solve.newton import Newton, PlainNewton
 from .solve.result import Result, StepError
+from .solve.search import equilibrium_near
 from .solve.states import Iteration, State, Verdict
 from .solve.stepper import LoadStepper
-from .solve.stepping.equilibrium import equilibrium_near
 from .solve.surface import OnSurface, Surface
 
 __version__ = "0.2.0"

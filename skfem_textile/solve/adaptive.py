@@ -20,9 +20,9 @@ from .error_estimate import (
 )
 from .newton import Method
 from .result import Result, StepError
+from .search import equilibrium_near
 from .states import ErrorEstimate, Iteration, NoEquilibriumError, State
 from .stepper import DEFAULT_WARN_ONLY, LoadStepper
-from .stepping.equilibrium import equilibrium_near
 
 if TYPE_CHECKING:
     from ..ply import Ply

@@ -12,7 +12,6 @@ from scipy.sparse import csr_matrix
 if TYPE_CHECKING:
     from ..fabric.law_end import LawEnd
     from ..mesh.pattern import Pattern
-    from .surface.nodes import SurfaceNodes
 
 #: Parameters of the terms of a ply by the names of the terms; immutable.
 Parameters: TypeAlias = Mapping[str, Any]
@@ -203,19 +202,4 @@ class Body(Protocol):
 
     def closest_end(self, u: ndarray) -> "LawEnd | None":
         """The end of a law that is closest; None if every law holds everywhere."""
-        ...
-
-
-class Supports(Protocol):
-    """Conditions as fixed unknowns; see `Constraints`."""
-
-    nodes: dict[str, ndarray]
-    turn: csr_matrix | None
-    prescribed: ndarray
-    surfaces: "SurfaceNodes | None"
-    fixed: ndarray
-    free: ndarray
-
-    def fixed_values(self, t: float) -> ndarray:
-        """Values of the prescribed unknowns at the load factor ``t``."""
         ...

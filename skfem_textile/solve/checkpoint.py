@@ -13,11 +13,12 @@ import numpy as np
 from numpy import ndarray
 
 from . import fingerprint, sealed
-from .body import Body, Parameters, Supports
+from .body import Body, Parameters
+from .conditions import Constraints
+from .continuation import Continuation
 from .linear.solver import Clock
 from .problem import Problem
 from .states import Equilibrium, State, Verdict
-from .stepping.load_path import LoadPath
 from .verdict import Trial
 
 # Version of the files; another one is refused.
@@ -40,11 +41,9 @@ class CheckpointError(ValueError):
 
 
 class Progress(NamedTuple):
-    """Where the stepper is: length of its next step, steps cut, path, clock, time."""
+    """Continuation of a run, its counts and times, and its duration in s."""
 
-    length: float
-    steps_cut: int
-    path: LoadPath
+    continuation: Continuation
     clock: Clock
     elapsed: float
 
@@ -79,7 +78,7 @@ class Checkpoint:
         self,
         folder: str | os.PathLike[str],
         ply: Body,
-        constraints: Supports,
+        constraints: Constraints,
         settings: Mapping[str, Any],
     ) -> None:
         try:
@@ -140,8 +139,11 @@ class Checkpoint:
             If it cannot be written.
         """
         text = asdict(replace(state, parameters={}))
-        path, clock = progress.path.saved(), asdict(progress.clock)
-        text["progress"] = progress._asdict() | {"path": path, "clock": clock}
+        text["progress"] = {
+            "continuation": asdict(progress.continuation),
+            "clock": asdict(progress.clock),
+            "elapsed": progress.elapsed,
+        }
         arrays = {"u": text.pop("u")}
         del text["shares"], text["parameters"]  # `Replay` computes the shares
         for key in _VECTORS:
@@ -383,11 +385,11 @@ def _progress(
     text: Mapping[str, Any], states: Sequence[State], settings: Mapping[str, Any]
 ) -> Progress:
     """Where the stepper was; refused if no run has these states and settings there."""
-    path, clock = LoadPath.of(text["path"]), Clock(**text["clock"])
-    progress = Progress(**{**text, "path": path, "clock": clock})
+    path, clock = Continuation.of(text["continuation"]), Clock(**text["clock"])
+    progress = Progress(**{**text, "continuation": path, "clock": clock})
     longest = 1.0 / settings["steps"]
-    if not 0 < progress.length <= longest * (1 + _SAME):
-        raise ValueError(f"the length of its step is {progress.length}")
+    if not 0 < path.next <= longest * (1 + _SAME):
+        raise ValueError(f"the length of its step is {path.next}")
     numbers = list(path.unresolved)
     numbers += [x for end in path.to_compare for x in (end.energy, *end.reactions)]
     if not np.isfinite([progress.elapsed, *clock.seconds.values(), *numbers]).all():
@@ -396,9 +398,9 @@ def _progress(
         raise ValueError("its times are not those of a run")
     if (
         path.longest != longest
-        or path.halvings not in (0, settings["max_halvings"])
+        or path.halvings != settings["max_halvings"]
         or clock.solves != sum(state.linear_solves for state in states)
-        or not (clock.factorisations >= 0 and progress.steps_cut >= 0)
+        or not (clock.factorisations >= 0 and path.cut >= 0)
     ):
         raise ValueError("its counts are not those of its states")
     return progress

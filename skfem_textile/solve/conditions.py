@@ -332,3 +332,13 @@ def _turns(n_dofs: int, dofs: ndarray, held: ndarray) -> csr_matrix | None:
             frame = [first, second, np.cross(first, second)]
         turn[np.ix_(own, own)] = np.transpose(frame)
     return turn.tocsr()
+
+
+def turned(u: ndarray, turn: csr_matrix | None) -> ndarray:
+    """A DOF vector in unknowns that are turned."""
+    return u if turn is None else turn.T @ u
+
+
+def plain(q: ndarray, turn: csr_matrix | None) -> ndarray:
+    """A vector of unknowns that are turned as a DOF vector."""
+    return q if turn is None else turn @ q

@@ -14,11 +14,12 @@ import numpy as np
 from numpy import ndarray
 
 from .body import Body, Parameters
-from .conditions import Conditions, Constraints
+from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
 from .newton import definite, no_contact, within_laws
-from .problem import Problem, Tangent, turned
+from .problem import Problem
 from .states import ErrorEstimate, NoEquilibriumError, State
+from .tangent import Tangent
 
 #: Error of the shear angle over the change that halved elements make, and error of the
 #: load over the share of the energy that stabilisation and deviations carry:

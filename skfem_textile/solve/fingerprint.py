@@ -7,13 +7,14 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import Law, TwoLaws
-from .body import PROBED, Body, Supports
+from .body import PROBED, Body
+from .conditions import Constraints
 
 # Fibre strain and shear angle (radians) up to which laws are compared.
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)
 
 
-def settings(ply: Body, constraints: Supports) -> dict[str, Any]:
+def settings(ply: Body, constraints: Constraints) -> dict[str, Any]:
     """Formulation and laws by their ``repr``, and names of conditions."""
     law = ply.fabric.tensions
     warp, weft = law.laws if isinstance(law, TwoLaws) else (law, law)
@@ -29,7 +30,7 @@ def settings(ply: Body, constraints: Supports) -> dict[str, Any]:
     return texts | {"conditions": list(constraints.nodes)}
 
 
-def arrays(ply: Body, constraints: Supports, steps: int) -> dict[str, ndarray]:
+def arrays(ply: Body, constraints: Constraints, steps: int) -> dict[str, ndarray]:
     """Mesh, fibre directions, laws, conditions, and the forces of each term.
 
     Conditions are evaluated at the requested load factors and in between; forces at a

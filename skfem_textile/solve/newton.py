@@ -8,9 +8,9 @@ import numpy as np
 from numpy import ndarray
 
 from .body import Parameters
-from .problem import Problem, Start, Tangent, between, tangent_at
-from .problem.tangent import EPSILON
+from .problem import EPSILON, Problem, Start, between
 from .states import Equilibrium, NoEquilibriumError
+from .tangent import Tangent, tangent_at
 
 # Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
 # singular, and in space the least one of a projected tangent.  Along the fibres it must

@@ -15,18 +15,16 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import printable
-from .body import Parameters
-from .problem import Start, Tangent, between, turned
+from .conditions import turned
+from .problem import Problem, Start
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
-
-if TYPE_CHECKING:
-    from .problem import Problem
+from .tangent import Tangent
 
 #: Names of the checks, the cheap ones first.
 CHECKS = (
@@ -85,7 +83,7 @@ class Trial:
         Messages of the checks that failed and only warn, by their names.
     """
 
-    problem: "Problem"
+    problem: Problem
     equilibrium: Equilibrium
     start: Start | None
     energies: Mapping[str, float]
@@ -190,13 +188,6 @@ class Trial:
             return problem.start(u, advanced, self.tangent)
         load = problem.load(u, parameters)
         return Start(t, u, f, load, self.energies, parameters, self.tangent)
-
-    def start_with(self, parameters: Parameters, share: float) -> Start:
-        """The equilibrium as a start, a share of the way to other parameters."""
-        u, old = self.equilibrium.u, self.equilibrium.parameters
-        if share < 1.0:
-            parameters = between(old, parameters, share)
-        return self.problem.start(u, parameters, self.tangent)
 
     def state(self, load_factor: float, linear_solves: int) -> State:
         """The state, after a number of linear solves since the state before."""
@@ -353,7 +344,7 @@ def _surface_check(trial: Trial) -> _Failures:
         yield "surface", error
 
 
-def _point_supports(problem: "Problem", u: ndarray) -> list[str]:
+def _point_supports(problem: Problem, u: ndarray) -> list[str]:
     """Conditions of one node that is held where it was at rest, or on a surface.
 
     A surface that grows takes the node along.  Shares of their reactions depend on the

@@ -17,7 +17,8 @@ from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import ChosenSolver, check_solver
-from skfem_textile.solve.problem import Problem, reduced
+from skfem_textile.solve.problem import Problem
+from skfem_textile.solve.tangent import reduced
 
 from ..common.rivals.newton import one_iteration
 from ..common.rivals.plain import QUAD4_CENTRE, Plain

@@ -14,7 +14,8 @@ from scipy.sparse.linalg import cg
 from skfem_textile import Fabric, OnePoint, Ply
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import ChosenSolver
-from skfem_textile.solve.problem import Problem, reduced
+from skfem_textile.solve.problem import Problem
+from skfem_textile.solve.tangent import reduced
 
 from ..common.tables import markdown_table
 from ..study import Row

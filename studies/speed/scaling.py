@@ -14,7 +14,8 @@ import numpy as np
 from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import ChosenSolver
-from skfem_textile.solve.problem import Problem, reduced
+from skfem_textile.solve.problem import Problem
+from skfem_textile.solve.tangent import reduced
 
 from ..common.tables import markdown_table
 from ..common.workers import in_new_process

@@ -26,7 +26,7 @@ from skfem_textile.solve import adaptive as stepper_module
 from skfem_textile.solve.adaptive import counted
 from skfem_textile.solve.error_estimate import problem_at, work_of
 from skfem_textile.solve.states import ErrorEstimate, NoEquilibriumError
-from skfem_textile.solve.stepper.run import Run
+from skfem_textile.solve.stepper import Run
 
 LONG = pytest.mark.long
 

@@ -18,7 +18,7 @@ from skfem_textile import Ply
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.interruption import INTERRUPTED, held, raised
 from skfem_textile.cli.results.result_folder import ResultFolder
-from skfem_textile.solve.stepper.run import Run
+from skfem_textile.solve.stepper import Run
 from skfem_textile.solve.sweep import WorkerProcesses
 
 ROOT = Path(__file__).parents[2]

@@ -11,7 +11,7 @@ import pytest
 from command_line import QUICK, refused, run
 
 from skfem_textile import Ply, Result
-from skfem_textile.solve.stepper.run import Run
+from skfem_textile.solve.stepper import Run
 
 
 def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):

@@ -27,8 +27,7 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split, split_cells
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve import newton
-from skfem_textile.solve.stepping import equilibrium_search
+from skfem_textile.solve import newton, search
 
 MESHES = {
     "triangles": split(cut(distorted(1))),
@@ -226,7 +225,7 @@ def test_half_of_a_ply_takes_half_of_the_force(monkeypatch):
     With stiffnesses that are those of the state: the search for them ends sooner or
     later where there are reactions at the symmetry line.
     """
-    monkeypatch.setattr(equilibrium_search, "SETTLED", 1e-4)
+    monkeypatch.setattr(search, "SETTLED", 1e-4)
     monkeypatch.setattr(newton, "SETTLED", 1e-4)
     loads = []
     for part, width, size in (("whole", 50, (8, 16)), ("half", 25, (4, 16))):

@@ -18,13 +18,13 @@ from skfem_textile import (
 )
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension
-from skfem_textile.solve.states import NoEquilibriumError
-from skfem_textile.solve.stepping import equilibrium_search
-from skfem_textile.solve.stepping.equilibrium_search import (
+from skfem_textile.solve import search
+from skfem_textile.solve.search import (
     EquilibriumSearch,
     Found,
     Goal,
 )
+from skfem_textile.solve.states import NoEquilibriumError
 
 
 @pytest.mark.parametrize("E", [1e4, pytest.param(1e5, marks=pytest.mark.long), 1e8])
@@ -51,20 +51,17 @@ def test_a_step_with_kinks_takes_four_iterations(
     assert case.run().linear_solves <= 18
 
 
-@pytest.mark.parametrize(("altered", "followed"), [(9, True), (0, False)])
-def test_a_state_that_was_updated_counts_as_hard_as_at_first(
-    altered, followed, monkeypatch
-):
-    trial = SimpleNamespace(start_with=lambda parameters, share: "start")
-    found = iter([Found(trial, altered, followed, False), Found("", 0, True, False)])
+def test_a_state_that_was_updated_counts_as_hard_as_at_first(monkeypatch):
+    trial = SimpleNamespace(
+        problem=SimpleNamespace(updated=lambda p, u: "after"),
+        equilibrium=("u", "f", "p"),
+    )
+    found = iter([Found(trial, 9, False), Found(trial, 0, False)])
     changes = iter([1.0, 0.0])
     monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(found))
-    monkeypatch.setattr(
-        equilibrium_search, "_update", lambda trial: ({}, next(changes))
-    )
-    search = EquilibriumSearch(None, None, (), None)
-    again = search(Goal(1.0, 1.0, None, None, None))
-    assert again == Found("", altered, followed, True)
+    monkeypatch.setattr(search, "_updated", lambda *_: ("start", next(changes)))
+    again = EquilibriumSearch(None, None, (), None)(Goal(1.0, 1.0, None, None, None))
+    assert again == Found(trial, 9, True)
 
 
 class Towards(Term):

@@ -2,7 +2,7 @@
 
 import json
 import logging
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 
 import numpy as np
@@ -24,8 +24,8 @@ from skfem_textile import (
 )
 from skfem_textile.cli import main as cli
 from skfem_textile.scenes import bias_extension, strip, trellis
+from skfem_textile.solve.continuation import Continuation
 from skfem_textile.solve.states import State, Verdict
-from skfem_textile.solve.stepping.load_path import LoadPath
 from skfem_textile.solve.verdict import CHECKS
 
 
@@ -50,8 +50,8 @@ def test_the_strip_ends_alike_however_many_steps_it_takes():
 def test_an_easy_path_costs_nothing_more(scene, steps, monkeypatch):
     result = loaded(scene(), Full(), steps, 0.5)
     assert result.path_resolved
-    monkeypatch.setattr(LoadPath, "most_altered", lambda *_: np.inf)
-    monkeypatch.setattr(LoadPath, "must_repeat", lambda *_: False)
+    monkeypatch.setattr(Continuation, "most_altered", lambda *_: np.inf)
+    monkeypatch.setattr(Continuation, "keeps", lambda *_: True)
     assert loaded(scene(), Full(), steps, 0.5).linear_solves == result.linear_solves
 
 
@@ -183,23 +183,22 @@ def state(t, energy, force):
 def test_a_hard_step_and_its_halves_must_agree_to_1_per_cent_and_be_easy(
     energy, force, altered, resolved
 ):
-    path = LoadPath(longest=1.0, halvings=8)
-    step = 2.0**-6
-    assert path.must_repeat(step, state(step, 1.0, 2.0), altered=3, followed_path=True)
-    assert path.until(1.0) == step
-    half = state(step / 2, 0.5, 1.0)
-    assert not path.must_repeat(step / 2, half, altered, followed_path=True)
-    path.reached(half)
-    path.reached(state(step, energy, force))
+    path, step = Continuation(1.0, 8, True, next=1.0), 2.0**-6
+    assert not path.keeps(step, state(step, 1.0, 2.0), altered=3, settled=True)
+    assert path.end(0.0, 1.0) == path.next == step / 2
+    assert path.keeps(step / 2, state(step / 2, 0.5, 1.0), altered, settled=True)
+    path.next = 1.0
+    assert path.end(step / 2, 1.0) == step
+    assert path.keeps(step / 2, state(step, energy, force), altered=0, settled=True)
     assert (not path.unresolved) == resolved
-    assert path.until(1.0) == 1.0
+    assert path.end(step, 1.0) == 1.0
 
 
 def test_a_path_is_saved_and_taken_up_again():
-    path = LoadPath(longest=1.0, halvings=8, unresolved=[0.5])
-    path.must_repeat(2.0**-6, state(2.0**-6, 1.0, 2.0), altered=3, followed_path=True)
-    kept = json.loads(json.dumps(path.saved()))
-    assert LoadPath.of(kept) == path
+    path = Continuation(1.0, 8, True, next=1.0, unresolved=[0.5])
+    path.keeps(2.0**-6, state(2.0**-6, 1.0, 2.0), altered=3, settled=True)
+    assert path.to_compare
+    assert Continuation.of(json.loads(json.dumps(asdict(path)))) == path
 
 
 def test_the_summary_and_one_line_tell_of_a_path_that_forks(tmp_path, caplog):

@@ -12,7 +12,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from ...mesh.pattern import Pattern, matrix_of_slots
-from ..body import Supports
+from ..conditions import Constraints
 from .solver import SolverOfPattern
 
 # Parts of no more nodes than this are not divided.  Smaller parts take longer to order;
@@ -51,7 +51,7 @@ class System:
         self,
         pattern: Pattern,
         positions: ndarray,
-        constraints: Supports,
+        constraints: Constraints,
         solver: SolverOfPattern,
     ) -> None:
         nodes = nested_dissection(positions, np.array([pattern.rows, pattern.cols]))

@@ -25,7 +25,8 @@ from skfem_textile.scenes.common.elastica import buckled, hanging
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
-from skfem_textile.solve.problem import Problem, Tangent
+from skfem_textile.solve.problem import Problem
+from skfem_textile.solve.tangent import Tangent
 
 #: Length and width of strips, and side of squares, in mm.
 LENGTH, WIDTH = 100.0, 20.0

@@ -17,7 +17,7 @@ from skfem_textile import (
     equilibrium_near,
 )
 from skfem_textile.scenes import Case, hemisphere
-from skfem_textile.solve.problem import Tangent
+from skfem_textile.solve.tangent import Tangent
 
 
 @pytest.mark.parametrize("held", [{}, SYMMETRY, {"slope": None}])

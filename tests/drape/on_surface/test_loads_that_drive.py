@@ -14,7 +14,7 @@ from skfem_textile import (
 )
 from skfem_textile.drape import Sphere
 from skfem_textile.scenes.space.hemisphere import hemisphere
-from skfem_textile.solve.stepping.limit import loads_drive, moves
+from skfem_textile.solve.continuation import loads_drive, moves
 
 
 def weight(w):

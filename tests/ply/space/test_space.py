@@ -23,7 +23,8 @@ from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.newton import definite
-from skfem_textile.solve.problem import Problem, Tangent
+from skfem_textile.solve.problem import Problem
+from skfem_textile.solve.tangent import Tangent
 
 FABRICS = {
     "even": Fabric((100.0, 3.0), Sin2(0.7), warp=(2, 1), weft=(-1, 3)),

@@ -1,19 +1,20 @@
-"""The search for a state at one load factor."""
+"""Search for the equilibrium at one load factor, and its acceptance checks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
-from ..body import Parameters
-from ..newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
-from ..problem import Goal, Problem, Start
-from ..states import Equilibrium, Iteration, NoEquilibriumError
-from ..verdict import Trial
-from .limit import loads_drive
-from .load_path import MOST_ALTERED
+from .body import Body, Parameters
+from .conditions import Conditions, Constraints
+from .continuation import MOST_ALTERED, loads_drive
+from .linear import ChosenSolver
+from .newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
+from .problem import Problem, Start, between
+from .states import Equilibrium, Iteration, NoEquilibriumError, State
+from .verdict import Trial
 
 _AT_REST = (
     "less tension, compression or load at rest, loads that grow with the load factor, "
@@ -25,26 +26,52 @@ _AT_REST = (
 # bending stiffness are refused; with shorter ones a refusal takes longer.
 _SHORTEST_AT_REST = 2.0**-12, 2.0**-6
 
+# Share of `SETTLED` below which nodal forces that an update of the parameters changes
+# need no linear solve to show that the reactions change by less than `SETTLED`.
+_CERTAINLY = 0.1
+
+
+class Goal(NamedTuple):
+    """A load factor to reach, and the initial guess.
+
+    Attributes
+    ----------
+    load_factor, step
+        Load factor, and its distance from the last good state.
+    fixed_values
+        Values of the fixed unknowns.
+    start, before
+        Initial guess, and the last good state; None before the load.
+    most_altered
+        Projected tangents at most.
+    held
+        Forces beside the loads, as of `Problem`.
+    """
+
+    load_factor: float
+    step: float
+    fixed_values: ndarray
+    start: Start
+    before: Start | None
+    most_altered: float = np.inf
+    held: ndarray | float = 0.0
+
 
 class Found(NamedTuple):
-    """A state that passes every check, and how it was found.
+    """A state that passes every check.
 
     Attributes
     ----------
     trial
         The state.
     altered
-        Tangents that were altered on the way, at most, where it was found again.
-    followed_path
-        Whether its altered tangents tell if it is on the path.
+        Projected tangents, at most of the iterations that led to it.
     settled
-        Whether the stiffnesses that the discretisation has at the state would not
-        change it.
+        Whether parameters updated at the state would not change it.
     """
 
     trial: Trial
     altered: int
-    followed_path: bool
     settled: bool
 
 
@@ -92,24 +119,24 @@ class EquilibriumSearch:
             If there is none.
         """
         found, share, last = self._first(goal), 1.0, np.inf
-        # The way from one to the next is easy.
         goal = goal._replace(most_altered=min(goal.most_altered, MOST_ALTERED))
         for _ in range(MOST_UPDATES):
+            problem, (u, _, p, *_) = found.trial.problem, found.trial.equilibrium
             with np.errstate(all="ignore"):  # what is not finite is caught
-                after, change = _update(found.trial)
+                if (after := problem.updated(p, u)) is p:
+                    return found._replace(settled=True)
+                start, change = _updated(found.trial, after)
                 if change <= SETTLED:
-                    found = found._replace(settled=True)
-                    break
+                    return found._replace(settled=True)
                 share, last = share if change <= last / 2 else share / 2, change
-                start = found.trial.start_with(after, share)
+                if share < 1.0:
+                    p = between(p, after, share)
+                    start = problem.start(u, p, found.trial.tangent)
             try:
                 again = self._first(goal._replace(start=start))
             except NoEquilibriumError:
                 break
-            found = again._replace(
-                altered=max(found.altered, again.altered),
-                followed_path=found.followed_path and again.followed_path,
-            )
+            found = again._replace(altered=max(found.altered, again.altered))
         return found
 
     def at_rest(self, start: Start, fixed_values: ndarray) -> Found:
@@ -135,7 +162,7 @@ class EquilibriumSearch:
         """
         unbalanced, u, tangent = start.f, start.u, start.tangent
         p = start.parameters
-        done, step, most, altered, followed = 0.0, 1.0, float(MOST_ALTERED), 0, True
+        done, step, most, altered = 0.0, 1.0, float(MOST_ALTERED), 0
         stable = tangent is not None and tangent.negative_pivots == 0
         shortest = _SHORTEST_AT_REST[0 if stable else 1]
         while True:
@@ -153,9 +180,8 @@ class EquilibriumSearch:
                     step, most = 1.0, np.inf
                 continue
             altered = max(altered, found.altered)
-            followed = followed and found.followed_path
             if share == 1.0:
-                return found._replace(altered=altered, followed_path=followed)
+                return found._replace(altered=altered)
             last = found.trial.next_start()
             u, p, tangent = last.u, last.parameters, last.tangent
             done, step = share, 2 * step
@@ -188,7 +214,7 @@ class EquilibriumSearch:
                 _AT_REST if at_rest else failure.advice,
                 failure.quantity,
             ) from None
-        return Found(trial, equilibrium.altered, method.follows_path, settled=False)
+        return Found(trial, equilibrium.altered, settled=False)
 
     def _checked(self, problem: Problem, equilibrium: Equilibrium, goal: Goal) -> Trial:
         """The trial of an equilibrium that passes every check."""
@@ -205,36 +231,35 @@ class EquilibriumSearch:
         return trial
 
 
-def _update(trial: Trial) -> tuple[Parameters, float]:
-    """Parameters updated at an equilibrium, and how much that changes it.
+def _updated(trial: Trial, parameters: Parameters) -> tuple[Start, float]:
+    """The equilibrium with updated parameters, and how much the update changes it.
 
     The change is the larger one of energy and reactions, as a share of these, to first
     order; zero within what the equilibrium leaves unbalanced.
     """
-    problem, (u, f, parameters, *_) = trial.problem, trial.equilibrium
-    if (after := problem.updated(parameters, u)) is parameters:
-        return after, 0.0
-    start, tangent = problem.start(u, after, trial.tangent), trial.tangent
-    tolerance = trial.equilibrium.tolerance
+    problem, (u, f, *_) = trial.problem, trial.equilibrium
+    start = problem.start(u, parameters, trial.tangent)
+    tolerance, tangent = trial.equilibrium.tolerance, trial.tangent
     if not np.isfinite(start.f).all():
         raise NoEquilibriumError("parameters are not finite")
-    if problem.unbalanced(start.f, start.u) <= tolerance:
-        return after, 0.0
-    largest = max(np.linalg.norm(x) for x in problem.reactions(f).values())
+    if problem.unbalanced(start.f, u) <= tolerance:
+        return start, 0.0
     before, end = (sum(x.energies.values()) for x in (trial, start))
-    at_once = abs(end - before) <= SETTLED * abs(before)
-    if at_once and np.abs(start.f - f).sum() <= 0.1 * SETTLED * largest:
-        return after, 0.0
+    ours = np.array([*problem.reactions(f).values()])
+    largest = np.linalg.norm(ours, axis=1).max()
+    if abs(end - before) <= SETTLED * abs(before) and (
+        np.abs(start.f - f).sum() <= _CERTAINLY * SETTLED * largest
+    ):
+        return start, 0.0
     if tangent is None or tangent.negative_pivots is None:
-        return after, np.inf
-    du, settled = tangent.settled(start.f)
-    ours, theirs = (np.array([*problem.reactions(x).values()]) for x in (f, settled))
-    force, largest = (np.linalg.norm(x, axis=1).max() for x in (ours - theirs, ours))
-    before, end = (sum(x.energies.values()) for x in (trial, start))
+        return start, np.inf
+    du, after = tangent.settled(start.f)
+    theirs = np.array([*problem.reactions(after).values()])
+    force = np.linalg.norm(ours - theirs, axis=1).max() - tolerance * u.size
     energy = abs(end + (0.5 * start.f + start.load) @ du - before)
-    of_force = max(force - tolerance * u.size, 0.0) / largest if largest else 0.0
-    of_energy = max(energy - tolerance * np.abs(u).sum(), 0.0) / abs(before)
-    return after, float(max(of_force, of_energy))
+    energy -= tolerance * np.abs(u).sum()
+    of_force = max(force, 0.0) / largest if largest else 0.0
+    return start, float(max(of_force, max(energy, 0.0) / abs(before)))
 
 
 def method_of(method: str | Method) -> Method:
@@ -256,3 +281,54 @@ def method_of(method: str | Method) -> Method:
     if method.most < 1:
         raise ValueError(f"{method} must be allowed at least one iteration")
     return method
+
+
+def equilibrium_near(
+    ply: Body,
+    conditions: Conditions,
+    u: ndarray,
+    load_factor: float = 1.0,
+    *,
+    parameters: Parameters | None = None,
+    method: str | Method = "newton",
+    warn_only: Collection[str] = (),
+    solver: str = "auto",
+) -> State:
+    """Find the state at a load factor that is near a displacement, and judge it.
+
+    There is no step before it, so that its work is not checked.
+
+    Parameters
+    ----------
+    ply, conditions
+        The ply, and its displacement conditions by name.
+    u
+        The displacement, as `Refinement.carry` makes one.
+    load_factor
+        Load factor.
+    parameters
+        Parameters of the ply's terms to start with, as ``State.parameters``; those at
+        rest if not given: away from balance the tensions of stiff fibres are far from
+        those at balance.
+    method, warn_only, solver
+        As for `LoadStepper`.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If no state is found, or it is refused.
+    ValueError
+        If a condition or a name is not valid.
+    """
+    constraints = Constraints(ply.basis, conditions)
+    problem = Problem(ply, constraints, lambda lower: ChosenSolver(solver, lower)).at(
+        load_factor
+    )
+    with np.errstate(all="ignore"):  # what is not finite is caught
+        start = problem.start(u, parameters or ply.parameters_at_rest)
+    search = EquilibriumSearch(
+        problem, method_of(method), frozenset(warn_only), lambda _: None
+    )
+    values = constraints.fixed_values(load_factor)
+    found = search(Goal(load_factor, 0.0, values, start, None))
+    return found.trial.state(load_factor, problem.clock.solves)

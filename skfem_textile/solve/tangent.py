@@ -5,25 +5,18 @@ On a surface φ = 0 a tangent is that of the energy less λ∇²φ, see `Surface
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
-from ..body import Parameters
-from ..linear.solver import SingularMatrixError
-from ..states import NoEquilibriumError
-
-if TYPE_CHECKING:
-    from ..linear.system import System
-    from .problem import Problem
-
-#: Relative round-off of a number.
-EPSILON = 2.0**-53
-
-#: What to try where forces or a tangent are not finite.
-NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
+from .body import Parameters
+from .conditions import plain, turned
+from .linear.solver import SingularMatrixError
+from .linear.system import System
+from .problem import EPSILON, NOT_FINITE, Problem
+from .states import NoEquilibriumError
 
 # How many times the round-off of a number a stretch has after the operations that lead
 # to it: with once, macro-elements under a small load never balance
@@ -62,7 +55,7 @@ class Tangent:
 
     def __init__(
         self,
-        problem: "Problem",
+        problem: Problem,
         u: ndarray,
         parameters: Parameters,
         tension: ndarray | None = None,
@@ -188,7 +181,7 @@ class Tangent:
         return float(problem.converged * largest + rounding * self.stiffness)
 
 
-def _multipliers(problem: "Problem", u: ndarray, f: ndarray) -> ndarray:
+def _multipliers(problem: Problem, u: ndarray, f: ndarray) -> ndarray:
     """λ of nodes on surfaces, shape (n,): forces f across them over the slope of φ."""
     assert problem.surfaces
     contact = problem.surfaces.contact(u, problem.load_factor)
@@ -197,7 +190,7 @@ def _multipliers(problem: "Problem", u: ndarray, f: ndarray) -> ndarray:
 
 
 def _curved(
-    problem: "Problem",
+    problem: Problem,
     u: ndarray,
     parameters: Parameters,
     blocks: ndarray,
@@ -215,9 +208,7 @@ def _curved(
     return blocks
 
 
-def tangent_at(
-    problem: "Problem", u: ndarray, parameters: Parameters
-) -> Tangent | None:
+def tangent_at(problem: Problem, u: ndarray, parameters: Parameters) -> Tangent | None:
     """The consistent tangent; None where it is singular."""
     try:
         return Tangent(problem, u, parameters)
@@ -246,9 +237,7 @@ class Reduced(NamedTuple):
         return float((rows + coupling.sum(axis=1).A1).max(initial=0.0))
 
 
-def reduced(
-    system: "System", blocks: ndarray, turn: csr_matrix | None = None
-) -> Reduced:
+def reduced(system: System, blocks: ndarray, turn: csr_matrix | None = None) -> Reduced:
     """The blocks of a tangent as the free unknowns see it.
 
     Parameters
@@ -268,13 +257,3 @@ def reduced(
 def _at(blocks: ndarray, slots: csr_matrix) -> csr_matrix:
     data = blocks.ravel()[slots.data]
     return csr_matrix((data, slots.indices, slots.indptr), slots.shape)
-
-
-def turned(u: ndarray, turn: csr_matrix | None) -> ndarray:
-    """A DOF vector in unknowns that are turned."""
-    return u if turn is None else turn.T @ u
-
-
-def plain(q: ndarray, turn: csr_matrix | None) -> ndarray:
-    """A vector of unknowns that are turned as a DOF vector."""
-    return q if turn is None else turn @ q

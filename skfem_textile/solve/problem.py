@@ -1,26 +1,66 @@
-"""A ply under conditions, as its equilibrium iterations see it."""
+"""A ply under conditions at one load factor, and initial guesses of its equilibrium."""
 
+from collections.abc import Mapping
 from copy import copy
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
-from ..body import Body, Parameters, Supports
-from ..linear.solver import Clock, SolverOfPattern
-from ..linear.system import System
-from ..states import NoEquilibriumError
-from .start import Start
-from .tangent import EPSILON, NOT_FINITE, Tangent, plain, turned
+from ..mesh.bases import components
+from .body import Body, Parameters
+from .conditions import Constraints, plain, turned
+from .linear.solver import Clock, SolverOfPattern
+from .linear.system import System
+from .states import NoEquilibriumError
 
-if TYPE_CHECKING:
-    from ..surface.nodes import SurfaceNodes
+#: Relative round-off of a number.
+EPSILON = 2.0**-53
+
+#: What to try where forces or a tangent are not finite.
+NOT_FINITE = "a smaller load, more steps, or laws that are finite everywhere"
 
 # Share of the largest force that an equilibrium may leave unbalanced; under loads what
 # comes back in the reactions is to be seen to ten digits.
 _UNBALANCED, _UNBALANCED_LOADED = 1e-8, 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Initial guess of an iteration: a displacement, with forces and energies there.
+
+    Attributes
+    ----------
+    load_factor
+        Load factor.
+    u, f, load
+        Displacement, nodal forces and those of the loads.
+    energies
+        Energy of each term in N·mm, those of loads aside.
+    parameters
+        Parameters of the ply's terms.
+    tangent
+        A `Tangent` for the first increment; None where it is singular.
+    """
+
+    load_factor: float
+    u: ndarray
+    f: ndarray
+    load: ndarray
+    energies: Mapping[str, float]
+    parameters: Mapping[str, Any]
+    tangent: Any = None
+
+    def with_parameters(
+        self, problem: "Problem", parameters: Mapping[str, Any]
+    ) -> "Start":
+        """The same displacement at the same load factor, with other parameters."""
+        if all(parameters[name].same_as(own) for name, own in self.parameters.items()):
+            return self
+        return problem.at(self.load_factor).start(self.u, parameters)
 
 
 class Problem:
@@ -42,6 +82,14 @@ class Problem:
         Forces in N that act beside the loads: what is not let go yet at rest.
     converged
         Share of the largest force that an equilibrium may leave unbalanced.
+    element_size
+        Typical length of an element in mm.
+    in_space
+        Whether the ply may leave its plane.
+    surfaces
+        The nodes on surfaces; None where there are none.
+    loaded, line_search
+        Whether there are loads, and whether a term asks for a line search.
 
     Raises
     ------
@@ -50,7 +98,7 @@ class Problem:
     """
 
     def __init__(
-        self, ply: Body, constraints: Supports, solver: SolverOfPattern
+        self, ply: Body, constraints: Constraints, solver: SolverOfPattern
     ) -> None:
         self.ply = ply
         self.load_factor = 0.0
@@ -59,11 +107,14 @@ class Problem:
         self._solver = solver
         self.clock = Clock()
         self.element_size = ply.element_size
+        self.in_space = components(ply.basis) == 3
+        self.surfaces = constraints.surfaces
+        self.line_search = any(term.line_search for term in ply.terms)
         for term in ply.further_terms:
             if reason := getattr(term, "unsupported", lambda _: "")(constraints):
                 raise ValueError(f"load {term.name!r}: {reason}")
-        loaded = "load" in ply.roles.values()
-        self.converged = _UNBALANCED_LOADED if loaded else _UNBALANCED
+        self.loaded = "load" in ply.roles.values()
+        self.converged = _UNBALANCED_LOADED if self.loaded else _UNBALANCED
 
     @cached_property
     def system(self) -> System:
@@ -111,9 +162,7 @@ class Problem:
         old, new = (sum(self.energies(u, p)[0].values()) for p in (before, after))
         return abs(new - old) / abs(old) if old else np.inf
 
-    def start(
-        self, u: ndarray, parameters: Parameters, tangent: Tangent | None = None
-    ) -> Start:
+    def start(self, u: ndarray, parameters: Parameters, tangent: Any = None) -> Start:
         """The start of an iteration at ``u``."""
         energies, _ = self.energies(u, parameters)
         f, load = self.residual(u, parameters), self.load(u, parameters)
@@ -141,21 +190,6 @@ class Problem:
         other.held = held
         return other
 
-    @cached_property
-    def line_search(self) -> bool:
-        """Whether a term asks for a line search."""
-        return any(term.line_search for term in self.ply.terms)
-
-    @property
-    def in_space(self) -> bool:
-        """Whether the ply may leave its plane."""
-        return self.system.dimension == 3
-
-    @property
-    def surfaces(self) -> "SurfaceNodes | None":
-        """The nodes on surfaces; None where there are none."""
-        return self.constraints.surfaces
-
     def turn(self, u: ndarray) -> csr_matrix | None:
         """The map from the unknowns at a displacement to the plain ones.
 
@@ -177,10 +211,6 @@ class Problem:
             return u + du
         return self.surfaces.onto(u + du, self.load_factor)
 
-    def free(self, f: ndarray, u: ndarray) -> ndarray:
-        """Components of a DOF vector along the unknowns that are free at ``u``."""
-        return turned(f, self.turn(u))[self.constraints.free]
-
     def unfixed(self, f: ndarray, u: ndarray) -> ndarray:
         """A DOF vector without its components along what is fixed at ``u``."""
         turn = self.turn(u)
@@ -198,7 +228,8 @@ class Problem:
         """
         if not np.isfinite(f).all():
             raise NoEquilibriumError("the forces are not finite", advice=NOT_FINITE)
-        return float(np.abs(self.free(f, u)).max(initial=0.0))
+        free = turned(f, self.turn(u))[self.constraints.free]
+        return float(np.abs(free).max(initial=0.0))
 
     def reactions(self, f: ndarray) -> dict[str, ndarray]:
         """Sum of the nodal forces over the nodes of each condition, shape (d,)."""

@@ -1,0 +1,343 @@
+"""Continuation in the load factor: length of the steps, the load path, limit loads.
+
+A ply may have several stable equilibria under one load.  A short step leads to the one
+that continues the load path; a long one may lead to another.  Iterations that pass
+where the ply is not stable tell them apart.  A step of which they are few is easy, and
+stays on the path.  A hard one is halved, until its halves are easy or it is short; then
+its end is reached in one step and in two, and both must agree.
+"""
+
+import logging
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+from .body import Parameters
+from .problem import Problem, Start
+from .states import NoEquilibriumError, State
+
+log = logging.getLogger(__name__)
+
+# Energies and reactions that differ by a smaller share are of one state.  A larger
+# share takes two equilibria for one; a smaller one takes what round-off and C_s of
+# another state leave for another equilibrium.
+_SAME_STATE = 0.01
+
+#: Projected tangents at most in an easy step.  Measured on the problems of `python -m
+#: studies stability`: with four, a run takes another equilibrium unnoticed; with one,
+#: steps that stay on the path are halved, at 5 % more linear solves.
+MOST_ALTERED = 2
+
+# How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.
+_PATH_HALVINGS = 6
+
+# Load factors that a warning names at most.
+_SHOWN = 5
+
+# How well a limit load is to be known, as a share of it.  Half of it takes about
+# one more halving of a step.
+_KNOWN_SHARE = 0.005
+
+# The shortest step on the way to a limit, in load factors.  A longer one may end before
+# the limit is known; a shorter one takes more steps, of changes that are round-off.
+_SHORTEST_STEP = 1e-9
+
+# Share of the energy of a ply from which loads that grow drive it: half, for the work
+# of a load that alone drives a ply is at least the energy.
+_DRIVES = 0.5
+
+
+class StepEnd(NamedTuple):
+    """The state at the end of a hard step, as far as it is compared.
+
+    Attributes
+    ----------
+    load_factor
+        Load factor.
+    energy, reactions
+        Energy in N·mm and all components of the reactions in N.
+    energy_error, force_error
+        Their errors by the tolerance of the equilibrium.
+    """
+
+    load_factor: float
+    energy: float
+    reactions: list[float]
+    energy_error: float
+    force_error: float
+
+    @classmethod
+    def of(cls, state: State) -> "StepEnd":
+        """The end of a step to a state."""
+        return cls(
+            state.load_factor,
+            sum(state.energies.values()),
+            np.concatenate(list(state.reactions.values())).tolist(),
+            state.tolerance * float(np.abs(state.u).sum()),
+            state.tolerance * state.u.size,
+        )
+
+    def agrees(self, other: "StepEnd") -> bool:
+        """Whether both are of one state."""
+        ours, theirs = np.array(self.reactions), np.array(other.reactions)
+        force = np.abs([ours, theirs]).max()
+        energy = max(abs(self.energy), abs(other.energy))
+        return bool(
+            abs(self.energy - other.energy) <= _SAME_STATE * energy + other.energy_error
+            and np.abs(ours - theirs).max() <= _SAME_STATE * force + other.force_error
+        )
+
+
+@dataclass
+class Continuation:
+    """Where the next step ends, and whether a step is kept, halved or the last.
+
+    Attributes
+    ----------
+    longest
+        Length of a requested step, in load factors.
+    halvings
+        How often it may be halved.
+    follows_path
+        Whether the load path is followed, see `Method`.
+    next
+        Length of the next step.
+    cut
+        Number of halvings so far.
+    unresolved
+        Load factors at which another number of steps may lead to another equilibrium.
+    to_compare
+        Ends of hard steps that are being taken again, as two.
+    not_followed_until
+        Up to this load factor the path is not followed.
+    """
+
+    longest: float
+    halvings: int
+    follows_path: bool
+    next: float
+    cut: int = 0
+    unresolved: list[float] = field(default_factory=list)
+    to_compare: list[StepEnd] = field(default_factory=list)
+    not_followed_until: float = -1.0
+
+    @classmethod
+    def of(cls, saved: Mapping[str, Any]) -> "Continuation":
+        """The continuation of a checkpoint."""
+        to_compare = [StepEnd(*past) for past in saved["to_compare"]]
+        return cls(**{**saved, "to_compare": to_compare})
+
+    @property
+    def _shortest(self) -> float:
+        """Length of a step that is not halved any more after a failure."""
+        return self.longest / 2.0**self.halvings
+
+    @property
+    def _short(self) -> float:
+        """Length of a hard step that is taken as it comes."""
+        halvings = max(self.halvings - 2, 0) if self.follows_path else 0
+        return self.longest / 2.0 ** min(_PATH_HALVINGS, halvings)
+
+    def end(self, t: float, goal: float) -> float:
+        """Where the next step from ``t`` ends, ``goal`` at most.
+
+        It passes no end of a hard step that is to be compared, and leaves no step over
+        that is too short.
+        """
+        goal = min([goal, *(past.load_factor for past in self.to_compare)])
+        end = t + self.next
+        return goal if end > goal - 0.5 * min(self._shortest, self.next) else end
+
+    def most_altered(self, step: float, t: float, loads_drive: bool) -> float:
+        """Projected tangents at most in a step to ``t``; with more it is halved.
+
+        Past a limit of a load that drives the ply there is no path.
+        """
+        followed = step > 1.5 * self._short and t > self.not_followed_until
+        return MOST_ALTERED if followed or loads_drive else np.inf
+
+    def keeps(self, step: float, state: State, altered: int, settled: bool) -> bool:
+        """Whether to keep the state to which a step led, or to take two instead.
+
+        Parameters
+        ----------
+        step
+            Length of the step.
+        state
+            The state.
+        altered
+            Projected tangents in the step.
+        settled
+            Whether the state is the same however many steps lead to it along the path.
+        """
+        t = state.load_factor
+        if altered > MOST_ALTERED or not self.follows_path:
+            follow = self.follows_path and self.halvings and t > self.not_followed_until
+            if follow and step > 0.75 * self._short:
+                self.to_compare.append(StepEnd.of(state))
+                self._halve(step)
+                return False
+            self.mark(t)
+        if not settled or t <= self.not_followed_until:
+            self.mark(t)
+        for past in [past for past in self.to_compare if past.load_factor == t]:
+            self.to_compare.remove(past)
+            if not past.agrees(StepEnd.of(state)):
+                self.mark(t)
+        if altered == 0:
+            self.next = min(2 * self.next, self.longest)
+        return True
+
+    def failed(
+        self, failure: NoEquilibriumError, t: float, end: float, goal: float, by: float
+    ) -> None:
+        """Shorten the step from ``t`` that failed, or go on without the path to a goal.
+
+        Parameters
+        ----------
+        failure
+            The failure of the step from ``t`` to ``end``.
+        goal
+            The requested load factor.
+        by
+            Growth of the loads in the step, as of `load_growth`; zero where loads do
+            not drive it.
+
+        Raises
+        ------
+        NoEquilibriumError
+            If the load passes a limit, or steps fail however short they are.
+        """
+        step = end - t
+        known = step <= _SHORTEST_STEP or by <= _KNOWN_SHARE
+        if step > 1.5 * self._shortest or not known:
+            log.info("step to %g failed, halved: %s", end, failure)
+            self._halve(step)
+        elif by:
+            raise NoEquilibriumError(
+                f"between the load factors {t:.6g} and {end:.6g} the load passes a "
+                f"limit: no acceptable state near the last one carries more of it "
+                f"({failure})",
+                failure.elements,
+                "displacements in place of the load, or a smaller load",
+            )
+        elif self.not_followed_until >= goal or self._short == self.longest:
+            raise failure
+        else:
+            log.info("step to %g failed, however short: %s", end, failure)
+            self.not_followed_until = goal
+            self.to_compare.clear()
+            self.next = self.longest
+
+    def _halve(self, step: float) -> None:
+        self.next = 0.5 * step
+        self.cut += 1
+
+    def mark(self, t: float) -> None:
+        """Mark the path as unresolved at a load factor."""
+        if t not in self.unresolved:
+            self.unresolved.append(t)
+
+    def warning(self) -> str:
+        """The warning of unresolved load factors; empty if there are none."""
+        if not self.unresolved:
+            return ""
+        shown = ", ".join(f"{t:.4g}" for t in self.unresolved[:_SHOWN])
+        more = ", ..." if len(self.unresolved) > _SHOWN else ""
+        return (
+            f"the path was not resolved at load factor {shown}{more}: another number "
+            "of steps may lead to another equilibrium; compare with more steps"
+        )
+
+
+def moves(problem: Problem, load_factors: Iterable[float]) -> bool:
+    """Whether conditions prescribe a motion, or keep nodes on surfaces.
+
+    Raises
+    ------
+    ValueError
+        If a condition has no valid value at one of the load factors.
+    """
+    values = [problem.constraints.fixed_values(t).any() for t in load_factors]
+    return problem.surfaces is not None or any(values)
+
+
+def loads_drive(
+    problem: Problem,
+    u: ndarray,
+    parameters: Parameters,
+    energies: Mapping[str, float],
+    moved: bool,
+) -> bool:
+    """Whether the growth of loads drives a ply, beside displacements and surfaces.
+
+    Parameters
+    ----------
+    problem
+        The problem at the load factor of a state.
+    u, parameters, energies
+        Displacement, parameters and energies by term of the state.
+    moved
+        As of `moves`.
+    """
+    ply, t = problem.ply, problem.load_factor
+    if not problem.loaded:
+        return False
+    if not t:  # no displacement yet to compare work
+        return not moved
+    growth = ply.load(u, t, parameters) - ply.load(u, 0.0, parameters)
+    if not moved:
+        return bool(growth.any())
+    return bool(np.abs(growth * u).sum() > _DRIVES * abs(sum(energies.values())))
+
+
+def load_growth(problem: Problem, state: State, beyond: float) -> float:
+    """Growth of the loads from a state to a load factor, over the growth from 0 on.
+
+    Zero where a motion of the state meets no stiffness: whatever the load, there is no
+    balance.
+    """
+    if state.verdict.negative_pivots is None:
+        return 0.0
+    place, factors = (state.u, state.parameters), (0.0, state.load_factor, beyond)
+    none, least, most = (problem.ply.load(place[0], t, place[1]) for t in factors)
+    largest = max(np.abs(least - none).max(), np.abs(most - none).max())
+    return float(np.abs(most - least).max() / largest) if largest else 0.0
+
+
+def balanced_at_rest(
+    problem: Problem, load_factors: Iterable[float], tolerance: float
+) -> bool:
+    """Whether no load moves the ply at rest at any load factor.
+
+    Parameters
+    ----------
+    problem, load_factors
+        The problem, and the load factors of the run.
+    tolerance
+        Force in N from which on a nodal force counts, be its node held or free.
+    """
+    rest, p = problem.ply.basis.zeros(), problem.ply.parameters_at_rest
+    return all(
+        np.abs(problem.at(t).residual(rest, p)).max() <= tolerance for t in load_factors
+    )
+
+
+def on_grown_surface(problem: Problem, start: Start) -> Start:
+    """An initial guess carried along geodesics onto the surface at a load factor.
+
+    From there an iteration is short.  The initial guess itself where no surface grows,
+    and where carrying it folds the ply or takes it beyond a law.
+    """
+    if problem.surfaces is None:
+        return start
+    u = problem.surfaces.carried(start.u, start.load_factor, problem.load_factor)
+    if u is None:
+        return start
+    with np.errstate(all="ignore"):  # what is not finite is caught
+        p = start.parameters
+        usable = problem.least_area_ratio(u).min() > 0 and problem.in_domain(u, p)
+        return problem.start(u, p) if usable else start

@@ -1,0 +1,451 @@
+"""Load stepper: a growing load, and a checked state at the end of each step."""
+
+import logging
+import os
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from .body import Body
+from .checkpoint import Checkpoint, CheckpointError, Progress, Replay
+from .conditions import Conditions, Constraints
+from .continuation import (
+    MOST_ALTERED,
+    Continuation,
+    balanced_at_rest,
+    load_growth,
+    moves,
+    on_grown_surface,
+)
+from .error_estimate import estimated_error
+from .linear import ChosenSolver, check_solver
+from .linear.solver import Clock
+from .newton import Method
+from .problem import Problem
+from .result import Result, StepError
+from .search import EquilibriumSearch, Goal, method_of
+from .states import Equilibrium, Iteration, NoEquilibriumError, State, UserError
+from .surface import OnSurface
+from .tangent import tangent_at
+from .verdict import CHECKS, Trial
+
+log = logging.getLogger(__name__)
+
+#: Checks that only warn by default.
+DEFAULT_WARN_ONLY = "work", "stabilisation", "deviation", "corners", "surface"
+
+# More equal steps than this are taken for a slip.
+_MOST_STEPS = 1_000_000
+
+# A load factor near 1 has 53 binary digits, and 20 of them are for the steps.
+_MOST_HALVINGS = 30
+
+_NOTHING_DRIVES = (
+    "nothing will move: no condition prescribes a displacement other than zero, and "
+    "there is no load; look at the displacements of the conditions"
+)
+
+
+class LoadStepper:
+    """Load a ply, in steps that shrink where they fail and grow where they are easy.
+
+    A converged state is checked: if it is folded, torn or not stable, it is refused.  A
+    step that fails is halved.
+
+    Parameters
+    ----------
+    ply
+        The ply to load.
+    conditions
+        Displacement conditions by name.
+    steps
+        Number of equal steps to the load factor 1.  The run has a state at the end of
+        each, and in between where a step had to be halved.
+    method
+        Nonlinear solver: `Newton`, `PlainNewton` or the name of one, ``newton`` or
+        ``plain``.
+    max_halvings
+        How often a step may be halved before the run stops.
+    warn_only
+        Checks of `CHECKS` that do not refuse a state but only warn.
+    on_iteration, on_step
+        Called with each `Iteration` and with each converged `State`.
+    checkpoint
+        A folder to which every converged state is written.
+    solver
+        Linear solver: ``superlu``, ``cholmod`` (needs cvxopt), ``pardiso`` (needs
+        pypardiso), or ``auto`` for the fastest that is installed, which large systems
+        measure once in a process.
+
+    Raises
+    ------
+    ValueError
+        If a condition is not valid at some load factor, ``steps`` is no whole number
+        from 1 to a million, ``max_halvings`` none from 0 to 30, a method or check
+        unknown, the solver unknown or not installed, or something is of another kind.
+
+    Examples
+    --------
+    A square ply sheared by 45°:
+
+    >>> from skfem import MeshQuad
+    >>> from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
+    >>> ply = Ply(MeshQuad().refined(2), Fabric(1e4, shear=1.0), Full())
+    >>> def arc(X, t):
+    ...     angle = np.full(X.shape[1], t * np.pi / 4)
+    ...     return np.stack([np.sin(angle), np.cos(angle) - 1])
+    >>> conditions = {
+    ...     "clamp": Condition(lambda X: X[1] == 0),
+    ...     "slide": Condition(lambda X: X[1] == 1, arc),
+    ... }
+    >>> stepper = LoadStepper(ply, conditions, steps=2)
+    >>> result = stepper.run()
+    >>> round(result.summary()["max_shear_angle_deg"], 1)
+    45.0
+    """
+
+    def __init__(
+        self,
+        ply: Body,
+        conditions: Conditions,
+        steps: int = 20,
+        *,
+        method: str | Method = "newton",
+        max_halvings: int = 8,
+        warn_only: Collection[str] = DEFAULT_WARN_ONLY,
+        on_iteration: Callable[[Iteration], None] | None = None,
+        on_step: Callable[[State], None] | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        solver: str = "auto",
+    ) -> None:
+        callbacks = {"on_iteration": on_iteration, "on_step": on_step}
+        _check_arguments(ply, steps, max_halvings, warn_only, callbacks)
+        check_solver(solver)
+        constraints = Constraints(ply.basis, conditions)
+        self.problem = Problem(ply, constraints, partial(ChosenSolver, solver))
+        self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
+        moved = moves(self.problem, (0.0, *self.load_factors))
+        self.search = EquilibriumSearch(
+            self.problem, method_of(method), frozenset(warn_only), self._report, moved
+        )
+        self.max_halvings = max_halvings
+        self.on_iteration, self.on_step = on_iteration, on_step
+        # What the states depend on beyond the problem.
+        settings = {
+            "steps": len(self.load_factors),
+            "method": repr(self.search.method),
+            "max_halvings": max_halvings,
+            "warn_only": sorted(warn_only),
+        }
+        self.checkpoint = (
+            Checkpoint(checkpoint, ply, constraints, settings) if checkpoint else None
+        )
+        self.surfaces = {
+            k: c for k, c in conditions.items() if isinstance(c, OnSurface)
+        }
+        self.estimate = partial(estimated_error, ply, conditions)
+        self._run = Run(self)
+
+    def run(self, resume: bool = False) -> Result:
+        """Apply the whole load.
+
+        Parameters
+        ----------
+        resume
+            Go on from the last state in the checkpoint, if it holds one.
+
+        Raises
+        ------
+        StepError
+            If a step fails however often it is halved, a condition has no valid value
+            at some load factor, or a checkpoint cannot be written.
+        CheckpointError
+            If the checkpoint is damaged, or of another run.
+        ValueError
+            If there is no checkpoint to resume from, or a law is not finite at rest.
+        """
+        if resume and not self.checkpoint:
+            raise ValueError("no checkpoint to resume from: name its folder")
+        self._run = Run(self)
+        return self._run(resume)
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """The states so far; none before a run."""
+        return tuple(self._run.states)
+
+    @property
+    def result(self) -> Result:
+        """The result so far; after an interruption, with every state before it.
+
+        Raises
+        ------
+        RuntimeError
+            If there is no state yet.
+        """
+        return self._run.result
+
+    def _report(self, iteration: Iteration) -> None:
+        log.debug("%s", iteration)
+        if self.on_iteration is not None:
+            self.on_iteration(iteration)
+
+
+class Run:
+    """A run of a load stepper, called once: from rest, or the end of its checkpoint.
+
+    Parameters
+    ----------
+    stepper
+        The load stepper.
+
+    Attributes
+    ----------
+    states
+        Converged states so far.
+    continuation
+        Length of the steps and the load path.
+    """
+
+    def __init__(self, stepper: LoadStepper) -> None:
+        self._stepper, self._search = stepper, stepper.search
+        self._problem = stepper.problem
+        self._problem.clock, self._began = Clock(), perf_counter()
+        longest, follows = stepper.load_factors[0], stepper.search.method.follows_path
+        halvings = stepper.max_halvings
+        self.continuation = Continuation(longest, halvings, follows, next=longest)
+        self.states: list[State] = []
+        self._warned: set[str] = set()
+
+    def __call__(self, resume: bool = False) -> Result:
+        """Apply the whole load; see `LoadStepper.run`."""
+        checkpoint = self._stepper.checkpoint
+        try:
+            self._begin(resume)
+            for goal in self._stepper.load_factors:
+                while self.states[-1].load_factor < goal:
+                    self._step(goal)
+        except NoEquilibriumError as failure:
+            raise StepError.after(failure, self.result) from None
+        except (StepError, CheckpointError, MemoryError):
+            raise
+        except Exception as error:  # a user's function may raise anything
+            if not self.states:
+                raise
+            raise StepError.after(UserError(error), self.result) from error
+        finally:
+            if warning := self.continuation.warning():
+                log.warning(warning)
+            if checkpoint:
+                checkpoint.release()
+        return self.result
+
+    @property
+    def _progress(self) -> Progress:
+        elapsed = perf_counter() - self._began
+        return Progress(self.continuation, self._problem.clock, elapsed)
+
+    @property
+    def result(self) -> Result:
+        """The result so far.
+
+        Raises
+        ------
+        RuntimeError
+            If there is no state yet.
+        """
+        if not self.states:
+            raise RuntimeError("the load stepper has not been run")
+        stepper, clock = self._stepper, self._problem.clock
+        chosen: Any = self._problem.system.solver
+        return Result(
+            ply=self._problem.ply,
+            states=list(self.states),
+            converged=self.states[-1].load_factor == 1.0,
+            linear_solves=clock.solves,
+            factorisations=clock.factorisations,
+            steps_cut=self.continuation.cut,
+            unresolved=tuple(self.continuation.unresolved),
+            wall_time_s=perf_counter() - self._began,
+            assembly_time_s=clock.seconds["assembly"],
+            solve_time_s=clock.seconds["solve"],
+            solver=chosen.choice,
+            surfaces=dict(stepper.surfaces),
+            estimate=partial(stepper.estimate, chosen.choice.name),
+        )
+
+    def _begin(self, resume: bool) -> None:
+        """Start from the ply at rest, or from the end of the checkpoint."""
+        problem, checkpoint = self._problem, self._stepper.checkpoint
+        if checkpoint and resume:
+            replay = Replay(problem)
+            if saved := checkpoint.load(replay):
+                self.states, self.continuation = (
+                    saved.states,
+                    saved.progress.continuation,
+                )
+                end = replay.last.equilibrium
+                tangent = tangent_at(replay.last.problem, end.u, end.parameters)
+                replay.last.equilibrium = end._replace(tangent=tangent)
+                self._start = replay.last.next_start()
+                # It holds the time of that tangent already.
+                problem.clock = replay.last.problem.clock = saved.progress.clock
+                self._began -= saved.progress.elapsed
+                log.info("resumed at load factor %g", self.states[-1].load_factor)
+                return
+        u, p = problem.ply.basis.zeros(), problem.ply.parameters_at_rest
+        with np.errstate(all="ignore"):  # what is not finite is caught
+            f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
+            if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
+                raise ValueError("a law has no finite energy or force at rest: mend it")
+            if checkpoint:
+                checkpoint.begin()
+            if resume:
+                log.warning("nothing to resume: the run starts from the undeformed ply")
+            tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
+            tolerance = tangent.tolerance(u, f) if tangent else 0.0
+            undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
+            self._rest(Trial(problem, undeformed, None, energies, potentials))
+
+    def _rest(self, trial: Trial) -> None:
+        """Keep the state at the load factor 0: balanced, and held by the conditions.
+
+        A ply at rest may have motions without stiffness, but none that gains energy.
+        """
+        problem, (u, _, p, (unbalanced,), tolerance, _, tangent) = (
+            self._problem,
+            trial.equilibrium,
+        )
+        state, values = self._state(0.0, trial), problem.constraints.fixed_values(0.0)
+        balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
+        if balanced and not state.verdict.negative_pivots:
+            self._keep(state, trial)
+            factors = self._stepper.load_factors
+            if not self._search.moved and balanced_at_rest(problem, factors, tolerance):
+                log.warning(_NOTHING_DRIVES)
+            return
+        self.states = [state]  # until the ply is in balance
+        found = self._search.at_rest(problem.start(u, p, tangent), values)
+        state = self._state(0.0, found.trial)
+        easy = found.altered <= MOST_ALTERED and self._search.method.follows_path
+        if not easy or not found.settled or self._depends_on_steps(state):
+            self.continuation.mark(0.0)
+        self.states = []
+        self._keep(state, found.trial)
+
+    def _step(self, goal: float) -> None:
+        """Take a step towards a requested load factor, or prepare a shorter one."""
+        last, start, problem = self.states[-1], self._start, self._problem
+        t = self.continuation.end(last.load_factor, goal)
+        step, driven = t - last.load_factor, self._search.loads_drive(start)
+        try:
+            values = problem.constraints.fixed_values(t)
+            # The factors of loads are functions of the user.
+            problem.at(t).load(start.u, start.parameters)
+        except ValueError as error:
+            raise StepError.after(error, self.result) from None
+        most_altered = self.continuation.most_altered(step, t, driven)
+        guess = on_grown_surface(problem.at(t), start)
+        try:
+            found = self._search(Goal(t, step, values, guess, start, most_altered))
+        except NoEquilibriumError as failure:
+            growth = load_growth(problem, last, t) if driven else 0.0
+            self.continuation.failed(failure, last.load_factor, t, goal, growth)
+            return
+        state = self._state(t, found.trial)
+        settled = found.settled and not self._depends_on_steps(state)
+        if self.continuation.keeps(step, state, found.altered, settled):
+            self._keep(state, found.trial)
+        else:
+            log.info("step to %g was hard, taken again as two", t)
+
+    def _depends_on_steps(self, state: State) -> bool:
+        """Whether energies depend on the number of steps, however short these are."""
+        now, before = (s.energies | s.potentials for s in (state, self.states[-1]))
+        return any(
+            term.parameters is not None
+            and term.parameters.depends_on_steps
+            and now[term.name] != before[term.name]
+            for term in self._problem.ply.terms
+        )
+
+    def _state(self, t: float, trial: Trial) -> State:
+        before = sum(state.linear_solves for state in self.states)
+        return trial.state(t, self._problem.clock.solves - before)
+
+    def _keep(self, state: State, trial: Trial) -> None:
+        """Add a state, and make it the start of the next step.
+
+        Raises
+        ------
+        StepError
+            If the checkpoint cannot be written.
+        """
+        t, stepper = state.load_factor, self._stepper
+        for check, warning in trial.warnings.items():
+            level = logging.INFO if check in self._warned else logging.WARNING
+            log.log(level, "load factor %g: %s", t, warning)
+            self._warned.add(check)
+        if stepper.checkpoint:
+            try:
+                stepper.checkpoint.save(len(self.states), state, self._progress)
+            except CheckpointError as error:
+                if not self.states:
+                    raise
+                raise StepError.after(error, self.result) from None
+        self.states.append(state)
+        log.info("load factor %g: %d linear solves", t, state.linear_solves)
+        if stepper.on_step is not None and t > 0:
+            stepper.on_step(state)
+        self._start = trial.next_start()
+
+
+def _check_arguments(
+    ply: Any,
+    steps: Any,
+    max_halvings: Any,
+    warn_only: Any,
+    callbacks: Mapping[str, Callable | None],
+) -> None:
+    """Refuse arguments that `LoadStepper` cannot use.
+
+    Raises
+    ------
+    ValueError
+        With the name of the argument, and what is wrong with it.
+    """
+    if isinstance(ply, type) or not hasattr(ply, "stiffness"):
+        raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
+    if not _is_whole(steps, 1, _MOST_STEPS):
+        raise ValueError(
+            "steps must be at least 1, and whole, and no more than "
+            f"{_MOST_STEPS}; got {steps!r}"
+        )
+    if not _is_whole(max_halvings, 0, _MOST_HALVINGS):
+        raise ValueError(
+            f"max_halvings must be a whole number from 0 to {_MOST_HALVINGS}, got "
+            f"{max_halvings!r}"
+        )
+    known = ", ".join(CHECKS)
+    # A bare name is a collection too, of its letters.
+    if isinstance(warn_only, str) or not isinstance(warn_only, Collection):
+        raise ValueError(
+            f"checks in warn_only must be given as a list, of {known}; got "
+            f"{warn_only!r}"
+        )
+    for name in warn_only:
+        if name not in [*CHECKS]:  # names may be of any type, even unhashable
+            raise ValueError(f"unknown check {name!r}: choose of {known}")
+    for name, function in callbacks.items():
+        if function is not None and not callable(function):
+            raise ValueError(f"{name} must be a function, not {function!r}")
+
+
+def _is_whole(number: Any, least: int, most: int) -> bool:
+    try:
+        return least <= int(number) == number <= most
+    except (TypeError, ValueError, OverflowError):
+        return False
