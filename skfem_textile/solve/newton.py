@@ -13,8 +13,8 @@ from .states import Equilibrium, NoEquilibriumError
 from .tangent import Tangent, tangent_at
 
 # Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
-# singular, and in space the least one of a projected tangent.  Along the fibres it must
-# not outweigh the stiffness of a crimped fabric at rest.
+# singular, and in space, off surfaces, the least one of a projected tangent.  Along
+# the fibres it must not outweigh the stiffness of a crimped fabric at rest.
 _FIRST_TENSION = 0.1
 
 # The same where nodes are on surfaces over the shear stiffness, at least: an initial
@@ -370,8 +370,9 @@ def definite(
     """The tangent; where it is not positive definite, a projected one.
 
     The projected tangent has no compression, element matrices projected onto positive
-    semi-definite ones, and on surfaces no contact forces.  In space it has a least
-    fibre tension.
+    semi-definite ones, and on surfaces no contact forces.  In space, off surfaces, it
+    has a least fibre tension.  Where it is not definite even so, it has the
+    tensions at ``u``.
 
     Parameters
     ----------
@@ -391,11 +392,23 @@ def definite(
             return tangent
     except NoEquilibriumError:
         pass
-    least = np.maximum(tension, _FIRST_TENSION if problem.in_space else 0.0)
-    untouched = no_contact(problem)
-    tangent = Tangent(problem, u, parameters, least, positive=True, contact=untouched)
-    tangent.altered = True
-    return tangent
+    free_in_space = problem.in_space and not problem.surfaces
+    least, untouched = _FIRST_TENSION if free_in_space else 0.0, no_contact(problem)
+
+    def projected(tension: ndarray) -> Tangent:
+        clipped = np.maximum(tension, least)
+        tangent = Tangent(problem, u, parameters, clipped, True, untouched)
+        tangent.altered = True
+        return tangent
+
+    try:
+        tangent = projected(tension)
+        if tangent.definite:
+            return tangent
+    except NoEquilibriumError:
+        pass
+    # A law without slope at rest predicts no tension.
+    return projected(problem.ply.geometric_tension(u, np.zeros_like(u), parameters))
 
 
 def no_contact(problem: Problem) -> ndarray | None:

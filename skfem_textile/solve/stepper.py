@@ -212,8 +212,8 @@ class Run:
 
     def __init__(self, stepper: LoadStepper) -> None:
         self._stepper, self._search = stepper, stepper.search
-        self._problem = stepper.problem
-        self._problem.clock, self._began = Clock(), perf_counter()
+        self.problem = stepper.problem
+        self.problem.clock, self._began = Clock(), perf_counter()
         longest, follows = stepper.load_factors[0], stepper.search.method.follows_path
         halvings = stepper.max_halvings
         self.continuation = Continuation(longest, halvings, follows, next=longest)
@@ -246,7 +246,7 @@ class Run:
     @property
     def _progress(self) -> Progress:
         elapsed = perf_counter() - self._began
-        return Progress(self.continuation, self._problem.clock, elapsed)
+        return Progress(self.continuation, self.problem.clock, elapsed)
 
     @property
     def result(self) -> Result:
@@ -259,10 +259,10 @@ class Run:
         """
         if not self.states:
             raise RuntimeError("the load stepper has not been run")
-        stepper, clock = self._stepper, self._problem.clock
-        chosen: Any = self._problem.system.solver
+        stepper, clock = self._stepper, self.problem.clock
+        chosen: Any = self.problem.system.solver
         return Result(
-            ply=self._problem.ply,
+            ply=self.problem.ply,
             states=list(self.states),
             converged=self.states[-1].load_factor == 1.0,
             linear_solves=clock.solves,
@@ -279,7 +279,7 @@ class Run:
 
     def _begin(self, resume: bool) -> None:
         """Start from the ply at rest, or from the end of the checkpoint."""
-        problem, checkpoint = self._problem, self._stepper.checkpoint
+        problem, checkpoint = self.problem, self._stepper.checkpoint
         if checkpoint and resume:
             replay = Replay(problem)
             if saved := checkpoint.load(replay):
@@ -316,7 +316,7 @@ class Run:
         A ply at rest may have motions without stiffness, but none that gains energy.
         """
         problem, (u, _, p, (unbalanced,), tolerance, _, tangent) = (
-            self._problem,
+            self.problem,
             trial.equilibrium,
         )
         state, values = self._state(0.0, trial), problem.constraints.fixed_values(0.0)
@@ -338,7 +338,7 @@ class Run:
 
     def _step(self, goal: float) -> None:
         """Take a step towards a requested load factor, or prepare a shorter one."""
-        last, start, problem = self.states[-1], self._start, self._problem
+        last, start, problem = self.states[-1], self._start, self.problem
         t = self.continuation.end(last.load_factor, goal)
         step, driven = t - last.load_factor, self._search.loads_drive(start)
         try:
@@ -369,12 +369,12 @@ class Run:
             term.parameters is not None
             and term.parameters.depends_on_steps
             and now[term.name] != before[term.name]
-            for term in self._problem.ply.terms
+            for term in self.problem.ply.terms
         )
 
     def _state(self, t: float, trial: Trial) -> State:
         before = sum(state.linear_solves for state in self.states)
-        return trial.state(t, self._problem.clock.solves - before)
+        return trial.state(t, self.problem.clock.solves - before)
 
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step.

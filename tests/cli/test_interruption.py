@@ -184,8 +184,8 @@ def test_an_interrupted_run_takes_no_time_for_an_estimate(tmp_path, monkeypatch)
             raise KeyboardInterrupt
         return advance(run, t)
 
-    advance = Run._advance
-    monkeypatch.setattr(Run, "_advance", interrupted_step)
+    advance = Run._step
+    monkeypatch.setattr(Run, "_step", interrupted_step)
     monkeypatch.setattr(Ply, "finer", lambda *_: pytest.fail("estimated"))
     out = tmp_path / "out"
     assert cli.main(["run", "strip", *QUICK, "--out", str(out)]) == INTERRUPTED

@@ -218,12 +218,18 @@ def test_a_file_in_the_middle_that_is_sealed_anew_is_refused(run):
     ("place", "values"),
     [
         (("load_factor",), [0.0, 0.3, 0.9, 1.1, float("nan"), "1", None]),
-        (("progress", "length"), [0.0, -0.1, float("nan"), float("inf"), "1", None]),
-        (("progress", "steps_cut"), [-1, None]),
+        (
+            ("progress", "continuation", "next"),
+            [0.0, -0.1, float("nan"), float("inf"), "1", None],
+        ),
+        (("progress", "continuation", "cut"), [-1, None]),
         (("progress", "elapsed"), [float("nan"), None]),
-        (("progress", "path", "longest"), [0.1, None]),
-        (("progress", "path", "claims"), [3, [1], [[0.7, 1.0, None, 0.0, 0.0]]]),
-        (("progress", "path", "unresolved"), ["x", ["x"], [float("nan")]]),
+        (("progress", "continuation", "longest"), [0.1, None]),
+        (
+            ("progress", "continuation", "claims"),
+            [3, [1], [[0.7, 1.0, None, 0.0, 0.0]]],
+        ),
+        (("progress", "continuation", "unresolved"), ["x", ["x"], [float("nan")]]),
         (("progress", "clock", "solves"), [0, 1.5, None]),
         (("linear_solves",), [0, 99]),
         (("energies", "tension"), [lambda x: 1.001 * x, None, "x"]),

@@ -5,7 +5,15 @@ import numpy as np
 import pytest
 from helpers import drawn_here
 
-from skfem_textile import Full, LoadStepper, Macro, OnePoint, Ply, Quadratic
+from skfem_textile import (
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    PlainNewton,
+    Ply,
+    Quadratic,
+)
 from studies.__main__ import main
 from studies.common.provenance import FILE
 from studies.formulations import cases, medians, study, tables
@@ -109,8 +117,8 @@ def test_the_load_is_the_force_along_what_is_prescribed():
 
 
 def test_a_refused_case_keeps_what_it_reached(monkeypatch):
-    """Newton's method alone does not get these coarse triangles to 50°."""
-    newton = partial(LoadStepper, method="plain", max_halvings=0)
+    """Eight iterations of plain Newton do not get these coarse triangles to 50°."""
+    newton = partial(LoadStepper, method=PlainNewton(8), max_halvings=0)
     monkeypatch.setattr(study, "LoadStepper", newton)
     (row,) = STUDY.examine(case(BIAS[2], METHODS[5], 8))
     assert "stopped at load factor 0.8" in row["refused"]
