@@ -126,9 +126,11 @@ class EquilibriumSearch:
                 if (after := problem.updated(p, u)) is p:
                     return found._replace(settled=True)
                 start, change = _updated(found.trial, after)
-                if change <= SETTLED:
+                # Further changes are a geometric series, which shrinks at this rate.
+                rate = change / last
+                if change <= SETTLED * (1.0 - rate):
                     return found._replace(settled=True)
-                share, last = share if change <= last / 2 else share / 2, change
+                share, last = share if rate <= 0.5 else share / 2, change
                 if share < 1.0:
                     p = between(p, after, share)
                     start = problem.start(u, p, found.trial.tangent)
