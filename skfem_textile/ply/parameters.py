@@ -153,34 +153,44 @@ class HeldStiffness(TermParameters):
         F = kin.deformation_gradient(displacement_gradient(self._basis, u))
         law = self._fabric.at(element).shear_law
         G = mean(w, type(self).of_shear(law, kin.shear_angle(F, *A)))
-        E, T = self._of_fibres(F, A, tension)
-        cos_angle = mean(w, np.abs(kin.cos_angle(F, *A)))
-        return Values({self.name: self._stiffness(G, E, T, cos_angle)})
+        if tension is not None:
+            w["tension"] = tension
+        E, T = self._of_fibres(w, element, F, A)
+        return Values({self.name: self._of_means(w, F, A, G, E, T)})
 
     def _of_fibres(
-        self, F: ndarray, A: tuple[ndarray, ndarray], tension: ndarray | None
+        self,
+        w: dict[str, Any],
+        element: ndarray,
+        F: ndarray,
+        A: tuple[ndarray, ndarray],
     ) -> tuple[ndarray, ndarray]:
         """Mean stiffnesses of warp and weft, and tensions of their mean stretches.
 
         Predicted tensions count in place of these.  They are averaged as forces on the
         stretch, T/λ, whose mean is that of the law: deviations from it cancel.
         """
-        w, element = self._basis.default_parameters(), element_numbers(self._basis)
         law = self._fabric.at(element).tensions
         strain = np.array([kin.fibre_strain(F, a) for a in A])
         slopes = [mean_slope(law.of_family(i, strain), strain[i]) for i in range(2)]
         E = mean(w, np.array(slopes))
         stretch = np.array([kin.stretch(F, a) for a in A])
         mean_stretch = mean(w, stretch)
-        if tension is not None:
-            return E, mean_stretch * mean(w, tension / stretch)
+        if "tension" in w:
+            return E, mean_stretch * mean(w, w["tension"] / stretch)
         of_means = self._fabric.at(element[:, :1]).tensions
         return E, np.array(of_means.value(np.log(mean_stretch)))
 
-    def _stiffness(
-        self, G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray
+    def _of_means(
+        self,
+        w: dict[str, Any],
+        F: ndarray,
+        A: tuple[ndarray, ndarray],
+        G: ndarray,
+        E: ndarray,
+        T: ndarray,
     ) -> ndarray:
-        """The stiffness of means over elements."""
+        """The stiffness, with the means over elements of G, E and T."""
         raise NotImplementedError
 
 
@@ -209,11 +219,21 @@ class HeldStabilisation(HeldStiffness):
         self._by_tension, self._by_grip = by_tension, by_grip
         super().__init__(fabric, basis)
 
-    def _stiffness(
-        self, G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray
+    def _of_means(
+        self,
+        w: dict[str, Any],
+        F: ndarray,
+        A: tuple[ndarray, ndarray],
+        G: ndarray,
+        E: ndarray,
+        T: ndarray,
     ) -> ndarray:
-        T = self._by_tension * np.abs(T).mean(axis=0)
-        C_s = stabilisation_stiffness(G, E.mean(axis=0), T, self._by_grip * cos_angle)
+        C_s = stabilisation_stiffness(
+            G,
+            E.mean(axis=0),
+            self._by_tension * np.abs(T).mean(axis=0),
+            self._by_grip * mean(w, np.abs(kin.cos_angle(F, *A))),
+        )
         return self._basis.to_ply_points(np.broadcast_to(C_s, self._basis.dx.shape))
 
 
@@ -238,8 +258,14 @@ class HeldDeviation(HeldStiffness):
         self._multiple = multiple
         super().__init__(fabric, basis)
 
-    def _stiffness(
-        self, G: ndarray, E: ndarray, T: ndarray, cos_angle: ndarray
+    def _of_means(
+        self,
+        w: dict[str, Any],
+        F: ndarray,
+        A: tuple[ndarray, ndarray],
+        G: ndarray,
+        E: ndarray,
+        T: ndarray,
     ) -> ndarray:
         return deviation_stiffness(self._multiple, G, E, T)
 

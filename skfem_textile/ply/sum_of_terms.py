@@ -42,10 +42,12 @@ from .terms import (
 class _Kinds(NamedTuple):
     """Terms by how they are summed.
 
-    ``by_kernel`` share the deformations of the fibres, ``by_element`` are further ones
-    that give matrices of elements, ``by_matrix`` give a sparse matrix.
+    ``by_kernel`` share the deformations of the fibres in ``groups`` of elements,
+    ``by_element`` are further ones that give matrices of elements, ``by_matrix`` give a
+    sparse matrix.
     """
 
+    groups: list[SharedGroup]
     by_kernel: list[FormTerm]
     by_element: list[ElementTerm]
     by_matrix: list[Term]
@@ -178,7 +180,7 @@ class SumOfTerms:
     @cached_property
     def pattern(self) -> Pattern:
         """Which nodes the tangent couples."""
-        elements = [shared.group.nodes for shared in self._groups]
+        elements = [shared.group.nodes for shared in self._kinds.groups]
         elements += [term.nodes for term in self._kinds.by_element]
         couples = [
             nodes
@@ -190,19 +192,15 @@ class SumOfTerms:
 
     @cached_property
     def _kinds(self) -> _Kinds:
-        kinds = _Kinds([], [], [])
+        by_kernel, by_element, by_matrix = [], [], []
         for term in self.terms:
             if isinstance(term, FormTerm) and can_compute(term.kernel, term.basis):
-                kinds.by_kernel.append(term)
+                by_kernel.append(term)
             elif isinstance(term, ElementTerm):
-                kinds.by_element.append(term)
+                by_element.append(term)
             else:
-                kinds.by_matrix.append(term)
-        return kinds
-
-    @cached_property
-    def _groups(self) -> list[SharedGroup]:
-        return shared_groups(self._kinds.by_kernel)
+                by_matrix.append(term)
+        return _Kinds(shared_groups(by_kernel), by_kernel, by_element, by_matrix)
 
     def _states(
         self,
@@ -220,7 +218,7 @@ class SumOfTerms:
         last = self._last
         if not np.array_equal(u, last[0]):
             last = self._last = u.copy(), {}
-        for shared in self._groups:
+        for shared in self._kinds.groups:
             states = []
             for term, (group, points) in shared.terms.items():
                 if term not in terms:
