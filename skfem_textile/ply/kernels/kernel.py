@@ -429,21 +429,25 @@ def element_matrices(states: Sequence[KernelState]) -> ndarray:
     group, stresses = states[0].group, _sum_of_stresses(states)
     d, n_nodes = states[0].fibres[0].v.shape[2], len(group.nodes)
     rank_one = [s for x in states for s in x.kernel.stiffnesses(x)]
-    pairs = list(combinations_with_replacement(range(group.n_modes), 2))
+    n_pairs = group.n_modes * (group.n_modes + 1) // 2
     K = np.empty((n_nodes * (n_nodes + 1) // 2, d, d, group.area.size))
     for block in group.blocks:
-        k = np.zeros((len(pairs), d, d, block.stop - block.start))
+        k = np.zeros((n_pairs, d, d, block.stop - block.start))
         for points, (fibres, stress) in stresses.items():
             points.add_stiffness(k, *fibres.stiffness(stress.of(block), block), block)
-        for s, gradients in rank_one:  # Σ s g_a g_cᵀ over points
-            g = gradients(block)
-            scaled = s[:, None, None, block] * g
-            for pair, (a, c) in enumerate(pairs):
-                k[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
+        for stiffness, gradients in rank_one:
+            _add_rank_one(k, gradients(block), stiffness[:, block])
         K[..., block] = (
             k if group.modes is None else nodal_blocks(k, group.modes[..., block])
         )
     return K
+
+
+def _add_rank_one(K: ndarray, g: ndarray, s: ndarray) -> None:
+    """Add Σ s g_a g_cᵀ over points to the blocks of all pairs of modes."""
+    scaled, n_modes = s[:, None, None] * g, g.shape[1]
+    for pair, (a, c) in enumerate(combinations_with_replacement(range(n_modes), 2)):
+        K[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
 
 
 def _sum_of_stresses(
