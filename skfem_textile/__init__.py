@@ -26,23 +26,27 @@ from .mesh.bases import (
     GAUSS,
     ElementQuad1Fluctuation,
     HourglassBasis,
+    MacroBasis,
     MeanBasis,
     quad_basis,
     triangle_basis,
 )
 from .mesh.checks import MeshError
 from .mesh.interior_edges import JumpBasis
-from .mesh.macro import MacroBasis
 from .mesh.splitting import split
 from .ply import Ply
 from .ply.formulations import Full, Macro, OnePoint, Quadratic
-from .ply.kernels.exported_forms import hourglass, mean_tension, shear, tension
+from .ply.kernels.kernel_forms import hourglass, mean_tension, shear, tension
 from .ply.loads import BodyForce, Force, Traction
 from .ply.own_terms.pressure import Pressure
-from .ply.parameters import AccumulatedMoment, HeldStabilisation
+from .ply.parameters import (
+    AccumulatedMoment,
+    HeldStabilisation,
+    TermParameters,
+    Values,
+)
 from .ply.refinement import Refinement, marked, refine, shear_angle_jumps
-from .ply.term import Load, MatrixTerm, Term, TermParameters, Values
-from .ply.terms import FormTerm, VectorTerm
+from .ply.terms import FormTerm, Load, MatrixTerm, Term, VectorTerm
 from .solve.adaptive import AdaptiveResult, AdaptiveStepper, Round
 from .solve.checkpoint import CheckpointError
 from .solve.conditions import Condition

@@ -42,7 +42,8 @@ def area_ratio(F: ndarray) -> ndarray:
 def area_ratio_d(F: ndarray, H: ndarray) -> ndarray:
     """Derivative of the area ratio along H, a change of F."""
     if len(F) == 2:
-        return ddot(_cofactor(F), H)
+        cofactors = np.array([[F[1, 1], -F[1, 0]], [-F[0, 1], F[0, 0]]])
+        return ddot(cofactors, H)
     return dot(_unit(area_vector(F)), area_vector_d(F, H))
 
 
@@ -53,7 +54,7 @@ def area_ratio_dd(F: ndarray, H: ndarray, K: ndarray) -> ndarray:
     n·d²c + (dc·d′c − (n·dc)(n·d′c))/J.
     """
     if len(F) == 2:
-        return ddot(_cofactor(H), K)
+        return area_ratio_d(H, K)
     c, dc, other = area_vector(F), area_vector_d(F, H), area_vector_d(F, K)
     n, J = _unit(c), np.sqrt(dot(c, c))
     across = dot(dc, other) - dot(n, dc) * dot(n, other)
@@ -232,11 +233,6 @@ def _delta(a: ndarray) -> ndarray:
 
 def _unit(c: ndarray) -> ndarray:
     return c / np.sqrt(dot(c, c))
-
-
-def _cofactor(F: ndarray) -> ndarray:
-    """Derivative of det F in the plane, linear in F."""
-    return np.array([[F[1, 1], -F[1, 0]], [-F[0, 1], F[0, 0]]])
 
 
 def rotated(a: ndarray) -> ndarray:

@@ -288,7 +288,7 @@ class TwoLaws(BiaxialLaw):
 
     def at(self, element: ndarray | None = None) -> "TwoLaws":
         """The laws at points, by the numbers of their elements; see `Law`."""
-        warp, weft = (law_at(law, element) for law in self.laws)
+        warp, weft = law_at(self.warp, element), law_at(self.weft, element)
         same = warp is self.warp and weft is self.weft
         return self if same else TwoLaws(warp, weft)
 
@@ -317,7 +317,7 @@ class TwoLaws(BiaxialLaw):
 
     def of_family(self, family: int, strain: Any = (0.0, 0.0)) -> Law:
         """The law of the family."""
-        return self.laws[family]
+        return (self.warp, self.weft)[family]
 
     @property
     def domain(self) -> tuple[Any, Any]:
@@ -328,7 +328,7 @@ class TwoLaws(BiaxialLaw):
     def _each(self, part: str, strain: ndarray) -> list[ndarray]:
         return [
             np.broadcast_to(getattr(law, part)(x), np.shape(x))
-            for law, x in zip(self.laws, strain, strict=True)
+            for law, x in zip((self.warp, self.weft), strain, strict=True)
         ]
 
 

@@ -85,17 +85,9 @@ def families_with_law(fabric: Fabric) -> list[int]:
     return [i for i, f in enumerate(fabric.families) if not is_zero(f.tension)]
 
 
-def fibre_tension(
-    fabric: Fabric, strain: ndarray, change: ndarray | float = 0.0
-) -> ndarray:
-    """Tensions T(ε) + ∂T/∂ε Δε of warp and weft in N/mm.
+def mean(w: Any, x: ndarray) -> ndarray:
+    """Mean over each element of values at its points, shape (..., n_elements, 1).
 
-    Parameters
-    ----------
-    fabric
-        Gives the tension laws, at the points of the strains (`Fabric.at`).
-    strain, change
-        Fibre strains of warp and weft and their change, shape (2, ...).
+    ``w`` are parameters of `MeanBasis`.
     """
-    law, change = fabric.tensions, change + np.zeros_like(strain)
-    return np.array(law.value(strain)) + law.slopes(strain).times(change)
+    return (w["share"] * x).sum(axis=-1, keepdims=True)

@@ -17,16 +17,12 @@ where a logarithm would leave E_d − T.  It is consistent: deviations vanish as
 become smaller.
 """
 
-from typing import Any
-
 import numpy as np
-from numpy import ndarray
 from skfem import BilinearForm, Functional, LinearForm
 from skfem.helpers import ddot, grad
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
-from ..mesh.bases import MeanBasis
 from .form import (
     Forms,
     contract,
@@ -34,6 +30,7 @@ from .form import (
     directions,
     elements,
     families_with_law,
+    mean,
     once,
     outer,
 )
@@ -54,8 +51,9 @@ def mean_tension(fabric: Fabric) -> Forms:
     families = families_with_law(fabric)
 
     def law(w):
-        """Tensions T(ε₁, ε₂) of the means."""
-        return of_elements(fabric, elements(w)).tensions
+        """Tensions T(ε₁, ε₂) of the means, in each element those of its first point."""
+        element = elements(w)
+        return fabric.at(None if element is None else element[:, :1]).tensions
 
     def stretches(w):
         F, A = deformation(w), directions(fabric, w)
@@ -122,64 +120,3 @@ def mean_tension(fabric: Fabric) -> Forms:
         return means + contract(grad(v), once(w, local_stiffness), grad(u))
 
     return Forms(energy, residual, tangent)
-
-
-def mean_fibre_tension(
-    fabric: Fabric,
-    deviation_stiffness: ndarray,
-    basis: MeanBasis,
-    strain: ndarray,
-    change: ndarray | float = 0.0,
-) -> ndarray:
-    """Tensions λ (T(ln λ̄)/λ̄ + E_d (λ − λ̄)) of warp and weft after a change of strains.
-
-    Parameters
-    ----------
-    fabric
-        As for `mean_tension`.
-    deviation_stiffness
-        E_d, shape (2, n_elements, 1).
-    basis
-        That of the forms.
-    strain, change
-        Fibre strains at the ply's own points, and their change, to first order;
-        shape (2, n_elements, n_points).
-    """
-    w = basis.default_parameters()
-    eps, d_eps = (
-        basis.from_ply_points(x + np.zeros_like(strain)) for x in (strain, change)
-    )
-    lam, E_d = np.exp(eps), deviation_stiffness
-    d_lam = lam * d_eps
-    means, d_means = mean(w, lam), mean(w, d_lam)
-    law, mean_eps = of_elements(fabric, w.get("element")).tensions, np.log(means)
-    T, d_T = np.array(law.value(mean_eps)), law.slopes(mean_eps).times(d_means / means)
-    N = T / means + E_d * (lam - means)
-    d_N = (d_T - T * d_means / means) / means + E_d * (d_lam - d_means)
-    return basis.to_ply_points(lam * (N + d_N) + d_lam * N)
-
-
-def of_elements(fabric: Fabric, element: ndarray | None) -> Fabric:
-    """The fabric with one law per element, that of its first point."""
-    return fabric.at(None if element is None else element[:, :1])
-
-
-def mean_strain(basis: MeanBasis, strain: ndarray) -> ndarray:
-    """Strain ln λ̄ of the mean stretch of each element, at every one of its points.
-
-    Parameters
-    ----------
-    basis
-        That of the forms.
-    strain
-        Fibre strains at the ply's own points, shape (2, n_elements, n_points); the
-        means have the same shape.
-    """
-    lam = np.exp(basis.from_ply_points(strain))
-    means = mean(basis.default_parameters(), lam)
-    return basis.to_ply_points(np.broadcast_to(np.log(means), lam.shape))
-
-
-def mean(w: Any, x: ndarray) -> ndarray:
-    """Mean over each element of values at its points, shape (..., n_elements, 1)."""
-    return (w["share"] * x).sum(axis=-1, keepdims=True)

@@ -1,11 +1,13 @@
-"""Finite elements, quadrature rules and nodes.
+"""Finite elements, quadrature rules, nodes and bases of the displacement.
 
 Quadratic triangles have three points; bilinear quadrilaterals have the centre, 2×2
 points or both.  Their gradient is its value at the centre plus a fluctuation,
 ∇N(ξ) = ∇N(0) + (∇N(ξ) − ∇N(0)).  The fluctuation is exactly the paper's
-B_HGL = γ ⊗ ∇h (Hamila & Boisse 2013, §3.1).
+B_HGL = γ ⊗ ∇h (Hamila & Boisse 2013, §3.1).  Macro-elements are all quadrilaterals into
+which an element was split.  Corners of elements are where these fold first.
 """
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,12 @@ from skfem import (
 )
 from skfem.assembly.basis import AbstractBasis
 from skfem.quadrature import get_quadrature
+
+from .scikit_fem import set_element_dofs, set_positions
+
+# A corner is flat if det J is below this share of the largest of its element.  Chosen:
+# far above rounding, as in `checks`.
+_FLAT = 1e-9
 
 #: One point at the centre, carrying the exact area of a bilinear quadrilateral.
 CENTRE = (np.array([[0.5], [0.5]]), np.array([1.0]))
@@ -98,6 +106,9 @@ def components(basis: AbstractBasis) -> int:
 
 def element_numbers(basis: Any) -> ndarray:
     """Number of the element at each point of a basis, shape (n_elements, n_points)."""
+    given = basis.default_parameters()
+    if "element" in given:
+        return np.asarray(given["element"])
     numbers = np.arange(basis.nelems) if basis.tind is None else basis.tind
     return np.broadcast_to(numbers[:, None], basis.dx.shape)
 
@@ -179,14 +190,236 @@ class MeanBasis(CellBasis):
     parts: ndarray | None = None
 
     def default_parameters(self) -> dict[str, Any]:
-        """Position and share."""
+        """Position and share, and of macro-elements the quadrilateral of each point."""
         share = self.dx / self.dx.sum(axis=1, keepdims=True)
-        return {"x": self.global_coordinates(), "share": share}
+        given = {"x": self.global_coordinates(), "share": share}
+        return given if self.parts is None else given | {"element": self.parts}
 
     def from_ply_points(self, x: ndarray) -> ndarray:
-        """Convert values at the ply's own points to values at these points."""
-        return x
+        """Convert values at the ply's own points to values at these points.
+
+        The ply's own points are the same, or of macro-elements the centres of the
+        quadrilaterals, shape (..., n_quadrilaterals, 1).
+        """
+        return x if self.parts is None else x[..., self.parts, 0]
 
     def to_ply_points(self, x: ndarray) -> ndarray:
         """Convert values at these points to values at the ply's own points."""
-        return x
+        if self.parts is None:
+            return x
+        exists = self.parts >= 0
+        values = np.empty((*x.shape[:-2], exists.sum(), 1))
+        values[..., self.parts[exists], 0] = x[..., exists]
+        return values
+
+
+class MacroBasis(MeanBasis):
+    """Basis of the displacement on the original elements of a mesh that was split.
+
+    The points of an element are the centres of its quadrilaterals, weighted with their
+    areas; its functions are those of all their nodes.
+
+    Parameters
+    ----------
+    mesh
+        A mesh that was split (`SplitMesh`).
+    dimension
+        Components of the displacement.
+    **kwargs
+        Passed to `skfem.CellBasis`: ``mapping``, ``dofs``.
+
+    Attributes
+    ----------
+    parts
+        Numbers of the quadrilaterals of each element, shape (n_elements, n_points);
+        −1 where an element has fewer than others.
+    corners
+        For each corner of its quadrilaterals, which node of the element it is; shape
+        (4, n_points, n_elements).
+    """
+
+    parts: ndarray
+
+    def __init__(self, mesh: Any, dimension: int = 2, **kwargs: Any) -> None:
+        element = ElementVector(ElementQuad1(), dimension)
+        super().__init__(mesh, element, quadrature=CENTRE, **kwargs)
+        bilinear: Any = self.basis
+        x = np.asarray(self.global_coordinates())
+        self.parts = _parts(mesh.parent)
+        exists = self.parts >= 0
+        self.nelems, n_points = self.parts.shape
+        self.X = np.repeat(self.X, n_points, axis=1)
+        self.dx = np.where(exists, self.dx[self.parts, 0], 0.0)
+        set_positions(self, x[:, self.parts, 0])
+
+        # Nodes of an element, and for each corner of its parts which of them it is.
+        nodes = np.where(exists, mesh.t[:, self.parts], mesh.t[:, self.parts[:, :1]])
+        own_nodes, which = _distinct(nodes.transpose(0, 2, 1).reshape(-1, self.nelems))
+        self.corners = corners = which.reshape(4, n_points, self.nelems)
+        dofs = self.nodal_dofs[:, own_nodes].transpose(1, 0, 2)
+        set_element_dofs(self, dofs.reshape(-1, self.nelems))
+
+        values = np.zeros((len(own_nodes), self.nelems, n_points))
+        gradients = np.zeros((len(own_nodes), 2, self.nelems, n_points))
+        for i, j in product(range(4), range(n_points)):
+            elements = np.flatnonzero(exists[:, j])
+            a, part = corners[i, j, elements], self.parts[elements, j]
+            values[a, elements, j] = 0.25  # at the centre of a bilinear quadrilateral
+            gradients[a, :, elements, j] = bilinear[dimension * i][0].grad[
+                0, :, part, 0
+            ]
+        self.basis = [
+            (_along(axis, dimension, N, dN),)
+            for N, dN in zip(values, gradients, strict=True)
+            for axis in range(dimension)
+        ]
+
+
+def _along(axis: int, dimension: int, N: ndarray, dN: ndarray) -> DiscreteField:
+    """A basis function that displaces along one axis."""
+    value = np.zeros((dimension, *N.shape))
+    gradient = np.zeros((dimension, *dN.shape))
+    value[axis], gradient[axis] = N, dN
+    return DiscreteField(value, gradient)
+
+
+def _parts(parent: ndarray) -> ndarray:
+    """Parts of each parent, shape (n_parents, n_most), filled up with −1."""
+    order, counts = np.argsort(parent, kind="stable"), np.bincount(parent)
+    parts = np.full((len(counts), counts.max()), -1)
+    parts[np.arange(counts.max()) < counts[:, None]] = order
+    return parts
+
+
+def _distinct(nodes: ndarray) -> tuple[ndarray, ndarray]:
+    """Distinct nodes of each column, and for each entry which of them it is.
+
+    They stand in the order of their appearance, so that elements of one kind have one
+    numbering.  A column with fewer distinct nodes than others repeats its first.
+    """
+    rows = np.arange(len(nodes))[:, None]
+    first = (nodes[:, None] == nodes).argmax(axis=1)
+    which = np.take_along_axis((first == rows).cumsum(axis=0) - 1, first, axis=0)
+    distinct = np.repeat(nodes[:1], which.max() + 1, axis=0)
+    np.put_along_axis(distinct, which, nodes, axis=0)
+    return distinct, which
+
+
+class CornerBasis(CellBasis):
+    """Basis of the displacement at one node of each of the given elements.
+
+    Each of the n nodes of an element has the weight A/n, where A is its area.
+
+    Parameters
+    ----------
+    basis
+        Basis of the displacement.
+    elements, corners
+        Numbers of the elements, which may repeat, and the local number of the node.
+    """
+
+    def __init__(self, basis: CellBasis, elements: ndarray, corners: ndarray) -> None:
+        element: Any = basis.elem
+        points = element.elem.doflocs.T
+        super().__init__(
+            basis.mesh,
+            basis.elem,
+            mapping=basis.mapping,
+            dofs=basis.dofs,
+            elements=elements,
+            quadrature=(points[:, corners, None], np.ones(1)),
+            disable_doflocs=True,
+        )
+        area = basis.dx[elements].sum(axis=1, keepdims=True)
+        self.dx = area / points.shape[1]
+
+
+class Corners:
+    """Area ratio det F at the nodes of the elements of a basis.
+
+    det F = det(∂x/∂ξ) / det(∂X/∂ξ): at a corner the columns of ∂x/∂ξ are edges of the
+    element, so that it takes half the time of F.  In space the cross product of the
+    columns takes the place of the determinant: its length, negative at a node where it
+    opposes its mean over the element (`sided`).  The last result is kept, because
+    an iteration needs it several times.
+
+    Parameters
+    ----------
+    basis
+        Basis of the displacement.
+    """
+
+    def __init__(self, basis: CellBasis) -> None:
+        scalar: Any = basis.elem
+        scalar, points = scalar.elem, scalar.elem.doflocs.T
+        dN = [scalar.lbasis(points, i)[1] for i in range(len(scalar.doflocs))]
+        tangents = np.array(dN).transpose(2, 1, 0).reshape(-1, len(dN))
+        self._edges, edge_of = np.unique(tangents, axis=0, return_inverse=True)
+        self._pairs = edge_of.reshape(-1, 2)
+        self._d = d = components(basis)
+        self._nodes = basis.element_dofs[::d] // d
+        self._X = np.ascontiguousarray(node_positions(basis).T)
+        reference = self._of_plane(self._X)
+        self._turn = np.sign(reference.sum(axis=0))
+        positive = reference * self._turn
+        self._reflex = positive <= _FLAT * positive.max(axis=0)
+        self._per_area = 1 / np.where(self._reflex, np.inf, reference)
+        self._last = np.empty(0), np.empty(0)
+
+    def area_ratio(self, u: ndarray) -> ndarray:
+        """Current area per reference area, det F, shape (n_points, n_elements).
+
+        Infinite at a corner that is flat or reflex in the reference configuration,
+        where det F has no meaning.
+        """
+        last, ratio = self._last
+        if np.array_equal(last, u):
+            return ratio
+        moved = u.reshape(-1, self._d)
+        if self._d == 2:
+            ratio = self._of_plane(self._X + moved) * self._per_area
+        else:
+            vectors = self._vectors(moved)
+            normals = vectors.sum(axis=1, keepdims=True)
+            ratio = sided(vectors, normals) * np.abs(self._per_area)
+        ratio[self._reflex] = np.inf
+        self._last = u.copy(), ratio
+        return ratio
+
+    def normals(self, u: ndarray) -> ndarray:
+        """Normals of the elements in space, of any length, shape (3, n_elements).
+
+        At rest all lie on the same side of the ply.
+        """
+        return self._turn * self._vectors(u.reshape(-1, 3)).sum(axis=1)
+
+    def _of_plane(self, x: ndarray) -> ndarray:
+        """det(∂x/∂ξ) of positions (n_nodes, 2), shape (n_points, n_elements)."""
+        edges = self._edges @ x.view(complex)[self._nodes, 0]
+        det = np.empty((len(self._pairs), edges.shape[1]))
+        for i, (xi, eta) in enumerate(self._pairs):
+            det[i] = edges[xi].real * edges[eta].imag
+            det[i] -= edges[xi].imag * edges[eta].real
+        return det
+
+    def _vectors(self, moved: ndarray) -> ndarray:
+        """∂x/∂ξ × ∂x/∂η of displacements (n_nodes, 3), (3, n_points, n_elements)."""
+        x = np.pad(self._X, ((0, 0), (0, 1))) + moved
+        edges = [self._edges @ component[self._nodes] for component in x.T]
+        first, second = np.array(edges)[:, self._pairs].transpose(2, 0, 1, 3)
+        return np.cross(first, second, axis=0)
+
+
+def sided(vectors: ndarray, normals: ndarray) -> ndarray:
+    """Lengths of area vectors, negative where they oppose the normal of their element.
+
+    An area in space has no sign, and a ply may lie upside down.  A part of an element
+    that faces the other way than the element does is folded.
+
+    Parameters
+    ----------
+    vectors, normals
+        Arrays of vectors that broadcast, shape (3, ...).
+    """
+    side = (vectors * normals).sum(axis=0)
+    return np.copysign(np.linalg.norm(vectors, axis=0), side)

@@ -42,7 +42,7 @@ class Pattern:
         elements: Sequence[ndarray],
         others: Sequence[ndarray] = (),
     ) -> None:
-        self.dimension, self.n_nodes = dimension, n_nodes
+        self.dimension, self.n_nodes, d = dimension, n_nodes, dimension
         pairs = [
             nodes[np.array(np.triu_indices(len(nodes)))]
             for nodes in (*elements, *others)
@@ -57,13 +57,20 @@ class Pattern:
         self.rows, self.cols = np.divmod(distinct, n_nodes)
         self._keys = distinct
         self._added: dict[str, _Added] = {}  # the last matrix of each term
+
+        # Numbers of the entries of the blocks of pairs, (n_pairs, d, d, n).  Where the
+        # first node of a pair has the smaller number, its block is kept transposed.
+        i, j = np.indices((d, d))[..., None]
+        few = d * d * len(distinct) <= np.iinfo(np.int32).max
         ends = np.cumsum([key.size for key in keys])[:-1]
-        self._slots = [
-            self._entry_numbers(own.reshape(key.shape), pair[0] < pair[1])
-            for own, key, pair, _ in zip(
-                np.split(number, ends), keys, pairs, elements, strict=False
-            )
-        ]
+        self._slots = []
+        for block, (first, second), _ in zip(
+            np.split(number, ends), pairs, elements, strict=False
+        ):
+            flipped = (first < second)[:, None, None]
+            within = np.where(flipped, d * j + i, d * i + j)
+            numbers = d * d * block.reshape(first.shape)[:, None, None] + within
+            self._slots.append(numbers.astype(np.int32 if few else np.int64))
 
     def sum(self, matrices: Iterable[ndarray | None]) -> ndarray:
         """Blocks of the sum of element matrices, shape (n_blocks, d, d).
@@ -152,19 +159,6 @@ class Pattern:
         col = (d * self.cols[:, None, None] + j).ravel()
         slots = np.flatnonzero(row >= col)
         return slots, row[slots], col[slots]
-
-    def _entry_numbers(self, block: ndarray, flipped: ndarray) -> ndarray:
-        """Numbers of the entries of the blocks of pairs, shape (n_pairs, d, d, n).
-
-        Where the first node of a pair has the smaller number, its block is kept
-        transposed.
-        """
-        d = self.dimension
-        i, j = np.indices((d, d))[..., None]
-        within = np.where(flipped[:, None, None], d * j + i, d * i + j)
-        n_entries = d * d * (block.max(initial=0) + 1)
-        dtype = np.int32 if n_entries <= np.iinfo(np.int32).max else np.int64
-        return (d * d * block[:, None, None] + within).astype(dtype)
 
 
 class _Added(NamedTuple):

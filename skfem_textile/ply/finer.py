@@ -13,7 +13,7 @@ from ..mesh.named_nodes import named_nodes, with_named_nodes
 from ..mesh.splitting.hats import hat_functions
 from ..mesh.splitting.quadrilaterals import split
 from ..mesh.splitting.refined_triangles import refine_triangles
-from .term import Frozen, PlyParameters, Values
+from .parameters import Frozen, PlyParameters, Values
 
 
 @dataclass(frozen=True, eq=False)

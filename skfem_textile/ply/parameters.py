@@ -1,7 +1,8 @@
-"""Parameters of stabilising terms: stiffnesses at a state, accumulated moments."""
+"""Parameters of terms: immutable values, held stiffnesses and accumulated moments."""
 
-from collections.abc import Callable
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, ClassVar, Never, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy import ndarray
@@ -11,7 +12,7 @@ from skfem.assembly.form.form import FormExtraParams
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
 from ..fabric.law import Law, mean_slope
-from ..forms.form import directions, elements, fibre_tension
+from ..forms.form import mean
 from ..forms.held_stiffness import (
     deviation_stiffness,
     further_shear_stiffness,
@@ -19,9 +20,104 @@ from ..forms.held_stiffness import (
     stabilisation_stiffness,
 )
 from ..forms.hourglass import hourglass_rate, rate_increment
-from ..forms.mean_tension import mean, of_elements
-from ..mesh.bases import MeanBasis, displacement_gradient
-from .term import TermParameters, Values
+from ..mesh.bases import MeanBasis, displacement_gradient, element_numbers
+
+T = TypeVar("T")
+
+
+class Frozen(dict[str, T]):
+    """An immutable mapping, which can be copied and pickled."""
+
+    __slots__ = ()
+
+    def _refuse(self, *args: Any, **kwargs: Any) -> Never:
+        raise TypeError(f"{type(self).__name__} does not support item assignment")
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (dict(self),)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(self)})"
+
+
+class Values(Frozen[ndarray]):
+    """Read-only arrays by name, on which a term's energy depends beside u and t.
+
+    Parameters
+    ----------
+    arrays
+        The arrays, which are copied unless they are read-only.
+    """
+
+    __slots__ = ()
+
+    def __init__(self, arrays: Mapping[str, Any] = MappingProxyType({})) -> None:
+        own = {name: np.asarray(array) for name, array in arrays.items()}
+        for name, array in own.items():
+            if array.flags.writeable:
+                own[name] = array.copy()
+                own[name].flags.writeable = False
+        super().__init__(own)
+
+    def same_as(self, other: "Values") -> bool:
+        """Whether other values are equal arrays under the same names."""
+        return self is other or (
+            list(self) == list(other)
+            and all(np.array_equal(self[name], other[name]) for name in self)
+        )
+
+
+#: Values of the terms of a ply that have parameters, by the names of the terms.
+PlyParameters: TypeAlias = Mapping[str, Values]
+
+#: The values of a term without parameters.
+NO_VALUES = Values()
+
+
+class TermParameters(Protocol):
+    """Declaration of the parameters of a term: value at rest and two update rules.
+
+    Both rules are pure: they return new values and change nothing.  A class that
+    derives from this one defines ``at_rest`` and one or both of the rules.  Values
+    named ``work`` are an energy in N·mm that the term has stored so far; `FormTerm`
+    adds it to its energy form.
+
+    Attributes
+    ----------
+    depends_on_steps
+        Whether the values depend on the length of the steps however short these are,
+        so that no number of steps resolves a load path.
+    """
+
+    depends_on_steps: bool = False
+
+    def at_rest(self) -> Values:
+        """Values of the undeformed ply."""
+        ...
+
+    def updated(
+        self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
+    ) -> Values:
+        """Values updated within an iteration, such as stiffnesses at a state.
+
+        Parameters
+        ----------
+        values
+            The values before.
+        u, t
+            Displacement and load factor.
+        tension
+            Predicted fibre tensions, which replace those at ``u``, shape (2,
+            n_elements, n_points), as `Ply.geometric_tension` returns them.
+        """
+        return values
+
+    def advanced(self, values: Values, u: ndarray, t: float) -> Values:
+        """Values updated once a step, at its converged displacement ``u``."""
+        return values
 
 
 class HeldStiffness(TermParameters):
@@ -29,75 +125,73 @@ class HeldStiffness(TermParameters):
 
     Parameters
     ----------
-    name
-        Name of the stiffness among the parameters of the forms.
     fabric
         Fibre directions, tension and shear laws.
     basis
         Elements over which the state is averaged.
     """
 
-    def __init__(self, name: str, fabric: Fabric, basis: MeanBasis) -> None:
-        self._name, self._fabric, self._basis = name, fabric, basis
+    #: Name of the stiffness among the parameters of the forms.
+    name: ClassVar[str]
+    #: Stiffness of the shear law at shear angles.
+    of_shear: ClassVar[Callable[[Law, ndarray], ndarray]]
+
+    def __init__(self, fabric: Fabric, basis: MeanBasis) -> None:
+        self._fabric, self._basis = fabric, basis
 
     def at_rest(self) -> Values:
         """The stiffness of the undeformed ply."""
-        return self._at_rest
+        return self.updated(NO_VALUES, self._basis.zeros(), 0.0)
 
-    @cached_property
-    def _at_rest(self) -> Values:
-        return self._values(self._basis.zeros())
-
+    @np.errstate(over="ignore", invalid="ignore")  # runs refuse what is not finite
     def updated(
         self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
     ) -> Values:
         """The stiffness at ``u``, with tensions that replace those there if given."""
-        return self._values(u, tension)
-
-    @np.errstate(over="ignore", invalid="ignore")  # runs refuse what is not finite
-    def _values(self, u: ndarray, tension: ndarray | None = None) -> Values:
-        w = FormExtraParams(self._basis.default_parameters())
+        w, element = self._basis.default_parameters(), element_numbers(self._basis)
+        A = self._fabric.directions(np.asarray(w["x"]), element)
+        F = kin.deformation_gradient(displacement_gradient(self._basis, u))
+        law = self._fabric.at(element).shear_law
+        G = mean(w, type(self).of_shear(law, kin.shear_angle(F, *A)))
         if tension is not None:
             w["tension"] = tension
-        F = kin.deformation_gradient(displacement_gradient(self._basis, u))
-        stiffness = self._of_state(w, F, directions(self._fabric, w))
-        return Values({self._name: stiffness})
+        E, T = self._of_fibres(w, element, F, A)
+        return Values({self.name: self._of_means(w, F, A, G, E, T)})
 
-    def _of_state(
-        self, w: FormExtraParams, F: ndarray, A: tuple[ndarray, ndarray]
-    ) -> ndarray:
-        raise NotImplementedError
-
-    def _fibres(
-        self, w: FormExtraParams, F: ndarray, A: tuple[ndarray, ndarray]
+    def _of_fibres(
+        self,
+        w: dict[str, Any],
+        element: ndarray,
+        F: ndarray,
+        A: tuple[ndarray, ndarray],
     ) -> tuple[ndarray, ndarray]:
         """Mean stiffnesses of warp and weft, and tensions of their mean stretches.
 
         Predicted tensions count in place of these.  They are averaged as forces on the
         stretch, T/λ, whose mean is that of the law: deviations from it cancel.
         """
-        fabric = self._fabric.at(elements(w))
+        law = self._fabric.at(element).tensions
         strain = np.array([kin.fibre_strain(F, a) for a in A])
-        laws = (fabric.tensions.of_family(i, strain) for i in range(2))
-        pairs = zip(laws, strain, strict=True)
-        E = mean(w, np.array([mean_slope(law, own) for law, own in pairs]))
+        slopes = [mean_slope(law.of_family(i, strain), strain[i]) for i in range(2)]
+        E = mean(w, np.array(slopes))
         stretch = np.array([kin.stretch(F, a) for a in A])
         mean_stretch = mean(w, stretch)
         if "tension" in w:
             return E, mean_stretch * mean(w, w["tension"] / stretch)
-        of_means = of_elements(self._fabric, elements(w))
-        return E, fibre_tension(of_means, np.log(mean_stretch))
+        of_means = self._fabric.at(element[:, :1]).tensions
+        return E, np.array(of_means.value(np.log(mean_stretch)))
 
-    def _shear(
+    def _of_means(
         self,
-        stiffness: Callable[[Law, ndarray], ndarray],
-        w: FormExtraParams,
+        w: dict[str, Any],
         F: ndarray,
         A: tuple[ndarray, ndarray],
+        G: ndarray,
+        E: ndarray,
+        T: ndarray,
     ) -> ndarray:
-        """The mean of a stiffness of the shear law."""
-        law = self._fabric.at(elements(w)).shear_law
-        return mean(w, stiffness(law, kin.shear_angle(F, *A)))
+        """The stiffness, with the means over elements of G, E and T."""
+        raise NotImplementedError
 
 
 class HeldStabilisation(HeldStiffness):
@@ -117,17 +211,23 @@ class HeldStabilisation(HeldStiffness):
         Whether the angle between the families counts.
     """
 
+    name, of_shear = "C_s", shear_stiffness
+
     def __init__(
         self, fabric: Fabric, basis: MeanBasis, by_tension: bool, by_grip: bool = True
     ) -> None:
         self._by_tension, self._by_grip = by_tension, by_grip
-        super().__init__("C_s", fabric, basis)
+        super().__init__(fabric, basis)
 
-    def _of_state(
-        self, w: FormExtraParams, F: ndarray, A: tuple[ndarray, ndarray]
+    def _of_means(
+        self,
+        w: dict[str, Any],
+        F: ndarray,
+        A: tuple[ndarray, ndarray],
+        G: ndarray,
+        E: ndarray,
+        T: ndarray,
     ) -> ndarray:
-        G = self._shear(shear_stiffness, w, F, A)
-        E, T = self._fibres(w, F, A)
         C_s = stabilisation_stiffness(
             G,
             E.mean(axis=0),
@@ -150,17 +250,23 @@ class HeldDeviation(HeldStiffness):
         The `MeanBasis` of the forms.
     """
 
+    name, of_shear = "E_d", further_shear_stiffness
+
     def __init__(
         self, fabric: Fabric, multiple: float | ndarray, basis: MeanBasis
     ) -> None:
         self._multiple = multiple
-        super().__init__("E_d", fabric, basis)
+        super().__init__(fabric, basis)
 
-    def _of_state(
-        self, w: FormExtraParams, F: ndarray, A: tuple[ndarray, ndarray]
+    def _of_means(
+        self,
+        w: dict[str, Any],
+        F: ndarray,
+        A: tuple[ndarray, ndarray],
+        G: ndarray,
+        E: ndarray,
+        T: ndarray,
     ) -> ndarray:
-        G = self._shear(further_shear_stiffness, w, F, A)
-        E, T = self._fibres(w, F, A)
         return deviation_stiffness(self._multiple, G, E, T)
 
 

@@ -13,8 +13,7 @@ from ..fabric.law_check import check_laws
 from ..fabric.regions import fabric_of_regions, fabric_on
 from ..forms.bending import FibreEnd
 from ..forms.form import directions
-from ..mesh.bases import components, node_positions
-from ..mesh.corners import Corners
+from ..mesh.bases import Corners, components, node_positions
 from ..mesh.splitting import original_elements
 from ..mesh.splitting.hats import hat_functions
 from .finer import FinerPly, finer_ply
@@ -22,10 +21,9 @@ from .formulations import DEFAULT
 from .kernels.kernel import ShearKernel
 from .own_terms.bending import bending_term, checked_ends
 from .own_terms.corners import CornerTerm, corner_stiffness
-from .summing.sum_of_terms import SumOfTerms
-from .summing.term_check import check_term
-from .term import Load, Term
-from .terms import FormTerm, Formulation, TensionTerm
+from .sum_of_terms import SumOfTerms
+from .term_check import check_term
+from .terms import FormTerm, Formulation, Load, TensionTerm, Term
 
 
 class Ply(SumOfTerms):
@@ -85,6 +83,11 @@ class Ply(SumOfTerms):
         six of quadratic triangles.
     corners
         Det F at the nodes of the elements, at which folding is judged too.
+    further_terms, further_terms_as_given
+        Terms beside those of fabric and formulation, loads among them: as terms on the
+        ply's basis, and as they were given.
+    follows_load_factor
+        Whether the energy may change with the load factor.
 
     Raises
     ------
@@ -140,9 +143,12 @@ class Ply(SumOfTerms):
             if isinstance(term, FormTerm):
                 parameters = term.basis.default_parameters()
                 directions(fabric, FormExtraParams(parameters))
-        self._further = tuple(terms)
-        every = *needed, *self._further
+        self.further_terms_as_given = tuple(terms)
+        every = *needed, *self.further_terms_as_given
         super().__init__(self.basis, every, tension)
+        self.further_terms = self.terms[len(needed) :]
+        turning = any(map(callable, self.fibre_ends.values()))
+        self.follows_load_factor = bool(self.further_terms) or turning
         for term in self.further_terms:
             check_term(term, self.basis, self.element_size)
 
@@ -173,7 +179,7 @@ class Ply(SumOfTerms):
         ValueError
             If a term is not valid, or its name is that of another.
         """
-        further = (*self._further, *terms)
+        further = (*self.further_terms_as_given, *terms)
         arguments = self.mesh, self.fabric, self.formulation, further
         ply = Ply(*arguments, **self.placement)
         ply.users_mesh, ply.users_fabric = self.users_mesh, self.users_fabric
@@ -205,21 +211,6 @@ class Ply(SumOfTerms):
     def element_size(self) -> float:
         """Size of the largest element in mm."""
         return self.mesh.param()
-
-    @property
-    def further_terms(self) -> tuple[Term, ...]:
-        """Terms beside those of fabric and formulation, loads among them."""
-        return self.terms[len(self.terms) - len(self._further) :]
-
-    @property
-    def further_terms_as_given(self) -> tuple[Term | Load, ...]:
-        """The same, loads as they were given and not as terms on the ply's basis."""
-        return self._further
-
-    @property
-    def follows_load_factor(self) -> bool:
-        """Whether the energy may change with the load factor."""
-        return bool(self.further_terms) or any(map(callable, self.fibre_ends.values()))
 
     def __repr__(self) -> str:
         terms = ", ".join(term.name for term in self.terms)

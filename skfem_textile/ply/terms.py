@@ -1,9 +1,13 @@
-"""Terms given by scikit-fem forms, by a matrix, and by a vector."""
+"""Terms of a ply: their protocols, and those given by forms, a matrix or a vector.
+
+A term gives its tangent in one of two ways: as a sparse matrix (`Term`), or as matrices
+of elements (`ElementTerm`).
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Protocol, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -16,17 +20,103 @@ from ..forms import Forms
 from ..mesh.bases import components, element_numbers
 from ..mesh.pattern import refuse_unsymmetric
 from ..mesh.user_input import call_user_function, real_numbers
-from .kernels.assembly import node_pair_blocks
-from .kernels.element_groups import Kernel, Parameters
-from .kernels.kernel_forms import can_compute, with_kernel
-from .term import (
-    NO_VALUES,
-    ElementTerm,
-    Role,
-    Term,
-    TermParameters,
-    Values,
-)
+from .kernels.kernel import Kernel, can_compute, node_pair_blocks
+from .kernels.kernel_forms import with_kernel
+from .parameters import NO_VALUES, TermParameters, Values
+
+#: What a term stands for: ``internal`` forces and ``stabilisation`` make the internal
+#: energy, and a ``load`` works on the ply.
+Role: TypeAlias = Literal["internal", "stabilisation", "load"]
+
+
+class Contribution(NamedTuple):
+    """A part of a ply: a term, or the part of one that meets deviations.
+
+    ``role`` is a `Role` or ``deviation``, ``energy`` in N·mm, ``forces`` are nodal
+    forces in N, shape (n_unknowns,).
+    """
+
+    role: str
+    energy: float
+    forces: ndarray
+
+
+class Term(Protocol):
+    """Something with an energy: of the ply, of what it lies on, or of a load.
+
+    ``u`` is a displacement of all nodes, ``t`` the load factor and ``p`` the values of
+    the term's own parameters (`Values`, empty without parameters).  Energy, residual
+    and tangent are pure functions of these three.  A class that derives from `Term`
+    defines ``name``, ``role`` and the three methods.
+
+    Attributes
+    ----------
+    name
+        Name, unique among the terms of a ply.
+    role
+        One of `Role`.
+    parameters
+        Declaration of the term's parameters; None without parameters.
+    line_search
+        Whether increments are shortened until the energy falls: for energies with
+        kinks or steep walls, such as a contact, where whole increments overshoot.
+    """
+
+    name: str
+    role: Role
+    parameters: TermParameters | None = None
+    line_search: bool = False
+
+    def energy(self, u: ndarray, t: float, p: Values) -> float:
+        """Energy in N·mm; of a load its potential, −F·u of a constant force F."""
+        ...
+
+    def residual(self, u: ndarray, t: float, p: Values) -> ndarray:
+        """Derivative of the energy: nodal forces in N, shape (n_unknowns,)."""
+        ...
+
+    def tangent(self, u: ndarray, t: float, p: Values) -> csr_matrix | None:
+        """Derivative of the residual in N/mm, symmetric; None where it vanishes."""
+        ...
+
+    def couples(self) -> Sequence[ndarray] | None:
+        """Nodes that the tangent couples, beside those of each of the ply's elements.
+
+        Arrays of shape (n_nodes, n): the nodes of a column all couple.  None for those
+        that the tangent at rest couples.
+        """
+        return None
+
+
+class ElementTerm(Term):
+    """A term whose tangent is a sum of matrices of elements.
+
+    Attributes
+    ----------
+    nodes
+        Nodes of its elements, shape (n_nodes, n_elements).
+    """
+
+    nodes: Any
+
+    def matrices(self, u: ndarray, t: float, p: Values) -> ndarray | None:
+        """Blocks of the tangents of the elements, as `Pattern.sum` takes them.
+
+        None where all vanish.
+        """
+        raise NotImplementedError
+
+    def couples(self) -> Sequence[ndarray]:
+        """None beside the nodes of its elements."""
+        return ()
+
+
+class Load(Protocol):
+    """Something that becomes a term on the basis of a ply's displacement."""
+
+    def on(self, basis: CellBasis) -> Term:
+        """The term."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +135,8 @@ class FormTerm(ElementTerm):
         Any scikit-fem basis of the displacement: of all elements or some, of the
         facets of a boundary, of interior facets.
     kernel
-        Gives the numbers of the forms fast, on the bases that it takes.
+        Gives the numbers of the forms fast, on the bases that it takes, together with
+        those of other terms.
     role
         One of `Role`.
     parameters
@@ -95,10 +186,6 @@ class FormTerm(ElementTerm):
             return ""
         return "its basis is not one of the displacement: build it on ply.mesh"
 
-    def couples(self) -> Sequence[ndarray]:
-        """None beside the nodes of its elements."""
-        return ()
-
     @property
     def nodes(self) -> ndarray:
         """Nodes of the elements of the basis, shape (n_nodes, n_elements)."""
@@ -115,39 +202,76 @@ class FormTerm(ElementTerm):
         return node_pair_blocks(K, self.nodes, components(basis))
 
     @cached_property
-    def fused(self) -> bool:
-        """Whether the kernel knows the basis."""
-        return self.kernel is not None and can_compute(self.kernel, self.basis)
-
-    @cached_property
     def _forms(self) -> Forms:
         return with_kernel(self.forms, self.kernel) if self.kernel else self.forms
 
     def _asm(self, form: Any, u: ndarray, t: float, p: Values) -> Any:
         return asm(form, self.basis, u=u, **self._given(t, p))
 
-    def _given(self, t: float, p: Values) -> Parameters:
+    def _given(self, t: float, p: Values) -> dict[str, Any]:
         """Parameters of the forms beside the displacement."""
         values = {name: value for name, value in p.items() if name != "work"}
-        return {"t": t, **_elements(self.basis), **values}
+        return {"t": t, "element": element_numbers(self.basis), **values}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TensionTerm(FormTerm):
-    """The term of the fibres.
+    """The term of the fibres, whose kernel predicts their tensions.
 
-    ``predicted`` are their tensions at the ply's own points after a change of the fibre
-    strains, ``(p, strain, change) -> tension``, to first order in it; ``seen`` are, of
-    the strains at these points, those that enter the fabric's law there; all have the
-    shape (2, n_elements, n_points).  ``arrange`` puts them at the points of ``basis``.
-    ``of_means`` are values with which the forms leave out deviations from the mean
-    stretch; None where there is no mean.
+    Where fibres have the tension of the mean stretch, ``basis`` is a `MeanBasis`, and
+    ``of_means`` are values with which the forms leave out deviations from the mean.
+
+    Raises
+    ------
+    ValueError
+        If it has no kernel that takes the basis.
     """
 
-    predicted: Callable[[Values, ndarray, ndarray], ndarray]
-    seen: Callable[[ndarray], ndarray]
-    arrange: Callable[[ndarray], ndarray] = lambda tension: tension
     of_means: Values | None = None
+
+    def __post_init__(self) -> None:
+        if not can_compute(self.kernel, self.basis):
+            raise ValueError(
+                f"term {self.name!r}: the term of the fibres needs a kernel that takes "
+                "its basis"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixTerm(Term):
+    """A constant stiffness: springs, or a structure condensed to its matrix.
+
+    Parameters
+    ----------
+    name
+        Tells it from the other terms of a ply.
+    matrix
+        Symmetric, shape (n_unknowns, n_unknowns), N/mm: the energy is ½ u·K·u.
+    role
+        One of `Role`.
+    """
+
+    name: str
+    matrix: Any
+    role: Role = "internal"
+
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
+        """½ u·K·u."""
+        return 0.5 * float(u @ (self.matrix @ u))
+
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """K·u."""
+        return self.matrix @ u
+
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix:
+        """K."""
+        return csr_matrix(self.matrix)
+
+    def misfit(self, basis: CellBasis) -> str:
+        """Why it is no term on a basis of the displacement; empty where it is one."""
+        N = basis.N
+        fits = np.shape(self.matrix) == (N, N)
+        return "" if fits else f"its matrix must be {N} × {N}"
 
 
 #: A function of the load factor, or a number.
@@ -267,13 +391,6 @@ class Formulation(Protocol):
         displacement.
         """
         ...
-
-
-def _elements(basis: Any) -> Parameters:
-    """Numbers of the elements in which the points lie, where a basis does not tell."""
-    if "element" in basis.default_parameters():
-        return {}
-    return {"element": element_numbers(basis)}
 
 
 def _same_unknowns(other: Any, basis: CellBasis) -> bool:

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from ..fabric import Fabric
 from ..ply import Ply
 from ..ply.formulations import DEFAULT
-from ..ply.term import Load
-from ..ply.terms import Formulation
+from ..ply.terms import Formulation, Load
 from ..solve.newton import Method
 from ..solve.result import Result
 from ..solve.stepper import DEFAULT_WARN_ONLY, LoadStepper

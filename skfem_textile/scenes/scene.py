@@ -18,7 +18,7 @@ from .shear_test import BiasTest, FrameTest
 
 if TYPE_CHECKING:
     from ..ply.own_terms.bending import FibreEnd
-    from ..ply.term import Load
+    from ..ply.terms import Load
 
 ExactField = Callable[[ndarray, float], ndarray]
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy import ndarray
 
 from skfem_textile.ply import Ply
-from skfem_textile.ply.term import PlyParameters
+from skfem_textile.ply.parameters import PlyParameters
 from skfem_textile.scenes import Scene
 from skfem_textile.solve.conditions import Constraints
 

@@ -129,10 +129,38 @@ def test_the_tensions_that_act_do_the_work_of_the_forces(mesh):
     work = (acting_tension(ply, u) * rates).sum(axis=0) * ply.basis.dx
     assert work.sum() == pytest.approx(ply.residual(u) @ du)
     np.testing.assert_allclose(
-        ply.predicted_tension(u, du) - acting_tension(ply, u),
+        derivative(lambda x: ply.predicted_tension(u, x), 0 * u, du),
         derivative(lambda x: acting_tension(ply, x), u, du),
         atol=1e-5,
     )
+
+
+@every_mesh
+def test_what_is_predicted_is_the_force_of_means_and_deviations(mesh):
+    """N = T(ln λ̄)/λ̄ + E_d (λ − λ̄) to first order, times the stretch that comes."""
+    E = np.array([[1e3], [400.0]])
+    ply = tension(Fabric((1e3, 400.0), 0.02), mesh)
+    u, du = wobble(ply, 1), wobble(ply, 2, 0.01)
+    E_d = ply.parameters_at_rest["tension"]["E_d"][:, mesh.parent, 0]
+    area, parts = ply.basis.dx[:, 0], mesh.parent
+
+    def stretches(x):
+        return np.exp(ply.fibre_strain(x)[..., 0])
+
+    def means(stretch):
+        sums = [np.bincount(parts, area * own)[parts] for own in stretch]
+        return np.array(sums) / np.bincount(parts, area)[parts]
+
+    def force(x):
+        stretch = stretches(x)
+        mean = means(stretch)
+        return E * np.log(mean) / mean + E_d * (stretch - mean)
+
+    for change in (0 * du, du):
+        N = force(u) + derivative(force, u, change)
+        expected = stretches(u + change) * N
+        found = ply.predicted_tension(u, change)[..., 0]
+        np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(N).max())
 
 
 def test_both_stiffnesses_may_be_chosen():

@@ -1,9 +1,9 @@
 """What formulations share."""
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from numbers import Real
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy import ndarray
@@ -11,8 +11,6 @@ from skfem import CellBasis, ElementTriP1, Mesh
 
 from ... import forms
 from ...fabric import Fabric
-from ...forms.form import fibre_tension
-from ...forms.mean_tension import mean_fibre_tension, mean_strain
 from ...mesh.bases import (
     CENTRE,
     GAUSS,
@@ -25,12 +23,16 @@ from ...mesh.checks import check_mesh
 from ...mesh.interior_edges import JumpBasis
 from ...mesh.splitting import split
 from ...registration import Option
-from ..kernels.element_groups import Parameters
 from ..kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
 from ..kernels.out_of_plane import OutOfPlaneKernel
-from ..parameters import HeldDeviation, HeldStabilisation
-from ..term import NO_VALUES, Term, TermParameters, Values
-from ..terms import FormTerm, TensionTerm
+from ..parameters import (
+    NO_VALUES,
+    HeldDeviation,
+    HeldStabilisation,
+    TermParameters,
+    Values,
+)
+from ..terms import FormTerm, TensionTerm, Term
 
 # Twist is held with this share of the smaller bending stiffness, where both families
 # have one: fibres that bend one by one leave the ply no other motion without stiffness
@@ -43,14 +45,8 @@ class Pointwise:
 
     def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
         """The tension T(ε) at every point."""
-        return TensionTerm(
-            "tension",
-            forms.tension(fabric),
-            basis,
-            TensionKernel(fabric),
-            predicted=lambda p, *strains: fibre_tension(fabric.at(), *strains),
-            seen=lambda strain: strain,
-        )
+        definition, kernel = forms.tension(fabric), TensionKernel(fabric)
+        return TensionTerm("tension", definition, basis, kernel)
 
     def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
         """None."""
@@ -81,21 +77,13 @@ def mean_tension_term(
     fabric: Fabric, deviation: float | ndarray, basis: MeanBasis
 ) -> TensionTerm:
     """The term of fibres that meet their whole stiffness in mean stretches alone."""
-    held = HeldDeviation(fabric, deviation, basis)
-
-    def predicted(p: Values, strain: ndarray, change: ndarray) -> ndarray:
-        return mean_fibre_tension(fabric, p["E_d"], basis, strain, change)
-
     return TensionTerm(
         "tension",
         forms.mean_tension(fabric),
         basis,
         MeanTensionKernel(fabric),
-        parameters=held,
-        predicted=predicted,
-        seen=partial(mean_strain, basis),
-        arrange=basis.from_ply_points,
-        of_means=Values({"E_d": np.zeros_like(held.at_rest()["E_d"])}),
+        parameters=HeldDeviation(fabric, deviation, basis),
+        of_means=Values({"E_d": np.zeros((2, basis.nelems, 1))}),
     )
 
 
@@ -132,7 +120,7 @@ class OutOfPlane(FormTerm):
         """See `OutOfPlaneKernel`."""
         return self._numbers.matrices(u, self._stiffness(p))
 
-    def _given(self, t: float, p: Values) -> Parameters:
+    def _given(self, t: float, p: Values) -> dict[str, Any]:
         return {**super()._given(t, p), "C_s": self._stiffness(p)}
 
     def _stiffness(self, p: Values) -> ndarray:

@@ -8,13 +8,11 @@ from numpy import ndarray
 from skfem import CellBasis, Mesh
 
 from ...fabric import Fabric
-from ...mesh.bases import CENTRE, components
+from ...mesh.bases import CENTRE, MacroBasis, components
 from ...mesh.checks import MeshError, check_mesh
-from ...mesh.macro import MacroBasis
 from ...mesh.splitting import SplitMesh, split, was_split
 from ...registration import FormulationRegistration
-from ..term import Term
-from ..terms import TensionTerm
+from ..terms import TensionTerm, Term
 from .common import (
     STABILISATION,
     Quadrilaterals,

@@ -12,7 +12,7 @@ from ...mesh.bases import CENTRE, components
 from ...mesh.interior_edges import JumpBasis
 from ...registration import FormulationRegistration, Option
 from ..parameters import AccumulatedMoment
-from ..term import Term
+from ..terms import Term
 from .common import (
     STABILISATION,
     Quadrilaterals,

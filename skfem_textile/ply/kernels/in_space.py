@@ -18,7 +18,7 @@ import numpy as np
 from numpy import ndarray
 
 if TYPE_CHECKING:
-    from .integration_points import Stress, Values
+    from .elements import Stress
 
 _PAIRS = tuple(combinations_with_replacement(range(3), 2))
 
@@ -57,8 +57,9 @@ class InSpace:
         g = (e[::-1] - c[:, None] * e) / (s[:, None] * stretch)
         return _Crossing(self.side[:, None] * g, normal / s[:, None], c, s)
 
-    def forces(self, T: "Values", M: "Values", block: slice) -> ndarray:
+    def forces(self, stress: "Stress", block: slice) -> ndarray:
         """See `FibreDeformation`."""
+        T, M, _ = stress
         v = self.v[..., block]
         forces = np.zeros(v.shape) if T is None else T[:, :, None] * v
         if M is not None:

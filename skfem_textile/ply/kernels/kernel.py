@@ -11,26 +11,85 @@ weft too.  The rank-one stiffnesses s g gᵀ belong to strains of more than one 
 point: shear angles, their differences, and means.  Where a tension takes both strains,
 D₁₂ (g₁ g₂ᵀ + g₂ g₁ᵀ) is the rank-one stiffness D₁₂ of ε₁ + ε₂, less D₁₂ in the slope of
 each tension.
+
+Element matrices are symmetric and hold the d×d blocks of the pairs of nodes (a, c) with
+a ≤ c, in the order of `numpy.triu_indices`: shape (n_pairs, d, d, n_elements).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from itertools import combinations_with_replacement
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
-from skfem import CellBasis
+from skfem import CellBasis, ElementVector
 
 from ...fabric import Fabric, Slopes, TwoLaws, is_zero
 from ...mesh.bases import ElementQuad1Fluctuation, HourglassBasis, MeanBasis
-from .element_groups import Deformations, ElementGroup, Parameters
-from .integration_points import (
+from .elements import (
+    Deformations,
+    ElementGroup,
     FibreDeformation,
     IntegrationPoints,
-    RankOneStiffness,
     Stress,
+    element_groups,
 )
+
+#: Parameters of a form: numbers, or arrays over elements and points.
+Parameters: TypeAlias = Mapping[str, Any]
+
+
+class RankOneStiffness(NamedTuple):
+    """Stiffness s of P strains of each element, shape (P, n), and their gradients g.
+
+    ``gradients`` takes a block of elements and returns shape (P, n_modes, d, n_block).
+    """
+
+    stiffness: ndarray
+    gradients: Callable[[slice], ndarray]
+
+
+class Kernel(Protocol):
+    """Energy of a term and its derivatives with respect to strains of fibres.
+
+    It can compute on bases of the class ``basis_type`` (`can_compute`).
+    """
+
+    basis_type: ClassVar[type[CellBasis]]
+
+    @property
+    def fabric(self) -> Fabric:
+        """The fabric with its directions and laws."""
+        ...
+
+    def energy(self, x: "KernelState") -> float:
+        """Energy in N·mm."""
+        ...
+
+    def stresses(self, x: "KernelState") -> list[Stress]:
+        """Stresses at the points."""
+        ...
+
+    def stiffnesses(self, x: "KernelState") -> list[RankOneStiffness]:
+        """Stiffnesses that couple fibres or points."""
+        ...
+
+
+class KernelState(NamedTuple):
+    """A kernel on a group of elements in one state.
+
+    ``fibres`` are the deformations at the points of the group, ``places`` the same
+    points, or those of another term at which fibres deform equally, and ``w``
+    parameters of the form.
+    """
+
+    kernel: Kernel
+    group: ElementGroup
+    places: Sequence[IntegrationPoints]
+    fibres: Deformations
+    w: Parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,52 +97,46 @@ class TensionKernel:
     """The kernel of `tension`."""
 
     fabric: Fabric
+    basis_type: ClassVar[type[CellBasis]] = CellBasis
 
-    def takes(self, basis: CellBasis) -> bool:
-        """Accept bases whose functions have their own gradients."""
-        return not isinstance(_scalar(basis), ElementQuad1Fluctuation)
-
-    def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
+    def energy(self, x: KernelState) -> float:
         """∫ Σ_α ψ(ε_α) dΩ."""
-        pairs = zip(group.points, _tensions("energies", group, fibres), strict=True)
-        return sum(float((p.dx * psi).sum()) for p, psi in pairs)
+        sets = zip(x.group.points, x.group.fabrics, x.fibres, strict=True)
+        return sum(
+            float((p.dx * _laws(fabric, "energies", f.strain)).sum())
+            for p, fabric, f in sets
+        )
 
-    def stresses(
-        self, group: ElementGroup, fibres: Deformations, w: Parameters
-    ) -> list[Stress]:
-        """Tension and its slope."""
-        T = _given_tension(self.fabric, group, w)
-        T = T or _tensions("value", group, fibres)
-        slopes = _slopes_at_points(group, fibres)
-        return [
-            Stress(tension=p.dx * T_p, slope=p.dx * _own_less_cross(s))
-            for p, T_p, s in zip(group.points, T, slopes, strict=True)
-        ]
+    def stresses(self, x: KernelState) -> list[Stress]:
+        """Tension and its slope; of ε₁ + ε₂ the slope is in `stiffnesses`."""
+        given, stresses = _given_tension(self.fabric, x), []
+        sets = zip(x.group.points, x.group.fabrics, x.fibres, strict=True)
+        for i, (p, fabric, f) in enumerate(sets):
+            T = given[i] if given else _laws(fabric, "value", f.strain)
+            own, cross = _slopes(fabric, f.strain)
+            slope = own if cross is None else own - cross
+            stresses.append(Stress(tension=p.dx * T, slope=p.dx * slope))
+        return stresses
 
-    def rank_one_stiffnesses(
-        self, group: ElementGroup, fibres: Deformations, w: Parameters
-    ) -> list[RankOneStiffness]:
+    def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
         """None, but where a tension takes both strains that of ε₁ + ε₂."""
         if isinstance(self.fabric.tensions, TwoLaws):
             return []
-        slopes = _slopes_at_points(group, fibres)
+        sets = zip(x.group.points, x.group.fabrics, x.fibres, strict=True)
         return [
-            RankOneStiffness(p.dx * s.cross, partial(_sum_gradients, p, f))
-            for p, f, s in zip(group.points, fibres, slopes, strict=True)
+            RankOneStiffness(
+                p.dx * _slopes(fabric, f.strain).cross, partial(_sum_gradients, p, f)
+            )
+            for p, fabric, f in sets
         ]
 
-    def predicted_tension(
-        self,
-        group: ElementGroup,
-        before: Deformations,
-        after: Deformations,
-        w: Parameters,
-    ) -> list[ndarray]:
+    def predicted_tension(self, x: KernelState, after: KernelState) -> list[ndarray]:
         """T(ε) + ∂T/∂ε Δε, shape (2, P, n) each."""
-        T, slopes = _tensions("value", group, before), _slopes_at_points(group, before)
+        sets = zip(x.group.fabrics, x.fibres, after.fibres, strict=True)
         return [
-            T_p + s.times(f.change(g))
-            for T_p, s, f, g in zip(T, slopes, before, after, strict=True)
+            _laws(fabric, "value", f.strain)
+            + _slopes(fabric, f.strain).times(f.change(g))
+            for fabric, f, g in sets
         ]
 
 
@@ -92,31 +145,24 @@ class ShearKernel:
     """The kernel of `shear`."""
 
     fabric: Fabric
+    basis_type: ClassVar[type[CellBasis]] = CellBasis
 
-    def takes(self, basis: CellBasis) -> bool:
-        """Accept bases whose functions have their own gradients."""
-        return not isinstance(_scalar(basis), ElementQuad1Fluctuation)
-
-    def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
+    def energy(self, x: KernelState) -> float:
         """∫ w(Γ) dΩ."""
-        pairs = zip(group.points, _moments("energy", group, fibres), strict=True)
+        pairs = zip(x.group.points, _of_shear("energy", x), strict=True)
         return sum(float((p.dx * w_p).sum()) for p, w_p in pairs)
 
-    def stresses(
-        self, group: ElementGroup, fibres: Deformations, w: Parameters
-    ) -> list[Stress]:
+    def stresses(self, x: KernelState) -> list[Stress]:
         """Shear moment."""
-        pairs = zip(group.points, _moments("value", group, fibres), strict=True)
+        pairs = zip(x.group.points, _of_shear("value", x), strict=True)
         return [Stress(moment=p.dx * M_p) for p, M_p in pairs]
 
-    def rank_one_stiffnesses(
-        self, group: ElementGroup, fibres: Deformations, w: Parameters
-    ) -> list[RankOneStiffness]:
+    def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
         """The slope of the shear law, along the gradient of the shear angle."""
-        G = _moments("tangent", group, fibres)
+        sets = zip(x.group.points, x.fibres, _of_shear("tangent", x), strict=True)
         return [
-            RankOneStiffness(p.dx * G_p, partial(_angle_gradients, p, f))
-            for p, f, G_p in zip(group.points, fibres, G, strict=True)
+            RankOneStiffness(p.dx * G_p, partial(_angle_gradients, [(p, f)]))
+            for p, f, G_p in sets
         ]
 
 
@@ -126,42 +172,35 @@ class HourglassKernel:
 
     fabric: Fabric
     C_s: float | None = None
+    basis_type: ClassVar[type[CellBasis]] = HourglassBasis
 
-    def takes(self, basis: CellBasis) -> bool:
-        """Accept `HourglassBasis`."""
-        return isinstance(basis, HourglassBasis)
-
-    def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
+    def energy(self, x: KernelState) -> float:
         """½ C_s Σ_k A/4 (Γ(ξ_k) − Γ(0))²."""
-        return 0.5 * float((self._stiffness(group, w) * _difference(fibres) ** 2).sum())
+        C_s, difference = self._state(x)
+        return 0.5 * float((C_s * difference**2).sum())
 
-    def stresses(
-        self, group: ElementGroup, fibres: Deformations, w: Parameters
-    ) -> list[Stress]:
+    def stresses(self, x: KernelState) -> list[Stress]:
         """Moments at the points, and their opposites at the centre."""
-        moment = self._stiffness(group, w) * _difference(fibres)
-        one_centre = len(fibres[0].shear_angle) == 1
+        C_s, difference = self._state(x)
+        moment = C_s * difference
+        one_centre = len(x.fibres[0].shear_angle) == 1
         opposite = moment.sum(axis=0, keepdims=True) if one_centre else moment
         return [Stress(moment=-opposite), Stress(moment=moment)]
 
-    def rank_one_stiffnesses(
-        self, group: ElementGroup, fibres: Deformations, w: Parameters
-    ) -> list[RankOneStiffness]:
+    def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
         """C_s, along the gradient of Γ(ξ_k) − Γ(0)."""
-        (centre, corners), (at_centre, at_corners) = group.points, fibres
+        C_s, _ = self._state(x)
+        centre, corners = zip(x.group.points, x.fibres, strict=True)
+        return [RankOneStiffness(C_s, partial(_angle_gradients, [corners, centre]))]
 
-        def gradients(block: slice) -> ndarray:
-            return _angle_gradients(corners, at_corners, block) - _angle_gradients(
-                centre, at_centre, block
-            )
-
-        return [RankOneStiffness(self._stiffness(group, w), gradients)]
-
-    def _stiffness(self, group: ElementGroup, w: Parameters) -> ndarray:
-        _, corners = group.points
-        if self.C_s is not None:
-            return self.C_s * corners.dx
-        return corners.dx * np.broadcast_to(w["C_s"], corners.dx.T.shape).T
+    def _state(self, x: KernelState) -> tuple[ndarray, ndarray]:
+        """C_s A/4 and Γ(ξ_k) − Γ(0), shape (4, n)."""
+        _, corners = x.group.points
+        at_centre, at_corners = x.fibres
+        C_s: Any = self.C_s
+        if C_s is None:
+            C_s = np.broadcast_to(x.w["C_s"], corners.dx.T.shape).T
+        return corners.dx * C_s, at_corners.shear_angle - at_centre.shear_angle
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,80 +208,68 @@ class MeanTensionKernel:
     """The kernel of `mean_tension`."""
 
     fabric: Fabric
+    basis_type: ClassVar[type[CellBasis]] = MeanBasis
 
-    def takes(self, basis: CellBasis) -> bool:
-        """Accept `MeanBasis`."""
-        return isinstance(basis, MeanBasis)
-
-    def energy(self, group: ElementGroup, fibres: Deformations, w: Parameters) -> float:
+    def energy(self, x: KernelState) -> float:
         """∫ Σ_α ψ(ln λ̄_α) + ½ E_d (λ_α − λ̄_α)² dΩ."""
-        stretches, means = _stretches(group, fibres)
-        density = _laws(group.fabric, "energies", np.log(means))
-        E_d = self._deviation_stiffness(group, w)
+        stretches, means, E_d = self._state(x)
+        density = _laws(x.group.fabric, "energies", np.log(means))
         return sum(
             float((p.dx * (density + 0.5 * E_d * (stretch - means) ** 2)).sum())
-            for p, stretch in zip(group.points, stretches, strict=True)
+            for p, stretch in zip(x.group.points, stretches, strict=True)
         )
 
-    def stresses(
-        self, group: ElementGroup, fibres: Deformations, w: Parameters
-    ) -> list[Stress]:
+    def stresses(self, x: KernelState) -> list[Stress]:
         """Tension λ ∂ψ/∂λ, and its slope λ² E_d + T in a strain that deviates."""
-        stretches, means = _stretches(group, fibres)
-        E_d = self._deviation_stiffness(group, w)
-        T = _given_tension(self.fabric, group, w)
+        stretches, means, E_d = self._state(x)
+        T = _given_tension(self.fabric, x)
         if not T:
-            N = _laws(group.fabric, "value", np.log(means)) / means
+            N = _laws(x.group.fabric, "value", np.log(means)) / means
             T = [stretch * (N + E_d * (stretch - means)) for stretch in stretches]
         return [
             Stress(tension=p.dx * T_p, slope=p.dx * (E_d * stretch**2 + T_p))
-            for p, T_p, stretch in zip(group.points, T, stretches, strict=True)
+            for p, T_p, stretch in zip(x.group.points, T, stretches, strict=True)
         ]
 
-    def rank_one_stiffnesses(
-        self, group: ElementGroup, fibres: Deformations, w: Parameters
-    ) -> list[RankOneStiffness]:
+    def stiffnesses(self, x: KernelState) -> list[RankOneStiffness]:
         """The rest of the slope of the laws, along the gradient of the mean stretch."""
-        stretches, means = _stretches(group, fibres)
-        T, slopes = _of_strains(group.fabric, np.log(means))
-        slope = (slopes.own - T) / means**2 - self._deviation_stiffness(group, w)
-        if slopes.cross is not None:
-            cross = slopes.cross / (means[0] * means[1])
+        group, (stretches, means, E_d) = x.group, self._state(x)
+        T = _laws(group.fabric, "value", np.log(means))
+        own, cross = _slopes(group.fabric, np.log(means))
+        slope = (own - T) / means**2 - E_d
+        if cross is not None:
+            cross = cross / (means[0] * means[1])
             slope = np.array([*(slope - cross), cross])
 
         def gradients(block: slice) -> ndarray:
-            g = np.zeros((2, group.n_modes, group.dimension, group.area[block].size))
-            for p, f, stretch in zip(group.points, fibres, stretches, strict=True):
+            d = x.fibres[0].v.shape[2]
+            g = np.zeros((2, group.n_modes, d, group.area[block].size))
+            for p, f, stretch in zip(group.points, x.fibres, stretches, strict=True):
                 share = (p.dx * stretch)[:, :, None, block] / group.area[block]
                 g += p.strain_gradients(share * f.v[..., block], block)
-            return g if slopes.cross is None else np.array([*g, g[0] + g[1]])
+            return g if cross is None else np.array([*g, g[0] + g[1]])
 
         return [RankOneStiffness((group.area * slope)[:, 0], gradients)]
 
-    def predicted_tension(
-        self,
-        group: ElementGroup,
-        before: Deformations,
-        after: Deformations,
-        w: Parameters,
-    ) -> list[ndarray]:
+    def predicted_tension(self, x: KernelState, after: KernelState) -> list[ndarray]:
         """Tension over stretch to first order, times the new stretch; (2, P, n) each.
 
         The force N works on the stretch, so that N is what follows the increment.  The
         tension λ N does not: where fibres turn the stretch grows to second order.
         """
-        stretches, means = _stretches(group, before)
-        new_stretches, _ = _stretches(group, after)
+        group, (stretches, means, E_d) = x.group, self._state(x)
+        new_stretches, _, _ = self._state(after)
         changes = [
             stretch * f.change(g)
-            for stretch, f, g in zip(stretches, before, after, strict=True)
+            for stretch, f, g in zip(stretches, x.fibres, after.fibres, strict=True)
         ]
         mean_change = _mean(group, changes)
-        T, slopes = _of_strains(group.fabric, np.log(means))
-        N = T / means + (slopes.own - T) / means**2 * mean_change
-        if slopes.cross is not None:
-            N += slopes.cross * (mean_change / means)[::-1] / means
-        E_d, mean_after = self._deviation_stiffness(group, w), means + mean_change
+        T = _laws(group.fabric, "value", np.log(means))
+        own, cross = _slopes(group.fabric, np.log(means))
+        N = T / means + (own - T) / means**2 * mean_change
+        if cross is not None:
+            N += cross * (mean_change / means)[::-1] / means
+        mean_after = means + mean_change
         return [
             new_stretch * (N + E_d * (stretch + change - mean_after))
             for new_stretch, stretch, change in zip(
@@ -250,21 +277,41 @@ class MeanTensionKernel:
             )
         ]
 
-    def _deviation_stiffness(self, group: ElementGroup, w: Parameters) -> ndarray:
-        """E_d of warp and weft, shape (2, 1, n); 0 without a law."""
-        E_d = np.asarray(w["E_d"])[:, group.elements, 0]
-        return _resisting(self.fabric) * E_d[:, None]
+    def _state(self, x: KernelState) -> tuple[list[ndarray], ndarray, ndarray]:
+        """Stretches at the points, (2, P, n) each, their means and E_d, (2, 1, n).
+
+        E_d is 0 for a family without a law.
+        """
+        stretches = [np.sqrt(f.squared_stretch) for f in x.fibres]
+        E_d = np.asarray(x.w["E_d"])[:, x.group.elements, 0]
+        E_d = _resisting(self.fabric) * E_d[:, None]
+        return stretches, _mean(x.group, stretches), E_d
 
 
-def _scalar(basis: CellBasis) -> Any:
-    vector: Any = basis.elem
-    return vector.elem
+def can_compute(kernel: Kernel | None, basis: Any) -> bool:
+    """Whether there is a kernel that takes a basis, with unknowns node by node.
+
+    That is d = 2 or 3 components, with the unknowns from dk on of each node k.
+    """
+    if kernel is None or not isinstance(basis, kernel.basis_type):
+        return False
+    if not isinstance(basis.elem, ElementVector):
+        return False
+    fluctuates = isinstance(basis.elem.elem, ElementQuad1Fluctuation)
+    d = basis.elem.dim
+    if d not in (2, 3) or fluctuates != (kernel.basis_type is HourglassBasis):
+        return False
+    of_nodes = basis.element_dofs.reshape(-1, d, basis.nelems)
+    first = of_nodes[:, :1]
+    return bool(np.all((first % d == 0) & (of_nodes == first + np.arange(d)[:, None])))
 
 
 def _angle_gradients(
-    points: IntegrationPoints, fibres: FibreDeformation, block: slice
+    angles: Sequence[tuple[IntegrationPoints, FibreDeformation]], block: slice
 ) -> ndarray:
-    return points.gradients(*fibres.angle_derivatives(block), block)
+    """∂Γ/∂u_a at points, or its difference from the second set of points."""
+    own, *others = (p.gradients(*f.angle_derivatives(block), block) for p, f in angles)
+    return own - others[0] if others else own
 
 
 def _sum_gradients(
@@ -273,20 +320,6 @@ def _sum_gradients(
     """∂(ε₁ + ε₂)/∂u_a."""
     warp, weft = fibres.v[..., block]
     return points.gradients(warp, weft, block)
-
-
-def _difference(fibres: Deformations) -> ndarray:
-    """Γ(ξ_k) − Γ(0)."""
-    centre, corners = fibres
-    return corners.shear_angle - centre.shear_angle
-
-
-def _stretches(
-    group: ElementGroup, fibres: Deformations
-) -> tuple[list[ndarray], ndarray]:
-    """Stretches at the points, (2, P, n) each, and their means, (2, 1, n)."""
-    stretches = [np.sqrt(f.squared_stretch) for f in fibres]
-    return stretches, _mean(group, stretches)
 
 
 def _mean(group: ElementGroup, values: list[ndarray]) -> ndarray:
@@ -301,39 +334,13 @@ def _resisting(fabric: Fabric) -> ndarray:
     return np.array(resists, dtype=float)[:, None, None]
 
 
-def _given_tension(fabric: Fabric, group: ElementGroup, w: Parameters) -> list[ndarray]:
+def _given_tension(fabric: Fabric, x: KernelState) -> list[ndarray]:
     """Tensions at the points that stand for those of the laws; none if not given."""
-    if "tension" not in w:
+    if "tension" not in x.w:
         return []
-    return [_resisting(fabric) * T for T in group.values_at_points(w["tension"])]
-
-
-def _tensions(part: str, group: ElementGroup, fibres: Deformations) -> list[ndarray]:
-    """Energies or values of warp and weft at the points, shape (2, P, n) each."""
-    pairs = zip(group.fabrics, fibres, strict=True)
-    return [_laws(fabric, part, f.strain) for fabric, f in pairs]
-
-
-def _slopes_at_points(group: ElementGroup, fibres: Deformations) -> list[Slopes]:
-    """Slopes of the tensions at the points."""
-    pairs = zip(group.fabrics, fibres, strict=True)
-    return [_slopes(fabric, f.strain) for fabric, f in pairs]
-
-
-def _own_less_cross(slopes: Slopes) -> ndarray:
-    """What is left of the slopes beside the rank-one stiffness of ε₁ + ε₂."""
-    return slopes.own if slopes.cross is None else slopes.own - slopes.cross
-
-
-def _moments(part: str, group: ElementGroup, fibres: Deformations) -> list[ndarray]:
-    """One part of the shear law at the points, shape (P, n) each."""
-    pairs = zip(group.fabrics, fibres, strict=True)
-    return [_law(getattr(fabric.shear_law, part), f.shear_angle) for fabric, f in pairs]
-
-
-def _of_strains(fabric: Fabric, strain: ndarray) -> tuple[ndarray, Slopes]:
-    """Tensions of warp and weft, and their slopes."""
-    return _laws(fabric, "value", strain), _slopes(fabric, strain)
+    T = np.asarray(x.w["tension"])[..., x.group.elements, :]
+    at_points = (np.moveaxis(T[..., i], -1, -2) for i in x.group.point_numbers)
+    return [_resisting(fabric) * T_p for T_p in at_points]
 
 
 def _laws(fabric: Fabric, part: str, strain: ndarray) -> ndarray:
@@ -348,6 +355,181 @@ def _slopes(fabric: Fabric, strain: ndarray) -> Slopes:
     return Slopes(np.array([x.T for x in own]), None if cross is None else cross.T)
 
 
-def _law(law: Callable[[ndarray], ndarray], x: ndarray) -> ndarray:
-    """A law at points, shape (P, n); the law itself takes and returns (n, P)."""
-    return np.broadcast_to(law(x.T), x.T.shape).T
+def _of_shear(part: str, x: KernelState) -> list[ndarray]:
+    """One part of the shear law at the points, shape (P, n) each; it takes (n, P)."""
+    angles = (f.shear_angle.T for f in x.fibres)
+    laws = (getattr(fabric.shear_law, part) for fabric in x.group.fabrics)
+    pairs = zip(laws, angles, strict=True)
+    return [np.broadcast_to(law(angle), angle.shape).T for law, angle in pairs]
+
+
+class SharedGroup(NamedTuple):
+    """Elements with the same nodes and modes, with the points of each term.
+
+    Of points at which fibres deform equally the first stand for all.
+    """
+
+    group: ElementGroup
+    terms: dict[Any, tuple[ElementGroup, list[IntegrationPoints]]]
+
+
+def shared_groups(terms: Sequence[Any]) -> list[SharedGroup]:
+    """Groups of the elements of terms whose kernels can compute on their bases."""
+    groups: list[SharedGroup] = []
+    for term in terms:
+        for group in element_groups(term.basis, term.kernel.fabric):
+            alike = (s for s in groups if _same(s.group, group, "nodes", "modes"))
+            if (shared := next(alike, None)) is None:
+                groups.append(shared := SharedGroup(group, {}))
+            known = [p for _, points in shared.terms.values() for p in points]
+            shared.terms[term] = (
+                group,
+                [
+                    next((p for p in known if _same(own, p, "b", "A")), own)
+                    for own in group.points
+                ],
+            )
+    return groups
+
+
+def _same(one: Any, other: Any, *names: str) -> bool:
+    """Whether two objects of one class have equal arrays, or None, of these names."""
+    return type(one) is type(other) and all(
+        np.array_equal(getattr(one, name), getattr(other, name)) for name in names
+    )
+
+
+def element_forces(states: Sequence[KernelState]) -> ndarray:
+    """Sum of the nodal forces of kernels on a group, shape (n_nodes, d, n)."""
+    group, stresses = states[0].group, _sum_of_stresses(states)
+    f = np.empty((len(group.nodes), states[0].fibres[0].v.shape[2], group.area.size))
+    for block in group.blocks:
+        own = np.zeros((group.n_modes, f.shape[1], block.stop - block.start))
+        for points, (fibres, stress) in stresses.items():
+            own += points.forces(fibres.forces(stress.of(block), block), block)
+        if group.modes is not None:
+            own = np.einsum("ran,rin->ain", group.modes[..., block], own)
+        f[..., block] = own
+    return f
+
+
+def element_matrices(states: Sequence[KernelState]) -> ndarray:
+    """Sum of the element matrices of kernels on a group.
+
+    Parameters
+    ----------
+    states
+        The kernels.
+
+    Returns
+    -------
+    ndarray
+        Blocks of the pairs of nodes, shape (n_pairs, d, d, n).
+    """
+    group, stresses = states[0].group, _sum_of_stresses(states)
+    d, n_nodes = states[0].fibres[0].v.shape[2], len(group.nodes)
+    rank_one = [s for x in states for s in x.kernel.stiffnesses(x)]
+    n_pairs = group.n_modes * (group.n_modes + 1) // 2
+    K = np.empty((n_nodes * (n_nodes + 1) // 2, d, d, group.area.size))
+    for block in group.blocks:
+        k = np.zeros((n_pairs, d, d, block.stop - block.start))
+        for points, (fibres, stress) in stresses.items():
+            points.add_stiffness(k, *fibres.stiffness(stress.of(block), block), block)
+        for stiffness, gradients in rank_one:
+            _add_rank_one(k, gradients(block), stiffness[:, block])
+        K[..., block] = (
+            k if group.modes is None else nodal_blocks(k, group.modes[..., block])
+        )
+    return K
+
+
+def _add_rank_one(K: ndarray, g: ndarray, s: ndarray) -> None:
+    """Add Σ s g_a g_cᵀ over points to the blocks of all pairs of modes."""
+    scaled, n_modes = s[:, None, None] * g, g.shape[1]
+    for pair, (a, c) in enumerate(combinations_with_replacement(range(n_modes), 2)):
+        K[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
+
+
+def _sum_of_stresses(
+    states: Sequence[KernelState],
+) -> dict[IntegrationPoints, tuple[FibreDeformation, Stress]]:
+    """Deformation and the sum of the stresses of all kernels at each set of points."""
+    sums: dict[IntegrationPoints, tuple[FibreDeformation, Stress]] = {}
+    for x in states:
+        sets = zip(x.places, x.fibres, x.kernel.stresses(x), strict=True)
+        for points, fibres, stress in sets:
+            _, others = sums.get(points, (fibres, Stress()))
+            parts = zip(others, stress, strict=True)
+            sums[points] = (
+                fibres,
+                Stress(
+                    *(b if a is None else a if b is None else a + b for a, b in parts)
+                ),
+            )
+    return sums
+
+
+def nodal_blocks(K: ndarray, modes: ndarray) -> ndarray:
+    """Blocks of the pairs of nodes from those of the pairs of modes: Rᵀ K R."""
+    (n_modes, _, n), d = modes.shape, K.shape[1]
+    k = full_matrices(K).reshape(n_modes, d, n_modes, d, n)
+    half = np.einsum("ran,risjn->asijn", modes, k)
+    rows = [
+        np.einsum("sijn,scn->cijn", row, modes[:, a:]) for a, row in enumerate(half)
+    ]
+    return np.concatenate(rows)
+
+
+def full_matrices(K: ndarray) -> ndarray:
+    """Matrices over the unknowns of an element, shape (d n_nodes, d n_nodes, n)."""
+    n_nodes, d = int(np.sqrt(2 * len(K))), K.shape[1]  # of n (n + 1) / 2 pairs
+    full = np.empty((n_nodes, d, n_nodes, d, K.shape[-1]))
+    pairs = combinations_with_replacement(range(n_nodes), 2)
+    for (a, c), block in zip(pairs, K, strict=True):
+        full[a, :, c], full[c, :, a] = block, block.transpose(1, 0, 2)
+    return full.reshape(d * n_nodes, d * n_nodes, -1)
+
+
+def positive_part(K: ndarray | None) -> ndarray | None:
+    """Element matrices with their negative eigenvalues set to zero.
+
+    Parameters
+    ----------
+    K
+        Blocks of the pairs of nodes, shape (n_pairs, d, d, n).
+
+    Returns
+    -------
+    ndarray
+        Blocks of the nearest positive semi-definite matrices (Higham 1988).
+    """
+    if K is None or not np.isfinite(K).all():
+        return K
+    full = full_matrices(K).transpose(2, 0, 1).copy()
+    eigenvalues, vectors = np.linalg.eigh(full)
+    indefinite = eigenvalues[:, 0] < 0
+    values, V = np.minimum(eigenvalues[indefinite], 0.0), vectors[indefinite]
+    full[indefinite] -= (V * values[:, None]) @ V.swapaxes(1, 2)
+    n_nodes, d = full.shape[1] // K.shape[1], K.shape[1]
+    first, second = np.triu_indices(n_nodes)
+    blocks = full.reshape(-1, n_nodes, d, n_nodes, d)
+    return blocks[:, first, :, second].transpose(0, 2, 3, 1)
+
+
+def node_pair_blocks(K: ndarray, nodes: ndarray, d: int) -> ndarray:
+    """Blocks of the pairs of nodes of whole symmetric matrices.
+
+    Parameters
+    ----------
+    K
+        Shape (d n_nodes, d n_nodes, n).
+    nodes
+        Nodes of the elements, shape (n_nodes, n); one may be there several times.
+    d
+        Components of the displacement.
+    """
+    n_nodes = len(nodes)
+    first, second = np.triu_indices(n_nodes)
+    K = K.reshape(n_nodes, d, n_nodes, d, -1)[first, :, second]
+    same = (nodes[first] == nodes[second]) & (first != second)[:, None]
+    return K + np.where(same[:, None, None], K.swapaxes(1, 2), 0.0)

@@ -1,15 +1,18 @@
 """scikit-fem forms with a kernel, which computes their entries where it can.
 
 `asm` assembles them like any other form; on a basis that the kernel does not take the
-form itself is evaluated.
+form itself is evaluated.  The package exports those at the end.
 """
 
-from typing import Any
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, ParamSpec
 
 import numpy as np
 from numpy import ndarray
-from skfem import BilinearForm, CellBasis, ElementVector, Functional, LinearForm
+from skfem import BilinearForm, Functional, LinearForm
 
+from ... import forms
 from ...forms import Forms
 from ...mesh.scikit_fem import (
     Entries,
@@ -18,8 +21,21 @@ from ...mesh.scikit_fem import (
     number_entries,
     vector_entries,
 )
-from .assembly import KernelOnGroup, element_forces, element_matrices, full_matrices
-from .element_groups import Kernel, element_groups
+from .elements import element_groups
+from .kernel import (
+    HourglassKernel,
+    Kernel,
+    KernelState,
+    MeanTensionKernel,
+    ShearKernel,
+    TensionKernel,
+    can_compute,
+    element_forces,
+    element_matrices,
+    full_matrices,
+)
+
+_P = ParamSpec("_P")
 
 
 class KernelEnergy(OwnAssembly, Functional):
@@ -29,8 +45,9 @@ class KernelEnergy(OwnAssembly, Functional):
         self, ubasis: Any, vbasis: Any, parameters: dict[str, Any]
     ) -> Entries | None:
         """Energy of the kernel."""
-        kernels = _kernels(self.params["kernel"], ubasis, parameters)
-        return number_entries(sum(k.energy() for k in kernels)) if kernels else None
+        states = _states(self.params["kernel"], ubasis, parameters)
+        energy = sum(x.kernel.energy(x) for x in states)
+        return number_entries(energy) if states else None
 
 
 class KernelResidual(OwnAssembly, LinearForm):
@@ -41,14 +58,14 @@ class KernelResidual(OwnAssembly, LinearForm):
     ) -> Entries | None:
         """Forces of the kernel."""
         parameters.pop("tension", None)  # only the tangent takes other tensions
-        kernels = _kernels(self.params["kernel"], ubasis, parameters)
-        if not kernels:
+        states = _states(self.params["kernel"], ubasis, parameters)
+        if not states:
             return None
         f = np.zeros((ubasis.Nbfun, ubasis.nelems))
-        for kernel in kernels:
-            forces = element_forces([kernel])
+        for x in states:
+            forces = element_forces([x])
             of_unknowns = forces.reshape(-1, forces.shape[-1])
-            f[: len(of_unknowns), kernel.group.elements] = of_unknowns
+            f[: len(of_unknowns), x.group.elements] = of_unknowns
         return vector_entries(ubasis, f)
 
 
@@ -59,19 +76,19 @@ class KernelTangent(OwnAssembly, BilinearForm):
         self, ubasis: Any, vbasis: Any, parameters: dict[str, Any]
     ) -> Entries | None:
         """Stiffness of the kernel."""
-        kernels = _kernels(self.params["kernel"], ubasis, parameters)
-        if not kernels or vbasis not in (None, ubasis):
+        states = _states(self.params["kernel"], ubasis, parameters)
+        if not states or vbasis not in (None, ubasis):
             return None
         K = np.zeros((ubasis.Nbfun, ubasis.Nbfun, ubasis.nelems))
-        for kernel in kernels:
-            matrices = full_matrices(element_matrices([kernel]))
-            K[: len(matrices), : len(matrices), kernel.group.elements] = matrices
+        for x in states:
+            matrices = full_matrices(element_matrices([x]))
+            K[: len(matrices), : len(matrices), x.group.elements] = matrices
         return matrix_entries(ubasis, K)
 
 
-def with_kernel(forms: Forms, kernel: Kernel) -> Forms:
+def with_kernel(definition: Forms, kernel: Kernel) -> Forms:
     """Forms with a kernel, which computes their entries where it can."""
-    energy, residual, tangent = forms
+    energy, residual, tangent = definition
     return Forms(
         KernelEnergy(energy, kernel=kernel),
         KernelResidual(residual, kernel=kernel),
@@ -79,30 +96,32 @@ def with_kernel(forms: Forms, kernel: Kernel) -> Forms:
     )
 
 
-def can_compute(kernel: Kernel, basis: Any) -> bool:
-    """Whether a kernel takes a basis, which must have unknowns node by node."""
-    return _node_by_node(basis) and kernel.takes(basis)
-
-
-def _kernels(
+def _states(
     kernel: Kernel, basis: Any, parameters: dict[str, Any]
-) -> list[KernelOnGroup]:
+) -> list[KernelState]:
     """The kernel on each group of elements; empty if it cannot compute these."""
     u = parameters.get("u")
     if not isinstance(u, ndarray) or u.ndim != 1 or not can_compute(kernel, basis):
         return []
     return [
-        KernelOnGroup(kernel, group, group.points, group.deformations(u), parameters)
-        for group in element_groups(basis, kernel.fabric)
+        KernelState(kernel, g, g.points, g.deformations(u, g.points), parameters)
+        for g in element_groups(basis, kernel.fabric)
     ]
 
 
-def _node_by_node(basis: Any) -> bool:
-    """Whether a basis has d = 2 or 3 components, unknowns from dk on of each node k."""
-    if not isinstance(basis, CellBasis) or not isinstance(basis.elem, ElementVector):
-        return False
-    if (d := basis.elem.dim) not in (2, 3):
-        return False
-    of_nodes = basis.element_dofs.reshape(-1, d, basis.nelems)
-    first = of_nodes[:, :1]
-    return bool(np.all((first % d == 0) & (of_nodes == first + np.arange(d)[:, None])))
+def _with_kernel_of(
+    definition: Callable[_P, Forms], kernel: Callable[_P, Kernel]
+) -> Callable[_P, Forms]:
+    """Give the forms of a term a kernel, which takes the same arguments."""
+
+    @wraps(definition)
+    def wrapped(*args: _P.args, **kwargs: _P.kwargs) -> Forms:
+        return with_kernel(definition(*args, **kwargs), kernel(*args, **kwargs))
+
+    return wrapped
+
+
+tension = _with_kernel_of(forms.tension, TensionKernel)
+shear = _with_kernel_of(forms.shear, ShearKernel)
+hourglass = _with_kernel_of(forms.hourglass, HourglassKernel)
+mean_tension = _with_kernel_of(forms.mean_tension, MeanTensionKernel)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...mesh.bases import centre_grad
-from .element_groups import hourglass_mode
+from .elements import hourglass_mode
 
 # ε_ijk, of the cross product
 _EPSILON = np.zeros((3, 3, 3))

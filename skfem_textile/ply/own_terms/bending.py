@@ -20,7 +20,8 @@ from ...forms.bending import (
 )
 from ...mesh.bases import components
 from ...mesh.user_input import call_user_function, real_numbers
-from ..term import NO_VALUES, MatrixTerm, Values
+from ..parameters import NO_VALUES, Values
+from ..terms import MatrixTerm
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,10 @@ from skfem import CellBasis, asm
 
 from ...fabric import Fabric
 from ...forms.corners import RESISTING, corner_resistance
-from ...mesh.bases import components
-from ...mesh.corners import CornerBasis, Corners
-from ..kernels.assembly import node_pair_blocks
-from ..term import NO_VALUES, ElementTerm, Values
+from ...mesh.bases import CornerBasis, Corners, components
+from ..kernels.kernel import node_pair_blocks
+from ..parameters import NO_VALUES, Values
+from ..terms import ElementTerm
 
 # κ as a share of the fibre stiffness, where this is more than the shear stiffness.
 # A larger one adds more energy where corners close; a smaller one lets them come closer
@@ -55,15 +55,18 @@ class CornerTerm(ElementTerm):
 
     def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
         """κ Σ A/n b(det F)."""
-        return float(self._asm(self._forms.energy, u, 0.0))
+        basis = self._closing(u)
+        return 0.0 if basis is None else float(asm(self._forms.energy, basis, u=u))
 
     def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
         """Its derivative."""
-        return self._asm(self._forms.residual, u, np.zeros(len(u)))
+        basis, form = self._closing(u), self._forms.residual
+        return np.zeros(len(u)) if basis is None else asm(form, basis, u=u)
 
     def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
         """Its second derivative; None where all corners are open."""
-        return self._asm(self._forms.tangent, u, None)
+        basis = self._closing(u)
+        return None if basis is None else asm(self._forms.tangent, basis, u=u)
 
     def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray | None:
         """See `ElementTerm`; None where all corners are open."""
@@ -76,11 +79,6 @@ class CornerTerm(ElementTerm):
         every = np.zeros((self.nodes.shape[1], *own.shape[:-1]))
         np.add.at(every, elements, np.moveaxis(own, -1, 0))
         return np.moveaxis(every, 0, -1)
-
-    def _asm(self, form: Any, u: ndarray, nothing: Any) -> Any:
-        """The form where corners close, and ``nothing`` where all are open."""
-        basis = self._closing(u)
-        return nothing if basis is None else asm(form, basis, u=u)
 
     def _closing(self, u: ndarray) -> CornerBasis | None:
         """Basis of the corners that close; None where all are open."""

@@ -20,7 +20,8 @@ from skfem.helpers import dot
 
 from ...drape import Net
 from ...fabric.law import Law
-from ...ply.term import Term, Values
+from ...ply.parameters import Values
+from ...ply.terms import Term
 from ...solve.surface import OnSurface
 from ..common.net_over import CELLS, net_over
 

@@ -18,7 +18,7 @@ from skfem import Mesh
 from ...drape import SAME_AXES, Axes, exponential_map
 from ...fabric import Fabric
 from ...mesh.checks import MeshError, check_mesh, with_edges
-from ...ply.term import Load
+from ...ply.terms import Load
 from ...registration import Option, angle
 from ...solve.conditions import Condition
 from ...solve.result import Result

@@ -7,8 +7,7 @@ from itertools import product
 from skfem import CellBasis
 
 from skfem_textile import Fabric, Full, Macro, OnePoint, Quadratic
-from skfem_textile.ply.term import Term
-from skfem_textile.ply.terms import Formulation
+from skfem_textile.ply.terms import Formulation, Term
 
 from .published import DRAPINGS
 from .rolled import BIAS, CYLINDER, FAN, SQUARES

@@ -6,7 +6,7 @@ from pulled import CLAMP, load_factors, pulled
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, Linear, LoadStepper, Ply, StepError
-from skfem_textile.ply.term import Term
+from skfem_textile.ply.terms import Term
 
 
 class Failing(Term):

@@ -13,9 +13,10 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix, issparse
 from skfem import CellBasis
 
-from ...mesh.bases import components
-from ...mesh.pattern import refuse_unsymmetric
-from ..term import NO_VALUES, Load, Role, Term, Values
+from ..mesh.bases import components
+from ..mesh.pattern import refuse_unsymmetric
+from .parameters import NO_VALUES, Values
+from .terms import Load, Role, Term
 
 # Members of a declaration of parameters, and of a term.
 _PARAMETERS_MEMBERS = "depends_on_steps", "at_rest", "updated", "advanced"

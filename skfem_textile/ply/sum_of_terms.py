@@ -1,0 +1,623 @@
+"""The sum of the terms of a ply, its assembly, and measures of a displacement."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
+from itertools import chain
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import csr_matrix
+from skfem import CellBasis, Mesh
+
+from ..fabric import Fabric
+from ..fabric import kinematics as kin
+from ..fabric.law_end import LawEnd
+from ..forms.form import mean
+from ..mesh.bases import Corners, components, sided
+from ..mesh.pattern import Pattern
+from .kernels.elements import FibreDeformation, IntegrationPoints
+from .kernels.kernel import (
+    KernelState,
+    SharedGroup,
+    can_compute,
+    element_forces,
+    element_matrices,
+    positive_part,
+    shared_groups,
+)
+from .parameters import NO_VALUES, Frozen, PlyParameters, Values
+from .term_check import coupled_nodes, terms_on_basis
+from .terms import (
+    Contribution,
+    ElementTerm,
+    FormTerm,
+    Load,
+    Role,
+    TensionTerm,
+    Term,
+)
+
+
+class _Kinds(NamedTuple):
+    """Terms by how they are summed.
+
+    ``by_kernel`` share the deformations of the fibres in ``groups`` of elements,
+    ``by_element`` are further ones that give matrices of elements, ``by_matrix`` give a
+    sparse matrix.
+    """
+
+    groups: list[SharedGroup]
+    by_kernel: list[FormTerm]
+    by_element: list[ElementTerm]
+    by_matrix: list[Term]
+
+
+class SumOfTerms:
+    """Terms on a basis and their sum, the base of `Ply`.
+
+    Energies, forces and stiffnesses are pure functions of a displacement ``u``, a load
+    factor ``t`` and the ``parameters`` of the terms; without these, of those at rest.
+    Strains, tensions, angles and directions are those at the points of the basis.
+
+    Parameters
+    ----------
+    basis
+        Basis of the displacement.
+    terms
+        Terms and loads, their names all different.
+    tension
+        The term of the fibres among them, if there is one.
+
+    Attributes
+    ----------
+    roles
+        Role of each term, by its name.
+    fabric
+        Fibre directions and laws.
+    mesh, parent
+        The mesh that is computed on, and for each of its elements the user's element
+        that it is part of, shape (n_elements,).
+    centre
+        Reference coordinates of the centre of an element, shape (2, 1).
+    fine_points
+        Reference coordinates at which strain and folding are judged, (2, n_points).
+    corners
+        Det F at the nodes of the elements, at which folding is judged too.
+
+    Raises
+    ------
+    ValueError
+        If one is no term on the basis, or has the name of another.
+    """
+
+    roles: dict[str, Role]
+    fabric: Fabric
+    mesh: Mesh
+    parent: ndarray
+    centre: ndarray
+    fine_points: ndarray
+    corners: Corners
+
+    def __init__(
+        self,
+        basis: CellBasis,
+        terms: Iterable[Term | Load],
+        tension: TensionTerm | None = None,
+    ) -> None:
+        self._terms = terms_on_basis(terms, basis)
+        self.basis, self.roles = basis, {x.name: x.role for x in self._terms}
+        self._tension: Any = tension
+        self._declared = {
+            x.name: x.parameters for x in self._terms if x.parameters is not None
+        }
+        self._last = np.empty(0), dict[IntegrationPoints, FibreDeformation]()
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Of the fibres, of shear, of corners, of the formulation, and further ones.
+
+        With `OnePoint` of kind ``rate`` energy, residual and tangent are those of a
+        step from the state of the parameters, and the residual is no derivative of the
+        energy.
+        """
+        return self._terms
+
+    @cached_property
+    def parameters_at_rest(self) -> PlyParameters:
+        """Parameters of the undeformed ply: those of each term that has any."""
+        return Frozen({n: d.at_rest() for n, d in self._declared.items()})
+
+    def updated(
+        self,
+        parameters: PlyParameters,
+        u: ndarray,
+        t: float = 1.0,
+        tension: ndarray | None = None,
+    ) -> PlyParameters:
+        """Parameters updated within an iteration, such as stiffnesses at ``u``.
+
+        A Newton loop calls this near the equilibrium of a step: with `Macro`,
+        `Quadratic` of mean stretch, and `OnePoint` with the stabilisation ``auto``.
+
+        Parameters
+        ----------
+        parameters
+            The parameters before; they are returned where nothing changes.
+        u, t
+            Displacement and load factor.
+        tension
+            Predicted fibre tensions, which replace those at ``u``, as
+            `geometric_tension` returns them: away from balance the tensions of stiff
+            fibres are far from those at balance.
+        """
+        after = {
+            name: declared.updated(parameters[name], u, t, tension)
+            for name, declared in self._declared.items()
+        }
+        return _changed(parameters, after)
+
+    def advanced(
+        self, parameters: PlyParameters, u: ndarray, t: float = 1.0
+    ) -> PlyParameters:
+        """Parameters advanced at the end of a step, such as accumulated moments.
+
+        A Newton loop calls this after each step, with `OnePoint` of kind ``rate``.
+
+        Parameters
+        ----------
+        parameters
+            Those of the step; they are returned where nothing changes.
+        u, t
+            Converged displacement and its load factor.
+        """
+        after = {
+            name: declared.advanced(parameters[name], u, t)
+            for name, declared in self._declared.items()
+        }
+        return _changed(parameters, after)
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Which nodes the tangent couples."""
+        elements = [shared.group.nodes for shared in self._kinds.groups]
+        elements += [term.nodes for term in self._kinds.by_element]
+        couples = [
+            nodes
+            for term in self._kinds.by_matrix
+            for nodes in coupled_nodes(term, self.basis)
+        ]
+        d = components(self.basis)
+        return Pattern(d, self.basis.N // d, elements, couples)
+
+    @cached_property
+    def _kinds(self) -> _Kinds:
+        by_kernel, by_element, by_matrix = [], [], []
+        for term in self.terms:
+            if isinstance(term, FormTerm) and can_compute(term.kernel, term.basis):
+                by_kernel.append(term)
+            elif isinstance(term, ElementTerm):
+                by_element.append(term)
+            else:
+                by_matrix.append(term)
+        return _Kinds(shared_groups(by_kernel), by_kernel, by_element, by_matrix)
+
+    def _states(
+        self,
+        terms: Sequence[Term],
+        u: ndarray,
+        t: float,
+        parameters: PlyParameters | None,
+        tension: ndarray | None = None,
+    ) -> Iterator[list[KernelState]]:
+        """The kernels of terms, by groups of elements, those without any left out.
+
+        The deformations at the last displacement are kept: forces and tangent of one
+        state share them.  Threads may want those at different ones.
+        """
+        last = self._last
+        if not np.array_equal(u, last[0]):
+            last = self._last = u.copy(), {}
+        for shared in self._kinds.groups:
+            states = []
+            for term, (group, points) in shared.terms.items():
+                if term not in terms:
+                    continue
+                new = [p for p in points if p not in last[1]]
+                last[1].update(zip(new, group.deformations(u, new), strict=True))
+                w = {"t": t, **self._values(term, parameters)}
+                if term is self._tension and tension is not None:
+                    w["tension"] = tension
+                fibres = [last[1][p] for p in points]
+                states.append(KernelState(term.kernel, group, points, fibres, w))
+            if states:
+                yield states
+
+    def _values(self, term: Term, parameters: PlyParameters | None) -> Values:
+        """The values of a term; those at rest without parameters."""
+        if parameters is None:
+            parameters = self.parameters_at_rest
+        return parameters.get(term.name, NO_VALUES)
+
+    def energies(
+        self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
+    ) -> dict[str, float]:
+        """Energy of each term in N·mm, by the name of the term."""
+        return {x.name: self.energy(u, t, parameters, [x]) for x in self.terms}
+
+    def energy(
+        self,
+        u: ndarray,
+        t: float = 1.0,
+        parameters: PlyParameters | None = None,
+        terms: Sequence[Term] | None = None,
+    ) -> float:
+        """Energy in N·mm, potentials of loads included; parameters of `residual`."""
+        energy = 0.0
+        for term in self.terms if terms is None else terms:
+            if term in self._kinds.by_kernel:
+                groups = self._states([term], u, t, parameters)
+                energy += sum(x.kernel.energy(x) for group in groups for x in group)
+            else:
+                energy += term.energy(u, t, self._values(term, parameters))
+        return energy
+
+    def residuals(
+        self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
+    ) -> dict[str, ndarray]:
+        """Nodal forces of each term in N, by the name of the term."""
+        return {x.name: self.residual(u, t, parameters, [x]) for x in self.terms}
+
+    def residual(
+        self,
+        u: ndarray,
+        t: float = 1.0,
+        parameters: PlyParameters | None = None,
+        terms: Sequence[Term] | None = None,
+    ) -> ndarray:
+        """Nodal forces in N, internal ones less loads: the derivative of the energy.
+
+        Parameters
+        ----------
+        u, t
+            Displacement and load factor.
+        parameters
+            Parameters of the terms; those at rest if not given.
+        terms
+            Which of the terms are summed; all if not given.
+        """
+        terms, d = self.terms if terms is None else terms, components(self.basis)
+        f = np.zeros(len(u))
+        for states in self._states(terms, u, t, parameters):
+            local, nodes = element_forces(states), states[0].group.nodes.ravel()
+            for i in range(d):
+                f[i::d] += np.bincount(nodes, local[:, i].ravel(), len(f) // d)
+        for term in terms:
+            if term not in self._kinds.by_kernel:
+                f = f + term.residual(u, t, self._values(term, parameters))
+        return f
+
+    def parts(
+        self, u: ndarray, t: float = 1.0, parameters: PlyParameters | None = None
+    ) -> list[Contribution]:
+        """Terms, loads aside, with the part of deviations from mean stretches apart."""
+        parts, deviations = [], []
+        for term in self.terms:
+            if term.role == "load":
+                continue
+            energy = self.energy(u, t, parameters, [term])
+            forces = self.residual(u, t, parameters, [term])
+            if isinstance(term, TensionTerm) and term.of_means is not None:
+                of_term, means = (energy, forces), {term.name: term.of_means}
+                energy = self.energy(u, t, means, [term])
+                forces = self.residual(u, t, means, [term])
+                rest = of_term[0] - energy, of_term[1] - forces
+                deviations.append(Contribution("deviation", *rest))
+            parts.append(Contribution(term.role, energy, forces))
+        return parts + deviations
+
+    def load(
+        self, u: ndarray, t: float, parameters: PlyParameters | None = None
+    ) -> ndarray:
+        """Nodal forces of the loads in N."""
+        loads = [term for term in self.terms if term.role == "load"]
+        return -self.residual(u, t, parameters, loads) if loads else np.zeros_like(u)
+
+    def tangent(
+        self,
+        u: ndarray,
+        t: float = 1.0,
+        parameters: PlyParameters | None = None,
+        *,
+        tension: ndarray | None = None,
+    ) -> csr_matrix:
+        """Derivative of the residual in N/mm.
+
+        Parameters
+        ----------
+        u, t, parameters
+            As for `residual`.
+        tension
+            Fibre tensions to use in the geometric stiffness instead of those of
+            ``u``, shape (2, n_elements, n_points).
+        """
+        if tension is not None:
+            tension = self.arranged(tension)
+        return self.pattern.matrix(self.stiffness(u, t, parameters, tension))
+
+    def stiffness(
+        self,
+        u: ndarray,
+        t: float = 1.0,
+        parameters: PlyParameters | None = None,
+        tension: ndarray | None = None,
+        positive: bool = False,
+    ) -> ndarray:
+        """Blocks of the tangent in the order of ``pattern``, shape (n_blocks, d, d).
+
+        Parameters
+        ----------
+        u, t, parameters
+            As for `residual`.
+        tension
+            Fibre tensions to use in the geometric stiffness, as `geometric_tension`
+            gives them.
+        positive
+            Whether the matrices of the elements are replaced by the nearest positive
+            semi-definite ones.
+        """
+        matrices: Iterable[ndarray | None] = chain(
+            map(element_matrices, self._states(self.terms, u, t, parameters, tension)),
+            (
+                x.matrices(u, t, self._values(x, parameters))
+                for x in self._kinds.by_element
+            ),
+        )
+        if positive:
+            matrices = map(positive_part, matrices)
+        blocks = self.pattern.sum(matrices)
+        for term in self._kinds.by_matrix:
+            K = term.tangent(u, t, self._values(term, parameters))
+            if K is not None:
+                self.pattern.add(blocks, K, term.name)
+        return blocks
+
+    def predicted_tension(
+        self, u: ndarray, du: ndarray, parameters: PlyParameters | None = None
+    ) -> ndarray:
+        """Tensions that act on the nodes after the increment ``du``.
+
+        At the ply's own points, shape (2, n_elements, n_points): to first order T(ε) +
+        T′ ∂ε·∇du.  With mean stretches the force T/λ is that to first order, times the
+        stretch at u + du; it has the part of the deviations, whose stiffness is one of
+        the ``parameters``, at rest if these are not given.
+        """
+        T, term = self.geometric_tension(u, du, parameters), self._tension
+        if term is None or term.of_means is None:
+            return T
+        return term.basis.to_ply_points(T)
+
+    def geometric_tension(
+        self, u: ndarray, du: ndarray, parameters: PlyParameters | None = None
+    ) -> ndarray:
+        """`predicted_tension` at the points of the fibres' term, for `stiffness`."""
+        if (term := self._tension) is None:
+            return np.zeros((2, *self.basis.dx.shape))
+        T = np.zeros((2, *term.basis.dx.shape))
+        before, after = (
+            [x for (x,) in self._states([term], at, 1.0, parameters)]
+            for at in (u, u + du)
+        )
+        for x, y in zip(before, after, strict=True):
+            at_points = term.kernel.predicted_tension(x, y)
+            for numbers, own in zip(x.group.point_numbers, at_points, strict=True):
+                T[..., x.group.elements, numbers] = np.moveaxis(own, -1, -2)
+        return T
+
+    def arranged(self, tension: ndarray) -> ndarray:
+        """Fibre tensions at the ply's own points, as `stiffness` takes them."""
+        term = self._tension
+        if term is None or term.of_means is None:
+            return tension
+        return term.basis.from_ply_points(tension)
+
+    def gradient(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Displacement gradient ∇u, shape (d, 2, n_elements, n_points).
+
+        Parameters
+        ----------
+        u
+            Displacement.
+        points
+            Reference coordinates in the unit square or triangle, shape (2,
+            n_points); the ply's own points if not given.
+        """
+        xi = self.basis.X if points is None else points
+        vector: Any = self.basis.elem
+        scalar = vector.elem
+        n_nodes = len(scalar.doflocs)
+        dN = np.array([scalar.lbasis(xi, i)[1] for i in range(n_nodes)])
+        nodal = u[self.basis.element_dofs].reshape(n_nodes, vector.dim, -1)
+        du_dxi = nodal.transpose(1, 2, 0)[:, None] @ dN.transpose(1, 0, 2)
+        return np.einsum("ijnq,jknq->iknq", du_dxi, self.basis.mapping.invDF(xi))
+
+    def deformation_gradient(
+        self, u: ndarray, points: ndarray | None = None
+    ) -> ndarray:
+        """Deformation gradient F, shape (d, 2, n_elements, n_points)."""
+        return kin.deformation_gradient(self.gradient(u, points))
+
+    def area_ratio(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Current area per reference area, shape (n_elements, n_points).
+
+        In the plane it is det F.  In space it is negative where a point faces the other
+        way than the centre of its element.
+        """
+        F = self.deformation_gradient(u, points)
+        if len(F) == 2:
+            return kin.area_ratio(F)
+        at_centre = self.deformation_gradient(u, self.centre)
+        return sided(kin.area_vector(F), kin.area_vector(at_centre))
+
+    def fibre_strain(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Fibre strain of warp and weft, shape (2, n_elements, n_points)."""
+        F = self.deformation_gradient(u, points)
+        return np.array([kin.fibre_strain(F, A) for A in self.directions(points)])
+
+    def law_strain(self, u: ndarray) -> ndarray:
+        """Fibre strain of warp and weft that enters the law of tension.
+
+        At the ply's own points, shape (2, n_elements, n_points): the fibre strain
+        there, or where fibres have the tension of the mean stretch (`Macro`,
+        `Quadratic` with a deviation) this mean.
+        """
+        strain, term = self.fibre_strain(u), self._tension
+        if term is None or term.of_means is None:
+            return strain
+        stretch = np.exp(term.basis.from_ply_points(strain))
+        means = mean(term.basis.default_parameters(), stretch)
+        return term.basis.to_ply_points(np.broadcast_to(np.log(means), stretch.shape))
+
+    def fibre_tension(
+        self, u: ndarray, parameters: PlyParameters | None = None
+    ) -> ndarray:
+        """Tension of warp and weft in N/mm at the ply's own points.
+
+        Parameters
+        ----------
+        u
+            Displacement.
+        parameters
+            Parameters of the terms, such as ``State.parameters``: with mean stretches
+            the tension then includes the part of deviations from them, whose stiffness
+            is one of the parameters.  Without parameters it is the law at `law_strain`.
+
+        Returns
+        -------
+        ndarray
+            Shape (2, n_elements, n_points).
+        """
+        if parameters is not None:
+            return self.predicted_tension(u, np.zeros_like(u), parameters)
+        strain = self.law_strain(u)
+        if self._tension is None:
+            return np.zeros_like(strain)
+        return np.array(self.fabric.at().tensions.value(strain))
+
+    def fibre_direction(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Current unit direction of warp and weft, (2, d, n_elements, n_points).
+
+        The first axis is the family, the second the component.
+        """
+        F = self.deformation_gradient(u, points)
+        a = np.array([kin.fibre(F, A) for A in self.directions(points)])
+        return a / np.linalg.norm(a, axis=1, keepdims=True)
+
+    def shear_angle(self, u: ndarray, points: ndarray | None = None) -> ndarray:
+        """Shear angle Γ in radians, shape (n_elements, n_points)."""
+        F = self.deformation_gradient(u, points)
+        return kin.shear_angle(F, *self.directions(points))
+
+    def directions(self, points: ndarray | None = None) -> tuple[ndarray, ndarray]:
+        """Unit reference directions of warp and weft at the points."""
+        xi = self.basis.X if points is None else points
+        return self.fabric.directions(self.basis.mapping.F(xi))
+
+    def on_users_elements(self, values: ndarray) -> ndarray:
+        """The mean of a field over each of the user's elements, weighted by area.
+
+        Fields at nodes need no such method: the user's nodes are the first.
+
+        Parameters
+        ----------
+        values
+            A value for each element of ``mesh``, shape (..., n_elements).
+
+        Returns
+        -------
+        ndarray
+            Shape (..., n_users_elements), in the order of ``cells``.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer or more values than elements.
+
+        Examples
+        --------
+        >>> from skfem import MeshQuad
+        >>> from skfem_textile import Fabric, Ply
+        >>> ply = Ply(MeshQuad(), Fabric())
+        >>> x, y = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+        >>> ply.on_users_elements(x)
+        array([0.5])
+        """
+        values, n = np.asarray(values), self.mesh.nelements
+        if values.shape[-1:] != (n,):
+            raise ValueError(
+                f"a field must have a value for each of the {n} elements of ply.mesh "
+                f"along its last axis, not the shape {values.shape}"
+            )
+        area = self.basis.dx.sum(axis=1)
+        share = area / np.bincount(self.parent, area)[self.parent]
+        mean = csr_matrix((share, (self.parent, np.arange(n))))
+        return (mean @ values.reshape(-1, n).T).T.reshape(*values.shape[:-1], -1)
+
+    def nodal(self, u: ndarray) -> ndarray:
+        """A DOF vector as one column per node of ``nodes``, shape (d, n_nodes)."""
+        return u.reshape(-1, components(self.basis)).T.copy(order="K")
+
+    def least_area_ratio(self, u: ndarray) -> ndarray:
+        """Smallest det F of each element at its nodes and the ply's fine points."""
+        fine = self.area_ratio(u, self.fine_points).min(axis=1)
+        return np.minimum(fine, self.corners.area_ratio(u).min(axis=0))
+
+    def normals(self, u: ndarray) -> ndarray:
+        """Normals of the elements in space, of any length, shape (3, n_elements).
+
+        At rest all lie on the same side of the ply.
+        """
+        return self.corners.normals(u)
+
+    def creased(self, u: ndarray) -> ndarray:
+        """Elements that turn by more than a right angle against a neighbour.
+
+        Numbers of elements; there are none in the plane.  So sharp a crease is one of
+        the mesh: another mesh puts it elsewhere.
+        """
+        if components(self.basis) == 2:
+            return np.empty(0, dtype=int)
+        one, other = self.mesh.f2t[:, self.mesh.f2t[1] >= 0]
+        n = self.normals(u)
+        sharp = ~((n[:, one] * n[:, other]).sum(axis=0) > 0)
+        return np.unique([one[sharp], other[sharp]])
+
+    def past_peak(self, u: ndarray) -> ndarray:
+        """Elements where T/λ falls with λ, as ∂T/∂ε is below T, or ε is not finite.
+
+        Beyond the peak of T/λ, the force per reference width, a fibre tears.
+        """
+        strains = self.fibre_strain(u, self.fine_points)
+        past = ~np.isfinite(strains).all(axis=(0, 2))
+        law = self.fabric.at().tensions
+        pairs = zip(law.slopes(strains).own, law.value(strains), strict=True)
+        for slope, tension in pairs:
+            past |= (slope < np.abs(tension)).any(axis=1)
+        return past
+
+    def in_domain(self, u: ndarray) -> bool:
+        """Whether no law is asked beyond the domain that it states."""
+        if self.fabric.unbounded:
+            return True
+        fabric = self.fabric.at()
+        return fabric.in_domain(self.law_strain(u), self.shear_angle(u))
+
+    def closest_end(self, u: ndarray) -> LawEnd | None:
+        """The end of a law that is closest; None if every law holds everywhere."""
+        return self.fabric.at().closest_end(self.law_strain(u), self.shear_angle(u))
+
+
+def _changed(before: PlyParameters, after: dict[str, Values]) -> PlyParameters:
+    """The parameters after, or the same object as before where they are equal."""
+    same = all(values.same_as(before[name]) for name, values in after.items())
+    return before if same else Frozen(after)

@@ -1,1 +1,0 @@
-"""Terms of a ply: their validation and their sum."""
