@@ -65,7 +65,7 @@ def interrupt_at(monkeypatch, number):
     keep = Run._keep
 
     def interrupt(run, *arguments):
-        if len(run.record.states) == number:
+        if len(run.states) == number:
             raise KeyboardInterrupt
         keep(run, *arguments)
 
