@@ -12,8 +12,9 @@ from uuid import uuid4
 import numpy as np
 from numpy import ndarray
 
+from ..ply import Ply
+from ..ply.term import PlyParameters
 from . import fingerprint, sealed
-from .body import Body, Parameters
 from .conditions import Constraints
 from .continuation import Continuation
 from .linear.solver import Clock
@@ -77,7 +78,7 @@ class Checkpoint:
     def __init__(
         self,
         folder: str | os.PathLike[str],
-        ply: Body,
+        ply: Ply,
         constraints: Constraints,
         settings: Mapping[str, Any],
     ) -> None:
@@ -293,8 +294,8 @@ class Replay:
 
     last: Trial
 
-    def __init__(self, problem: Problem) -> None:
-        self._problem = problem
+    def __init__(self, ply: Ply, problem: Problem) -> None:
+        self._ply, self._problem = ply, problem
 
     def __call__(self, state: State) -> State:
         """Compare a state with a trial of its displacement; give it its shares.
@@ -311,14 +312,14 @@ class Replay:
         if t > 0:
             before = self.last.next_start().with_parameters(self.last.problem, p)
         problem = self._problem.at(t)
-        n = problem.ply.basis.N
+        n = self._ply.basis.N
         if u.shape != (n,) or u.dtype != float or not np.isfinite(u).all():
             raise ValueError("its displacement is not one of this ply")
         if not problem.is_fixed(u, problem.constraints.fixed_values(t)):
             raise ValueError("its displacement is not that of its load factor")
         f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
         equilibrium = Equilibrium(u, f, p, (), state.tolerance)
-        trial = Trial(problem, equilibrium, before, energies, potentials)
+        trial = Trial(self._ply, problem, equilibrium, before, energies, potentials)
         found, largest = trial.state(t, state.linear_solves), float(np.abs(f).max())
         rounding = max(state.tolerance - problem.converged * largest, 0.0)
         energy = _SAME * sum(map(abs, (*energies.values(), *potentials.values())))
@@ -355,7 +356,7 @@ def _compare(
 
 
 def _state(
-    content: sealed.Content, before: Sequence[State], at_rest: Parameters
+    content: sealed.Content, before: Sequence[State], at_rest: PlyParameters
 ) -> State:
     """The state in a file; refused if it is not one after those before it.
 

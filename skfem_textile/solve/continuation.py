@@ -15,9 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from .body import Parameters
+from ..ply import Ply
+from ..ply.term import PlyParameters
 from .problem import Problem, Start
 from .states import NoEquilibriumError, State
+from .verdict import area_ratio
 
 log = logging.getLogger(__name__)
 
@@ -268,7 +270,7 @@ def moves(problem: Problem, load_factors: Iterable[float]) -> bool:
 def loads_drive(
     problem: Problem,
     u: ndarray,
-    parameters: Parameters,
+    parameters: PlyParameters,
     energies: Mapping[str, float],
     moved: bool,
 ) -> bool:
@@ -326,7 +328,7 @@ def balanced_at_rest(
     )
 
 
-def on_grown_surface(problem: Problem, start: Start) -> Start:
+def on_grown_surface(ply: Ply, problem: Problem, start: Start) -> Start:
     """An initial guess carried along geodesics onto the surface at a load factor.
 
     From there an iteration is short.  The initial guess itself where no surface grows,
@@ -339,5 +341,5 @@ def on_grown_surface(problem: Problem, start: Start) -> Start:
         return start
     with np.errstate(all="ignore"):  # what is not finite is caught
         p = start.parameters
-        usable = problem.least_area_ratio(u).min() > 0 and problem.in_domain(u, p)
+        usable = area_ratio(ply, problem, u).min() > 0 and problem.in_domain(u, p)
         return problem.start(u, p) if usable else start

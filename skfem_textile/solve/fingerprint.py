@@ -7,14 +7,20 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import Law, TwoLaws
-from .body import PROBED, Body
+from ..ply import Ply
 from .conditions import Constraints
+
+# Load factors at which loads and further terms are compared, at no regular distances.
+_PROBED = (
+    *(0.0, 0.0313, 0.1303, 0.2541, 0.3719, 0.5, 0.6237),
+    *(0.7177, 0.8119, 0.9091, 0.9707, 1.0),
+)
 
 # Fibre strain and shear angle (radians) up to which laws are compared.
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)
 
 
-def settings(ply: Body, constraints: Constraints) -> dict[str, Any]:
+def settings(ply: Ply, constraints: Constraints) -> dict[str, Any]:
     """Formulation and laws by their ``repr``, and names of conditions."""
     law = ply.fabric.tensions
     warp, weft = law.laws if isinstance(law, TwoLaws) else (law, law)
@@ -30,7 +36,7 @@ def settings(ply: Body, constraints: Constraints) -> dict[str, Any]:
     return texts | {"conditions": list(constraints.nodes)}
 
 
-def arrays(ply: Body, constraints: Constraints, steps: int) -> dict[str, ndarray]:
+def arrays(ply: Ply, constraints: Constraints, steps: int) -> dict[str, ndarray]:
     """Mesh, fibre directions, laws, conditions, and the forces of each term.
 
     Conditions are evaluated at the requested load factors and in between; forces at a
@@ -60,7 +66,7 @@ def arrays(ply: Body, constraints: Constraints, steps: int) -> dict[str, ndarray
         "surfaces": surfaces.levels(1.0) if surfaces else np.empty(0),
     }
     probe = 0.1 * ply.element_size * np.sin(np.arange(ply.basis.N))
-    for t in PROBED if ply.follows_load_factor else (1.0,):
+    for t in _PROBED if ply.follows_load_factor else (1.0,):
         forces = ply.residuals(probe, t)
         found |= {f"{name} forces at {t}": f for name, f in forces.items()}
     return found

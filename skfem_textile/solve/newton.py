@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy import ndarray
 
-from .body import Parameters
+from ..ply.term import PlyParameters
 from .problem import EPSILON, Problem, Start, between
 from .states import Equilibrium, NoEquilibriumError
 from .tangent import Tangent, tangent_at
@@ -153,7 +153,7 @@ class Newton:
     ) -> Equilibrium:
         """See `Method`."""
         tangent, p = _first_tangent(problem, start)
-        f = problem.forces_of(start, p)
+        f = problem.residual(start.u, p)
         progress = _Progress(problem, fixed_values, most_altered, report)
         end = self._iterate(progress, _Iterate(start.u, f, p, tangent), self.most)
         if not np.isfinite(most_altered) and end.unstable:
@@ -173,7 +173,7 @@ class Newton:
         for _ in range(most):
             du = tangent.increment(f, u, progress.fixed_values)
             if progress.residuals or problem.in_space:
-                du = du / max(1.0, _largest_gradient(problem, du) / self.longest)
+                du = du / max(1.0, problem.ply.largest_gradient(du) / self.longest)
             du = within_laws(problem, u, du, p)
             tension = problem.ply.geometric_tension(u, du, p)
             contact = tangent.contact(f, du)
@@ -220,7 +220,7 @@ class PlainNewton:
     ) -> Equilibrium:
         """See `Method`."""
         u, p, tangent = start.u, start.parameters, start.tangent
-        f = problem.forces_of(start, p)
+        f = problem.residual(u, p)
         progress = _Progress(problem, fixed_values, most_altered, report)
         for _ in range(self.most):
             if tangent is None or problem.surfaces:  # which move with the load factor
@@ -247,7 +247,7 @@ class _Iterate(NamedTuple):
 
     u: ndarray
     f: ndarray
-    parameters: Parameters
+    parameters: PlyParameters
     tangent: Any
 
     @property
@@ -319,7 +319,7 @@ class _Progress:
         return Equilibrium(u, f, p, residuals, tolerance, self._altered, tangent)
 
 
-def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, Parameters]:
+def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParameters]:
     """The first tangent and parameters.
 
     Where the tangent at the start is singular, fibres have a tension in it.  On
@@ -354,16 +354,16 @@ def _tension_of_loads(problem: Problem, start: Start) -> float:
     The tension of a square with all of the loads on two of its sides.  With ten times
     more or less a sphere takes twice the solves.
     """
-    ply, u = problem.ply, start.u
-    along = ply.nodal(problem.unfixed(problem.load(u, start.parameters), u))
-    sides = 2 * np.sqrt(ply.basis.dx.sum())
+    u = start.u
+    along = problem.nodal(problem.unfixed(problem.load(u, start.parameters), u))
+    sides = 2 * np.sqrt(problem.ply.basis.dx.sum())
     return float(np.linalg.norm(along, axis=0).sum() / sides)
 
 
 def definite(
     problem: Problem,
     u: ndarray,
-    parameters: Parameters,
+    parameters: PlyParameters,
     tension: ndarray,
     contact: ndarray | None = None,
 ) -> Tangent:
@@ -417,7 +417,7 @@ def no_contact(problem: Problem) -> ndarray | None:
 
 
 def within_laws(
-    problem: Problem, u: ndarray, du: ndarray, parameters: Parameters
+    problem: Problem, u: ndarray, du: ndarray, parameters: PlyParameters
 ) -> ndarray:
     """The increment, halved until every law has a value.
 
@@ -442,7 +442,7 @@ def within_laws(
 
 
 def descending(
-    problem: Problem, u: ndarray, du: ndarray, f: ndarray, parameters: Parameters
+    problem: Problem, u: ndarray, du: ndarray, f: ndarray, parameters: PlyParameters
 ) -> ndarray:
     """The increment, halved until the energy falls as its slope f·du predicts.
 
@@ -456,8 +456,3 @@ def descending(
             if fall <= _ARMIJO * share * slope + round_off:
                 return share * du
     return du
-
-
-def _largest_gradient(problem: Problem, du: ndarray) -> float:
-    ply = problem.ply
-    return float(np.abs(ply.gradient(du, ply.fine_points)).max())

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy import ndarray
 
-from .body import Body
+from ..ply import Ply
 from .linear.solver import Choice
 from .states import ErrorEstimate, State
 
@@ -55,7 +55,7 @@ class Result:
         Finds the estimated error of a state of the ply.
     """
 
-    ply: Body
+    ply: Ply
     states: list[State]
     converged: bool
     linear_solves: int
@@ -70,7 +70,7 @@ class Result:
     estimate: Callable[[State], ErrorEstimate]
 
     @classmethod
-    def of_state(cls, ply: Body, conditions: "Conditions", state: State) -> "Result":
+    def of_state(cls, ply: Ply, conditions: "Conditions", state: State) -> "Result":
         """The result of one state that no run has found, for pictures and files.
 
         Times and factorisations are 0, and its error is not estimated.

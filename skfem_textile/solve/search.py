@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from .body import Body, Parameters
+from ..ply import Ply
+from ..ply.term import PlyParameters
 from .conditions import Conditions, Constraints
 from .continuation import MOST_ALTERED, loads_drive
 from .linear import ChosenSolver
@@ -81,8 +82,8 @@ class EquilibriumSearch:
 
     Attributes
     ----------
-    problem, method
-        Problem and nonlinear solver.
+    ply, problem, method
+        The ply, its problem, and the nonlinear solver.
     warn_only
         Checks of `CHECKS` that do not refuse a state but only warn.
     report
@@ -91,6 +92,7 @@ class EquilibriumSearch:
         Whether conditions prescribe a motion, see `moves`.
     """
 
+    ply: Ply
     problem: Problem
     method: Method
     warn_only: frozenset[str]
@@ -222,7 +224,7 @@ class EquilibriumSearch:
         energies, potentials = problem.energies(equilibrium.u, parameters)
         if before:  # one set of parameters for both
             before = before.with_parameters(problem, parameters)
-        trial = Trial(problem, equilibrium, before, energies, potentials)
+        trial = Trial(self.ply, problem, equilibrium, before, energies, potentials)
         place = equilibrium.u, parameters, energies
         if self.method.follows_path and loads_drive(problem, *place, self.moved):
             trial.apply_checks(self.warn_only - {"work"})
@@ -231,7 +233,7 @@ class EquilibriumSearch:
         return trial
 
 
-def _updated(trial: Trial, parameters: Parameters) -> tuple[Start, float]:
+def _updated(trial: Trial, parameters: PlyParameters) -> tuple[Start, float]:
     """The equilibrium with updated parameters, and how much the update changes it.
 
     The change is the larger one of energy and reactions, as a share of these, to first
@@ -284,12 +286,12 @@ def method_of(method: str | Method) -> Method:
 
 
 def equilibrium_near(
-    ply: Body,
+    ply: Ply,
     conditions: Conditions,
     u: ndarray,
     load_factor: float = 1.0,
     *,
-    parameters: Parameters | None = None,
+    parameters: PlyParameters | None = None,
     method: str | Method = "newton",
     warn_only: Collection[str] = (),
     solver: str = "auto",
@@ -306,7 +308,9 @@ def equilibrium_near(
         The displacement, as `Refinement.carry` makes one.
     load_factor
         Load factor.
-    parameters
+
+    Parameters
+    ----------
         Parameters of the ply's terms to start with, as ``State.parameters``; those at
         rest if not given: away from balance the tensions of stiff fibres are far from
         those at balance.
@@ -327,7 +331,7 @@ def equilibrium_near(
     with np.errstate(all="ignore"):  # what is not finite is caught
         start = problem.start(u, parameters or ply.parameters_at_rest)
     search = EquilibriumSearch(
-        problem, method_of(method), frozenset(warn_only), lambda _: None
+        ply, problem, method_of(method), frozenset(warn_only), lambda _: None
     )
     values = constraints.fixed_values(load_factor)
     found = search(Goal(load_factor, 0.0, values, start, None))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .body import Body
+from ..ply import Ply
 from .checkpoint import Checkpoint, CheckpointError, Progress, Replay
 from .conditions import Conditions, Constraints
 from .continuation import (
@@ -109,7 +109,7 @@ class LoadStepper:
 
     def __init__(
         self,
-        ply: Body,
+        ply: Ply,
         conditions: Conditions,
         steps: int = 20,
         *,
@@ -125,11 +125,17 @@ class LoadStepper:
         _check_arguments(ply, steps, max_halvings, warn_only, callbacks)
         check_solver(solver)
         constraints = Constraints(ply.basis, conditions)
+        self.ply = ply
         self.problem = Problem(ply, constraints, partial(ChosenSolver, solver))
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         moved = moves(self.problem, (0.0, *self.load_factors))
         self.search = EquilibriumSearch(
-            self.problem, method_of(method), frozenset(warn_only), self._report, moved
+            ply,
+            self.problem,
+            method_of(method),
+            frozenset(warn_only),
+            self._report,
+            moved,
         )
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
@@ -212,7 +218,7 @@ class Run:
 
     def __init__(self, stepper: LoadStepper) -> None:
         self._stepper, self._search = stepper, stepper.search
-        self.problem = stepper.problem
+        self.ply, self.problem = stepper.ply, stepper.problem
         self.problem.clock, self._began = Clock(), perf_counter()
         longest, follows = stepper.load_factors[0], stepper.search.method.follows_path
         halvings = stepper.max_halvings
@@ -262,7 +268,7 @@ class Run:
         stepper, clock = self._stepper, self.problem.clock
         chosen: Any = self.problem.system.solver
         return Result(
-            ply=self.problem.ply,
+            ply=self.ply,
             states=list(self.states),
             converged=self.states[-1].load_factor == 1.0,
             linear_solves=clock.solves,
@@ -281,7 +287,7 @@ class Run:
         """Start from the ply at rest, or from the end of the checkpoint."""
         problem, checkpoint = self.problem, self._stepper.checkpoint
         if checkpoint and resume:
-            replay = Replay(problem)
+            replay = Replay(self.ply, problem)
             if saved := checkpoint.load(replay):
                 self.states, self.continuation = (
                     saved.states,
@@ -296,7 +302,7 @@ class Run:
                 self._began -= saved.progress.elapsed
                 log.info("resumed at load factor %g", self.states[-1].load_factor)
                 return
-        u, p = problem.ply.basis.zeros(), problem.ply.parameters_at_rest
+        u, p = self.ply.basis.zeros(), self.ply.parameters_at_rest
         with np.errstate(all="ignore"):  # what is not finite is caught
             f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
             if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
@@ -308,7 +314,7 @@ class Run:
             tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
             tolerance = tangent.tolerance(u, f) if tangent else 0.0
             undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
-            self._rest(Trial(problem, undeformed, None, energies, potentials))
+            self._rest(Trial(self.ply, problem, undeformed, None, energies, potentials))
 
     def _rest(self, trial: Trial) -> None:
         """Keep the state at the load factor 0: balanced, and held by the conditions.
@@ -348,7 +354,7 @@ class Run:
         except ValueError as error:
             raise StepError.after(error, self.result) from None
         most_altered = self.continuation.most_altered(step, t, driven)
-        guess = on_grown_surface(problem.at(t), start)
+        guess = on_grown_surface(self.ply, problem.at(t), start)
         try:
             found = self._search(Goal(t, step, values, guess, start, most_altered))
         except NoEquilibriumError as failure:
@@ -369,7 +375,7 @@ class Run:
             term.parameters is not None
             and term.parameters.depends_on_steps
             and now[term.name] != before[term.name]
-            for term in self.problem.ply.terms
+            for term in self.ply.terms
         )
 
     def _state(self, t: float, trial: Trial) -> State:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
-from .body import Parameters
+from ..ply.term import PlyParameters
 from .conditions import plain, turned
 from .linear.solver import SingularMatrixError
 from .linear.system import System
@@ -57,7 +57,7 @@ class Tangent:
         self,
         problem: Problem,
         u: ndarray,
-        parameters: Parameters,
+        parameters: PlyParameters,
         tension: ndarray | None = None,
         positive: bool = False,
         contact: ndarray | None = None,
@@ -175,7 +175,7 @@ class Tangent:
         problem = self._problem
         size = np.abs(u).max() + problem.element_size
         if problem.surfaces:
-            size += np.abs(problem.ply.nodes).max()
+            size += np.abs(problem.nodes).max()
         rounding = _ROUNDINGS * EPSILON * size
         largest = np.abs(f).max()
         return float(problem.converged * largest + rounding * self.stiffness)
@@ -185,14 +185,14 @@ def _multipliers(problem: Problem, u: ndarray, f: ndarray) -> ndarray:
     """λ of nodes on surfaces, shape (n,): forces f across them over the slope of φ."""
     assert problem.surfaces
     contact = problem.surfaces.contact(u, problem.load_factor)
-    across = (problem.ply.nodal(f)[:, contact.nodes] * contact.across).sum(axis=0)
+    across = (problem.nodal(f)[:, contact.nodes] * contact.across).sum(axis=0)
     return across / contact.slope
 
 
 def _curved(
     problem: Problem,
     u: ndarray,
-    parameters: Parameters,
+    parameters: PlyParameters,
     blocks: ndarray,
     contact: ndarray | None,
 ) -> ndarray:
@@ -208,7 +208,9 @@ def _curved(
     return blocks
 
 
-def tangent_at(problem: Problem, u: ndarray, parameters: Parameters) -> Tangent | None:
+def tangent_at(
+    problem: Problem, u: ndarray, parameters: PlyParameters
+) -> Tangent | None:
     """The consistent tangent; None where it is singular."""
     try:
         return Tangent(problem, u, parameters)

@@ -60,7 +60,9 @@ def test_a_state_that_was_updated_counts_as_hard_as_at_first(monkeypatch):
     changes = iter([1.0, 0.0])
     monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(found))
     monkeypatch.setattr(search, "_updated", lambda *_: ("start", next(changes)))
-    again = EquilibriumSearch(None, None, (), None)(Goal(1.0, 1.0, None, None, None))
+    again = EquilibriumSearch(None, None, None, (), None)(
+        Goal(1.0, 1.0, None, None, None)
+    )
     assert again == Found(trial, 9, True)
 
 
