@@ -320,7 +320,7 @@ class Replay:
         f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
         equilibrium = Equilibrium(u, f, p, (), state.tolerance)
         trial = Trial(self._ply, problem, equilibrium, before, energies, potentials)
-        found, largest = trial.state(t, state.linear_solves), float(np.abs(f).max())
+        found, largest = trial.state(state.linear_solves), float(np.abs(f).max())
         rounding = max(state.tolerance - problem.converged * largest, 0.0)
         energy = _SAME * sum(map(abs, (*energies.values(), *potentials.values())))
         energy += rounding * float(np.abs(u).sum())

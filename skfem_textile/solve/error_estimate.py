@@ -17,7 +17,7 @@ from ..ply import Ply
 from ..ply.term import PlyParameters
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
-from .newton import definite, no_contact, within_laws
+from .newton import definite, within_laws
 from .problem import Problem
 from .states import ErrorEstimate, NoEquilibriumError, State
 from .tangent import Tangent
@@ -181,7 +181,7 @@ def _estimate(
     A ValueError says that there is no finer ply, or that nothing shapes the ply.
     """
     coarse, u = problem_at(ply, conditions, solver, state.load_factor), state.u
-    p = coarse.updated(state.parameters, u)
+    p = ply.updated(state.parameters, u, state.load_factor)
     motion, forces = Tangent(coarse, u, p).settled(coarse.residual(u, p))
     before = _work(coarse, forces, u := u + motion, p)
     loaded = _is_of_load(before, coarse, state)
@@ -226,9 +226,11 @@ class _Way:
         u, self.parameters = problem.moved(u, np.zeros_like(u)), parameters
         if not problem.in_domain(u, parameters):
             raise NoEquilibriumError("this state is past the end of a law there")
-        self._at(u, tension, no_contact(problem))
+        self._at(u, tension, 0.0)
 
-    def _at(self, u: ndarray, tension: ndarray, contact: ndarray | None) -> None:
+    def _at(
+        self, u: ndarray, tension: ndarray, contact: ndarray | float | None
+    ) -> None:
         p, self.u = self.parameters, u
         self.tangent = definite(self.problem, u, p, tension, contact)
         self.f = self.problem.residual(u, p)
@@ -243,7 +245,8 @@ class _Way:
         contact = self.tangent.contact(self.f, step)
         u = problem.moved(self.u, step)
         if self.number == 0 or self.shortened:
-            self.parameters = problem.updated(p, u, tension)
+            t = problem.load_factor
+            self.parameters = problem.ply.updated(p, u, t, tension)
         self.number += 1
         self._at(u, tension, contact)
 

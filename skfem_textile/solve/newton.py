@@ -182,8 +182,12 @@ class Newton:
             u = problem.moved(u, du)
             f = problem.residual(u, p)
             if problem.unbalanced(f, u) <= near * np.abs(f).max():
-                after = problem.updated(p, u, tension)
-                change = problem.change(p, after, u)
+                after = problem.ply.updated(p, u, problem.load_factor, tension)
+                change = 0.0
+                if after is not p:
+                    both = problem.energies(u, p), problem.energies(u, after)
+                    old, new = (sum(energies.values()) for energies, _ in both)
+                    change = abs(new - old) / abs(old) if old else np.inf
                 if change > last / 2:
                     after = between(p, after, 0.5)
                 near = _NEAR * near if SETTLED < change <= last / 2 else 0.0
@@ -341,11 +345,11 @@ def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParamete
     size = _FIRST_TENSION
     if problem.surfaces:
         of_loads = np.full_like(tension, _tension_of_loads(problem, start))
-        p = problem.updated(p, u, of_loads)
+        p = problem.ply.updated(p, u, problem.load_factor, of_loads)
         G = problem.ply.fabric.shear_law.tangent(np.zeros((tension.shape[1], 1))).mean()
         size = max(float(of_loads.max()), _OVER_SHEAR_STIFFNESS * G) or size
     first = np.full_like(tension, size)
-    return Tangent(problem, u, p, first, contact=no_contact(problem)), p
+    return Tangent(problem, u, p, first, contact=0.0), p
 
 
 def _tension_of_loads(problem: Problem, start: Start) -> float:
@@ -365,7 +369,7 @@ def definite(
     u: ndarray,
     parameters: PlyParameters,
     tension: ndarray,
-    contact: ndarray | None = None,
+    contact: ndarray | float | None = None,
 ) -> Tangent:
     """The tangent; where it is not positive definite, a projected one.
 
@@ -393,11 +397,11 @@ def definite(
     except NoEquilibriumError:
         pass
     free_in_space = problem.in_space and not problem.surfaces
-    least, untouched = _FIRST_TENSION if free_in_space else 0.0, no_contact(problem)
+    least = _FIRST_TENSION if free_in_space else 0.0
 
     def projected(tension: ndarray) -> Tangent:
         clipped = np.maximum(tension, least)
-        tangent = Tangent(problem, u, parameters, clipped, True, untouched)
+        tangent = Tangent(problem, u, parameters, clipped, True, contact=0.0)
         tangent.altered = True
         return tangent
 
@@ -409,11 +413,6 @@ def definite(
         pass
     # A law without slope at rest predicts no tension.
     return projected(problem.ply.geometric_tension(u, np.zeros_like(u), parameters))
-
-
-def no_contact(problem: Problem) -> ndarray | None:
-    """Multipliers 0 for nodes on surfaces; None where there are none."""
-    return np.zeros(len(problem.surfaces.nodes)) if problem.surfaces else None
 
 
 def within_laws(

@@ -1,6 +1,5 @@
 """A ply under conditions at one load factor, and initial guesses of its equilibrium."""
 
-from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -51,13 +50,11 @@ class Start:
     u: ndarray
     f: ndarray
     load: ndarray
-    energies: Mapping[str, float]
-    parameters: Mapping[str, Any]
+    energies: dict[str, float]
+    parameters: PlyParameters
     tangent: Any = None
 
-    def with_parameters(
-        self, problem: "Problem", parameters: Mapping[str, Any]
-    ) -> "Start":
+    def with_parameters(self, problem: "Problem", parameters: PlyParameters) -> "Start":
         """The same displacement at the same load factor, with other parameters."""
         if all(parameters[name].same_as(own) for name, own in self.parameters.items()):
             return self
@@ -130,20 +127,20 @@ class Problem:
         return clock.time("solve", System, *arguments)
 
     def energy(self, u: ndarray, parameters: PlyParameters) -> float:
-        """Energy, potential of loads included, on the clock."""
+        """Energy in N·mm, potentials of loads included."""
         arguments = u, self.load_factor, parameters
         energies = self.clock.time("assembly", self.ply.energies, *arguments)
         return sum(energies.values()) - float(np.sum(self.held * u))
 
     def residual(self, u: ndarray, parameters: PlyParameters) -> ndarray:
-        """Nodal forces, internal ones less loads, on the clock."""
+        """Nodal forces in N, internal ones less loads."""
         arguments = u, self.load_factor, parameters
         return self.clock.time("assembly", self.ply.residual, *arguments) - self.held
 
     def energies(
         self, u: ndarray, parameters: PlyParameters
     ) -> tuple[dict[str, float], dict[str, float]]:
-        """Energies of the terms by name, and potentials of the loads, on the clock."""
+        """Energies of the terms by name, and potentials of the loads."""
         arguments = u, self.load_factor, parameters
         every = self.clock.time("assembly", self.ply.energies, *arguments)
         potentials = {name: every.pop(name) for name in self._loads}
@@ -153,19 +150,6 @@ class Problem:
         """Nodal forces of the loads."""
         return self.ply.load(u, self.load_factor, parameters) + self.held
 
-    def updated(
-        self, parameters: PlyParameters, u: ndarray, tension: ndarray | None = None
-    ) -> PlyParameters:
-        """Parameters updated at ``u``; see `Ply.updated`."""
-        return self.ply.updated(parameters, u, self.load_factor, tension)
-
-    def change(self, before: PlyParameters, after: PlyParameters, u: ndarray) -> float:
-        """Change of the energy by an update of the parameters, as a share of it."""
-        if after is before:
-            return 0.0
-        old, new = (sum(self.energies(u, p)[0].values()) for p in (before, after))
-        return abs(new - old) / abs(old) if old else np.inf
-
     def start(
         self, u: ndarray, parameters: PlyParameters, tangent: Any = None
     ) -> Start:
@@ -174,18 +158,14 @@ class Problem:
         f, load = self.residual(u, parameters), self.load(u, parameters)
         return Start(self.load_factor, u, f, load, energies, parameters, tangent)
 
-    def at(self, load_factor: float) -> "Problem":
-        """The same problem, on the same clock, at another load factor."""
-        _ = self.system  # that both share it
-        other = copy(self)
-        other.load_factor = load_factor
-        return other
+    def at(self, load_factor: float, held: ndarray | float = 0.0) -> "Problem":
+        """The same problem, on the same clock, at another load factor.
 
-    def holding(self, held: ndarray | float) -> "Problem":
-        """The same problem, on the same clock, under forces beside the loads."""
+        ``held`` are forces beside the loads.
+        """
         _ = self.system  # that both share it
         other = copy(self)
-        other.held = held
+        other.load_factor, other.held = load_factor, held
         return other
 
     def turn(self, u: ndarray) -> csr_matrix | None:
@@ -237,16 +217,6 @@ class Problem:
         """Sum of the nodal forces over the nodes of each condition, shape (d,)."""
         forces, nodes = self.nodal(f), self.constraints.nodes
         return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
-
-    def held_forces(self, u: ndarray, f: ndarray) -> dict[str, ndarray]:
-        """Nodal forces along what is fixed at ``u``, by condition, shape (d, n)."""
-        held, nodes = self.nodal(f - self.unfixed(f, u)), self.constraints.nodes
-        return {name: held[:, n] for name, n in nodes.items()}
-
-    def displacements(self, u: ndarray) -> dict[str, ndarray]:
-        """Mean displacement of the nodes of each condition, shape (d,)."""
-        moved, nodes = self.nodal(u), self.constraints.nodes
-        return {name: moved[:, n].mean(axis=1) for name, n in nodes.items()}
 
     def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
         """Whether the fixed unknowns have their values, to round-off of positions.

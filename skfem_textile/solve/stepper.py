@@ -17,6 +17,7 @@ from .continuation import (
     Continuation,
     balanced_at_rest,
     load_growth,
+    loads_drive,
     moves,
     on_grown_surface,
 )
@@ -250,11 +251,6 @@ class Run:
         return self.result
 
     @property
-    def _progress(self) -> Progress:
-        elapsed = perf_counter() - self._began
-        return Progress(self.continuation, self.problem.clock, elapsed)
-
-    @property
     def result(self) -> Result:
         """The result so far.
 
@@ -325,7 +321,7 @@ class Run:
             self.problem,
             trial.equilibrium,
         )
-        state, values = self._state(0.0, trial), problem.constraints.fixed_values(0.0)
+        state, values = trial.state(0), problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
             self._keep(state, trial)
@@ -335,7 +331,7 @@ class Run:
             return
         self.states = [state]  # until the ply is in balance
         found = self._search.at_rest(problem.start(u, p, tangent), values)
-        state = self._state(0.0, found.trial)
+        state = found.trial.state(problem.clock.solves)
         easy = found.altered <= MOST_ALTERED and self._search.method.follows_path
         if not easy or not found.settled or self._depends_on_steps(state):
             self.continuation.mark(0.0)
@@ -346,7 +342,12 @@ class Run:
         """Take a step towards a requested load factor, or prepare a shorter one."""
         last, start, problem = self.states[-1], self._start, self.problem
         t = self.continuation.end(last.load_factor, goal)
-        step, driven = t - last.load_factor, self._search.loads_drive(start)
+        step = t - last.load_factor
+        driven = self._search.method.follows_path and loads_drive(
+            problem.at(start.load_factor),
+            *(start.u, start.parameters, start.energies),
+            self._search.moved,
+        )
         try:
             values = problem.constraints.fixed_values(t)
             # The factors of loads are functions of the user.
@@ -361,7 +362,8 @@ class Run:
             growth = load_growth(problem, last, t) if driven else 0.0
             self.continuation.failed(failure, last.load_factor, t, goal, growth)
             return
-        state = self._state(t, found.trial)
+        before = sum(state.linear_solves for state in self.states)
+        state = found.trial.state(problem.clock.solves - before)
         settled = found.settled and not self._depends_on_steps(state)
         if self.continuation.keeps(step, state, found.altered, settled):
             self._keep(state, found.trial)
@@ -378,10 +380,6 @@ class Run:
             for term in self.ply.terms
         )
 
-    def _state(self, t: float, trial: Trial) -> State:
-        before = sum(state.linear_solves for state in self.states)
-        return trial.state(t, self.problem.clock.solves - before)
-
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step.
 
@@ -397,7 +395,9 @@ class Run:
             self._warned.add(check)
         if stepper.checkpoint:
             try:
-                stepper.checkpoint.save(len(self.states), state, self._progress)
+                elapsed = perf_counter() - self._began
+                progress = Progress(self.continuation, self.problem.clock, elapsed)
+                stepper.checkpoint.save(len(self.states), state, progress)
             except CheckpointError as error:
                 if not self.states:
                     raise

@@ -45,7 +45,8 @@ class Tangent:
         Whether the matrices of the elements are projected onto positive semi-definite
         ones.
     contact
-        Multipliers λ of nodes on surfaces in place of those of ``u``.
+        Multipliers λ of nodes on surfaces in place of those of ``u``, 0 for a tangent
+        without contact forces.
 
     Raises
     ------
@@ -60,7 +61,7 @@ class Tangent:
         parameters: PlyParameters,
         tension: ndarray | None = None,
         positive: bool = False,
-        contact: ndarray | None = None,
+        contact: ndarray | float | None = None,
     ) -> None:
         self._problem, clock, system = problem, problem.clock, problem.system
         self._u = u
@@ -93,25 +94,16 @@ class Tangent:
         except SingularMatrixError:
             return None
 
-    @cached_property
-    def stiffness(self) -> float:
-        """Largest sum of magnitudes in a row."""
-        return self._matrix.stiffness()
-
     def increment(self, f: ndarray, u: ndarray, fixed_values: ndarray) -> ndarray:
         """Solve K·du = −f, with the fixed unknowns brought to their values."""
-        problem, turn, constraints = (
-            self._problem,
-            self._turn,
-            self._problem.constraints,
-        )
-        fixed, free = constraints.fixed, problem.system.free
-        prescribed, dq = constraints.prescribed, np.zeros_like(u)
+        problem, turn, dq = self._problem, self._turn, np.zeros_like(u)
+        constraints, free = problem.constraints, problem.system.free
+        prescribed = constraints.prescribed
         dq[prescribed] = fixed_values - turned(u, constraints.turn)[prescribed]
         if problem.surfaces:
             held = plain(dq, constraints.turn)
             dq = turned(problem.surfaces.motion(u, problem.load_factor, held), turn)
-        b = -(turned(f, turn)[free] + self._matrix.coupling @ dq[fixed])
+        b = -(turned(f, turn)[free] + self._matrix.coupling @ dq[constraints.fixed])
         dq[free] = self._solve(b)
         return plain(dq, turn)
 
@@ -169,16 +161,19 @@ class Tangent:
         """A share of the largest force, and what round-off leaves in any case.
 
         Rounding moves nodes by 2⁻⁵³ of their displacement and changes gradients by
-        2⁻⁵³, a few times on the way to a stretch; the stiffness turns both into forces.
-        Nodes on surfaces are brought to positions, which are rounded as a whole.
+        2⁻⁵³, a few times on the way to a stretch; the stiffness, the largest sum of
+        magnitudes in a row, turns both into forces.  Nodes on surfaces are brought to
+        positions, which are rounded as a whole.
         """
         problem = self._problem
         size = np.abs(u).max() + problem.element_size
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
         rounding = _ROUNDINGS * EPSILON * size
-        largest = np.abs(f).max()
-        return float(problem.converged * largest + rounding * self.stiffness)
+        upper, coupling = abs(self._matrix.upper), abs(self._matrix.coupling)
+        rows = upper.sum(axis=1).A1 + upper.sum(axis=0).A1 - upper.diagonal()
+        stiffness = float((rows + coupling.sum(axis=1).A1).max(initial=0.0))
+        return float(problem.converged * np.abs(f).max() + rounding * stiffness)
 
 
 def _multipliers(problem: Problem, u: ndarray, f: ndarray) -> ndarray:
@@ -194,7 +189,7 @@ def _curved(
     u: ndarray,
     parameters: PlyParameters,
     blocks: ndarray,
-    contact: ndarray | None,
+    contact: ndarray | float | None,
 ) -> ndarray:
     """The blocks of a tangent less λ∇²φ of nodes on surfaces."""
     surfaces, pattern = problem.surfaces, problem.ply.pattern
@@ -204,7 +199,7 @@ def _curved(
     own = np.flatnonzero(pattern.rows == pattern.cols)[surfaces.nodes]
     blocks = blocks.copy()
     hessian = surfaces.hessian(u, problem.load_factor)
-    blocks[own] -= contact[:, None, None] * hessian
+    blocks[own] -= np.reshape(contact, (-1, 1, 1)) * hessian
     return blocks
 
 
@@ -232,12 +227,6 @@ class Reduced(NamedTuple):
     upper: csr_matrix
     coupling: csr_matrix
 
-    def stiffness(self) -> float:
-        """Largest sum of magnitudes in a row, coupling and all."""
-        upper, coupling = abs(self.upper), abs(self.coupling)
-        rows = upper.sum(axis=1).A1 + upper.sum(axis=0).A1 - upper.diagonal()
-        return float((rows + coupling.sum(axis=1).A1).max(initial=0.0))
-
 
 def reduced(system: System, blocks: ndarray, turn: csr_matrix | None = None) -> Reduced:
     """The blocks of a tangent as the free unknowns see it.
@@ -253,9 +242,9 @@ def reduced(system: System, blocks: ndarray, turn: csr_matrix | None = None) -> 
     """
     if turn is not None:
         blocks = system.turned(blocks, turn)
-    return Reduced(*(_at(blocks, slots) for slots in (system.upper, system.coupling)))
-
-
-def _at(blocks: ndarray, slots: csr_matrix) -> csr_matrix:
-    data = blocks.ravel()[slots.data]
-    return csr_matrix((data, slots.indices, slots.indptr), slots.shape)
+    entries = blocks.ravel()
+    upper, coupling = (
+        csr_matrix((entries[slots.data], slots.indices, slots.indptr), slots.shape)
+        for slots in (system.upper, system.coupling)
+    )
+    return Reduced(upper, coupling)

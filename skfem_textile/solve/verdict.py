@@ -25,7 +25,6 @@ from ..ply import Ply
 from .conditions import turned
 from .problem import Problem, Start
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
-from .tangent import Tangent
 
 #: Names of the checks, the cheap ones first.
 CHECKS = (
@@ -88,8 +87,8 @@ class Trial:
     problem: Problem
     equilibrium: Equilibrium
     start: Start | None
-    energies: Mapping[str, float]
-    potentials: Mapping[str, float]
+    energies: dict[str, float]
+    potentials: dict[str, float]
     warnings: dict[str, str] = field(default_factory=dict)
 
     @cached_property
@@ -97,11 +96,6 @@ class Trial:
         """Displacement in the step, shape (n_unknowns,); zero without a ``start``."""
         u = self.equilibrium.u
         return u - self.start.u if self.start else np.zeros_like(u)
-
-    @property
-    def tangent(self) -> Tangent | None:
-        """The consistent tangent; None where it is singular."""
-        return self.equilibrium.tangent
 
     @cached_property
     def area_ratio(self) -> ndarray:
@@ -140,10 +134,10 @@ class Trial:
             "energy": (energies[:, None, None], force * np.abs(u).sum()),
             "work": (work[:, None, None], force * np.abs(self.move).sum()),
         }
-        held = [problem.held_forces(u, f) for f in forces]
-        for name, first in held[0].items():
-            at_nodes = np.array([of_part[name] for of_part in held])
-            wholes[f"{name}_reaction"] = at_nodes, force * first.shape[1]
+        held = [problem.nodal(f - problem.unfixed(f, u)) for f in forces]
+        for name, nodes in problem.constraints.nodes.items():
+            at_nodes = np.array([of_part[:, nodes] for of_part in held])
+            wholes[f"{name}_reaction"] = at_nodes, force * len(nodes)
         shares: dict[str, dict[str, float]] = {}
         for name, (x, least) in wholes.items():
             whole = max(float(np.linalg.norm(x, axis=1).sum()), least, _TINY)
@@ -187,20 +181,21 @@ class Trial:
         t = problem.load_factor
         advanced = self.ply.advanced(parameters, u, t)
         if advanced is not parameters:
-            return problem.start(u, advanced, self.tangent)
-        load = problem.load(u, parameters)
-        return Start(t, u, f, load, self.energies, parameters, self.tangent)
+            return problem.start(u, advanced, self.equilibrium.tangent)
+        load, tangent = problem.load(u, parameters), self.equilibrium.tangent
+        return Start(t, u, f, load, self.energies, parameters, tangent)
 
-    def state(self, load_factor: float, linear_solves: int) -> State:
+    def state(self, linear_solves: int) -> State:
         """The state, after a number of linear solves since the state before."""
         ply, problem, equilibrium = self.ply, self.problem, self.equilibrium
         u, tangent = equilibrium.u, equilibrium.tangent
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
+        moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
         return State(
-            load_factor=load_factor,
+            load_factor=problem.load_factor,
             u=u,
             reactions=problem.reactions(equilibrium.f),
-            displacements=problem.displacements(u),
+            displacements={name: moved[:, n].mean(axis=1) for name, n in nodes},
             energies=dict(self.energies),
             potentials=dict(self.potentials),
             shares=self.shares,
@@ -276,7 +271,7 @@ def _energy_checks(trial: Trial) -> _Failures:
     The work is of the motion alone, the load factor held: the energy may change with
     the load factor too.
     """
-    problem, tangent, start = trial.problem, trial.tangent, trial.start
+    problem, tangent, start = trial.problem, trial.equilibrium.tangent, trial.start
     if tangent is None or tangent.negative_pivots is None:
         error = NoEquilibriumError(
             "an equilibrium, but some motion meets no stiffness", advice=_STIFFER
