@@ -357,21 +357,20 @@ class Replay:
             If they disagree.
         """
         t, u, p = state.load_factor, state.u, state.parameters
-        before = None
-        if t > 0:
-            before = self.last.next_start().with_parameters(self.last.problem, p)
+        before = self.last.next_start() if t > 0 else None
         problem = self._problem.at(t)
         n = self._ply.basis.N
         if u.shape != (n,) or u.dtype != float or not np.isfinite(u).all():
             raise ValueError("its displacement is not one of this ply")
         if not problem.is_fixed(u, problem.constraints.fixed_values(t)):
             raise ValueError("its displacement is not that of its load factor")
-        f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
+        f = problem.residual(u, p)
         equilibrium = Equilibrium(u, f, p, (), state.tolerance)
-        trial = Trial(self._ply, problem, equilibrium, before, energies, potentials)
+        trial = Trial.of(self._ply, problem, equilibrium, before)
         found, largest = trial.state(state.linear_solves), float(np.abs(f).max())
         rounding = max(state.tolerance - problem.converged * largest, 0.0)
-        energy = _SAME * sum(map(abs, (*energies.values(), *potentials.values())))
+        stored = *trial.energies.values(), *trial.potentials.values()
+        energy = _SAME * sum(map(abs, stored))
         energy += rounding * float(np.abs(u).sum())
         allowed = {
             "reactions": _SAME * largest + rounding * u.size,

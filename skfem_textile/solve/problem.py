@@ -54,12 +54,6 @@ class Start:
     parameters: PlyParameters
     tangent: Any = None
 
-    def with_parameters(self, problem: "Problem", parameters: PlyParameters) -> "Start":
-        """The same displacement at the same load factor, with other parameters."""
-        if all(parameters[name].same_as(own) for name, own in self.parameters.items()):
-            return self
-        return problem.at(self.load_factor).start(self.u, parameters)
-
 
 class Problem:
     """A ply under conditions at one load factor: what an iteration needs to know.

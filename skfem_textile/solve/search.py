@@ -201,16 +201,13 @@ class EquilibriumSearch:
                 equilibrium = method.solve(
                     problem, goal.start, goal.fixed_values, goal.most_altered, report
                 )
-                u, parameters = equilibrium.u, equilibrium.parameters
-                energies, potentials = problem.energies(u, parameters)
-                before = goal.before
-                if before:  # one set of parameters for both
-                    before = before.with_parameters(problem, parameters)
-                trial = Trial(
-                    self.ply, problem, equilibrium, before, energies, potentials
-                )
+                trial = Trial.of(self.ply, problem, equilibrium, goal.before)
                 driven = method.follows_path and loads_drive(
-                    problem, u, parameters, energies, self.moved
+                    problem,
+                    equilibrium.u,
+                    equilibrium.parameters,
+                    trial.energies,
+                    self.moved,
                 )
                 trial.apply_checks(self.warn_only - ({"work"} if driven else set()))
         except NoEquilibriumError as failure:

@@ -231,7 +231,9 @@ class Run:
         """Apply the whole load; see `LoadStepper.run`."""
         checkpoint = self._stepper.checkpoint
         try:
-            self._begin(resume)
+            if not (resume and self._resume()):
+                with np.errstate(all="ignore"):  # what is not finite is caught
+                    self._begin(nothing_to_resume=resume)
             for goal in self._stepper.load_factors:
                 while self.states[-1].load_factor < goal:
                     self._step(goal)
@@ -279,48 +281,41 @@ class Run:
             estimate=partial(stepper.estimate, chosen.choice.name),
         )
 
-    def _begin(self, resume: bool) -> None:
-        """Start from the ply at rest, or from the end of the checkpoint."""
+    def _resume(self) -> bool:
+        """Start from the end of the checkpoint; False where it holds no state."""
         problem, checkpoint = self.problem, self._stepper.checkpoint
-        if checkpoint and resume:
-            replay = Replay(self.ply, problem)
-            if saved := checkpoint.load(replay):
-                self.states, self.continuation = (
-                    saved.states,
-                    saved.progress.continuation,
-                )
-                end = replay.last.equilibrium
-                tangent = tangent_at(replay.last.problem, end.u, end.parameters)
-                replay.last.equilibrium = end._replace(tangent=tangent)
-                self._start = replay.last.next_start()
-                # It holds the time of that tangent already.
-                problem.clock = replay.last.problem.clock = saved.progress.clock
-                self._began -= saved.progress.elapsed
-                log.info("resumed at load factor %g", self.states[-1].load_factor)
-                return
-        u, p = self.ply.basis.zeros(), self.ply.parameters_at_rest
-        with np.errstate(all="ignore"):  # what is not finite is caught
-            f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
-            if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
-                raise ValueError("a law has no finite energy or force at rest: mend it")
-            if checkpoint:
-                checkpoint.begin()
-            if resume:
-                log.warning("nothing to resume: the run starts from the undeformed ply")
-            tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
-            tolerance = tangent.tolerance(u, f) if tangent else 0.0
-            undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
-            self._rest(Trial(self.ply, problem, undeformed, None, energies, potentials))
+        replay = Replay(self.ply, problem)
+        if checkpoint is None or not (saved := checkpoint.load(replay)):
+            return False
+        self.states, self.continuation = saved.states, saved.progress.continuation
+        end = replay.last.equilibrium
+        tangent = tangent_at(replay.last.problem, end.u, end.parameters)
+        replay.last.equilibrium = end._replace(tangent=tangent)
+        self._start = replay.last.next_start()
+        # It holds the time of that tangent already.
+        problem.clock = replay.last.problem.clock = saved.progress.clock
+        self._began -= saved.progress.elapsed
+        log.info("resumed at load factor %g", self.states[-1].load_factor)
+        return True
 
-    def _rest(self, trial: Trial) -> None:
-        """Keep the state at the load factor 0: balanced, and held by the conditions.
+    def _begin(self, nothing_to_resume: bool) -> None:
+        """Start from the ply at rest, balanced and held by the conditions.
 
         A ply at rest may have motions without stiffness, but none that gains energy.
         """
-        problem, (u, _, p, (unbalanced,), tolerance, _, tangent) = (
-            self.problem,
-            trial.equilibrium,
-        )
+        problem, checkpoint = self.problem, self._stepper.checkpoint
+        u, p = self.ply.basis.zeros(), self.ply.parameters_at_rest
+        f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
+        if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
+            raise ValueError("a law has no finite energy or force at rest: mend it")
+        if checkpoint:
+            checkpoint.begin()
+        if nothing_to_resume:
+            log.warning("nothing to resume: the run starts from the undeformed ply")
+        tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
+        tolerance = tangent.tolerance(u, f) if tangent else 0.0
+        undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
+        trial = Trial(self.ply, problem, undeformed, None, energies, potentials)
         state, values = trial.state(0), problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:

@@ -3,9 +3,8 @@
 On a surface φ = 0 a tangent is that of the energy less λ∇²φ, see `SurfaceNodes`.
 """
 
-from collections.abc import Callable
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -89,10 +88,14 @@ class Tangent:
     @cached_property
     def negative_pivots(self) -> int | None:
         """Number of negative eigenvalues; None where the factors do not tell."""
+        clock, factors = self._problem.clock, self._factors
+        before = factors.factorisations
         try:
-            return self._counted(lambda: self._factors.negative_pivots)
+            return clock.time("solve", getattr, factors, "negative_pivots")
         except SingularMatrixError:
             return None
+        finally:
+            clock.factorisations += factors.factorisations - before
 
     def increment(self, f: ndarray, u: ndarray, fixed_values: ndarray) -> ndarray:
         """Solve K·du = −f, with the fixed unknowns brought to their values."""
@@ -142,18 +145,13 @@ class Tangent:
         return plain(q, self._turn)
 
     def _solve(self, b: ndarray) -> ndarray:
-        self._problem.clock.solves += 1
-        try:
-            return self._counted(self._factors.solve, b)
-        except SingularMatrixError as error:
-            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
-
-    def _counted(self, function: Callable, *args: Any) -> Any:
-        """Call on the clock what may have to factorise again."""
         clock, factors = self._problem.clock, self._factors
+        clock.solves += 1
         before = factors.factorisations
         try:
-            return clock.time("solve", function, *args)
+            return clock.time("solve", factors.solve, b)
+        except SingularMatrixError as error:
+            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
         finally:
             clock.factorisations += factors.factorisations - before
 

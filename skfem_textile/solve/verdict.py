@@ -91,6 +91,17 @@ class Trial:
     potentials: dict[str, float]
     warnings: dict[str, str] = field(default_factory=dict)
 
+    @classmethod
+    def of(
+        cls, ply: Ply, problem: Problem, equilibrium: Equilibrium, start: Start | None
+    ) -> "Trial":
+        """The trial of an equilibrium, whose parameters the last good state takes."""
+        u, p = equilibrium.u, equilibrium.parameters
+        energies, potentials = problem.energies(u, p)
+        if start and not all(p[k].same_as(own) for k, own in start.parameters.items()):
+            start = problem.at(start.load_factor).start(start.u, p)
+        return cls(ply, problem, equilibrium, start, energies, potentials)
+
     @cached_property
     def move(self) -> ndarray:
         """Displacement in the step, shape (n_unknowns,); zero without a ``start``."""
