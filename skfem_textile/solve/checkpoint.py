@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from ..fabric import Law, TwoLaws
 from ..ply import Ply
-from ..ply.term import PlyParameters
+from ..ply.term import Frozen, PlyParameters
 from . import sealed
 from .conditions import Constraints
 from .continuation import Continuation
@@ -445,8 +445,7 @@ def _state(
             if saved[name].shape != like.shape or saved[name].dtype != like.dtype:
                 raise ValueError(f"its {name} is not of this ply")
         parameters[term] = type(values)(saved)
-    kind: Any = type(at_rest)
-    state = State(u=content.arrays["u"], parameters=kind(parameters), **text)
+    state = State(u=content.arrays["u"], parameters=Frozen(parameters), **text)
     last = before[-1].load_factor if before else -1.0
     if not last < state.load_factor <= 1:
         raise ValueError(f"its load factor is {state.load_factor}, after {last}")

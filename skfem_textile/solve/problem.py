@@ -10,7 +10,7 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 
 from ..mesh.bases import components, node_positions
-from ..ply.term import PlyParameters
+from ..ply.term import Frozen, PlyParameters, Values
 from .body import Body
 from .conditions import Constraints, plain, turned
 from .linear.solver import Clock, SolverOfPattern
@@ -239,8 +239,7 @@ class Problem:
 def between(before: PlyParameters, after: PlyParameters, share: float) -> PlyParameters:
     """Parameters a share of the way from some to others."""
 
-    def mixed(old: Any, new: Any) -> Any:
+    def mixed(old: Values, new: Values) -> Values:
         return type(old)({name: x + share * (new[name] - x) for name, x in old.items()})
 
-    kind: Any = type(before)
-    return kind({term: mixed(old, after[term]) for term, old in before.items()})
+    return Frozen({term: mixed(old, after[term]) for term, old in before.items()})
