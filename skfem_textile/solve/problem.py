@@ -88,7 +88,7 @@ class Problem:
     Raises
     ------
     ValueError
-        If a further term says why it is ``unsupported`` by the conditions.
+        If a term says why it is ``unsupported`` by the conditions.
     """
 
     def __init__(
