@@ -7,7 +7,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.user_input import real_numbers
-from ..solve.body import Body
+from ..ply import Ply
 from .elements import unit
 from .sheet import REACH, Sheet
 from .tool_mesh import ToolMesh
@@ -133,7 +133,7 @@ def fibres_on_tool(
 
 
 def fibres_on_ply(
-    ply: Body, u: ndarray, axis: ArrayLike = (1.0, 0.0, 0.0)
+    ply: Ply, u: ndarray, axis: ArrayLike = (1.0, 0.0, 0.0)
 ) -> FibresInSpace:
     """The fibres in each of the user's elements of a displaced ply in space.
 

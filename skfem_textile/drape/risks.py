@@ -3,7 +3,8 @@
 import numpy as np
 from numpy import ndarray
 
-from ..solve.body import Body, Parameters
+from ..ply import Ply
+from ..ply.parameters import PlyParameters
 from ..solve.surface import Grown, Surface
 
 # Share of the largest tension below which one is none: forces balance no better.
@@ -15,11 +16,11 @@ _FLAT = 1e5
 
 
 def contact_pressure(
-    ply: Body,
+    ply: Ply,
     surface: Surface,
     u: ndarray,
     t: float = 1.0,
-    parameters: Parameters | None = None,
+    parameters: PlyParameters | None = None,
 ) -> ndarray:
     """Pressure of a surface on the nodes of a ply per current area, in N/mm².
 
@@ -58,7 +59,7 @@ def contact_pressure(
     return ((hats @ force) / (hats[:, :n] @ shared)) @ hats
 
 
-def bridging(ply: Body, u: ndarray, pressure: ndarray) -> ndarray:
+def bridging(ply: Ply, u: ndarray, pressure: ndarray) -> ndarray:
     """Elements on which the surface would have to pull in the mean of their nodes.
 
     By more than the largest fibre tension would on a surface that is all but flat.
@@ -82,7 +83,7 @@ def bridging(ply: Body, u: ndarray, pressure: ndarray) -> ndarray:
     return np.asarray(pressure[ply.mesh.t].mean(axis=0) < -none)
 
 
-def beyond_edges(ply: Body, surface: Surface, u: ndarray) -> ndarray | None:
+def beyond_edges(ply: Ply, surface: Surface, u: ndarray) -> ndarray | None:
     """Elements of a ply whose middle lies where the surface of a tool is a guess.
 
     None of a surface that has no method ``beyond_edges``, as `TriangleMesh` has one.
@@ -106,7 +107,7 @@ def beyond_edges(ply: Body, surface: Surface, u: ndarray) -> ndarray | None:
     return None if beyond is None else beyond(x[:, ply.mesh.t].mean(axis=1)) > 0
 
 
-def off_triangles(ply: Body, surface: Surface, u: ndarray) -> ndarray | None:
+def off_triangles(ply: Ply, surface: Surface, u: ndarray) -> ndarray | None:
     """Elements of a ply where the surface of a tool is not that of its triangles.
 
     None of a surface that has no method ``off_triangles``, as `TriangleMesh` has one.
@@ -126,7 +127,7 @@ def off_triangles(ply: Body, surface: Surface, u: ndarray) -> ndarray | None:
     return None if off is None else (off(x)[ply.mesh.t] > 0).any(axis=0)
 
 
-def turn_of_normal(ply: Body, surface: Surface, u: ndarray) -> ndarray:
+def turn_of_normal(ply: Ply, surface: Surface, u: ndarray) -> ndarray:
     """Largest angle between the normals of a surface at two corners of an element.
 
     Parameters
@@ -147,7 +148,7 @@ def turn_of_normal(ply: Body, surface: Surface, u: ndarray) -> ndarray:
     return np.asarray(2 * np.arcsin(np.minimum(0.5 * apart, 1.0)))
 
 
-def _on_grown(ply: Body, surface: Surface, u: ndarray) -> tuple[ndarray, Surface]:
+def _on_grown(ply: Ply, surface: Surface, u: ndarray) -> tuple[ndarray, Surface]:
     """Positions of the nodes on the surface as it is when it has grown, and that."""
     x = np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
     if not isinstance(surface, Grown):
@@ -157,7 +158,7 @@ def _on_grown(ply: Body, surface: Surface, u: ndarray) -> tuple[ndarray, Surface
 
 
 def wrinkle_risk(
-    ply: Body, u: ndarray, parameters: Parameters | None = None
+    ply: Ply, u: ndarray, parameters: PlyParameters | None = None
 ) -> ndarray:
     """Elements in which fibres may buckle in the plane of the ply.
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import kinematics as kin
-from ..solve.body import Body
+from ..ply import Ply
 from .crossings import Net
 from .elements import Elements, boundary_edges, edge_lengths, unit
 
@@ -78,7 +78,7 @@ class Sheet:
     weft: ndarray
 
     @classmethod
-    def of_ply(cls, ply: Body, u: ndarray) -> "Sheet":
+    def of_ply(cls, ply: Ply, u: ndarray) -> "Sheet":
         """The sheet of a ply in space after a displacement.
 
         Raises

@@ -4,18 +4,19 @@ import numpy as np
 from numpy import ndarray
 
 from ..drape import beyond_edges, bridging, contact_pressure, wrinkle_risk
-from ..solve.body import Body, Parameters
+from ..ply import Ply
+from ..ply.parameters import PlyParameters
 from ..solve.states import State
 from ..solve.surface import Surface
 
 
-def point_fields(ply: Body, u: ndarray) -> dict[str, ndarray]:
+def point_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
     """``displacement`` of the vertices in mm, shape (n_vertices, 3)."""
     return {"displacement": _in_space(ply.nodal(u)[:, : ply.mesh.nvertices])}
 
 
 def cell_fields(
-    ply: Body, u: ndarray, parameters: Parameters | None = None
+    ply: Ply, u: ndarray, parameters: PlyParameters | None = None
 ) -> dict[str, ndarray]:
     """Fibre strains, tensions and directions, and the shear angle, per element.
 
@@ -42,7 +43,7 @@ def cell_fields(
 
 
 def fields_on_tool(
-    ply: Body, surface: Surface, state: State
+    ply: Ply, surface: Surface, state: State
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
     """Fields of a ply that lies on a surface, of its vertices and of its elements.
 
@@ -72,7 +73,7 @@ def fields_on_tool(
     return {"contact_pressure": pressure[: ply.mesh.nvertices]}, of_elements
 
 
-def on_users_elements(ply: Body, fields: dict[str, ndarray]) -> dict[str, ndarray]:
+def on_users_elements(ply: Ply, fields: dict[str, ndarray]) -> dict[str, ndarray]:
     """Fields of the elements of a ply on the user's elements, in the mean.
 
     Of directions it is the direction of the mean.

@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..io.fields import cell_fields, point_fields
-from ..solve.body import Body
+from ..ply import Ply
 
 
 @dataclass(frozen=True)
@@ -35,16 +35,16 @@ class Field:
     """
 
     label: str
-    values: Callable[[Body, ndarray], ndarray]
+    values: Callable[[Ply, ndarray], ndarray]
     cmap: str = "viridis"
     symmetric: bool = False
 
 
-def _of_cells(name: str, factor: float = 1.0) -> Callable[[Body, ndarray], ndarray]:
+def _of_cells(name: str, factor: float = 1.0) -> Callable[[Ply, ndarray], ndarray]:
     return lambda ply, u: factor * cell_fields(ply, u)[name]
 
 
-def _moved(ply: Body, u: ndarray) -> ndarray:
+def _moved(ply: Ply, u: ndarray) -> ndarray:
     """The mean displacement of the vertices of each element."""
     displacement = point_fields(ply, u)["displacement"]
     return np.linalg.norm(displacement[ply.mesh.t].mean(axis=0), axis=1)
@@ -87,7 +87,7 @@ def field_of(field: str | Field) -> Field:
     return FIELDS[field]
 
 
-def values_of(field: Field, ply: Body, u: ndarray) -> ndarray:
+def values_of(field: Field, ply: Ply, u: ndarray) -> ndarray:
     """The values of a field, one finite number for each element.
 
     Raises

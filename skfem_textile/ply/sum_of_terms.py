@@ -459,6 +459,10 @@ class SumOfTerms:
         at_centre = self.deformation_gradient(u, self.centre)
         return sided(kin.area_vector(F), kin.area_vector(at_centre))
 
+    def largest_gradient(self, u: ndarray) -> float:
+        """Largest component of the displacement gradient at the fine points."""
+        return float(np.abs(self.gradient(u, self.fine_points)).max())
+
     def fibre_strain(self, u: ndarray, points: ndarray | None = None) -> ndarray:
         """Fibre strain of warp and weft, shape (2, n_elements, n_points)."""
         F = self.deformation_gradient(u, points)

@@ -4,10 +4,11 @@ import logging
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, fields
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..ply import Ply
 from ..ply.finer import refuse_what_has_no_finer
 from ..ply.refinement import marked, refine, shear_angle_jumps
 from .conditions import Conditions, Constraints
@@ -23,9 +24,6 @@ from .result import Result, StepError
 from .search import equilibrium_near
 from .states import ErrorEstimate, Iteration, NoEquilibriumError, State
 from .stepper import DEFAULT_WARN_ONLY, LoadStepper
-
-if TYPE_CHECKING:
-    from ..ply import Ply
 
 log = logging.getLogger(__name__)
 
@@ -182,7 +180,7 @@ class AdaptiveStepper:
 
     def __init__(
         self,
-        ply: "Ply",
+        ply: Ply,
         conditions: Conditions,
         tolerance: float,
         steps: int = 20,
@@ -274,7 +272,7 @@ class AdaptiveStepper:
     def _unmet(self, why: str) -> StepError:
         return StepError(why, self.result, np.empty(0, dtype=int))
 
-    def _stepper_of(self, ply: "Ply") -> LoadStepper:
+    def _stepper_of(self, ply: Ply) -> LoadStepper:
         return LoadStepper(
             *(ply, self._conditions, self._steps),
             on_iteration=self.on_iteration,
@@ -282,7 +280,7 @@ class AdaptiveStepper:
             **self._search,
         )
 
-    def _refine_from(self, ply: "Ply", state: State) -> None:
+    def _refine_from(self, ply: Ply, state: State) -> None:
         """Refine until the tolerance is met, or the mesh would be too large."""
         finer: tuple[Ply, State] | None = (ply, state)
         while finer is not None:
@@ -297,7 +295,7 @@ class AdaptiveStepper:
         if not self._rounds[-1].whole_path:
             self._apply(ply)
 
-    def _apply(self, ply: "Ply") -> tuple["Ply", State]:
+    def _apply(self, ply: Ply) -> tuple[Ply, State]:
         """Apply the whole load to a ply, a round; on failure the one before remains."""
         stepper = self._stepper_of(ply)
         if not self._rounds:  # what a failure or an interruption leaves
@@ -314,7 +312,7 @@ class AdaptiveStepper:
         self._finish(ply, state, whole_path=True)
         return ply, state
 
-    def _refined(self, ply: "Ply", state: State) -> tuple["Ply", State] | None:
+    def _refined(self, ply: Ply, state: State) -> tuple[Ply, State] | None:
         """The state on a refined mesh, a round; None where that would be too large."""
         if len(self._rounds) >= _MOST_ROUNDS:
             return None
@@ -330,7 +328,7 @@ class AdaptiveStepper:
         self._finish(found.ply, after, whole_path=False)
         return found.ply, after
 
-    def _finish(self, ply: "Ply", state: State, whole_path: bool) -> None:
+    def _finish(self, ply: Ply, state: State, whole_path: bool) -> None:
         """Estimate the error of a state, and keep its round."""
         place = ply, self._conditions, self._stepper.result.solver.name
         try:
@@ -351,7 +349,7 @@ class AdaptiveStepper:
             self.on_round(one)
 
 
-def _refuse_what_cannot_be_refined(ply: "Ply", conditions: Conditions) -> None:
+def _refuse_what_cannot_be_refined(ply: Ply, conditions: Conditions) -> None:
     """Refuse a ply and conditions that are not valid on a refined mesh.
 
     The ply must have a refined one and an estimated error, and conditions valid values

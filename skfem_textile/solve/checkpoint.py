@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
@@ -12,8 +13,10 @@ from uuid import uuid4
 import numpy as np
 from numpy import ndarray
 
-from . import fingerprint, sealed
-from .body import Body, Parameters
+from ..fabric import Law, TwoLaws
+from ..ply import Ply
+from ..ply.parameters import Frozen, PlyParameters
+from . import sealed
 from .conditions import Constraints
 from .continuation import Continuation
 from .linear.solver import Clock
@@ -34,6 +37,15 @@ _SHOWN = 100
 # How far the forces of the same ply may differ between machines, and what round-off
 # leaves of strains and area ratios.
 _SAME, _ROUND_OFF = 1e-9, 1e-13
+
+# Load factors at which loads and further terms are compared, at no regular distances.
+_PROBED = (
+    *(0.0, 0.0313, 0.1303, 0.2541, 0.3719, 0.5, 0.6237),
+    *(0.7177, 0.8119, 0.9091, 0.9707, 1.0),
+)
+
+# Fibre strain and shear angle (radians) up to which laws are compared.
+_STRAIN, _ANGLE = 0.1, np.radians(80.0)
 
 
 class CheckpointError(ValueError):
@@ -60,7 +72,7 @@ class Checkpoint:
 
     Every file is written beside its place and then renamed, so a run may be killed at
     any moment; the next removes what it left there.  ``run.npz`` identifies a run: by
-    its settings as given, and by mesh, laws, conditions and forces (`fingerprint`).
+    its settings as given, and by mesh, laws, conditions and forces.
     Every state has the name of the run, its own number, and a digest of its content and
     of all files before it.
 
@@ -77,7 +89,7 @@ class Checkpoint:
     def __init__(
         self,
         folder: str | os.PathLike[str],
-        ply: Body,
+        ply: Ply,
         constraints: Constraints,
         settings: Mapping[str, Any],
     ) -> None:
@@ -90,8 +102,7 @@ class Checkpoint:
         if "\0" in str(folder):
             raise CheckpointError(f"checkpoint {str(folder)!r} is no path")
         self._ply, self._constraints = ply, constraints
-        described = fingerprint.settings(ply, constraints)
-        given = {"format": _FORMAT, **settings, **described}
+        given = {"format": _FORMAT, **settings, **_described(ply, constraints)}
         self._settings = json.loads(json.dumps(given))
         self._run, self._last = "", ""
         self._lock: sealed.Lock | None = None
@@ -244,8 +255,47 @@ class Checkpoint:
                 raise CheckpointError(f"{another}its {name} differ")
 
     def _fingerprint(self) -> dict[str, ndarray]:
-        steps = self._settings["steps"]
-        return fingerprint.arrays(self._ply, self._constraints, steps)
+        """Mesh, fibre directions, laws, conditions, and the forces of each term.
+
+        Conditions are evaluated at the requested load factors and in between; forces at
+        a displacement that shears and stretches every element, with the parameters at
+        rest.
+        """
+        ply, constraints = self._ply, self._constraints
+        turn, surfaces = constraints.turn, constraints.surfaces
+        fabric = ply.fabric.at()
+        warp, weft, shear = fabric.laws
+        found = {
+            "nodes": ply.mesh.p,
+            "cells": ply.mesh.t,
+            "fibre directions": np.concatenate([A.ravel() for A in ply.directions()]),
+            "values of the warp law": _values(warp, _STRAIN),
+            "values of the weft law": _values(weft, _STRAIN),
+        }
+        if not isinstance(fabric.tensions, TwoLaws):
+            beside = [
+                fabric.tensions.of_family(i, (_STRAIN, _STRAIN)) for i in range(2)
+            ]
+            values = np.concatenate([_values(law, _STRAIN) for law in beside])
+            found["values of the tensions beside a stretched family"] = values
+        found["values of the shear law"] = _values(shear, _ANGLE)
+        found |= {
+            f"nodes of {name!r}": nodes for name, nodes in constraints.nodes.items()
+        }
+        load_factors = np.linspace(0.0, 1.0, 2 * self._settings["steps"] + 1)
+        found |= {
+            "fixed unknowns": constraints.fixed,
+            "fixed directions": np.empty(0) if turn is None else turn.data,
+            "fixed values": np.array(
+                [constraints.fixed_values(t) for t in load_factors]
+            ),
+            "surfaces": surfaces.levels(1.0) if surfaces else np.empty(0),
+        }
+        probe = 0.1 * ply.element_size * np.sin(np.arange(ply.basis.N))
+        for t in _PROBED if ply.follows_load_factor else (1.0,):
+            forces = ply.residuals(probe, t)
+            found |= {f"{name} forces at {t}": f for name, f in forces.items()}
+        return found
 
     def _hold(self) -> None:
         """Lock the folder, and remove what a killed run left half done."""
@@ -293,8 +343,8 @@ class Replay:
 
     last: Trial
 
-    def __init__(self, problem: Problem) -> None:
-        self._problem = problem
+    def __init__(self, ply: Ply, problem: Problem) -> None:
+        self._ply, self._problem = ply, problem
 
     def __call__(self, state: State) -> State:
         """Compare a state with a trial of its displacement; give it its shares.
@@ -307,21 +357,20 @@ class Replay:
             If they disagree.
         """
         t, u, p = state.load_factor, state.u, state.parameters
-        before = None
-        if t > 0:
-            before = self.last.next_start().with_parameters(self.last.problem, p)
+        before = self.last.next_start() if t > 0 else None
         problem = self._problem.at(t)
-        n = problem.ply.basis.N
+        n = self._ply.basis.N
         if u.shape != (n,) or u.dtype != float or not np.isfinite(u).all():
             raise ValueError("its displacement is not one of this ply")
         if not problem.is_fixed(u, problem.constraints.fixed_values(t)):
             raise ValueError("its displacement is not that of its load factor")
-        f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
+        f = problem.residual(u, p)
         equilibrium = Equilibrium(u, f, p, (), state.tolerance)
-        trial = Trial(problem, equilibrium, before, energies, potentials)
-        found, largest = trial.state(t, state.linear_solves), float(np.abs(f).max())
+        trial = Trial.of(self._ply, problem, equilibrium, before)
+        found, largest = trial.state(state.linear_solves), float(np.abs(f).max())
         rounding = max(state.tolerance - problem.converged * largest, 0.0)
-        energy = _SAME * sum(map(abs, (*energies.values(), *potentials.values())))
+        stored = *trial.energies.values(), *trial.potentials.values()
+        energy = _SAME * sum(map(abs, stored))
         energy += rounding * float(np.abs(u).sum())
         allowed = {
             "reactions": _SAME * largest + rounding * u.size,
@@ -342,6 +391,29 @@ class Replay:
         return replace(state, shares=found.shares)
 
 
+def _described(ply: Ply, constraints: Constraints) -> dict[str, Any]:
+    """Formulation and laws by their ``repr``, and names of conditions."""
+    law = ply.fabric.tensions
+    warp, weft = law.laws if isinstance(law, TwoLaws) else (law, law)
+    given = {
+        "formulation": ply.formulation,
+        "warp law": warp,
+        "weft law": weft,
+        "shear law": ply.fabric.shear_law,
+    }
+    # On one line, without the place in memory.
+    said = {k: re.sub(r" at 0x[0-9a-fA-F]+", "", repr(x)) for k, x in given.items()}
+    texts = {name: " ".join(text.split()) for name, text in said.items()}
+    return texts | {"conditions": list(constraints.nodes)}
+
+
+def _values(law: Law, most: float) -> ndarray:
+    """Values of a law, one after the other, as it may have parameters by element."""
+    with np.errstate(all="ignore"):
+        values = [law.value(np.full(1, x)) for x in np.linspace(-most, most, 41)]
+    return np.concatenate([np.ravel(value) for value in values])
+
+
 def _compare(
     name: str, saved: Mapping[str, Any], expected: Mapping[str, Any], error: float
 ) -> None:
@@ -355,7 +427,7 @@ def _compare(
 
 
 def _state(
-    content: sealed.Content, before: Sequence[State], at_rest: Parameters
+    content: sealed.Content, before: Sequence[State], at_rest: PlyParameters
 ) -> State:
     """The state in a file; refused if it is not one after those before it.
 
@@ -373,8 +445,7 @@ def _state(
             if saved[name].shape != like.shape or saved[name].dtype != like.dtype:
                 raise ValueError(f"its {name} is not of this ply")
         parameters[term] = type(values)(saved)
-    kind: Any = type(at_rest)
-    state = State(u=content.arrays["u"], parameters=kind(parameters), **text)
+    state = State(u=content.arrays["u"], parameters=Frozen(parameters), **text)
     last = before[-1].load_factor if before else -1.0
     if not last < state.load_factor <= 1:
         raise ValueError(f"its load factor is {state.load_factor}, after {last}")

@@ -15,9 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from .body import Parameters
+from ..ply import Ply
+from ..ply.parameters import PlyParameters
 from .problem import Problem, Start
 from .states import NoEquilibriumError, State
+from .verdict import area_ratio
 
 log = logging.getLogger(__name__)
 
@@ -131,11 +133,6 @@ class Continuation:
         return cls(**{**saved, "to_compare": to_compare})
 
     @property
-    def _shortest(self) -> float:
-        """Length of a step that is not halved any more after a failure."""
-        return self.longest / 2.0**self.halvings
-
-    @property
     def _short(self) -> float:
         """Length of a hard step that is taken as it comes."""
         halvings = max(self.halvings - 2, 0) if self.follows_path else 0
@@ -149,7 +146,8 @@ class Continuation:
         """
         goal = min([goal, *(past.load_factor for past in self.to_compare)])
         end = t + self.next
-        return goal if end > goal - 0.5 * min(self._shortest, self.next) else end
+        shortest = self.longest / 2.0**self.halvings
+        return goal if end > goal - 0.5 * min(shortest, self.next) else end
 
     def most_altered(self, step: float, t: float, loads_drive: bool) -> float:
         """Projected tangents at most in a step to ``t``; with more it is halved.
@@ -178,7 +176,7 @@ class Continuation:
             follow = self.follows_path and self.halvings and t > self.not_followed_until
             if follow and step > 0.75 * self._short:
                 self.to_compare.append(StepEnd.of(state))
-                self._halve(step)
+                self.next, self.cut = 0.5 * step, self.cut + 1
                 return False
             self.mark(t)
         if not settled or t <= self.not_followed_until:
@@ -211,11 +209,11 @@ class Continuation:
         NoEquilibriumError
             If the load passes a limit, or steps fail however short they are.
         """
-        step = end - t
+        step, shortest = end - t, self.longest / 2.0**self.halvings
         known = step <= _SHORTEST_STEP or by <= _KNOWN_SHARE
-        if step > 1.5 * self._shortest or not known:
+        if step > 1.5 * shortest or not known:
             log.info("step to %g failed, halved: %s", end, failure)
-            self._halve(step)
+            self.next, self.cut = 0.5 * step, self.cut + 1
         elif by:
             raise NoEquilibriumError(
                 f"between the load factors {t:.6g} and {end:.6g} the load passes a "
@@ -231,10 +229,6 @@ class Continuation:
             self.not_followed_until = goal
             self.to_compare.clear()
             self.next = self.longest
-
-    def _halve(self, step: float) -> None:
-        self.next = 0.5 * step
-        self.cut += 1
 
     def mark(self, t: float) -> None:
         """Mark the path as unresolved at a load factor."""
@@ -268,8 +262,8 @@ def moves(problem: Problem, load_factors: Iterable[float]) -> bool:
 def loads_drive(
     problem: Problem,
     u: ndarray,
-    parameters: Parameters,
-    energies: Mapping[str, float],
+    parameters: PlyParameters,
+    energies: dict[str, float],
     moved: bool,
 ) -> bool:
     """Whether the growth of loads drives a ply, beside displacements and surfaces.
@@ -326,7 +320,7 @@ def balanced_at_rest(
     )
 
 
-def on_grown_surface(problem: Problem, start: Start) -> Start:
+def on_grown_surface(ply: Ply, problem: Problem, start: Start) -> Start:
     """An initial guess carried along geodesics onto the surface at a load factor.
 
     From there an iteration is short.  The initial guess itself where no surface grows,
@@ -339,5 +333,5 @@ def on_grown_surface(problem: Problem, start: Start) -> Start:
         return start
     with np.errstate(all="ignore"):  # what is not finite is caught
         p = start.parameters
-        usable = problem.least_area_ratio(u).min() > 0 and problem.in_domain(u, p)
+        usable = area_ratio(ply, problem, u).min() > 0 and problem.in_domain(u, p)
         return problem.start(u, p) if usable else start

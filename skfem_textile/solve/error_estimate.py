@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from .body import Body, Parameters
+from ..ply import Ply
+from ..ply.parameters import PlyParameters
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
-from .newton import definite, no_contact, within_laws
+from .newton import definite, within_laws
 from .problem import Problem
 from .states import ErrorEstimate, NoEquilibriumError, State
 from .tangent import Tangent
@@ -51,7 +52,7 @@ _NO_LOAD = "nothing that moves carries a load"
 
 
 def estimated_error(
-    ply: Body, conditions: Conditions, solver: str, state: State
+    ply: Ply, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
     """Estimate the error of a state.
 
@@ -89,7 +90,7 @@ def estimated_error(
     return ErrorEstimate(reason=reason)
 
 
-def refuse_single_nodes(ply: Body, conditions: Conditions) -> None:
+def refuse_single_nodes(ply: Ply, conditions: Conditions) -> None:
     """Refuse conditions on nodes of the mesh that would be on more of a finer one.
 
     Raises
@@ -112,7 +113,7 @@ def refuse_single_nodes(ply: Body, conditions: Conditions) -> None:
 
 
 def problem_at(
-    ply: Body, conditions: Conditions, solver: str, load_factor: float
+    ply: Ply, conditions: Conditions, solver: str, load_factor: float
 ) -> Problem:
     """The problem of a ply at a load factor, with a linear solver by its name."""
     constraints = Constraints(ply.basis, conditions)
@@ -141,7 +142,9 @@ def change_of(before: ndarray, after: ndarray) -> float:
     return float(np.abs((after - before).sum()) / np.abs(before).sum())
 
 
-def _work(problem: Problem, f: ndarray, u: ndarray, parameters: Parameters) -> ndarray:
+def _work(
+    problem: Problem, f: ndarray, u: ndarray, parameters: PlyParameters
+) -> ndarray:
     """Work of reactions in the motion of their conditions, and of loads.
 
     Each node of a condition counts with its own motion: an edge may turn.
@@ -171,14 +174,14 @@ def _is_of_load(work: ndarray, problem: Problem, state: State) -> bool:
 
 
 def _estimate(
-    ply: Body, conditions: Conditions, solver: str, state: State
+    ply: Ply, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
     """The estimate, of the shear angle alone where a surface shapes a ply without load.
 
     A ValueError says that there is no finer ply, or that nothing shapes the ply.
     """
     coarse, u = problem_at(ply, conditions, solver, state.load_factor), state.u
-    p = coarse.updated(state.parameters, u)
+    p = ply.updated(state.parameters, u, state.load_factor)
     motion, forces = Tangent(coarse, u, p).settled(coarse.residual(u, p))
     before = _work(coarse, forces, u := u + motion, p)
     loaded = _is_of_load(before, coarse, state)
@@ -189,7 +192,7 @@ def _estimate(
     way = _Way(fine, *finer.carry(u, p))
     fine_u, after = _moved(way, before, loaded)
     angle, fine_angle = (
-        of.ply.shear_angle(x).mean(axis=1) for of, x in ((coarse, u), (fine, fine_u))
+        of.shear_angle(x).mean(axis=1) for of, x in ((ply, u), (finer.ply, fine_u))
     )
     off = fine_angle - angle[finer.parent]
     rms = np.sqrt(np.average(off**2, weights=fine.ply.basis.dx.sum(axis=1)))
@@ -217,15 +220,17 @@ class _Way:
     """
 
     def __init__(
-        self, problem: Problem, u: ndarray, parameters: Parameters, tension: ndarray
+        self, problem: Problem, u: ndarray, parameters: PlyParameters, tension: ndarray
     ) -> None:
         self.problem, self.number, self.whole, self.shortened = problem, 0, True, False
         u, self.parameters = problem.moved(u, np.zeros_like(u)), parameters
         if not problem.in_domain(u, parameters):
             raise NoEquilibriumError("this state is past the end of a law there")
-        self._at(u, tension, no_contact(problem))
+        self._at(u, tension, 0.0)
 
-    def _at(self, u: ndarray, tension: ndarray, contact: ndarray | None) -> None:
+    def _at(
+        self, u: ndarray, tension: ndarray, contact: ndarray | float | None
+    ) -> None:
         p, self.u = self.parameters, u
         self.tangent = definite(self.problem, u, p, tension, contact)
         self.f = self.problem.residual(u, p)
@@ -240,7 +245,8 @@ class _Way:
         contact = self.tangent.contact(self.f, step)
         u = problem.moved(self.u, step)
         if self.number == 0 or self.shortened:
-            self.parameters = problem.updated(p, u, tension)
+            t = problem.load_factor
+            self.parameters = problem.ply.updated(p, u, t, tension)
         self.number += 1
         self._at(u, tension, contact)
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy import ndarray
 
-from .body import Parameters
+from ..ply.parameters import PlyParameters
 from .problem import EPSILON, Problem, Start, between
 from .states import Equilibrium, NoEquilibriumError
 from .tangent import Tangent, tangent_at
@@ -153,7 +153,7 @@ class Newton:
     ) -> Equilibrium:
         """See `Method`."""
         tangent, p = _first_tangent(problem, start)
-        f = problem.forces_of(start, p)
+        f = problem.residual(start.u, p)
         progress = _Progress(problem, fixed_values, most_altered, report)
         end = self._iterate(progress, _Iterate(start.u, f, p, tangent), self.most)
         if not np.isfinite(most_altered) and end.unstable:
@@ -173,7 +173,7 @@ class Newton:
         for _ in range(most):
             du = tangent.increment(f, u, progress.fixed_values)
             if progress.residuals or problem.in_space:
-                du = du / max(1.0, _largest_gradient(problem, du) / self.longest)
+                du = du / max(1.0, problem.ply.largest_gradient(du) / self.longest)
             du = within_laws(problem, u, du, p)
             tension = problem.ply.geometric_tension(u, du, p)
             contact = tangent.contact(f, du)
@@ -182,8 +182,12 @@ class Newton:
             u = problem.moved(u, du)
             f = problem.residual(u, p)
             if problem.unbalanced(f, u) <= near * np.abs(f).max():
-                after = problem.updated(p, u, tension)
-                change = problem.change(p, after, u)
+                after = problem.ply.updated(p, u, problem.load_factor, tension)
+                change = 0.0
+                if after is not p:
+                    both = problem.energies(u, p), problem.energies(u, after)
+                    old, new = (sum(energies.values()) for energies, _ in both)
+                    change = abs(new - old) / abs(old) if old else np.inf
                 if change > last / 2:
                     after = between(p, after, 0.5)
                 near = _NEAR * near if SETTLED < change <= last / 2 else 0.0
@@ -220,7 +224,7 @@ class PlainNewton:
     ) -> Equilibrium:
         """See `Method`."""
         u, p, tangent = start.u, start.parameters, start.tangent
-        f = problem.forces_of(start, p)
+        f = problem.residual(u, p)
         progress = _Progress(problem, fixed_values, most_altered, report)
         for _ in range(self.most):
             if tangent is None or problem.surfaces:  # which move with the load factor
@@ -247,7 +251,7 @@ class _Iterate(NamedTuple):
 
     u: ndarray
     f: ndarray
-    parameters: Parameters
+    parameters: PlyParameters
     tangent: Any
 
     @property
@@ -319,7 +323,7 @@ class _Progress:
         return Equilibrium(u, f, p, residuals, tolerance, self._altered, tangent)
 
 
-def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, Parameters]:
+def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParameters]:
     """The first tangent and parameters.
 
     Where the tangent at the start is singular, fibres have a tension in it.  On
@@ -341,11 +345,11 @@ def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, Parameters]
     size = _FIRST_TENSION
     if problem.surfaces:
         of_loads = np.full_like(tension, _tension_of_loads(problem, start))
-        p = problem.updated(p, u, of_loads)
+        p = problem.ply.updated(p, u, problem.load_factor, of_loads)
         G = problem.ply.fabric.shear_law.tangent(np.zeros((tension.shape[1], 1))).mean()
         size = max(float(of_loads.max()), _OVER_SHEAR_STIFFNESS * G) or size
     first = np.full_like(tension, size)
-    return Tangent(problem, u, p, first, contact=no_contact(problem)), p
+    return Tangent(problem, u, p, first, contact=0.0), p
 
 
 def _tension_of_loads(problem: Problem, start: Start) -> float:
@@ -354,18 +358,18 @@ def _tension_of_loads(problem: Problem, start: Start) -> float:
     The tension of a square with all of the loads on two of its sides.  With ten times
     more or less a sphere takes twice the solves.
     """
-    ply, u = problem.ply, start.u
-    along = ply.nodal(problem.unfixed(problem.load(u, start.parameters), u))
-    sides = 2 * np.sqrt(ply.basis.dx.sum())
+    u = start.u
+    along = problem.nodal(problem.unfixed(problem.load(u, start.parameters), u))
+    sides = 2 * np.sqrt(problem.ply.basis.dx.sum())
     return float(np.linalg.norm(along, axis=0).sum() / sides)
 
 
 def definite(
     problem: Problem,
     u: ndarray,
-    parameters: Parameters,
+    parameters: PlyParameters,
     tension: ndarray,
-    contact: ndarray | None = None,
+    contact: ndarray | float | None = None,
 ) -> Tangent:
     """The tangent; where it is not positive definite, a projected one.
 
@@ -393,11 +397,11 @@ def definite(
     except NoEquilibriumError:
         pass
     free_in_space = problem.in_space and not problem.surfaces
-    least, untouched = _FIRST_TENSION if free_in_space else 0.0, no_contact(problem)
+    least = _FIRST_TENSION if free_in_space else 0.0
 
     def projected(tension: ndarray) -> Tangent:
         clipped = np.maximum(tension, least)
-        tangent = Tangent(problem, u, parameters, clipped, True, untouched)
+        tangent = Tangent(problem, u, parameters, clipped, True, contact=0.0)
         tangent.altered = True
         return tangent
 
@@ -411,13 +415,8 @@ def definite(
     return projected(problem.ply.geometric_tension(u, np.zeros_like(u), parameters))
 
 
-def no_contact(problem: Problem) -> ndarray | None:
-    """Multipliers 0 for nodes on surfaces; None where there are none."""
-    return np.zeros(len(problem.surfaces.nodes)) if problem.surfaces else None
-
-
 def within_laws(
-    problem: Problem, u: ndarray, du: ndarray, parameters: Parameters
+    problem: Problem, u: ndarray, du: ndarray, parameters: PlyParameters
 ) -> ndarray:
     """The increment, halved until every law has a value.
 
@@ -442,7 +441,7 @@ def within_laws(
 
 
 def descending(
-    problem: Problem, u: ndarray, du: ndarray, f: ndarray, parameters: Parameters
+    problem: Problem, u: ndarray, du: ndarray, f: ndarray, parameters: PlyParameters
 ) -> ndarray:
     """The increment, halved until the energy falls as its slope f·du predicts.
 
@@ -456,8 +455,3 @@ def descending(
             if fall <= _ARMIJO * share * slope + round_off:
                 return share * du
     return du
-
-
-def _largest_gradient(problem: Problem, du: ndarray) -> float:
-    ply = problem.ply
-    return float(np.abs(ply.gradient(du, ply.fine_points)).max())

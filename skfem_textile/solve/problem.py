@@ -1,6 +1,5 @@
 """A ply under conditions at one load factor, and initial guesses of its equilibrium."""
 
-from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,8 +9,9 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
-from ..mesh.bases import components
-from .body import Body, Parameters
+from ..mesh.bases import components, node_positions
+from ..ply.parameters import Frozen, PlyParameters, Values
+from .body import Body
 from .conditions import Constraints, plain, turned
 from .linear.solver import Clock, SolverOfPattern
 from .linear.system import System
@@ -50,17 +50,9 @@ class Start:
     u: ndarray
     f: ndarray
     load: ndarray
-    energies: Mapping[str, float]
-    parameters: Mapping[str, Any]
+    energies: dict[str, float]
+    parameters: PlyParameters
     tangent: Any = None
-
-    def with_parameters(
-        self, problem: "Problem", parameters: Mapping[str, Any]
-    ) -> "Start":
-        """The same displacement at the same load factor, with other parameters."""
-        if all(parameters[name].same_as(own) for name, own in self.parameters.items()):
-            return self
-        return problem.at(self.load_factor).start(self.u, parameters)
 
 
 class Problem:
@@ -83,7 +75,9 @@ class Problem:
     converged
         Share of the largest force that an equilibrium may leave unbalanced.
     element_size
-        Typical length of an element in mm.
+        Size of the largest element in mm.
+    nodes
+        Reference positions of the nodes, shape (2, n_nodes).
     in_space
         Whether the ply may leave its plane.
     surfaces
@@ -94,7 +88,7 @@ class Problem:
     Raises
     ------
     ValueError
-        If a further term says why it is ``unsupported`` by the conditions.
+        If a term says why it is ``unsupported`` by the conditions.
     """
 
     def __init__(
@@ -106,14 +100,16 @@ class Problem:
         self.constraints = constraints
         self._solver = solver
         self.clock = Clock()
-        self.element_size = ply.element_size
-        self.in_space = components(ply.basis) == 3
+        self.element_size = ply.basis.mesh.param()
+        self.nodes, self._dimension = node_positions(ply.basis), components(ply.basis)
+        self.in_space = self._dimension == 3
         self.surfaces = constraints.surfaces
         self.line_search = any(term.line_search for term in ply.terms)
-        for term in ply.further_terms:
+        for term in ply.terms:
             if reason := getattr(term, "unsupported", lambda _: "")(constraints):
                 raise ValueError(f"load {term.name!r}: {reason}")
-        self.loaded = "load" in ply.roles.values()
+        self._loads = [term.name for term in ply.terms if term.role == "load"]
+        self.loaded = bool(self._loads)
         self.converged = _UNBALANCED_LOADED if self.loaded else _UNBALANCED
 
     @cached_property
@@ -121,73 +117,49 @@ class Problem:
         """Where the tangent's entries are among the free unknowns, on the clock."""
         clock, ply, constraints = self.clock, self.ply, self.constraints
         pattern = clock.time("assembly", lambda: ply.pattern)
-        arguments = pattern, ply.nodes, constraints, self._solver
+        arguments = pattern, self.nodes, constraints, self._solver
         return clock.time("solve", System, *arguments)
 
-    def energy(self, u: ndarray, parameters: Parameters) -> float:
-        """Energy, potential of loads included, on the clock."""
+    def energy(self, u: ndarray, parameters: PlyParameters) -> float:
+        """Energy in N·mm, potentials of loads included."""
         arguments = u, self.load_factor, parameters
-        energy = self.clock.time("assembly", self.ply.energy, *arguments)
-        return energy - float(np.sum(self.held * u))
+        energies = self.clock.time("assembly", self.ply.energies, *arguments)
+        return sum(energies.values()) - float(np.sum(self.held * u))
 
-    def residual(self, u: ndarray, parameters: Parameters) -> ndarray:
-        """Nodal forces, internal ones less loads, on the clock."""
+    def residual(self, u: ndarray, parameters: PlyParameters) -> ndarray:
+        """Nodal forces in N, internal ones less loads."""
         arguments = u, self.load_factor, parameters
         return self.clock.time("assembly", self.ply.residual, *arguments) - self.held
 
     def energies(
-        self, u: ndarray, parameters: Parameters
+        self, u: ndarray, parameters: PlyParameters
     ) -> tuple[dict[str, float], dict[str, float]]:
-        """Energies of the terms by name, and potentials of the loads, on the clock."""
+        """Energies of the terms by name, and potentials of the loads."""
         arguments = u, self.load_factor, parameters
         every = self.clock.time("assembly", self.ply.energies, *arguments)
-        loads = [name for name, role in self.ply.roles.items() if role == "load"]
-        potentials = {name: every.pop(name) for name in loads}
+        potentials = {name: every.pop(name) for name in self._loads}
         return every, potentials
 
-    def load(self, u: ndarray, parameters: Parameters) -> ndarray:
+    def load(self, u: ndarray, parameters: PlyParameters) -> ndarray:
         """Nodal forces of the loads."""
         return self.ply.load(u, self.load_factor, parameters) + self.held
 
-    def updated(
-        self, parameters: Parameters, u: ndarray, tension: ndarray | None = None
-    ) -> Parameters:
-        """Parameters updated at ``u``; see `Ply.updated`."""
-        return self.ply.updated(parameters, u, self.load_factor, tension)
-
-    def change(self, before: Parameters, after: Parameters, u: ndarray) -> float:
-        """Change of the energy by an update of the parameters, as a share of it."""
-        if after is before:
-            return 0.0
-        old, new = (sum(self.energies(u, p)[0].values()) for p in (before, after))
-        return abs(new - old) / abs(old) if old else np.inf
-
-    def start(self, u: ndarray, parameters: Parameters, tangent: Any = None) -> Start:
+    def start(
+        self, u: ndarray, parameters: PlyParameters, tangent: Any = None
+    ) -> Start:
         """The start of an iteration at ``u``."""
         energies, _ = self.energies(u, parameters)
         f, load = self.residual(u, parameters), self.load(u, parameters)
         return Start(self.load_factor, u, f, load, energies, parameters, tangent)
 
-    def forces_of(self, start: Start, parameters: Parameters) -> ndarray:
-        """Nodal forces at the start of an iteration, its load that of this problem.
+    def at(self, load_factor: float, held: ndarray | float = 0.0) -> "Problem":
+        """The same problem, on the same clock, at another load factor.
 
-        On surfaces the parameters may be others there.
+        ``held`` are forces beside the loads.
         """
-        changed = self.ply.follows_load_factor or self.surfaces
-        return self.residual(start.u, parameters) if changed else start.f
-
-    def at(self, load_factor: float) -> "Problem":
-        """The same problem, on the same clock, at another load factor."""
         _ = self.system  # that both share it
         other = copy(self)
-        other.load_factor = load_factor
-        return other
-
-    def holding(self, held: ndarray | float) -> "Problem":
-        """The same problem, on the same clock, under forces beside the loads."""
-        _ = self.system  # that both share it
-        other = copy(self)
-        other.held = held
+        other.load_factor, other.held = load_factor, held
         return other
 
     def turn(self, u: ndarray) -> csr_matrix | None:
@@ -231,20 +203,14 @@ class Problem:
         free = turned(f, self.turn(u))[self.constraints.free]
         return float(np.abs(free).max(initial=0.0))
 
+    def nodal(self, u: ndarray) -> ndarray:
+        """A DOF vector as one column per node, shape (d, n_nodes)."""
+        return u.reshape(-1, self._dimension).T
+
     def reactions(self, f: ndarray) -> dict[str, ndarray]:
         """Sum of the nodal forces over the nodes of each condition, shape (d,)."""
-        forces, nodes = self.ply.nodal(f), self.constraints.nodes
+        forces, nodes = self.nodal(f), self.constraints.nodes
         return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
-
-    def held_forces(self, u: ndarray, f: ndarray) -> dict[str, ndarray]:
-        """Nodal forces along what is fixed at ``u``, by condition, shape (d, n)."""
-        held, nodes = self.ply.nodal(f - self.unfixed(f, u)), self.constraints.nodes
-        return {name: held[:, n] for name, n in nodes.items()}
-
-    def displacements(self, u: ndarray) -> dict[str, ndarray]:
-        """Mean displacement of the nodes of each condition, shape (d,)."""
-        moved, nodes = self.ply.nodal(u), self.constraints.nodes
-        return {name: moved[:, n].mean(axis=1) for name, n in nodes.items()}
 
     def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
         """Whether the fixed unknowns have their values, to round-off of positions.
@@ -253,24 +219,11 @@ class Problem:
         """
         constraints, surfaces = self.constraints, self.surfaces
         off = turned(u, constraints.turn)[constraints.prescribed] - fixed_values
-        size = np.abs(u).max(initial=0.0) + np.abs(self.ply.nodes).max()
+        size = np.abs(u).max(initial=0.0) + np.abs(self.nodes).max()
         held = bool((np.abs(off) <= 8 * EPSILON * size).all())
         return held and (surfaces is None or surfaces.are_on(u, self.load_factor))
 
-    def least_area_ratio(self, u: ndarray) -> ndarray:
-        """Smallest det F of each element; negative where it faces its surface wrongly.
-
-        Elements on a surface are to face it as most of them do.
-        """
-        ply, ratio = self.ply, self.ply.least_area_ratio(u)
-        if self.surfaces is None:
-            return ratio
-        d = len(ply.nodal(u))
-        elements = ply.basis.element_dofs[::d] // d
-        place = u, self.load_factor, elements, ply.normals(u)
-        return ratio * self.surfaces.facing(*place)
-
-    def in_domain(self, u: ndarray, parameters: Parameters) -> bool:
+    def in_domain(self, u: ndarray, parameters: PlyParameters) -> bool:
         """Whether every law holds at ``u``, and has a finite energy."""
         if self.ply.fabric.unbounded:
             return True
@@ -278,16 +231,15 @@ class Problem:
 
     def around(self, u: ndarray) -> ndarray:
         """Elements at the node where a DOF vector is largest."""
-        forces = self.ply.nodal(u)
+        forces = self.nodal(u)
         dof = len(forces) * np.linalg.norm(forces, axis=0).argmax()
         return np.flatnonzero((self.ply.basis.element_dofs == dof).any(axis=0))
 
 
-def between(before: Parameters, after: Parameters, share: float) -> Parameters:
+def between(before: PlyParameters, after: PlyParameters, share: float) -> PlyParameters:
     """Parameters a share of the way from some to others."""
 
-    def mixed(old: Any, new: Any) -> Any:
+    def mixed(old: Values, new: Values) -> Values:
         return type(old)({name: x + share * (new[name] - x) for name, x in old.items()})
 
-    kind: Any = type(before)
-    return kind({term: mixed(old, after[term]) for term, old in before.items()})
+    return Frozen({term: mixed(old, after[term]) for term, old in before.items()})

@@ -3,18 +3,15 @@
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy import ndarray
 
-from .body import Body
+from ..ply import Ply
+from .conditions import Conditions
 from .linear.solver import Choice
 from .states import ErrorEstimate, State
-
-if TYPE_CHECKING:
-    from .conditions import Conditions
-    from .surface import OnSurface, Surface
+from .surface import OnSurface, Surface
 
 # States that a printed result lists at most.
 _LINES = 11
@@ -55,7 +52,7 @@ class Result:
         Finds the estimated error of a state of the ply.
     """
 
-    ply: Body
+    ply: Ply
     states: list[State]
     converged: bool
     linear_solves: int
@@ -66,11 +63,11 @@ class Result:
     assembly_time_s: float
     solve_time_s: float
     solver: Choice
-    surfaces: "Mapping[str, OnSurface]"
+    surfaces: Mapping[str, OnSurface]
     estimate: Callable[[State], ErrorEstimate]
 
     @classmethod
-    def of_state(cls, ply: Body, conditions: "Conditions", state: State) -> "Result":
+    def of_state(cls, ply: Ply, conditions: Conditions, state: State) -> "Result":
         """The result of one state that no run has found, for pictures and files.
 
         Times and factorisations are 0, and its error is not estimated.
@@ -82,7 +79,7 @@ class Result:
         state
             A state of it, as of `equilibrium_near`.
         """
-        on_surfaces = {k: c for k, c in conditions.items() if hasattr(c, "surface")}
+        on = {k: c for k, c in conditions.items() if isinstance(c, OnSurface)}
         return cls(
             ply=ply,
             states=[state],
@@ -95,7 +92,7 @@ class Result:
             assembly_time_s=0.0,
             solve_time_s=0.0,
             solver=Choice("none", "a state that no run has found"),
-            surfaces=cast("dict[str, OnSurface]", on_surfaces),
+            surfaces=on,
             estimate=lambda _: ErrorEstimate(reason="no run has found the state"),
         )
 
@@ -104,7 +101,7 @@ class Result:
         """Whether no step gave reason to doubt that more steps lead to the same end."""
         return not self.unresolved
 
-    def tool(self, t: float) -> "Surface | None":
+    def tool(self, t: float) -> Surface | None:
         """The surface on which all nodes lie at a load factor, or None."""
         for name, condition in self.surfaces.items():
             if condition.where is None:

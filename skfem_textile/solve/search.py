@@ -7,13 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from .body import Body, Parameters
+from ..ply import Ply
+from ..ply.parameters import PlyParameters
 from .conditions import Conditions, Constraints
 from .continuation import MOST_ALTERED, loads_drive
 from .linear import ChosenSolver
 from .newton import LESS_ROUNDING, METHODS, MOST_UPDATES, SETTLED, Method
 from .problem import Problem, Start, between
-from .states import Equilibrium, Iteration, NoEquilibriumError, State
+from .states import Iteration, NoEquilibriumError, State
 from .verdict import Trial
 
 _AT_REST = (
@@ -81,8 +82,8 @@ class EquilibriumSearch:
 
     Attributes
     ----------
-    problem, method
-        Problem and nonlinear solver.
+    ply, problem, method
+        The ply, its problem, and the nonlinear solver.
     warn_only
         Checks of `CHECKS` that do not refuse a state but only warn.
     report
@@ -91,21 +92,12 @@ class EquilibriumSearch:
         Whether conditions prescribe a motion, see `moves`.
     """
 
+    ply: Ply
     problem: Problem
     method: Method
     warn_only: frozenset[str]
     report: Callable[[Iteration], None]
     moved: bool = True
-
-    def loads_drive(self, at: Start) -> bool:
-        """Whether loads drive the steps from a state, and a path of theirs is followed.
-
-        They may jump to another equilibrium: there work must agree.
-        """
-        if not self.method.follows_path:
-            return False
-        place = at.u, at.parameters, at.energies
-        return loads_drive(self.problem.at(at.load_factor), *place, self.moved)
 
     def __call__(self, goal: Goal) -> Found:
         """A state that passes every check, its parameters settled if they can be.
@@ -123,7 +115,8 @@ class EquilibriumSearch:
         for _ in range(MOST_UPDATES):
             problem, (u, _, p, *_) = found.trial.problem, found.trial.equilibrium
             with np.errstate(all="ignore"):  # what is not finite is caught
-                if (after := problem.updated(p, u)) is p:
+                after = self.ply.updated(p, u, goal.load_factor)
+                if after is p:
                     return found._replace(settled=True)
                 start, change = _updated(found.trial, after)
                 # Further changes are a geometric series, which shrinks at this rate.
@@ -133,7 +126,8 @@ class EquilibriumSearch:
                 share, last = share if rate <= 0.5 else share / 2, change
                 if share < 1.0:
                     p = between(p, after, share)
-                    start = problem.start(u, p, found.trial.tangent)
+                    tangent = found.trial.equilibrium.tangent
+                    start = problem.start(u, p, tangent)
             try:
                 again = self._first(goal._replace(start=start))
             except NoEquilibriumError:
@@ -170,7 +164,7 @@ class EquilibriumSearch:
         while True:
             share = min(1.0, done + step)
             held = (1.0 - share) * unbalanced
-            begin = self.problem.holding(held).start(u, p, tangent)
+            begin = self.problem.at(0.0, held).start(u, p, tangent)
             goal = Goal(0.0, 0.0, share * fixed_values, begin, None, most, held)
             try:
                 found = self(goal)
@@ -191,12 +185,14 @@ class EquilibriumSearch:
     def _first(self, goal: Goal) -> Found:
         """An equilibrium at the parameters of the start that passes every check.
 
+        Loads that drive a path may jump to another equilibrium: there work must agree.
+
         Raises
         ------
         NoEquilibriumError
             If there is none.
         """
-        problem = self.problem.at(goal.load_factor).holding(goal.held)
+        problem = self.problem.at(goal.load_factor, goal.held)
         method, place = self.method, (goal.load_factor, goal.step)
 
         def report(*iteration: Any) -> None:
@@ -207,7 +203,15 @@ class EquilibriumSearch:
                 equilibrium = method.solve(
                     problem, goal.start, goal.fixed_values, goal.most_altered, report
                 )
-                trial = self._checked(problem, equilibrium, goal)
+                trial = Trial.of(self.ply, problem, equilibrium, goal.before)
+                driven = method.follows_path and loads_drive(
+                    problem,
+                    equilibrium.u,
+                    equilibrium.parameters,
+                    trial.energies,
+                    self.moved,
+                )
+                trial.apply_checks(self.warn_only - ({"work"} if driven else set()))
         except NoEquilibriumError as failure:
             at_rest = not goal.load_factor and failure.advice != LESS_ROUNDING
             raise NoEquilibriumError(
@@ -218,30 +222,16 @@ class EquilibriumSearch:
             ) from None
         return Found(trial, equilibrium.altered, settled=False)
 
-    def _checked(self, problem: Problem, equilibrium: Equilibrium, goal: Goal) -> Trial:
-        """The trial of an equilibrium that passes every check."""
-        parameters, before = equilibrium.parameters, goal.before
-        energies, potentials = problem.energies(equilibrium.u, parameters)
-        if before:  # one set of parameters for both
-            before = before.with_parameters(problem, parameters)
-        trial = Trial(problem, equilibrium, before, energies, potentials)
-        place = equilibrium.u, parameters, energies
-        if self.method.follows_path and loads_drive(problem, *place, self.moved):
-            trial.apply_checks(self.warn_only - {"work"})
-        else:
-            trial.apply_checks(self.warn_only)
-        return trial
 
-
-def _updated(trial: Trial, parameters: Parameters) -> tuple[Start, float]:
+def _updated(trial: Trial, parameters: PlyParameters) -> tuple[Start, float]:
     """The equilibrium with updated parameters, and how much the update changes it.
 
     The change is the larger one of energy and reactions, as a share of these, to first
     order; zero within what the equilibrium leaves unbalanced.
     """
     problem, (u, f, *_) = trial.problem, trial.equilibrium
-    start = problem.start(u, parameters, trial.tangent)
-    tolerance, tangent = trial.equilibrium.tolerance, trial.tangent
+    tolerance, tangent = trial.equilibrium.tolerance, trial.equilibrium.tangent
+    start = problem.start(u, parameters, tangent)
     if not np.isfinite(start.f).all():
         raise NoEquilibriumError("parameters are not finite")
     if problem.unbalanced(start.f, u) <= tolerance:
@@ -286,12 +276,12 @@ def method_of(method: str | Method) -> Method:
 
 
 def equilibrium_near(
-    ply: Body,
+    ply: Ply,
     conditions: Conditions,
     u: ndarray,
     load_factor: float = 1.0,
     *,
-    parameters: Parameters | None = None,
+    parameters: PlyParameters | None = None,
     method: str | Method = "newton",
     warn_only: Collection[str] = (),
     solver: str = "auto",
@@ -308,7 +298,9 @@ def equilibrium_near(
         The displacement, as `Refinement.carry` makes one.
     load_factor
         Load factor.
-    parameters
+
+    Parameters
+    ----------
         Parameters of the ply's terms to start with, as ``State.parameters``; those at
         rest if not given: away from balance the tensions of stiff fibres are far from
         those at balance.
@@ -329,8 +321,8 @@ def equilibrium_near(
     with np.errstate(all="ignore"):  # what is not finite is caught
         start = problem.start(u, parameters or ply.parameters_at_rest)
     search = EquilibriumSearch(
-        problem, method_of(method), frozenset(warn_only), lambda _: None
+        ply, problem, method_of(method), frozenset(warn_only), lambda _: None
     )
     values = constraints.fixed_values(load_factor)
     found = search(Goal(load_factor, 0.0, values, start, None))
-    return found.trial.state(load_factor, problem.clock.solves)
+    return found.trial.state(problem.clock.solves)

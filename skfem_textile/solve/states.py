@@ -1,7 +1,6 @@
 """Equilibria, states with their figures, and the errors on the way to them."""
 
 import sysconfig
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from traceback import extract_tb
@@ -9,6 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
+
+from ..ply.parameters import PlyParameters
 
 # Folders of code that is not the user's: of this package, and of installed ones.
 _INSTALLED = (
@@ -71,7 +72,7 @@ class Equilibrium(NamedTuple):
 
     u: ndarray
     f: ndarray
-    parameters: Any
+    parameters: PlyParameters
     residuals: tuple[float, ...]
     tolerance: float
     altered: int = 0
@@ -180,7 +181,7 @@ class State:
     verdict: Verdict
     potentials: dict[str, float] = field(default_factory=dict)
     shares: dict[str, dict[str, float]] = field(default_factory=dict)
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: PlyParameters = field(default_factory=dict)
 
     def __repr__(self) -> str:
         stable = "stable" if self.verdict.stable else "not stable"

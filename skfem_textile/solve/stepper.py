@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .body import Body
+from ..ply import Ply
 from .checkpoint import Checkpoint, CheckpointError, Progress, Replay
 from .conditions import Conditions, Constraints
 from .continuation import (
@@ -17,6 +17,7 @@ from .continuation import (
     Continuation,
     balanced_at_rest,
     load_growth,
+    loads_drive,
     moves,
     on_grown_surface,
 )
@@ -109,7 +110,7 @@ class LoadStepper:
 
     def __init__(
         self,
-        ply: Body,
+        ply: Ply,
         conditions: Conditions,
         steps: int = 20,
         *,
@@ -125,11 +126,17 @@ class LoadStepper:
         _check_arguments(ply, steps, max_halvings, warn_only, callbacks)
         check_solver(solver)
         constraints = Constraints(ply.basis, conditions)
+        self.ply = ply
         self.problem = Problem(ply, constraints, partial(ChosenSolver, solver))
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         moved = moves(self.problem, (0.0, *self.load_factors))
         self.search = EquilibriumSearch(
-            self.problem, method_of(method), frozenset(warn_only), self._report, moved
+            ply,
+            self.problem,
+            method_of(method),
+            frozenset(warn_only),
+            self._report,
+            moved,
         )
         self.max_halvings = max_halvings
         self.on_iteration, self.on_step = on_iteration, on_step
@@ -212,7 +219,7 @@ class Run:
 
     def __init__(self, stepper: LoadStepper) -> None:
         self._stepper, self._search = stepper, stepper.search
-        self.problem = stepper.problem
+        self.ply, self.problem = stepper.ply, stepper.problem
         self.problem.clock, self._began = Clock(), perf_counter()
         longest, follows = stepper.load_factors[0], stepper.search.method.follows_path
         halvings = stepper.max_halvings
@@ -224,7 +231,9 @@ class Run:
         """Apply the whole load; see `LoadStepper.run`."""
         checkpoint = self._stepper.checkpoint
         try:
-            self._begin(resume)
+            if not (resume and self._resume()):
+                with np.errstate(all="ignore"):  # what is not finite is caught
+                    self._begin(nothing_to_resume=resume)
             for goal in self._stepper.load_factors:
                 while self.states[-1].load_factor < goal:
                     self._step(goal)
@@ -244,11 +253,6 @@ class Run:
         return self.result
 
     @property
-    def _progress(self) -> Progress:
-        elapsed = perf_counter() - self._began
-        return Progress(self.continuation, self.problem.clock, elapsed)
-
-    @property
     def result(self) -> Result:
         """The result so far.
 
@@ -262,7 +266,7 @@ class Run:
         stepper, clock = self._stepper, self.problem.clock
         chosen: Any = self.problem.system.solver
         return Result(
-            ply=self.problem.ply,
+            ply=self.ply,
             states=list(self.states),
             converged=self.states[-1].load_factor == 1.0,
             linear_solves=clock.solves,
@@ -277,49 +281,42 @@ class Run:
             estimate=partial(stepper.estimate, chosen.choice.name),
         )
 
-    def _begin(self, resume: bool) -> None:
-        """Start from the ply at rest, or from the end of the checkpoint."""
+    def _resume(self) -> bool:
+        """Start from the end of the checkpoint; False where it holds no state."""
         problem, checkpoint = self.problem, self._stepper.checkpoint
-        if checkpoint and resume:
-            replay = Replay(problem)
-            if saved := checkpoint.load(replay):
-                self.states, self.continuation = (
-                    saved.states,
-                    saved.progress.continuation,
-                )
-                end = replay.last.equilibrium
-                tangent = tangent_at(replay.last.problem, end.u, end.parameters)
-                replay.last.equilibrium = end._replace(tangent=tangent)
-                self._start = replay.last.next_start()
-                # It holds the time of that tangent already.
-                problem.clock = replay.last.problem.clock = saved.progress.clock
-                self._began -= saved.progress.elapsed
-                log.info("resumed at load factor %g", self.states[-1].load_factor)
-                return
-        u, p = problem.ply.basis.zeros(), problem.ply.parameters_at_rest
-        with np.errstate(all="ignore"):  # what is not finite is caught
-            f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
-            if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
-                raise ValueError("a law has no finite energy or force at rest: mend it")
-            if checkpoint:
-                checkpoint.begin()
-            if resume:
-                log.warning("nothing to resume: the run starts from the undeformed ply")
-            tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
-            tolerance = tangent.tolerance(u, f) if tangent else 0.0
-            undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
-            self._rest(Trial(problem, undeformed, None, energies, potentials))
+        replay = Replay(self.ply, problem)
+        if checkpoint is None or not (saved := checkpoint.load(replay)):
+            return False
+        self.states, self.continuation = saved.states, saved.progress.continuation
+        end = replay.last.equilibrium
+        tangent = tangent_at(replay.last.problem, end.u, end.parameters)
+        replay.last.equilibrium = end._replace(tangent=tangent)
+        self._start = replay.last.next_start()
+        # It holds the time of that tangent already.
+        problem.clock = replay.last.problem.clock = saved.progress.clock
+        self._began -= saved.progress.elapsed
+        log.info("resumed at load factor %g", self.states[-1].load_factor)
+        return True
 
-    def _rest(self, trial: Trial) -> None:
-        """Keep the state at the load factor 0: balanced, and held by the conditions.
+    def _begin(self, nothing_to_resume: bool) -> None:
+        """Start from the ply at rest, balanced and held by the conditions.
 
         A ply at rest may have motions without stiffness, but none that gains energy.
         """
-        problem, (u, _, p, (unbalanced,), tolerance, _, tangent) = (
-            self.problem,
-            trial.equilibrium,
-        )
-        state, values = self._state(0.0, trial), problem.constraints.fixed_values(0.0)
+        problem, checkpoint = self.problem, self._stepper.checkpoint
+        u, p = self.ply.basis.zeros(), self.ply.parameters_at_rest
+        f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
+        if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
+            raise ValueError("a law has no finite energy or force at rest: mend it")
+        if checkpoint:
+            checkpoint.begin()
+        if nothing_to_resume:
+            log.warning("nothing to resume: the run starts from the undeformed ply")
+        tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
+        tolerance = tangent.tolerance(u, f) if tangent else 0.0
+        undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
+        trial = Trial(self.ply, problem, undeformed, None, energies, potentials)
+        state, values = trial.state(0), problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
             self._keep(state, trial)
@@ -329,7 +326,7 @@ class Run:
             return
         self.states = [state]  # until the ply is in balance
         found = self._search.at_rest(problem.start(u, p, tangent), values)
-        state = self._state(0.0, found.trial)
+        state = found.trial.state(problem.clock.solves)
         easy = found.altered <= MOST_ALTERED and self._search.method.follows_path
         if not easy or not found.settled or self._depends_on_steps(state):
             self.continuation.mark(0.0)
@@ -340,7 +337,12 @@ class Run:
         """Take a step towards a requested load factor, or prepare a shorter one."""
         last, start, problem = self.states[-1], self._start, self.problem
         t = self.continuation.end(last.load_factor, goal)
-        step, driven = t - last.load_factor, self._search.loads_drive(start)
+        step = t - last.load_factor
+        driven = self._search.method.follows_path and loads_drive(
+            problem.at(start.load_factor),
+            *(start.u, start.parameters, start.energies),
+            self._search.moved,
+        )
         try:
             values = problem.constraints.fixed_values(t)
             # The factors of loads are functions of the user.
@@ -348,14 +350,15 @@ class Run:
         except ValueError as error:
             raise StepError.after(error, self.result) from None
         most_altered = self.continuation.most_altered(step, t, driven)
-        guess = on_grown_surface(problem.at(t), start)
+        guess = on_grown_surface(self.ply, problem.at(t), start)
         try:
             found = self._search(Goal(t, step, values, guess, start, most_altered))
         except NoEquilibriumError as failure:
             growth = load_growth(problem, last, t) if driven else 0.0
             self.continuation.failed(failure, last.load_factor, t, goal, growth)
             return
-        state = self._state(t, found.trial)
+        before = sum(state.linear_solves for state in self.states)
+        state = found.trial.state(problem.clock.solves - before)
         settled = found.settled and not self._depends_on_steps(state)
         if self.continuation.keeps(step, state, found.altered, settled):
             self._keep(state, found.trial)
@@ -369,12 +372,8 @@ class Run:
             term.parameters is not None
             and term.parameters.depends_on_steps
             and now[term.name] != before[term.name]
-            for term in self.problem.ply.terms
+            for term in self.ply.terms
         )
-
-    def _state(self, t: float, trial: Trial) -> State:
-        before = sum(state.linear_solves for state in self.states)
-        return trial.state(t, self.problem.clock.solves - before)
 
     def _keep(self, state: State, trial: Trial) -> None:
         """Add a state, and make it the start of the next step.
@@ -391,7 +390,9 @@ class Run:
             self._warned.add(check)
         if stepper.checkpoint:
             try:
-                stepper.checkpoint.save(len(self.states), state, self._progress)
+                elapsed = perf_counter() - self._began
+                progress = Progress(self.continuation, self.problem.clock, elapsed)
+                stepper.checkpoint.save(len(self.states), state, progress)
             except CheckpointError as error:
                 if not self.states:
                     raise

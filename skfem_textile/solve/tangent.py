@@ -3,15 +3,14 @@
 On a surface φ = 0 a tangent is that of the energy less λ∇²φ, see `SurfaceNodes`.
 """
 
-from collections.abc import Callable
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
-from .body import Parameters
+from ..ply.parameters import PlyParameters
 from .conditions import plain, turned
 from .linear.solver import SingularMatrixError
 from .linear.system import System
@@ -45,7 +44,8 @@ class Tangent:
         Whether the matrices of the elements are projected onto positive semi-definite
         ones.
     contact
-        Multipliers λ of nodes on surfaces in place of those of ``u``.
+        Multipliers λ of nodes on surfaces in place of those of ``u``, 0 for a tangent
+        without contact forces.
 
     Raises
     ------
@@ -57,10 +57,10 @@ class Tangent:
         self,
         problem: Problem,
         u: ndarray,
-        parameters: Parameters,
+        parameters: PlyParameters,
         tension: ndarray | None = None,
         positive: bool = False,
-        contact: ndarray | None = None,
+        contact: ndarray | float | None = None,
     ) -> None:
         self._problem, clock, system = problem, problem.clock, problem.system
         self._u = u
@@ -88,30 +88,25 @@ class Tangent:
     @cached_property
     def negative_pivots(self) -> int | None:
         """Number of negative eigenvalues; None where the factors do not tell."""
+        clock, factors = self._problem.clock, self._factors
+        before = factors.factorisations
         try:
-            return self._counted(lambda: self._factors.negative_pivots)
+            return clock.time("solve", getattr, factors, "negative_pivots")
         except SingularMatrixError:
             return None
-
-    @cached_property
-    def stiffness(self) -> float:
-        """Largest sum of magnitudes in a row."""
-        return self._matrix.stiffness()
+        finally:
+            clock.factorisations += factors.factorisations - before
 
     def increment(self, f: ndarray, u: ndarray, fixed_values: ndarray) -> ndarray:
         """Solve K·du = −f, with the fixed unknowns brought to their values."""
-        problem, turn, constraints = (
-            self._problem,
-            self._turn,
-            self._problem.constraints,
-        )
-        fixed, free = constraints.fixed, problem.system.free
-        prescribed, dq = constraints.prescribed, np.zeros_like(u)
+        problem, turn, dq = self._problem, self._turn, np.zeros_like(u)
+        constraints, free = problem.constraints, problem.system.free
+        prescribed = constraints.prescribed
         dq[prescribed] = fixed_values - turned(u, constraints.turn)[prescribed]
         if problem.surfaces:
             held = plain(dq, constraints.turn)
             dq = turned(problem.surfaces.motion(u, problem.load_factor, held), turn)
-        b = -(turned(f, turn)[free] + self._matrix.coupling @ dq[fixed])
+        b = -(turned(f, turn)[free] + self._matrix.coupling @ dq[constraints.fixed])
         dq[free] = self._solve(b)
         return plain(dq, turn)
 
@@ -150,18 +145,13 @@ class Tangent:
         return plain(q, self._turn)
 
     def _solve(self, b: ndarray) -> ndarray:
-        self._problem.clock.solves += 1
-        try:
-            return self._counted(self._factors.solve, b)
-        except SingularMatrixError as error:
-            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
-
-    def _counted(self, function: Callable, *args: Any) -> Any:
-        """Call on the clock what may have to factorise again."""
         clock, factors = self._problem.clock, self._factors
+        clock.solves += 1
         before = factors.factorisations
         try:
-            return clock.time("solve", function, *args)
+            return clock.time("solve", factors.solve, b)
+        except SingularMatrixError as error:
+            raise NoEquilibriumError(str(error), advice=_MORE_STIFFNESS) from None
         finally:
             clock.factorisations += factors.factorisations - before
 
@@ -169,32 +159,35 @@ class Tangent:
         """A share of the largest force, and what round-off leaves in any case.
 
         Rounding moves nodes by 2⁻⁵³ of their displacement and changes gradients by
-        2⁻⁵³, a few times on the way to a stretch; the stiffness turns both into forces.
-        Nodes on surfaces are brought to positions, which are rounded as a whole.
+        2⁻⁵³, a few times on the way to a stretch; the stiffness, the largest sum of
+        magnitudes in a row, turns both into forces.  Nodes on surfaces are brought to
+        positions, which are rounded as a whole.
         """
         problem = self._problem
         size = np.abs(u).max() + problem.element_size
         if problem.surfaces:
-            size += np.abs(problem.ply.nodes).max()
+            size += np.abs(problem.nodes).max()
         rounding = _ROUNDINGS * EPSILON * size
-        largest = np.abs(f).max()
-        return float(problem.converged * largest + rounding * self.stiffness)
+        upper, coupling = abs(self._matrix.upper), abs(self._matrix.coupling)
+        rows = upper.sum(axis=1).A1 + upper.sum(axis=0).A1 - upper.diagonal()
+        stiffness = float((rows + coupling.sum(axis=1).A1).max(initial=0.0))
+        return float(problem.converged * np.abs(f).max() + rounding * stiffness)
 
 
 def _multipliers(problem: Problem, u: ndarray, f: ndarray) -> ndarray:
     """λ of nodes on surfaces, shape (n,): forces f across them over the slope of φ."""
     assert problem.surfaces
     contact = problem.surfaces.contact(u, problem.load_factor)
-    across = (problem.ply.nodal(f)[:, contact.nodes] * contact.across).sum(axis=0)
+    across = (problem.nodal(f)[:, contact.nodes] * contact.across).sum(axis=0)
     return across / contact.slope
 
 
 def _curved(
     problem: Problem,
     u: ndarray,
-    parameters: Parameters,
+    parameters: PlyParameters,
     blocks: ndarray,
-    contact: ndarray | None,
+    contact: ndarray | float | None,
 ) -> ndarray:
     """The blocks of a tangent less λ∇²φ of nodes on surfaces."""
     surfaces, pattern = problem.surfaces, problem.ply.pattern
@@ -204,11 +197,13 @@ def _curved(
     own = np.flatnonzero(pattern.rows == pattern.cols)[surfaces.nodes]
     blocks = blocks.copy()
     hessian = surfaces.hessian(u, problem.load_factor)
-    blocks[own] -= contact[:, None, None] * hessian
+    blocks[own] -= np.reshape(contact, (-1, 1, 1)) * hessian
     return blocks
 
 
-def tangent_at(problem: Problem, u: ndarray, parameters: Parameters) -> Tangent | None:
+def tangent_at(
+    problem: Problem, u: ndarray, parameters: PlyParameters
+) -> Tangent | None:
     """The consistent tangent; None where it is singular."""
     try:
         return Tangent(problem, u, parameters)
@@ -230,12 +225,6 @@ class Reduced(NamedTuple):
     upper: csr_matrix
     coupling: csr_matrix
 
-    def stiffness(self) -> float:
-        """Largest sum of magnitudes in a row, coupling and all."""
-        upper, coupling = abs(self.upper), abs(self.coupling)
-        rows = upper.sum(axis=1).A1 + upper.sum(axis=0).A1 - upper.diagonal()
-        return float((rows + coupling.sum(axis=1).A1).max(initial=0.0))
-
 
 def reduced(system: System, blocks: ndarray, turn: csr_matrix | None = None) -> Reduced:
     """The blocks of a tangent as the free unknowns see it.
@@ -251,9 +240,9 @@ def reduced(system: System, blocks: ndarray, turn: csr_matrix | None = None) -> 
     """
     if turn is not None:
         blocks = system.turned(blocks, turn)
-    return Reduced(*(_at(blocks, slots) for slots in (system.upper, system.coupling)))
-
-
-def _at(blocks: ndarray, slots: csr_matrix) -> csr_matrix:
-    data = blocks.ravel()[slots.data]
-    return csr_matrix((data, slots.indices, slots.indptr), slots.shape)
+    entries = blocks.ravel()
+    upper, coupling = (
+        csr_matrix((entries[slots.data], slots.indices, slots.indptr), slots.shape)
+        for slots in (system.upper, system.coupling)
+    )
+    return Reduced(upper, coupling)

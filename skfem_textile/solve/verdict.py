@@ -21,10 +21,10 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import printable
+from ..ply import Ply
 from .conditions import turned
 from .problem import Problem, Start
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
-from .tangent import Tangent
 
 #: Names of the checks, the cheap ones first.
 CHECKS = (
@@ -41,7 +41,7 @@ _MISSED_WORK = 0.01
 # Of the energies of two states, what round-off leaves of their difference.
 _ROUND_OFF = 64 * 2.0**-53
 
-# Roles of `Body.parts` that are of the discretisation, and how a warning begins.
+# Roles of `Ply.parts` that are of the discretisation, and how a warning begins.
 _ROLES = {
     "stabilisation": "the stabilisation carries",
     "deviation": "deviations from the mean stretch carry",
@@ -73,8 +73,8 @@ class Trial:
 
     Attributes
     ----------
-    problem, equilibrium
-        The problem, and the equilibrium.
+    ply, problem, equilibrium
+        The ply, the problem, and the equilibrium.
     start
         The last good state; None for a state before the load.
     energies, potentials
@@ -83,12 +83,24 @@ class Trial:
         Messages of the checks that failed and only warn, by their names.
     """
 
+    ply: Ply
     problem: Problem
     equilibrium: Equilibrium
     start: Start | None
-    energies: Mapping[str, float]
-    potentials: Mapping[str, float]
+    energies: dict[str, float]
+    potentials: dict[str, float]
     warnings: dict[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, ply: Ply, problem: Problem, equilibrium: Equilibrium, start: Start | None
+    ) -> "Trial":
+        """The trial of an equilibrium, whose parameters the last good state takes."""
+        u, p = equilibrium.u, equilibrium.parameters
+        energies, potentials = problem.energies(u, p)
+        if start and not all(p[k].same_as(own) for k, own in start.parameters.items()):
+            start = problem.at(start.load_factor).start(start.u, p)
+        return cls(ply, problem, equilibrium, start, energies, potentials)
 
     @cached_property
     def move(self) -> ndarray:
@@ -96,15 +108,10 @@ class Trial:
         u = self.equilibrium.u
         return u - self.start.u if self.start else np.zeros_like(u)
 
-    @property
-    def tangent(self) -> Tangent | None:
-        """The consistent tangent; None where it is singular."""
-        return self.equilibrium.tangent
-
     @cached_property
     def area_ratio(self) -> ndarray:
         """Smallest area ratio of each element at its nodes and the fine points."""
-        return self.problem.least_area_ratio(self.equilibrium.u)
+        return area_ratio(self.ply, self.problem, self.equilibrium.u)
 
     @cached_property
     def works(self) -> tuple[float, float]:
@@ -128,7 +135,7 @@ class Trial:
         """
         problem, (u, _, parameters, *_) = self.problem, self.equilibrium
         place = u, problem.load_factor, parameters
-        parts = problem.clock.time("assembly", problem.ply.parts, *place)
+        parts = problem.clock.time("assembly", self.ply.parts, *place)
         roles, *columns = zip(*parts, strict=True)
         energies, forces = map(np.array, columns)
         work = (forces * self.move).sum(axis=1)
@@ -138,10 +145,10 @@ class Trial:
             "energy": (energies[:, None, None], force * np.abs(u).sum()),
             "work": (work[:, None, None], force * np.abs(self.move).sum()),
         }
-        held = [problem.held_forces(u, f) for f in forces]
-        for name, first in held[0].items():
-            at_nodes = np.array([of_part[name] for of_part in held])
-            wholes[f"{name}_reaction"] = at_nodes, force * first.shape[1]
+        held = [problem.nodal(f - problem.unfixed(f, u)) for f in forces]
+        for name, nodes in problem.constraints.nodes.items():
+            at_nodes = np.array([of_part[:, nodes] for of_part in held])
+            wholes[f"{name}_reaction"] = at_nodes, force * len(nodes)
         shares: dict[str, dict[str, float]] = {}
         for name, (x, least) in wholes.items():
             whole = max(float(np.linalg.norm(x, axis=1).sum()), least, _TINY)
@@ -166,7 +173,7 @@ class Trial:
                     advice="a smaller load, or a law that is finite there",
                 )
         if not self.problem.in_domain(self.equilibrium.u, self.equilibrium.parameters):
-            end = self.problem.ply.closest_end(self.equilibrium.u)
+            end = self.ply.closest_end(self.equilibrium.u)
             raise NoEquilibriumError(
                 "a law is asked beyond its domain" + (f": {end}" if end else ""),
                 end.elements if end else (),
@@ -183,22 +190,23 @@ class Trial:
         """The equilibrium as the start of a step, its parameters advanced."""
         problem, (u, f, parameters, *_) = self.problem, self.equilibrium
         t = problem.load_factor
-        advanced = problem.ply.advanced(parameters, u, t)
+        advanced = self.ply.advanced(parameters, u, t)
         if advanced is not parameters:
-            return problem.start(u, advanced, self.tangent)
-        load = problem.load(u, parameters)
-        return Start(t, u, f, load, self.energies, parameters, self.tangent)
+            return problem.start(u, advanced, self.equilibrium.tangent)
+        load, tangent = problem.load(u, parameters), self.equilibrium.tangent
+        return Start(t, u, f, load, self.energies, parameters, tangent)
 
-    def state(self, load_factor: float, linear_solves: int) -> State:
+    def state(self, linear_solves: int) -> State:
         """The state, after a number of linear solves since the state before."""
-        problem, ply, equilibrium = self.problem, self.problem.ply, self.equilibrium
+        ply, problem, equilibrium = self.ply, self.problem, self.equilibrium
         u, tangent = equilibrium.u, equilibrium.tangent
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
+        moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
         return State(
-            load_factor=load_factor,
+            load_factor=problem.load_factor,
             u=u,
             reactions=problem.reactions(equilibrium.f),
-            displacements=problem.displacements(u),
+            displacements={name: moved[:, n].mean(axis=1) for name, n in nodes},
             energies=dict(self.energies),
             potentials=dict(self.potentials),
             shares=self.shares,
@@ -216,13 +224,27 @@ class Trial:
         )
 
 
+def area_ratio(ply: Ply, problem: Problem, u: ndarray) -> ndarray:
+    """Smallest det F of each element; negative where it faces its surface wrongly.
+
+    Elements on a surface are to face it as most of them do.
+    """
+    ratio = ply.least_area_ratio(u)
+    if problem.surfaces is None:
+        return ratio
+    d = len(problem.nodal(u))
+    elements = ply.basis.element_dofs[::d] // d
+    place = u, problem.load_factor, elements, ply.normals(u)
+    return ratio * problem.surfaces.facing(*place)
+
+
 #: Name and error of each check that fails.
 _Failures: TypeAlias = Iterator[tuple[str, NoEquilibriumError]]
 
 
 def _element_checks(trial: Trial) -> _Failures:
     """Elements that are folded, creased against a neighbour, or torn."""
-    ply, u, ratio = trial.problem.ply, trial.equilibrium.u, trial.area_ratio
+    ply, u, ratio = trial.ply, trial.equilibrium.u, trial.area_ratio
     folded = np.flatnonzero(~(ratio > 0))
     if folded.size:
         error = NoEquilibriumError(
@@ -260,7 +282,7 @@ def _energy_checks(trial: Trial) -> _Failures:
     The work is of the motion alone, the load factor held: the energy may change with
     the load factor too.
     """
-    problem, tangent, start = trial.problem, trial.tangent, trial.start
+    problem, tangent, start = trial.problem, trial.equilibrium.tangent, trial.start
     if tangent is None or tangent.negative_pivots is None:
         error = NoEquilibriumError(
             "an equilibrium, but some motion meets no stiffness", advice=_STIFFER
@@ -277,7 +299,7 @@ def _energy_checks(trial: Trial) -> _Failures:
     if start is None:
         return
     before, works = start.energies, trial.works
-    if problem.ply.follows_load_factor:
+    if trial.ply.follows_load_factor:
         place = start.u, start.parameters
         before, _ = problem.energies(*place)
         f = problem.residual(*place) + problem.load(*place)
@@ -321,7 +343,7 @@ def _discretisation_checks(trial: Trial) -> _Failures:
 
 def _surface_check(trial: Trial) -> _Failures:
     """Elements that leave their surface between nodes."""
-    problem, basis = trial.problem, trial.problem.ply.basis
+    problem, basis = trial.problem, trial.ply.basis
     if problem.surfaces is None:
         return
     try:
@@ -353,7 +375,7 @@ def _point_supports(problem: Problem, u: ndarray) -> list[str]:
     constraints = problem.constraints
     held = np.abs(turned(u, constraints.turn)[constraints.prescribed])
     moved = constraints.prescribed[held > _ROUND_OFF * np.abs(u).max(initial=0.0)]
-    moved_nodes = moved // len(problem.ply.nodal(u))
+    moved_nodes = moved // len(problem.nodal(u))
     if problem.surfaces:
         moved_nodes = np.setdiff1d(moved_nodes, problem.surfaces.nodes)
     return [

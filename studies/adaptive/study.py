@@ -18,7 +18,6 @@ from skfem_textile import (
     refine,
 )
 from skfem_textile.scenes import Scene
-from skfem_textile.solve.body import Body
 
 from ..common.tables import csv_table
 from ..study import Row, Study
@@ -163,7 +162,7 @@ def _best(stepper: AdaptiveStepper) -> Result:
         return error.result
 
 
-def _position(scene: Scene, ply: Body, u: ndarray) -> Row:
+def _position(scene: Scene, ply: Ply, u: ndarray) -> Row:
     """Position errors in mm, over nodes and over the area."""
     off = ply.nodal(u) - scene.displacement(ply.nodes, 1.0)
     square = (off**2).sum(axis=0)

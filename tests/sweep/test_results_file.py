@@ -183,7 +183,7 @@ def test_a_full_disk_is_told_and_the_next_sweep_goes_on(out, thread, monkeypatch
     results = sweep(square, range(3), thread, out=out)
     next(results)
     with monkeypatch.context() as patch:
-        patch.setattr("skfem_textile.solve.sweep_file.open", full_disk, raising=False)
+        patch.setattr("skfem_textile.solve.sweep.open", full_disk, raising=False)
         with pytest.raises(OSError, match=told):
             next(results)
     assert len(lines(out)) == 1

@@ -15,7 +15,7 @@ from ...drape import (
     turn_of_normal,
     wrinkle_risk,
 )
-from ...solve.body import Body
+from ...ply import Ply
 from ...solve.result import Result
 from ...solve.surface import Surface
 
@@ -134,7 +134,7 @@ def _advice(result: Result, surface: Surface, found: _Found) -> dict[str, str]:
             "the tool would have to pull everywhere: turn its triangles round if the "
             "ply lies on its other side"
         )
-    if not (np.any(ply.fabric.bending) or _load(result).any()):
+    if not (any(map(np.any, ply.fabric.bending)) or _load(result).any()):
         advice["not_the_net"] = _NO_NET
     return advice
 
@@ -161,7 +161,7 @@ def _load(result: Result) -> ndarray:
     return result.ply.load(state.u, state.load_factor, state.parameters)
 
 
-def _share(ply: Body, elements: ndarray) -> float:
+def _share(ply: Ply, elements: ndarray) -> float:
     """Share of the area of a ply that some of its elements have."""
     area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
     return float(area[elements].sum() / area.sum())

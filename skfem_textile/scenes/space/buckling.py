@@ -90,9 +90,10 @@ def figures(
         As of `buckling`.
     """
     ply, state = result.ply, result.states[-1]
-    D, t = ply.fabric.bending[0], state.load_factor
-    if np.size(D) > 1 or t == 0:
+    bending, t = ply.fabric.bending[0], state.load_factor
+    if np.size(bending) > 1 or t == 0:
         return {}
+    D = np.asarray(bending).item()
     force = -float(state.reactions["right"][0]) / width
     height = float(np.abs(ply.nodal(result.u)[2]).max())
     found = {"force_N_per_mm": force, "height_mm": height}

@@ -88,9 +88,10 @@ def figures(result: Result, length: float, weight: float) -> dict[str, float]:
     weight
         Weight per area in N/mm².
     """
-    D, t = result.ply.fabric.bending[0], result.states[-1].load_factor
-    if np.size(D) > 1 or t == 0:
+    bending, t = result.ply.fabric.bending[0], result.states[-1].load_factor
+    if np.size(bending) > 1 or t == 0:
         return {}
+    D = np.asarray(bending).item()
     ply = result.ply
     (x, _, z), right = ply.nodal(result.u), ply.nodes[0] > ply.nodes[0].max() - 1e-9
     tip_x, tip_z = length + float(x[right].mean()), float(z[right].mean())
