@@ -84,7 +84,7 @@ class Round:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class AdaptiveResult(Result):
     """The result on the last mesh, and the rounds that led to it.
 

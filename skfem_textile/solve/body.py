@@ -20,6 +20,7 @@ class Body(Protocol):
 
     basis: CellBasis
     fabric: Fabric
+    follows_load_factor: bool
 
     @property
     def terms(self) -> tuple[Term, ...]:

@@ -153,7 +153,8 @@ class Newton:
     ) -> Equilibrium:
         """See `Method`."""
         tangent, p = _first_tangent(problem, start)
-        f = problem.residual(start.u, p)
+        changed = problem.surfaces or problem.ply.follows_load_factor
+        f = problem.residual(start.u, p) if changed else start.f
         progress = _Progress(problem, fixed_values, most_altered, report)
         end = self._iterate(progress, _Iterate(start.u, f, p, tangent), self.most)
         if not np.isfinite(most_altered) and end.unstable:

@@ -239,6 +239,7 @@ def test_without_an_estimate_the_tolerance_is_never_met(ever, monkeypatch):
     assert result.summary()["error_estimate"] == "none: not known"
     assert result.summary()["rounds"][-1]["error"] is None
     assert "counted" not in str(result.rounds[-1])
+    assert "converged at load factor" in str(result)
 
 
 def test_a_ply_whose_error_cannot_be_estimated_is_refused_before_any_work():
