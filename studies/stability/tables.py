@@ -68,12 +68,14 @@ def in_words(rows: list[Row]) -> dict[str, str]:
 
 
 def _off(row: Row) -> float:
-    return float(max(row["energy_off"], row["reactions_off"]))
+    found = row["energy_off"], row["reactions_off"]
+    return float(max((x for x in found if x is not None), default=0.0))
 
 
 def _per_cent(shares: Iterable[float]) -> str:
     """The largest share, in per cent with two digits."""
-    return f"{100 * max(shares, default=0.0):.2g} %"
+    largest = float(f"{100 * max(shares, default=0.0):.2g}")
+    return f"{largest:g} %"
 
 
 def _counts(rows: list[Row]) -> str:
