@@ -168,10 +168,17 @@ class Tangent:
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
         rounding = _ROUNDINGS * EPSILON * size
-        upper, coupling = abs(self._matrix.upper), abs(self._matrix.coupling)
-        rows = upper.sum(axis=1).A1 + upper.sum(axis=0).A1 - upper.diagonal()
-        stiffness = float((rows + coupling.sum(axis=1).A1).max(initial=0.0))
+        upper, coupling = map(_magnitudes, self._matrix)
+        free, fixed = (np.ones(n) for n in coupling.shape)
+        rows = upper @ free + free @ upper - upper.diagonal() + coupling @ fixed
+        stiffness = float(rows.max(initial=0.0))
         return float(problem.converged * np.abs(f).max() + rounding * stiffness)
+
+
+def _magnitudes(matrix: csr_matrix) -> csr_matrix:
+    """The magnitudes of the entries."""
+    data = np.abs(matrix.data), matrix.indices, matrix.indptr
+    return csr_matrix(data, matrix.shape)
 
 
 def _multipliers(problem: Problem, u: ndarray, f: ndarray) -> ndarray:
