@@ -1,1 +1,1 @@
-"""Equilibria under a growing load: conditions, steps, and what is asked of a state."""
+"""Equilibria under a growing load: conditions, steps, and checks of states."""

@@ -27,7 +27,7 @@ from .stepper import DEFAULT_WARN_ONLY, LoadStepper
 
 log = logging.getLogger(__name__)
 
-#: Unknowns at most, unless told otherwise: a run that reaches them takes about 80 s on
+#: Unknowns at most by default: a run that reaches them takes about 80 s on
 #: one core, with all of its meshes (`skfem-textile run bias_extension --mesh delaunay
 #: --size 10x20 --tolerance 1e-6 --no-render --out DIR`).
 MOST_UNKNOWNS = 50_000
@@ -91,9 +91,9 @@ class AdaptiveResult(Result):
     Attributes
     ----------
     tolerance
-        Error of the load that was asked for, as a share of it.
+        Largest error of the load that is accepted, as a share of it.
     rounds
-        All rounds, that of the last mesh included.
+        All rounds, the one on the last mesh included.
     """
 
     tolerance: float

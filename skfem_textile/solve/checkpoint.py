@@ -237,7 +237,7 @@ class Checkpoint:
         raise CheckpointError(f"checkpoint file {path} {why}")
 
     def _check_identity(self, run: sealed.Content) -> None:
-        """Refuse a run whose settings or fingerprint are not as those of this one."""
+        """Refuse a run with other settings or another fingerprint than this one."""
         another = f"checkpoint {self.folder} is of another run: "
         for name, value in self._settings.items():
             if (was := run.text.get(name)) != value:

@@ -265,7 +265,7 @@ class Constraints:
         Raises
         ------
         ValueError
-            If two conditions ask a node for different displacements, or a surface
+            If two conditions prescribe different displacements of a node, or a surface
             cannot grow.
         """
         if self.surfaces:

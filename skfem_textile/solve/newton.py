@@ -17,15 +17,15 @@ from .tangent import Tangent, tangent_at
 # the fibres it must not outweigh the stiffness of a crimped fabric at rest.
 _FIRST_TENSION = 0.1
 
-# The same where nodes are on surfaces over the shear stiffness, at least: an initial
-# guess there is far from inextensible.
+# Where nodes are on surfaces, the least fibre tension in that stiffness over the shear
+# stiffness: an initial guess there is far from inextensible.
 _OVER_SHEAR_STIFFNESS = 10.0
 
 # Share of the largest force that is unbalanced near an equilibrium.  From there on mean
 # stretches are known well enough for a stiffness.
 _NEAR = 0.1
 
-#: Updates of the parameters at most on the way to a state.
+#: How often forces are balanced anew at most, with parameters updated at a state.
 MOST_UPDATES = 8
 
 #: Share of the energy and of the largest reaction by which an update of the parameters
@@ -118,7 +118,8 @@ class Newton:
     projected, so that increments do not lead to saddle points (`definite`).  No
     increment changes the displacement gradient by more than ``longest``, except for the
     first of a ply in its plane, which brings the fixed unknowns to their values.  Where
-    a term asks for a line search, the energy falls in each increment but the first.
+    a term has a ``line_search``, increments after the first are halved until the energy
+    falls.
 
     Near the equilibrium the parameters of the terms are updated with the predicted
     tensions, until an update changes the energy by less than `SETTLED`.
@@ -328,8 +329,8 @@ def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParamete
     """The first tangent and parameters.
 
     Where the tangent at the start is singular, fibres have a tension in it.  On
-    surfaces the parameters then are those at the tension that loads cause: those at
-    rest are too small where it is large.
+    surfaces the parameters are then updated with the tension that loads cause: the ones
+    at rest are too small where it is large.
 
     Raises
     ------

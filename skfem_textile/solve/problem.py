@@ -37,9 +37,9 @@ class Start:
     load_factor
         Load factor.
     u, f, load
-        Displacement, nodal forces and those of the loads.
+        Displacement, nodal forces, and nodal forces of the loads.
     energies
-        Energy of each term in N·mm, those of loads aside.
+        Energy of each term in N·mm, without loads.
     parameters
         Parameters of the ply's terms.
     tangent
@@ -83,7 +83,7 @@ class Problem:
     surfaces
         The nodes on surfaces; None where there are none.
     loaded, line_search
-        Whether there are loads, and whether a term asks for a line search.
+        Whether there are loads, and whether a term has a ``line_search``.
 
     Raises
     ------

@@ -36,7 +36,7 @@ class Result:
     converged
         Whether the whole load was applied.
     linear_solves, factorisations
-        Linear solves and factorisations in all, those of abandoned steps included.
+        Linear solves and factorisations in all, abandoned steps included.
     steps_cut
         How often a step failed or was hard, and was halved.
     unresolved
@@ -115,7 +115,7 @@ class Result:
 
     @cached_property
     def estimated_error(self) -> ErrorEstimate:
-        """The estimated error of the last state, found when it is asked for first."""
+        """The estimated error of the last state, computed at first use."""
         return self.estimate(self.states[-1])
 
     def history(self) -> list[dict[str, float | None]]:

@@ -45,7 +45,7 @@ def write(
 ) -> str:
     """Write a file, which is on the disk when the function returns; its digest.
 
-    ``run`` has 32 hexadecimal digits, ``name`` is that of the file in the run, and
+    ``run`` has 32 hexadecimal digits, ``name`` is the file's name in the run, and
     ``before`` the digest of the file before it, empty for the first.  ``text`` is what
     JSON can hold.
 

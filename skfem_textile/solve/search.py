@@ -298,12 +298,10 @@ def equilibrium_near(
         The displacement, as `Refinement.carry` makes one.
     load_factor
         Load factor.
-
-    Parameters
-    ----------
-        Parameters of the ply's terms to start with, as ``State.parameters``; those at
-        rest if not given: away from balance the tensions of stiff fibres are far from
-        those at balance.
+    parameters
+        Parameters of the ply's terms to start with, as ``State.parameters``; the ones
+        at rest if not given: away from balance the tensions of stiff fibres are far
+        from the tensions at balance.
     method, warn_only, solver
         As for `LoadStepper`.
 

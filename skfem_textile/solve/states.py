@@ -150,9 +150,9 @@ class State:
     displacements
         Mean displacement of the nodes of the condition in mm, shape (d,), by condition.
     energies
-        Energy in N·mm by term, those of loads aside.
+        Energy in N·mm by term, without loads.
     linear_solves
-        Linear solves since the state before, those of abandoned attempts included.
+        Linear solves since the state before, abandoned attempts included.
     residuals
         Largest free nodal force in N after each iteration of the last attempt.
     tolerance

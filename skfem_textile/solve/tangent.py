@@ -1,6 +1,7 @@
 """Tangents: assembled, reduced to the free unknowns, factorised, and solved with.
 
-On a surface φ = 0 a tangent is that of the energy less λ∇²φ, see `SurfaceNodes`.
+On a surface φ = 0 a tangent is the second derivative of the energy less λ∇²φ, see
+`SurfaceNodes`.
 """
 
 from functools import cached_property
@@ -30,7 +31,7 @@ _MORE_STIFFNESS = (
 class Tangent:
     """Tangent of a problem, factorised on the free unknowns.
 
-    ``projected`` is True where an indefinite tangent was projected.
+    ``altered`` is True where an indefinite tangent was projected.
 
     Parameters
     ----------
@@ -39,13 +40,13 @@ class Tangent:
     u, parameters
         Displacement, and parameters of the ply's terms.
     tension
-        Fibre tensions for the geometric stiffness in place of those of ``u``.
+        Fibre tensions for the geometric stiffness in place of the tensions at ``u``.
     positive
         Whether the matrices of the elements are projected onto positive semi-definite
         ones.
     contact
-        Multipliers λ of nodes on surfaces in place of those of ``u``, 0 for a tangent
-        without contact forces.
+        Multipliers λ of nodes on surfaces in place of the multipliers at ``u``, 0 for a
+        tangent without contact forces.
 
     Raises
     ------
@@ -82,7 +83,7 @@ class Tangent:
 
     @property
     def definite(self) -> bool:
-        """Whether every small motion costs energy, but for those of fixed unknowns."""
+        """Whether every small motion of the free unknowns costs energy."""
         return self._factors.definite
 
     @cached_property

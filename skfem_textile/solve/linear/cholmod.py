@@ -24,7 +24,7 @@ _DIAGONAL, _PERMUTED = 6, 7
 # Unknowns from which the time to import it is repaid, see ``docs/speed.md``.
 _REPAID_FROM = 500
 
-# The options of cvxopt are those of the whole process.
+# The options of cvxopt hold for the whole process.
 _LOCK = Lock()
 
 

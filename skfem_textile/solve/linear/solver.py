@@ -211,7 +211,7 @@ class ChosenSolver:
 
 
 def solver_named(name: str) -> type[Solver]:
-    """The solver of a name of `SOLVERS`; errors are those of `check_solver`."""
+    """The solver of a name of `SOLVERS`; it raises the errors of `check_solver`."""
     check_solver(name)
     return SOLVERS[name].build
 

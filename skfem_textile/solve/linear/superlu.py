@@ -96,7 +96,7 @@ class SuperLUFactors:
 
 
 class OneAtATime:
-    """Base of solvers that keep the factors of one matrix, the last that was asked for.
+    """Base of solvers that keep the factors of one matrix, the last that was used.
 
     Factors of large matrices are most of the memory of a run.  Those of another matrix
     are computed again.
@@ -121,7 +121,7 @@ class OneAtATime:
 
 
 def _decomposed(A: csc_matrix, pivoting: float) -> Decomposition:
-    """Factors in the order of the matrix, but for what pivoting asks."""
+    """Factors in the order of the matrix, apart from rows that pivoting exchanges."""
     try:
         return splu(
             A,

@@ -12,8 +12,8 @@ from .surface import OffSurfaceError, Surface, onto
 # as the shortest only where a surface has an edge.
 _STEPS, _SHORTEST = 32, 1e-3
 
-# Estimated error over the length of the longest geodesic above which steps are shorter.
-# It is that of the derivative at the end by the whole way.  Chosen: far less than a
+# Estimated error over the length of the longest geodesic above which steps are shorter:
+# the error of the derivative at the end, times the whole way.  Chosen: far less than a
 # start needs.  Triangles that are smoothed have curvatures that vary from one to the
 # next, and are off the tool they stand for by more.
 _ACCURACY = 1e-3
@@ -87,7 +87,7 @@ def exponential_map(
     lengths = np.linalg.norm(away, axis=0)
     directions = along @ (away / np.where(lengths > 0, lengths, 1.0))
     # All geodesics advance together by steps of one length, a share of the longest, so
-    # that their errors are alike, each to its own end.  The method is that of Nyström,
+    # that their errors are alike, each to its own end.  It is Nyström's method
     # of order 4 (Hairer, Nørsett & Wanner 1993, Solving ordinary differential equations
     # I, II.14); the change at the end of a step tells its error.
     longest = lengths.max(initial=0.0)

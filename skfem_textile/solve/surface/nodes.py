@@ -25,7 +25,7 @@ _HELD_ACROSS = 1e-6
 
 # Steps along geodesics by which a ply is carried.  Chosen: on a sphere, over a quarter
 # of its circumference, they end within 1e-3 of the radius, enough for a start; each
-# asks the surface at three places, which of triangles takes long.
+# evaluates the surface at three places, which of triangles takes long.
 _STEPS = 4
 
 
