@@ -22,7 +22,13 @@ from .error_estimate import (
 from .newton import Method
 from .result import Result, StepError
 from .search import equilibrium_near
-from .states import ErrorEstimate, Iteration, NoEquilibriumError, State
+from .states import (
+    ErrorEstimate,
+    Iteration,
+    NoEquilibriumError,
+    State,
+    UserError,
+)
 from .stepper import DEFAULT_WARN_ONLY, LoadStepper
 
 log = logging.getLogger(__name__)
@@ -232,13 +238,23 @@ class AdaptiveStepper:
         if resume:
             raise ValueError("a run to a tolerance has no checkpoint to resume from")
         self._rounds = []
-        first = self._apply(self._ply)
+        first: tuple[Ply, State] | None = None
         try:
+            first = self._apply(self._ply)
             self._refine_from(*first)
+        except StepError:
+            raise
         except MemoryError:
+            if first is None:
+                raise
             raise self._unmet("there is not enough memory for a finer mesh") from None
-        except ValueError as error:  # of what a user gave, which was valid before
-            raise self._unmet(f"on a finer mesh {error}") from None
+        except Exception as error:  # a user's function may raise anything
+            if not self.states:
+                raise
+            # What was valid on the first mesh may not be on a finer one: a ValueError.
+            why = error if isinstance(error, ValueError) else UserError(error)
+            where = "on a finer mesh " if first else ""
+            raise self._unmet(f"{where}{why}") from error
         result = self.result
         if result.tolerance_met:
             return result

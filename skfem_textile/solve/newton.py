@@ -177,10 +177,10 @@ class Newton:
             if progress.residuals or problem.in_space:
                 du = du / max(1.0, problem.ply.largest_gradient(du) / self.longest)
             du = within_laws(problem, u, du, p)
-            tension = problem.ply.geometric_tension(u, du, p)
-            contact = tangent.contact(f, du)
             if progress.residuals and problem.line_search:
                 du = descending(problem, u, du, f, p)
+            tension = problem.ply.geometric_tension(u, du, p)
+            contact = tangent.contact(f, du)
             u = problem.moved(u, du)
             f = problem.residual(u, p)
             if problem.unbalanced(f, u) <= near * np.abs(f).max():

@@ -238,6 +238,8 @@ class Run:
                 while self.states[-1].load_factor < goal:
                     self._step(goal)
         except NoEquilibriumError as failure:
+            if not self.states:
+                raise
             raise StepError.after(failure, self.result) from None
         except (StepError, CheckpointError, MemoryError):
             raise
@@ -398,10 +400,10 @@ class Run:
                     raise
                 raise StepError.after(error, self.result) from None
         self.states.append(state)
+        self._start = trial.next_start()
         log.info("load factor %g: %d linear solves", t, state.linear_solves)
         if stepper.on_step is not None and t > 0:
             stepper.on_step(state)
-        self._start = trial.next_start()
 
 
 def _check_arguments(

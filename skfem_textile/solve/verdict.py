@@ -200,6 +200,7 @@ class Trial:
         """The state, after a number of linear solves since the state before."""
         ply, problem, equilibrium = self.ply, self.problem, self.equilibrium
         u, tangent = equilibrium.u, equilibrium.tangent
+        u.flags.writeable = False  # the run goes on from it
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
         moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
         return State(

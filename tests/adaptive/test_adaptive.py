@@ -335,3 +335,15 @@ def test_nodes_by_number_that_would_be_elsewhere_are_refused():
     ):
         AdaptiveStepper(ply, pinned, 0.1)
     AdaptiveStepper(ply, pinned | {"pin": Condition([n - 1], 0.0, (1, 0))}, 0.1)
+
+
+def test_a_callback_that_raises_ends_the_run_with_the_result_so_far():
+    scene, ply = pull()
+
+    def stop(_):
+        raise KeyError("seen enough")
+
+    stepper = AdaptiveStepper(ply, scene.conditions, 0.04, 4, on_round=stop)
+    with pytest.raises(StepError, match=r"KeyError: .*seen enough"):
+        stepper.run()
+    assert stepper.result.converged

@@ -94,3 +94,13 @@ def test_a_condition_that_raises_late_ends_the_run_with_the_states_before():
     with pytest.raises(StepError, match="OSError: no such file \\(late, line"):
         stepper.run()
     assert stepper.states[-1].load_factor == 0.5
+
+
+def test_a_callback_cannot_change_a_state():
+    def spoil(state):
+        state.u.fill(0)
+
+    stepper = LoadStepper(*pulled(0.3), 2, on_step=spoil)
+    with pytest.raises(StepError, match=r"ValueError: .*read-only"):
+        stepper.run()
+    assert np.abs(stepper.result.u).max() > 0.1
