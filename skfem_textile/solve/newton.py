@@ -130,7 +130,8 @@ class Newton:
     Parameters
     ----------
     most
-        Iterations at most; four times as many where the load path is not followed.
+        Iterations at most; three times as many again once an unstable equilibrium is
+        left.
     longest
         Largest change of the displacement gradient in an increment.
     imperfection
