@@ -28,9 +28,9 @@ log = logging.getLogger(__name__)
 # another state leave for another equilibrium.
 _SAME_STATE = 0.01
 
-#: Projected tangents at most in an easy step.  Measured on the problems of `python -m
-#: studies stability`: with four, a run takes another equilibrium unnoticed; with one,
-#: steps that stay on the path are halved, at 5 % more linear solves.
+#: Projected tangents at most in an easy step.  Checked by `python -m studies
+#: stability`: with more, a run takes another equilibrium unnoticed; with fewer, steps
+#: that stay on the path are halved.
 MOST_ALTERED = 2
 
 # How much shorter than a requested step a hard one becomes before it is taken: 2⁻⁶.
