@@ -50,6 +50,9 @@ _ON_SURFACE = (
 # Halvings of an increment until every law has a value, or the energy falls.
 _HALVINGS = 12
 
+# Iterations of a descent at most, as a multiple of the others.
+_DESCENT = 3
+
 # Share of the predicted fall of the energy that an increment must reach (Armijo's rule,
 # with the constant of Nocedal & Wright, Numerical Optimization, 2006, section 3.1).
 _ARMIJO = 1e-4
@@ -117,21 +120,22 @@ class Newton:
     The residual is unchanged.  Where the tangent is not positive definite it is
     projected, so that increments do not lead to saddle points (`definite`).  No
     increment changes the displacement gradient by more than ``longest``, except for the
-    first of a ply in its plane, which brings the fixed unknowns to their values.  Where
-    a term has a ``line_search``, increments after the first are halved until the energy
-    falls.
+    first of a ply in its plane, which brings the fixed unknowns to their values.
+
+    An iteration that has not converged after ``most`` increments but has a positive
+    definite tangent goes on with a line search: increments are halved until the energy
+    falls.  Where a term has a ``line_search``, all increments but the first are.
 
     Near the equilibrium the parameters of the terms are updated with the predicted
     tensions, until an update changes the energy by less than `SETTLED`.
 
-    An equilibrium that is not stable is left along its softest motion, unless the load
-    path is followed, which leads around it.
+    An equilibrium that is not stable is left along its softest motion, and downhill,
+    unless the load path is followed, which leads around it.
 
     Parameters
     ----------
     most
-        Iterations at most; three times as many again once an unstable equilibrium is
-        left.
+        Iterations at most; with the line search three times as many again.
     longest
         Largest change of the displacement gradient in an increment.
     imperfection
@@ -159,26 +163,34 @@ class Newton:
         f = problem.residual(start.u, p) if changed else start.f
         progress = _Progress(problem, fixed_values, most_altered, report)
         end = self._iterate(progress, _Iterate(start.u, f, p, tangent), self.most)
-        if not np.isfinite(most_altered) and end.unstable:
+        leave = not np.isfinite(most_altered) and end.unstable
+        if leave:
             motion = self.imperfection * problem.element_size * end.tangent.softest()
             u, p = problem.moved(end.u, motion), end.parameters
             tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
-            away = _Iterate(
-                u, problem.residual(u, p), p, definite(problem, u, p, tension)
-            )
-            end = self._iterate(progress, away, 3 * self.most)
+            tangent = definite(problem, u, p, tension)
+            end = _Iterate(u, problem.residual(u, p), p, tangent)
+        if leave or progress.unfinished(end.tangent):
+            end = self._iterate(progress, end, _DESCENT * self.most, descend=True)
         return progress.equilibrium(end)
 
-    def _iterate(self, progress: "_Progress", at: "_Iterate", most: int) -> "_Iterate":
-        """Iterates until the forces balance, or ``most`` of them."""
+    def _iterate(
+        self,
+        progress: "_Progress",
+        at: "_Iterate",
+        most: int,
+        descend: bool = False,
+    ) -> "_Iterate":
+        """Iterate until the forces balance, or ``most`` times."""
         problem, near, last = progress.problem, _NEAR, np.inf
         u, f, p, tangent = at
+        descend = descend or problem.line_search
         for _ in range(most):
             du = tangent.increment(f, u, progress.fixed_values)
             if progress.residuals or problem.in_space:
                 du = du / max(1.0, problem.ply.largest_gradient(du) / self.longest)
             du = within_laws(problem, u, du, p)
-            if progress.residuals and problem.line_search:
+            if progress.residuals and descend:
                 du = descending(problem, u, du, f, p)
             tension = problem.ply.geometric_tension(u, du, p)
             contact = tangent.contact(f, du)
@@ -302,6 +314,10 @@ class _Progress:
         below = self.residuals[-1] <= self._tolerance
         self._balanced = below and problem.is_fixed(u, self.fixed_values)
         return self._balanced
+
+    def unfinished(self, tangent: Tangent) -> bool:
+        """Whether an iteration that has not balanced would go on downhill."""
+        return not (self._balanced or tangent.altered)
 
     def equilibrium(self, end: _Iterate) -> Equilibrium:
         """The equilibrium at the end of the iteration.
