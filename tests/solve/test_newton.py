@@ -9,16 +9,18 @@ from skfem_textile import (
     Condition,
     Fabric,
     Full,
+    LoadStepper,
     Macro,
     Newton,
     Ply,
     Quadratic,
+    StepError,
     Term,
     equilibrium_near,
 )
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension
-from skfem_textile.solve import search
+from skfem_textile.solve import newton, search
 from skfem_textile.solve.search import (
     EquilibriumSearch,
     Found,
@@ -100,3 +102,27 @@ def test_a_line_search_keeps_increments_from_overshooting():
     term.line_search = False
     with pytest.raises(NoEquilibriumError):
         equilibrium_near(*arguments, method=method)
+
+
+def test_an_iteration_that_has_not_converged_goes_on_downhill(monkeypatch):
+    scene = bias_extension(size=(8, 16))
+    fabric = Fabric(1e4, 0.5, scene.warp, scene.weft)
+    ply = Ply(scene.mesh, fabric, Macro())
+
+    def run():
+        method = Newton(most=5)
+        return LoadStepper(ply, scene.conditions, 1, method=method, max_halvings=0)
+
+    energies, shorten = [], newton.descending
+
+    def shortened(problem, u, du, f, p):
+        du = shorten(problem, u, du, f, p)
+        energies.append((problem.energy(u, p), problem.energy(u + du, p)))
+        return du
+
+    monkeypatch.setattr(newton, "descending", shortened)
+    assert run().run().converged
+    assert energies and all(after <= before for before, after in energies)
+    monkeypatch.setattr(newton, "_DESCENT", 0)
+    with pytest.raises(StepError):
+        run().run()

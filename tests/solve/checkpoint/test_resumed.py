@@ -78,7 +78,7 @@ def test_runs_resumed_or_in_another_process_are_the_same_to_the_last_bit(
 
 def test_a_resumed_run_goes_on_with_the_length_of_its_step(tmp_path):
     """This run cuts its only step, and grows again."""
-    options = {"steps": 1, "method": Newton(most=5)}
+    options = {"steps": 1, "method": Newton(most=1)}
     whole = stepper(None, **options).run()
     assert whole.steps_cut > 0
     interrupted_at(tmp_path / "c", whole.states[1].load_factor, **options)

@@ -27,7 +27,7 @@ from skfem_textile.solve.linear import SOLVERS, superlu
 
 def test_linear_solves_include_abandoned_attempts():
     ply, conditions = pulled(lambda X, t: 0.3 * t * X[0])
-    vain = iter([Newton(most=1)])
+    vain = iter([PlainNewton(most=1)])
 
     class VainAtFirst(Newton):
         def solve(self, *arguments):
