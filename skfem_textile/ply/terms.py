@@ -106,10 +106,6 @@ class ElementTerm(Term):
         """
         raise NotImplementedError
 
-    def couples(self) -> Sequence[ndarray]:
-        """None beside the nodes of its elements."""
-        return ()
-
 
 class Load(Protocol):
     """Something that becomes a term on the basis of a ply's displacement."""

@@ -3,7 +3,7 @@
 import json
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from ..fabric import Law, TwoLaws
 from ..ply import Ply
-from ..ply.parameters import Frozen, PlyParameters
+from ..ply.parameters import Frozen
 from . import sealed
 from .conditions import Constraints
 from .continuation import Continuation
@@ -171,14 +171,13 @@ class Checkpoint:
                 (self.folder / f".{_RUN}").replace(self.folder / _RUN)
             beside.replace(self.folder / f"{name}.npz")
 
-    def load(self, checked: Callable[[State], State]) -> Saved | None:
+    def load(self, replay: "Replay") -> Saved | None:
         """Read and check every state; None if there is none.
 
         Parameters
         ----------
-        checked
-            Called with one state after the other; returns the whole state, or raises
-            ValueError where it is not one of this run.
+        replay
+            Computes one state after the other again.
 
         Raises
         ------
@@ -198,10 +197,11 @@ class Checkpoint:
         contents = list(self._states(run))
         for file, content in zip(files, contents, strict=True):
             with self._using(file):
-                states.append(_state(content, states, self._ply.parameters_at_rest))
+                states.append(_state(content, states, self._ply))
         for i, file in enumerate(files):
+            trial, values = replay.trial(states[i])  # which calls functions of users
             with self._using(file):
-                states[i] = checked(states[i])
+                states[i] = replay.compared(states[i], trial, values)
         with self._using(files[-1]):
             saved = contents[-1].text["progress"]
             progress = _progress(saved, states, self._settings)
@@ -346,8 +346,17 @@ class Replay:
     def __init__(self, ply: Ply, problem: Problem) -> None:
         self._ply, self._problem = ply, problem
 
-    def __call__(self, state: State) -> State:
-        """Compare a state with a trial of its displacement; give it its shares.
+    def trial(self, state: State) -> tuple[Trial, ndarray]:
+        """The trial of the displacement of a state, and its fixed values."""
+        t, u, p = state.load_factor, state.u, state.parameters
+        problem = self._problem.at(t)
+        before = self.last.next_start() if t > 0 else None
+        equilibrium = Equilibrium(u, problem.residual(u, p), p, (), state.tolerance)
+        trial = Trial.of(self._ply, problem, equilibrium, before)
+        return trial, problem.constraints.fixed_values(t)
+
+    def compared(self, state: State, trial: Trial, fixed_values: ndarray) -> State:
+        """Compare a state with its trial; add its shares.
 
         Counts and residuals are not compared: they depend on how the state was found.
 
@@ -356,17 +365,9 @@ class Replay:
         ValueError
             If they disagree.
         """
-        t, u, p = state.load_factor, state.u, state.parameters
-        before = self.last.next_start() if t > 0 else None
-        problem = self._problem.at(t)
-        n = self._ply.basis.N
-        if u.shape != (n,) or u.dtype != float or not np.isfinite(u).all():
-            raise ValueError("its displacement is not one of this ply")
-        if not problem.is_fixed(u, problem.constraints.fixed_values(t)):
+        problem, (u, f, *_) = trial.problem, trial.equilibrium
+        if not problem.is_fixed(u, fixed_values):
             raise ValueError("its displacement is not that of its load factor")
-        f = problem.residual(u, p)
-        equilibrium = Equilibrium(u, f, p, (), state.tolerance)
-        trial = Trial.of(self._ply, problem, equilibrium, before)
         found, largest = trial.state(state.linear_solves), float(np.abs(f).max())
         rounding = max(state.tolerance - problem.converged * largest, 0.0)
         stored = *trial.energies.values(), *trial.potentials.values()
@@ -426,12 +427,10 @@ def _compare(
             raise ValueError(f"its {name} are not those of its displacement")
 
 
-def _state(
-    content: sealed.Content, before: Sequence[State], at_rest: PlyParameters
-) -> State:
+def _state(content: sealed.Content, before: Sequence[State], ply: Ply) -> State:
     """The state in a file; refused if it is not one after those before it.
 
-    Its parameters must have the names, shapes and types of those at rest.
+    Its displacement and parameters must have the names, shapes and types of the ply.
     """
     text = {k: v for k, v in content.text.items() if k != "progress"}
     for key in _VECTORS:
@@ -439,13 +438,16 @@ def _state(
     text["residuals"] = tuple(text["residuals"])
     text["verdict"] = Verdict(**text["verdict"])
     parameters = {}
-    for term, values in at_rest.items():
+    for term, values in ply.parameters_at_rest.items():
         saved = {name: content.arrays[f"{term} {name}"] for name in values}
         for name, like in values.items():
             if saved[name].shape != like.shape or saved[name].dtype != like.dtype:
                 raise ValueError(f"its {name} is not of this ply")
         parameters[term] = type(values)(saved)
-    state = State(u=content.arrays["u"], parameters=Frozen(parameters), **text)
+    u = content.arrays["u"]
+    if u.shape != (ply.basis.N,) or u.dtype != float or not np.isfinite(u).all():
+        raise ValueError("its displacement is not one of this ply")
+    state = State(u=u, parameters=Frozen(parameters), **text)
     last = before[-1].load_factor if before else -1.0
     if not last < state.load_factor <= 1:
         raise ValueError(f"its load factor is {state.load_factor}, after {last}")

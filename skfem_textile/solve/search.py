@@ -114,21 +114,20 @@ class EquilibriumSearch:
         goal = goal._replace(most_altered=min(goal.most_altered, MOST_ALTERED))
         for _ in range(MOST_UPDATES):
             problem, (u, _, p, *_) = found.trial.problem, found.trial.equilibrium
-            with np.errstate(all="ignore"):  # what is not finite is caught
-                after = self.ply.updated(p, u, goal.load_factor)
-                if after is p:
-                    return found._replace(settled=True)
-                start, change = _updated(found.trial, after)
-                # Further changes are a geometric series, which shrinks at this rate.
-                rate = change / last
-                if change <= SETTLED * (1.0 - rate):
-                    return found._replace(settled=True)
-                share, last = share if rate <= 0.5 else share / 2, change
-                if share < 1.0:
-                    p = between(p, after, share)
-                    tangent = found.trial.equilibrium.tangent
-                    start = problem.start(u, p, tangent)
             try:
+                with np.errstate(all="ignore"):  # what is not finite is caught
+                    after = self.ply.updated(p, u, goal.load_factor)
+                    if after is p:
+                        return found._replace(settled=True)
+                    start, change = _updated(found.trial, after)
+                    # Further changes are a geometric series of this rate.
+                    rate = change / last
+                    if change <= SETTLED * (1.0 - rate):
+                        return found._replace(settled=True)
+                    share, last = share if rate <= 0.5 else share / 2, change
+                    if share < 1.0:
+                        p = between(p, after, share)
+                        start = problem.start(u, p, start.tangent)
                 again = self._first(goal._replace(start=start))
             except NoEquilibriumError:
                 break

@@ -173,6 +173,8 @@ class LoadStepper:
             If the checkpoint is damaged, or of another run.
         ValueError
             If there is no checkpoint to resume from, or a law is not finite at rest.
+        UserError
+            If a function of the user raises before there is a state.
         """
         if resume and not self.checkpoint:
             raise ValueError("no checkpoint to resume from: name its folder")
@@ -244,9 +246,11 @@ class Run:
         except (StepError, CheckpointError, MemoryError):
             raise
         except Exception as error:  # a user's function may raise anything
-            if not self.states:
+            if self.states:
+                raise StepError.after(UserError(error), self.result) from error
+            if isinstance(error, ValueError):
                 raise
-            raise StepError.after(UserError(error), self.result) from error
+            raise UserError(error) from error
         finally:
             if warning := self.continuation.warning():
                 log.warning(warning)

@@ -122,7 +122,8 @@ def test_an_iteration_that_has_not_converged_goes_on_downhill(monkeypatch):
 
     monkeypatch.setattr(newton, "descending", shortened)
     assert run().run().converged
-    assert energies and all(after <= before for before, after in energies)
+    assert energies
+    assert all(after <= before for before, after in energies)
     monkeypatch.setattr(newton, "_DESCENT", 0)
     with pytest.raises(StepError):
         run().run()

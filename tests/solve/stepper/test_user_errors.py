@@ -7,6 +7,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, Linear, LoadStepper, Ply, StepError
 from skfem_textile.ply.terms import Term
+from skfem_textile.solve.states import UserError
 
 
 class Failing(Term):
@@ -51,6 +52,20 @@ def test_a_term_that_raises_ends_the_run_with_the_states_before():
         stepper.run()
     assert load_factors(caught.value.result)[-1] == 0.5
     assert "\n" not in str(caught.value)
+
+
+def test_a_term_that_raises_is_no_damage_of_a_checkpoint(tmp_path, monkeypatch):
+    ply, conditions = pulled(0.3)
+    ply = ply.with_terms(Failing())
+    monkeypatch.setattr(Failing, "residual", lambda self, u, t, p: 0.0 * u)
+    LoadStepper(ply, conditions, 4, checkpoint=tmp_path).run()
+
+    def energy(self, u, t, p):
+        return {}["missing"] if t == 0.25 else 0.0
+
+    monkeypatch.setattr(Failing, "energy", energy)
+    with pytest.raises(UserError, match="KeyError: 'missing' \\(energy, line"):
+        LoadStepper(ply, conditions, 4, checkpoint=tmp_path).run(resume=True)
 
 
 def test_a_law_that_raises_ends_the_run_with_the_states_before(monkeypatch):
