@@ -1,8 +1,7 @@
 """Mechanics of woven reinforcements on scikit-fem, free of tension locking."""
 
-from .cli import interruption as interruption  # isort: skip  # first: Ctrl-C
-
 from . import forms as forms
+from .cli import interruption as interruption
 from .fabric import (
     Asymmetric,
     BiaxialLaw,
@@ -19,32 +18,26 @@ from .fabric import (
     TensionOnly,
     mesh_along_fibres,
 )
-from .fabric.files.fabric_file import read_law, write_law
+from .fabric.files import read_law, write_law
 from .forms import Forms, hourglass_rate, out_of_plane, shear_continuity
 from .mesh.bases import (
     CENTRE,
     GAUSS,
     ElementQuad1Fluctuation,
     HourglassBasis,
+    JumpBasis,
     MacroBasis,
     MeanBasis,
     quad_basis,
     triangle_basis,
 )
 from .mesh.checks import MeshError
-from .mesh.interior_edges import JumpBasis
 from .mesh.splitting import split
 from .ply import Ply
 from .ply.formulations import Full, Macro, OnePoint, Quadratic
 from .ply.kernels.kernel_forms import hourglass, mean_tension, shear, tension
-from .ply.loads import BodyForce, Force, Traction
-from .ply.own_terms.pressure import Pressure
-from .ply.parameters import (
-    AccumulatedMoment,
-    HeldStabilisation,
-    TermParameters,
-    Values,
-)
+from .ply.loads import BodyForce, Force, Pressure, Traction
+from .ply.parameters import AccumulatedMoment, HeldStabilisation, TermParameters, Values
 from .ply.refinement import Refinement, marked, refine, shear_angle_jumps
 from .ply.terms import FormTerm, Load, MatrixTerm, Term, VectorTerm
 from .solve.adaptive import AdaptiveResult, AdaptiveStepper, Round

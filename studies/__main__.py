@@ -104,7 +104,7 @@ def _positive(text: str) -> int:
 
 def _run(study: Study[Any], options: argparse.Namespace) -> int:
     """Examine the cases and write the report, without cases that fail."""
-    from skfem_textile.cli.results.result_folder import ResultFolder
+    from skfem_textile.cli.result_folder import ResultFolder
     from skfem_textile.solve.sweep import SweepError
 
     if study.timed:  # before libraries of linear algebra are loaded

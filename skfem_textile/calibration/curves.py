@@ -1,4 +1,10 @@
-"""Curves of tests, read from CSV files whose columns have units."""
+"""Curves of tests, read from CSV files whose columns have units.
+
+What the beginning of a test's curve tells: a force at rest, and what drove the test.
+
+A fabric at rest bears no force, so that a curve that begins with one has the weight of
+clamps, friction of a frame or a pretension in it, which no law has.
+"""
 
 import os
 import re
@@ -7,7 +13,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy import ndarray
 
-from ..fabric.files.table_file import ANGLE, HEADING, read_lines
+from ..fabric.laws.tabulated import ANGLE, HEADING, read_lines
 from ..mesh.user_input import excerpt, number_of_text
 
 _LENGTH = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
@@ -150,3 +156,107 @@ def _finite(cell: str, factor: float) -> float:
     if not abs(number) < _LARGEST:
         raise ValueError
     return number if abs(number) > _SMALLEST else 0.0
+
+
+# Share of the range that is its beginning, at least so many points of it, and the share
+# up to which these may go.  Chosen: a curve is nearly straight there.
+_BEGINNING, _FEWEST, _FARTHEST = 0.2, 5, 0.35
+
+# The first point must be so near to rest, as a share of the range.
+_FIRST = 0.06
+
+# A force at rest is told from this share of the largest on, and from this many of its
+# standard deviations.  Chosen: one curve in a million has as much by noise.
+_SHARE, _DEVIATIONS = 0.05, 5.0
+
+# A curve begins late if it does beyond this share of the range, and bears less than
+# this share of the largest force there.
+_LATE, _NOTHING = 0.2, 0.05
+
+# Steps are equal if they differ by less than this share of their mean, and unequal if
+# by ten times more.
+_EQUAL, _UNEQUAL = 0.02, 0.2
+
+# Fewest steps of which that can be said.
+_FEWEST_STEPS = 8
+
+
+def force_at_rest(x: ndarray, force: ndarray) -> float:
+    """The force that a curve has at 0, and 0 where noise may be the reason for it.
+
+    It is that of a straight line through the beginning.  The noise is that of second
+    differences and of the line, the larger.  If a parabola, or the mean of the first
+    two points, is less than half of it, the force rises steeply from rest, as friction
+    does in a frame, which is no force at rest.
+
+    Parameters
+    ----------
+    x, force
+        Displacements, angles or strains, and forces, shape (n,).
+    """
+    order = np.argsort(x, kind="stable")
+    x, force = x[order], force[order]
+    end = float(x[-1])
+    n = max(int(np.sum(x <= _BEGINNING * end)), _FEWEST)
+    if len(x) <= n or not abs(x[0]) <= _FIRST * end or x[n - 1] > _FARTHEST * end:
+        return 0.0
+    z, f = x[:n] / end, force[:n]
+    if not np.all(np.diff(z) > 0):
+        return 0.0
+    line, parabola = (np.polynomial.Polynomial.fit(z, f, d) for d in (1, 2))
+    found, curved = float(line(0.0)), float(parabola(0.0))
+    of_line = np.sqrt(np.sum((f - line(z)) ** 2) / (n - 2))
+    of_curve = np.sqrt(np.mean(np.diff(force, 2) ** 2) / 6)
+    spread = np.sqrt(1 / n + z.mean() ** 2 / np.sum((z - z.mean()) ** 2))
+    least = max(
+        _SHARE * float(np.abs(force).max()),
+        _DEVIATIONS * spread * max(of_line, of_curve),
+    )
+    signed = np.sign(found) * np.array([curved, f[:2].mean()])
+    steep = signed.min() < 0.5 * abs(found)
+    return found if abs(found) > least and not steep else 0.0
+
+
+def begins_late(x: ndarray, force: ndarray) -> bool:
+    """Whether a curve begins far from rest with hardly a force.
+
+    Displacements that are not counted from where the fabric takes up load look so.
+    """
+    order = np.argsort(x, kind="stable")
+    first = np.abs(force[order][:2]).max()
+    return bool(x.min() > _LATE * x.max() and first < _NOTHING * np.abs(force).max())
+
+
+def seems_swapped(driven: ndarray, force: ndarray) -> bool:
+    """Whether forces rise in equal steps, and what should drive the test does not.
+
+    Machines move in equal steps.  A test that is driven by its force looks so too.
+    """
+    if len(force) <= _FEWEST_STEPS or np.diff(force).min() <= 0:
+        return False
+    return _unevenness(force) < _EQUAL and _unevenness(driven) > _UNEQUAL
+
+
+def rest_notes(name: str, x: ndarray, force: ndarray) -> list[str]:
+    """A sentence on a curve of a name that has a force at rest, or begins late."""
+    if begins_late(x, force):
+        return [
+            f"{name}: the curve begins far from rest with hardly a force: count "
+            "displacements from where the fabric takes up load"
+        ]
+    offset = force_at_rest(x, force)
+    if not offset:
+        return []
+    share = 100 * abs(offset) / np.abs(force).max()
+    return [
+        f"{name}: the force is about {offset:.3g} N at rest, {share:.0f} % of the "
+        "largest, and is not subtracted: no law has a force there; subtract weight of "
+        "clamps, friction and pretension first"
+    ]
+
+
+def _unevenness(values: ndarray) -> float:
+    """Largest departure of a step from the mean step, as a share of it."""
+    steps = np.diff(values)
+    mean = abs(steps.mean())
+    return float(np.abs(steps - steps.mean()).max() / mean) if mean else np.inf

@@ -17,12 +17,12 @@ from .case.laws import IN_COMPRESSION, OF_WEFT
 from .case.options import options_of, tables_of
 from .case.text import case_text
 from .case.written import WrittenCase
-from .fibres.show import show
+from .fibres import show
 from .interruption import INTERRUPTED, raised
 from .output import OutputError, complain, say, silence
 from .parser import BAD_INPUT, command_parser, is_case_file
 from .progress import STOPPED_EARLY
-from .results.hand_over import HandOver
+from .results import HandOver
 from .run import run, stepper_of
 
 _STUDIES = (
@@ -76,13 +76,13 @@ def _run(arguments: Sequence[str]) -> int:
         if options.command == "show":
             return show(options)
         if options.command == "fit":
-            from .fit.run import run_fit  # loads much of scipy
+            from .fit import run_fit
 
             return run_fit(options)
         if options.command == "init":
             return _init(options.scene, options.file)
         if options.command == "report":
-            from .report.page import write_report
+            from .report import write_report
 
             return write_report(options.folder, options.test_curve, _shear_test)
         if is_case_file(options.scene):

@@ -10,8 +10,8 @@ from typing import Any, NoReturn
 from .. import __version__
 from ..registration import Option
 from ..scenes import SCENES
-from .fibres.arguments import add_show
-from .fit.options import TESTS
+from .fibres import add_show
+from .fit import TESTS
 from .output import complain
 
 #: Exit code of bad input.

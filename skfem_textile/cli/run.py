@@ -15,24 +15,23 @@ from ..solve.adaptive import MOST_UNKNOWNS, AdaptiveStepper
 from ..solve.result import Result, StepError
 from ..solve.states import ErrorEstimate
 from ..solve.stepper import LoadStepper
-from .case.curve import CURVE, curve_of, write_curve
+from . import results
+from .case.curve import CURVE, curve_of, read_test_curve, write_curve
 from .case.written import WRITTEN_FILES, WrittenCase, refuse_foreign_case
 from .interruption import INTERRUPTED, held
 from .output import OutputError, complain, say
 from .progress import STOPPED_EARLY, load, shown
-from .results import pictures
-from .results.curves_of_tests import read_test_curve
-from .results.result_folder import ResultFolder
+from .result_folder import ResultFolder
 
 if TYPE_CHECKING:
     from .case.curve import Curve
     from .progress import Stepper
-    from .results.hand_over import HandOver
+    from .results import HandOver
 
 # Every picture that a run may draw.
 _PICTURES = (
-    *(*pictures.PICTURES, *pictures.OF_SHEAR_TESTS),
-    *(pictures.DRAPED, pictures.REFUSED),
+    *(*results.PICTURES, *results.OF_SHEAR_TESTS),
+    *(results.DRAPED, results.REFUSED),
 )
 
 
@@ -66,7 +65,7 @@ def run(
     OutputError
         If the results cannot be written.
     """
-    from .. import io  # loads meshio
+    from .. import io
 
     with shown("preparing the ply"):  # nets on a tool take long
         stepper = stepper_of(_checkpoint(options))
@@ -194,7 +193,7 @@ def _draw(case: Case, run: Result | StepError, test: "Curve | None", out: Path) 
     """
     try:
         with ResultFolder(out, _PICTURES) as folder, shown("drawing pictures"):
-            pictures.draw(case.scene, run, test, folder)
+            results.draw(case.scene, run, test, folder)
     except Exception as error:
         say(f"no pictures: {printable(error)}")
     except KeyboardInterrupt:

@@ -1,11 +1,15 @@
 """Draping: surfaces, plies laid on them without mechanics, and what plies meet."""
 
 from ..solve.surface.geodesics import displacement, exponential_map
-from .axes import SAME_AXES, Axes
-from .crossings import Net
-from .fibres_in_space import FibresInSpace, fibres_on_ply, fibres_on_tool
+from .fibres_in_space import (
+    SAME_AXES,
+    Axes,
+    FibresInSpace,
+    fibres_on_ply,
+    fibres_on_tool,
+)
 from .flat_pattern import FlatPattern, flat_pattern
-from .kinematic_net import net
+from .kinematic_net import Net, net
 from .risks import (
     beyond_edges,
     bridging,
@@ -26,8 +30,7 @@ from .surfaces import (
     TriangleMesh,
     double_dome,
 )
-from .tessellation import triangles_on
-from .tool_mesh import ToolMesh
+from .tool_mesh import ToolMesh, triangles_on
 
 __all__ = [
     "SAME_AXES",

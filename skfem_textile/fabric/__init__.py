@@ -12,7 +12,7 @@ from .laws.pretensioned import Pretensioned
 from .laws.sin2 import Sin2
 from .laws.tabulated import Tabulated
 from .laws.tangent_shear import TangentShear
-from .meshing.along_fibres import mesh_along_fibres
+from .meshing import mesh_along_fibres
 
 __all__ = [
     "Asymmetric",

@@ -10,8 +10,16 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ..mesh.user_input import call_user_function, real_numbers
-from .law import BiaxialLaw, Law, Linear, TwoLaws, domain_of, law_at
-from .law_end import LawEnd, closest_end
+from .law import (
+    BiaxialLaw,
+    Law,
+    LawEnd,
+    Linear,
+    TwoLaws,
+    closest_end,
+    domain_of,
+    law_at,
+)
 
 
 class Varied(Protocol):

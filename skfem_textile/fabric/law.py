@@ -3,6 +3,7 @@
 The linear law is here too, for which a number stands.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -350,3 +351,165 @@ def mean_slope(law: Law, strain: ndarray) -> ndarray:
     slope = np.where(width > 0, rise / np.where(width > 0, width, 1.0), np.nan)
     known = np.where(np.isfinite(slope), slope, law.tangent(strain))
     return np.maximum(known, 0.0)
+
+
+# A law vanishes at rest if it is below this share of what it is nearby: round-off.
+_NOTHING = 1e-9
+
+
+def number(name: str, value: Any, above: float | None = None) -> float:
+    """A parameter of a law as a finite number.
+
+    Parameters
+    ----------
+    name
+        What it is, for the message.
+    value
+        What was given.
+    above
+        What it must be larger than; without it any finite number >= 0 will do.
+
+    Raises
+    ------
+    ValueError
+        If it is no such number.
+    """
+    least = ">= 0" if above is None else f"> {above:g}"
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        found = math.nan
+    large_enough = found >= 0 if above is None else found > above
+    if not (math.isfinite(found) and large_enough):
+        raise ValueError(f"{name} must be a finite number {least}, got {value!r}")
+    return found
+
+
+def pair(name: str, value: Any, above: float | None = None) -> tuple[float, float]:
+    """A parameter of warp and weft: one number for both, or two.
+
+    Parameters
+    ----------
+    name, value, above
+        As for `number`.
+
+    Raises
+    ------
+    ValueError
+        If it is no such number, nor two of them, or differs from element to element.
+    """
+    if isinstance(value, np.ndarray):
+        raise ValueError(
+            f"{name} must be a number or a pair (warp, weft), the same in every "
+            "element; give each subdomain a fabric instead"
+        )
+    both = tuple(value) if isinstance(value, tuple | list) else (value, value)
+    if len(both) != 2:
+        raise ValueError(
+            f"{name} must be a number or a pair (warp, weft), got {value!r}"
+        )
+    return number(name, both[0], above), number(name, both[1], above)
+
+
+def inner_law(name: str, law: Any) -> Law:
+    """A law that another law is made of: the same in every element.
+
+    Raises
+    ------
+    ValueError
+        If it has no energy, value and tangent, or differs from element to element.
+    """
+    parts = ("energy", "value", "tangent")
+    if isinstance(law, type) or not all(hasattr(law, part) for part in parts):
+        raise ValueError(f"{name} must be a law, such as Linear(5e3), got {law!r}")
+    if isinstance(law, BiaxialLaw):
+        raise ValueError(f"{name} must be a law of one strain, got {law!r}")
+    if hasattr(law, "region") or law_at(law, None) is not law:
+        raise ValueError(
+            f"{name} must be the same law in every element; give each subdomain a "
+            "fabric instead"
+        )
+    return law
+
+
+def refuse_force_at_rest(name: str, law: Law, strain: float) -> None:
+    """Refuse a law that does not vanish at rest, or does not hold up to a strain.
+
+    Raises
+    ------
+    ValueError
+        If so.
+    """
+    low, high = domain_of(law)
+    if not low <= min(strain, 0.0) <= max(strain, 0.0) <= high:
+        raise ValueError(
+            f"{name} must hold from 0 to the switch at {strain:g}, but its domain is "
+            f"{low:g} to {high:g}"
+        )
+    rest, there = law.value(np.array([0.0, strain]))
+    if not abs(rest) <= _NOTHING * abs(there):
+        raise ValueError(f"{name} must vanish at rest, but is {rest:.4g} N/mm there")
+
+
+# Of what the laws of a fabric are, in their order.
+_QUANTITIES = "warp_strain", "weft_strain", "shear_angle"
+
+# What is said where a law of shear ends at rest.
+_GO_ON = " (a table from 0 on needs odd=True, --shear-continuation odd)"
+
+# Share of where a law ends by which elements are as close to it as one.  Chosen:
+# half a degree at 50°, which a colour cannot tell.
+_AS_CLOSE = 0.01
+
+
+class LawEnd(NamedTuple):
+    """A law that is close to an end of its domain.
+
+    Attributes
+    ----------
+    quantity
+        Of what it is a law: warp_strain, weft_strain or shear_angle.
+    value, end
+        The value that is closest to the end, and the end; angles in radians.
+    elements
+        Numbers of the elements that are as close.
+    """
+
+    quantity: str
+    value: float
+    end: float
+    elements: ndarray
+
+    def __str__(self) -> str:
+        name, (value, end) = self.quantity.replace("_", " "), self[1:3]
+        shown = f"{value:.3g}", f"{end:.3g}"
+        if self.quantity == "shear_angle":
+            shown = f"{np.degrees(value):.4g}°", f"{np.degrees(end):.4g}°"
+        said = f"the {name} is {shown[0]}, and its law ends at {shown[1]}"
+        return said + (_GO_ON if self.quantity == "shear_angle" and end == 0 else "")
+
+
+def closest_end(
+    domains: Sequence[tuple[Any, Any]], values: Sequence[ndarray]
+) -> LawEnd | None:
+    """The end of a law that is closest, or None if every law holds everywhere.
+
+    Parameters
+    ----------
+    domains
+        Both ends of the laws of warp, weft and shear.
+    values
+        Fibre strains of warp and weft, and shear angles, shape (n_elements, n) each.
+    """
+    found = []
+    for name, domain, x in zip(_QUANTITIES, domains, values, strict=True):
+        for end, side in zip(domain, (-1, 1), strict=True):
+            ends = np.broadcast_to(end, x.shape)
+            gaps = side * (ends - x)
+            at = int(np.argmin(gaps))
+            if np.isfinite(least := gaps.flat[at]):
+                close = gaps <= least + _AS_CLOSE * np.abs(ends)
+                elements = np.flatnonzero(close.any(axis=1))
+                place = float(x.flat[at]), float(ends.flat[at]), elements
+                found.append((least, LawEnd(name, *place)))
+    return min(found, key=lambda each: each[0])[1] if found else None

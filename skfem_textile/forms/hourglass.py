@@ -1,8 +1,15 @@
-"""Hourglass stabilisation of the shear angle: with an energy, or by the paper's rates.
+"""Forms of the stabilisation: of the shear that is not constant, and isotropic.
+
+Hourglass stabilisation of the shear angle: with an energy, or by the paper's rates.
 
 Both give nodal forces Σ_k A/4 M̃_k δΓ̃_k from a moment M̃ at the four 2×2 points that
 works on the non-constant part Γ̃ of the shear angle (Hamila & Boisse 2013, §3.2).  The
 forms go with `HourglassBasis` and take the displacement as their parameter ``u``.
+
+Isotropic hourglass control, to compare with the stabilisation of shear alone.
+
+Flanagan & Belytschko (1981) resist all hourglass modes equally, Hamila & Boisse (2013)
+only as far as they change the shear angle.
 """
 
 from collections.abc import Callable
@@ -156,3 +163,30 @@ def _along(d: tuple[ndarray, ndarray], v: DiscreteField) -> ndarray:
 def _grad(u: DiscreteField) -> ndarray:
     """Whole gradient of a field on the hourglass basis."""
     return centre_grad(u) + grad(u)
+
+
+def isotropic_hourglass(stiffness: float) -> Forms:
+    """Stabilisation with the energy ½ κ Σ_k A/4 ‖∇u(ξ_k) − ∇u(0)‖².
+
+    It vanishes for homogeneous motions and does not change with rotations of the ply.
+    The forms go with `HourglassBasis`.
+
+    Parameters
+    ----------
+    stiffness
+        κ in N/mm.
+    """
+
+    @Functional
+    def energy(w):
+        return 0.5 * stiffness * ddot(grad(w["u"]), grad(w["u"]))
+
+    @LinearForm
+    def residual(v, w):
+        return stiffness * ddot(grad(w["u"]), grad(v))
+
+    @BilinearForm
+    def tangent(u, v, w):
+        return stiffness * ddot(grad(u), grad(v))
+
+    return Forms(energy, residual, tangent)

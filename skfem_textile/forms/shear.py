@@ -1,8 +1,28 @@
-"""In-plane shear."""
+"""Forms of the shear resistance, and of its continuity between elements.
+
+Stabilisation by the jump of the shear angle across the edges between elements.
+
+It vanishes where the shear angle is continuous, also where it varies linearly, and
+couples an element with its neighbours.
+"""
+
+import numpy as np
+from numpy import ndarray
+from skfem import BilinearForm, Functional, LinearForm
+from skfem.helpers import ddot, grad
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
-from .form import Forms, deformation, directions, elements, of_density, outer
+from .form import (
+    Forms,
+    contract,
+    deformation,
+    directions,
+    elements,
+    of_density,
+    once,
+    outer,
+)
 
 
 def shear(fabric: Fabric) -> Forms:
@@ -27,3 +47,50 @@ def shear(fabric: Fabric) -> Forms:
         ) * kin.shear_angle_dd(F, *A)
 
     return of_density(energy, stress, stiffness)
+
+
+def shear_continuity(fabric: Fabric, C_j: float) -> Forms:
+    """Stabilisation with the energy ½ C_j Σ_edges (A⁺ + A⁻)/4 [[Γ]]².
+
+    The forms go with `JumpBasis`.
+
+    Parameters
+    ----------
+    fabric
+        Gives the fibre directions; its stiffnesses have no effect.
+    C_j
+        Stabilisation stiffness in N/mm.
+    """
+
+    def jump(w):
+        return _jump(kin.shear_angle(deformation(w), *directions(fabric, w)))
+
+    def variation(w):
+        return kin.shear_angle_d(deformation(w), *directions(fabric, w))
+
+    def curvature(w):
+        return kin.shear_angle_dd(deformation(w), *directions(fabric, w))
+
+    @Functional
+    def energy(w):
+        return 0.5 * C_j * jump(w) ** 2
+
+    @LinearForm
+    def residual(v, w):
+        return C_j * once(w, jump) * _jump(ddot(once(w, variation), grad(v)))
+
+    @BilinearForm
+    def tangent(u, v, w):
+        d = once(w, variation)
+        second = contract(grad(v), once(w, curvature), grad(u))
+        return C_j * (
+            _jump(ddot(d, grad(u))) * _jump(ddot(d, grad(v)))
+            + once(w, jump) * _jump(second)
+        )
+
+    return Forms(energy, residual, tangent)
+
+
+def _jump(x: ndarray) -> ndarray:
+    """[[x]], the same at both points of an edge."""
+    return np.repeat(x[..., :1] - x[..., 1:], 2, axis=-1)

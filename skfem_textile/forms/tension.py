@@ -1,16 +1,40 @@
-"""Fibre tension."""
+"""Forms of the fibre tension: at points, and of the mean strain of an element.
+
+Fibre tension of the mean stretch of an element, which avoids tension locking.
+
+Each point at which nearly inextensible fibres must not stretch adds a constraint.  With
+one point in every quadrilateral there are as many constraints as unknowns, with three
+in a quadratic triangle more: where the shear angle jumps along fibres as stiff as those
+of real fabrics, both lock.  Here the fibre law holds for the mean λ̄ of the stretches at
+the points of an element, and deviations from it meet a stiffness E_d that does not grow
+with that of the fibres,
+
+    ψ(ln λ̄) + ½ E_d (λ − λ̄)²,
+
+where ψ is of each family, or takes the means of both.
+
+The mean is that of the stretch, and not of its logarithm: a stretch has no second
+derivative along its fibre, so that a deviation meets E_d however large the tension,
+where a logarithm would leave E_d − T.  It is consistent: deviations vanish as elements
+become smaller.
+"""
 
 import numpy as np
+from skfem import BilinearForm, Functional, LinearForm
+from skfem.helpers import ddot, grad
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
 from .form import (
     Forms,
+    contract,
     deformation,
     directions,
     elements,
     families_with_law,
+    mean,
     of_density,
+    once,
     outer,
 )
 
@@ -74,3 +98,89 @@ def tension(fabric: Fabric) -> Forms:
         return C
 
     return of_density(energy, stress, stiffness)
+
+
+def mean_tension(fabric: Fabric) -> Forms:
+    """Fibre tension with the energy ψ(ln λ̄) + ½ E_d (λ − λ̄)².
+
+    The forms go with `MeanBasis` and take the parameter ``E_d`` in N/mm, shape (2,
+    n_elements, 1).  The tangent takes an optional parameter ``tension``, shape (2,
+    n_elements, n_points), as that of `tension` does.
+
+    Parameters
+    ----------
+    fabric
+        Fibre directions and tension laws.
+    """
+    families = families_with_law(fabric)
+
+    def law(w):
+        """Tensions T(ε₁, ε₂) of the means, in each element those of its first point."""
+        element = elements(w)
+        return fabric.at(None if element is None else element[:, :1]).tensions
+
+    def stretches(w):
+        F, A = deformation(w), directions(fabric, w)
+        return [kin.stretch(F, a) for a in A]
+
+    def mean_stretches(w):
+        return np.array([mean(w, lam) for lam in once(w, stretches)])
+
+    def variation(w):
+        """∂λ/∂F."""
+        F, A = deformation(w), directions(fabric, w)
+        return [kin.stretch_d(F, a) for a in A]
+
+    def force(w):
+        """∂ψ/∂λ: the tension over the stretch."""
+        lam, E_d, means = once(w, stretches), w["E_d"], once(w, mean_stretches)
+        T = law(w).value(np.log(means))
+        return {i: T[i] / means[i] + E_d[i] * (lam[i] - means[i]) for i in families}
+
+    def stress(w):
+        N, d_lam = force(w), once(w, variation)
+        return sum(N[i] * d_lam[i] for i in families)
+
+    def local_stiffness(w):
+        """What couples the motion at one point with itself."""
+        F, A = deformation(w), directions(fabric, w)
+        lam, d_lam, E_d = once(w, stretches), once(w, variation), w["E_d"]
+        if "tension" in w:
+            N = {i: w["tension"][i] / lam[i] for i in families}
+        else:
+            N = force(w)
+        return sum(
+            E_d[i] * outer(d_lam[i], d_lam[i]) + N[i] * kin.stretch_dd(F, A[i])
+            for i in families
+        )
+
+    def mean_stiffness(w):
+        """What couples the mean of each family with itself, and both means."""
+        means, E_d = once(w, mean_stretches), w["E_d"]
+        T, slopes = law(w).value(np.log(means)), law(w).slopes(np.log(means))
+        own = {i: (slopes.own[i] - T[i]) / means[i] ** 2 - E_d[i] for i in families}
+        if slopes.cross is None:
+            return own, None
+        return own, slopes.cross / (means[0] * means[1])
+
+    @Functional
+    def energy(w):
+        lam, E_d, means = once(w, stretches), w["E_d"], once(w, mean_stretches)
+        return sum(law(w).energies(np.log(means))) + sum(
+            0.5 * E_d[i] * (lam[i] - means[i]) ** 2 for i in families
+        )
+
+    @LinearForm
+    def residual(v, w):
+        return ddot(once(w, stress), grad(v))
+
+    @BilinearForm
+    def tangent(u, v, w):
+        d_lam, (own, cross) = once(w, variation), once(w, mean_stiffness)
+        of_u, of_v = ([mean(w, ddot(d, grad(x))) for d in d_lam] for x in (u, v))
+        means = sum(own[i] * of_u[i] * of_v[i] for i in families)
+        if cross is not None:
+            means = means + cross * (of_u[0] * of_v[1] + of_u[1] * of_v[0])
+        return means + contract(grad(v), once(w, local_stiffness), grad(u))
+
+    return Forms(energy, residual, tangent)

@@ -1,9 +1,15 @@
 """Meshes, fibre directions and fabrics in and out, and results out."""
 
 from .decks.fabrics import OF_FABRICS, read_fabric, write_fabric
-from .draping.fibres import DRAPED, write_draped, write_fibres
-from .draping.flat_pattern import write_pattern
-from .draping.tools import read_surface, read_tool_mesh, read_trimming_curve
+from .draping import (
+    DRAPED,
+    read_surface,
+    read_tool_mesh,
+    read_trimming_curve,
+    write_draped,
+    write_fibres,
+    write_pattern,
+)
 from .fibres import OF_DIRECTIONS, read_directions, write_directions
 from .reading import read_mesh
 from .results import FIELDS, write_fields, write_history, write_summary

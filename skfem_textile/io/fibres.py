@@ -11,14 +11,14 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..fabric.directions.per_element import FibreDirections
+from ..fabric.directions import FibreDirections
 from ..mesh.checks import MeshError
 from ..mesh.splitting import original_elements
 from ..mesh.user_input import excerpt, number_of_text, printable
 from . import vtu
+from .decks.abaqus import deck_of
 from .decks.orientations import KEYWORDS
 from .decks.orientations import read_directions as deck_directions
-from .decks.write_deck import deck_of
 
 _VECTORS = ("warp_direction", "weft_direction")
 _ANGLES = ("warp_angle_deg", "weft_angle_deg")

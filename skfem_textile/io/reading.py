@@ -16,12 +16,12 @@ from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
 from ..mesh.checks import MeshError, check_mesh, refuse, refuse_positions
-from ..mesh.named_nodes import with_named_nodes
 from ..mesh.scikit_fem import with_names
+from ..mesh.selection import with_named_nodes
 from ..mesh.splitting import boundary_edges, named_edges, split_cells
 from ..mesh.user_input import printable
 from . import gmsh, vtk, vtu
-from .decks import mesh as abaqus
+from .decks import abaqus
 
 # Extent of a mesh along z over its largest extent, up to which it counts as plane.
 # Chosen: far above rounding (2e-16).

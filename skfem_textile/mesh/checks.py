@@ -10,8 +10,8 @@ from skfem.helpers import det
 
 from .bases import GAUSS
 from .contact import boundary_of, cells_within, contact_of
-from .named_nodes import named_nodes
 from .scikit_fem import with_names
+from .selection import named_nodes
 
 # An edge of a cell counts as zero below this share of the longest, a Jacobian below it
 # times its square.  Chosen: far above rounding (2e-16), far below cells in use.

@@ -2,16 +2,15 @@
 
 try:
     from .animation import animation
-    from .before import mesh_and_fibres
-    from .curves import curves
+    from .curves import curves, plot_law, plot_tensions
     from .fields import FIELDS, Field
-    from .laws import plot_law, plot_tensions
-    from .on_tools.draped import draped
     from .pictures import (
         contact_sheet,
+        draped,
         fibre_directions,
         fibre_strain,
         field,
+        mesh_and_fibres,
         shear_angle,
         verdict,
     )

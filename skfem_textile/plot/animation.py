@@ -7,9 +7,9 @@ from typing import Any
 from ..solve.result import Result
 from .fields import Field, field_of, reach, values_of
 from .layout import lay_out
-from .of_results import shapes_of
 from .picture_files import picture_path, write
 from .renderers.drawing import new_plotter, pixels, pyvista_renderer
+from .shapes import shapes_of
 from .sheet import Legend, Panel, Scale, Sheet, extent
 
 # Dots per inch: of a picture for a screen.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy import ndarray
 
-from ..io.fields import cell_fields, point_fields
+from ..io.results import cell_fields, point_fields
 from ..ply import Ply
 
 

@@ -9,10 +9,8 @@ from skfem import Mesh, MeshQuad, MeshTri
 
 from ..fabric.regions import fabric_on
 from ..mesh.bases import node_dofs
-from ..mesh.named_nodes import named_nodes, with_named_nodes
-from ..mesh.splitting.hats import hat_functions
-from ..mesh.splitting.quadrilaterals import split
-from ..mesh.splitting.refined_triangles import refine_triangles
+from ..mesh.selection import named_nodes, with_named_nodes
+from ..mesh.splitting import hat_functions, refine_triangles, split
 from .parameters import Frozen, PlyParameters, Values
 
 

@@ -1,4 +1,4 @@
-"""Loads on a ply: tractions, forces and body forces, by the load factor."""
+"""Loads on a ply: tractions, forces, body forces and pressures."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,13 +7,23 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
-from skfem import CellBasis, FacetBasis, LinearForm, asm
-from skfem.helpers import dot
+from scipy.sparse import csr_matrix
+from skfem import (
+    BilinearForm,
+    CellBasis,
+    ElementQuad1,
+    FacetBasis,
+    Functional,
+    LinearForm,
+    asm,
+)
+from skfem.helpers import dot, grad
 
+from ..forms import Forms
 from ..mesh.bases import components, node_dofs
 from ..mesh.selection import Where, selected_nodes
 from ..mesh.user_input import call_user_function, real_numbers
-from .terms import Factor, VectorTerm, proportional
+from .terms import Factor, FormTerm, VectorTerm, factor_at, proportional
 
 #: A vector, or a function of reference position (2, ...) -> (d, ...).
 Vector: TypeAlias = ArrayLike | Callable[[ndarray], ndarray]
@@ -175,3 +185,159 @@ def _finite(what: str, value: Any, shape: tuple[int, ...]) -> ndarray:
             f"function of position that gives these; got shape {array.shape}"
         )
     return array
+
+
+# Of a held direction this share may be free: the round-off of directions.
+_FREE = 1e-9
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """A pressure on a ply in space, along the normal of its deformed surface.
+
+    It pushes to the side to which z points at rest.  Its energy is −p V with the volume
+    V between the surface and the plane z = 0, so that it has a symmetric tangent where
+    no work is done on the walls below the edges.  A ply is refused unless each edge is
+    held at z = 0, or may not move along its normal at rest, as on a plane of symmetry.
+    There the reaction along the normal includes the pressure on the wall.
+
+    Parameters
+    ----------
+    value
+        Pressure in N/mm².
+    factor
+        Function of the load factor by which it is multiplied: the load factor itself
+        if none is given.
+    name
+        Name of the term.
+    """
+
+    value: float
+    factor: Factor = proportional
+    name: str = "pressure"
+
+    def on(self, basis: CellBasis) -> "PressureTerm":
+        """The term on a basis of the displacement.
+
+        Raises
+        ------
+        ValueError
+            If the ply is not in space, or the value is no finite number.
+        """
+        value = real_numbers(f"load {self.name!r}", self.value)
+        if value.shape or not np.isfinite(value):
+            raise ValueError(
+                f"load {self.name!r}: its value must be a finite number, got "
+                f"{self.value}"
+            )
+        if components(basis) != 3:
+            raise ValueError(
+                f"load {self.name!r}: a pressure acts across a ply in space: give the "
+                "ply dimension=3"
+            )
+        quads = isinstance(basis.elem.elem, ElementQuad1)  # type: ignore[attr-defined]
+        # Quadrilaterals are pushed where tension holds them: 2×2 points would push a
+        # motion that tension at one point does not see, and the ply buckles.
+        rule = {"quadrature": basis.quadrature} if quads else {"intorder": 4}
+        points = CellBasis(
+            *(basis.mesh, basis.elem, basis.mapping), dofs=basis.dofs, **rule
+        )
+        forms = _forms(self.name, float(value), self.factor)
+        return PressureTerm(self.name, forms, points, role="load")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PressureTerm(FormTerm):
+    """The term of `Pressure`."""
+
+    def unsupported(self, supports: Any) -> str:
+        """Why conditions leave it no potential; empty where it has one.
+
+        Parameters
+        ----------
+        supports
+            Conditions as fixed unknowns, see `Constraints`.
+        """
+        basis: Any = self.basis
+        mesh, dofs = basis.mesh, node_dofs(basis)
+        edges = mesh.boundary_facets()
+        ends = mesh.p[:, mesh.facets[:, edges]]
+        along = ends[:, 1] - ends[:, 0]
+        N = np.pad(np.array([along[1], -along[0]]) / np.hypot(*along), ((0, 1), (0, 0)))
+        nodes = [*mesh.facets[:, edges]]
+        if len(dofs[0]) > mesh.nvertices:
+            nodes.append(mesh.nvertices + edges)
+        z = np.broadcast_to(np.eye(3)[2][:, None], N.shape)
+        flat, upright = (
+            np.all([_held(dofs[:, at], n, supports) for at in nodes], axis=0)
+            for n in (z, N)
+        )
+        if not (flat | upright).all():
+            return (
+                "a pressure needs edges that are held across the ply, or do not move "
+                f"along their normal: {(~flat & ~upright).sum()} edge(s) of the "
+                "boundary are free, where its work depends on the path"
+            )
+        on_edges = np.unique(dofs[2][np.concatenate([at[~upright] for at in nodes])])
+        if on_edges.size and np.abs(_prescribed(supports)[on_edges]).max() > 0:
+            return (
+                "a pressure needs edges that stay in the plane z = 0, or do not move "
+                "along their normal"
+            )
+        return ""
+
+
+def _held(dofs: ndarray, n: ndarray, supports: Any) -> ndarray:
+    """Whether motions of nodes along directions n are fixed; shapes (3, n_nodes)."""
+    columns = np.arange(n.shape[1])
+    entries = n.ravel(), (dofs.ravel(), np.tile(columns, 3))
+    motion = csr_matrix(entries, shape=(_size(supports), len(columns)))
+    if supports.turn is not None:
+        motion = supports.turn.T @ motion
+    free = abs(motion.tocsr()[supports.free])
+    return np.asarray(free.max(axis=0).todense()).ravel() <= _FREE
+
+
+def _size(supports: Any) -> int:
+    return len(supports.free) + len(supports.fixed)
+
+
+def _prescribed(supports: Any) -> ndarray:
+    """Displacements that are prescribed at the full load, zero where none are."""
+    q = np.zeros(_size(supports))
+    q[supports.fixed] = supports.fixed_values(1.0)
+    return q if supports.turn is None else supports.turn @ q
+
+
+def _forms(name: str, value: float, factor: Factor) -> Forms:
+    """−p V and its derivatives, V = ∫ z (∂x/∂X × ∂x/∂Y)_z."""
+
+    def pressure(w: Any) -> float:
+        return value * factor_at(f"load {name!r}", factor, w["t"])
+
+    def x_and_y(w: Any) -> ndarray:
+        return grad(w["u"])[:2] + np.eye(2)[:, :, None, None]
+
+    @Functional
+    def energy(w):
+        F = x_and_y(w)
+        return -pressure(w) * w["u"][2] * 0.5 * _mixed(F, F)
+
+    @LinearForm
+    def residual(v, w):
+        F = x_and_y(w)
+        change = v[2] * 0.5 * _mixed(F, F) + w["u"][2] * _mixed(F, grad(v))
+        return -pressure(w) * change
+
+    @BilinearForm
+    def tangent(u, v, w):
+        F = x_and_y(w)
+        crossed = v[2] * _mixed(F, grad(u)) + u[2] * _mixed(F, grad(v))
+        return -pressure(w) * (crossed + w["u"][2] * _mixed(grad(u), grad(v)))
+
+    return Forms(energy, residual, tangent)
+
+
+def _mixed(F: Any, G: Any) -> ndarray:
+    """Derivative of det F along G, of 2×2 arrays; 2 det F where both are the same."""
+    return F[0][0] * G[1][1] + F[1][1] * G[0][0] - F[0][1] * G[1][0] - F[1][0] * G[0][1]

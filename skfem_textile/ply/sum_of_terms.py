@@ -12,7 +12,7 @@ from skfem import CellBasis, Mesh
 
 from ..fabric import Fabric
 from ..fabric import kinematics as kin
-from ..fabric.law_end import LawEnd
+from ..fabric.law import LawEnd
 from ..forms.form import mean
 from ..mesh.bases import Corners, components, sided
 from ..mesh.pattern import Pattern
@@ -28,15 +28,7 @@ from .kernels.kernel import (
 )
 from .parameters import NO_VALUES, Frozen, PlyParameters, Values
 from .term_check import coupled_nodes, terms_on_basis
-from .terms import (
-    Contribution,
-    ElementTerm,
-    FormTerm,
-    Load,
-    Role,
-    TensionTerm,
-    Term,
-)
+from .terms import Contribution, ElementTerm, FormTerm, Load, Role, TensionTerm, Term
 
 
 class _Kinds(NamedTuple):

@@ -9,7 +9,7 @@ from skfem import Mesh, MeshQuad, MeshTri
 
 from ..fabric import mesh_along_fibres
 from ..mesh.checks import with_edges
-from ..mesh.named_nodes import named_nodes
+from ..mesh.selection import named_nodes
 
 Kind: TypeAlias = Literal["aligned", "irregular", "horizontal", "vertical", "delaunay"]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import Law
-from ..fabric.law_parameters import number
+from ..fabric.law import number
 from .common.zones import force_of_moments, free_length
 
 # Angle in radians up to which a ply is at rest: rounding.

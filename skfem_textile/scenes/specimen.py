@@ -9,7 +9,7 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ..mesh.checks import MeshError, check_mesh, with_edges
-from ..mesh.named_nodes import named_nodes
+from ..mesh.selection import named_nodes
 from ..mesh.user_input import printable
 from ..registration import Option, SceneRegistration, angle
 from ..solve.conditions import Condition

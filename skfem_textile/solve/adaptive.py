@@ -22,13 +22,7 @@ from .error_estimate import (
 from .newton import Method
 from .result import Result, StepError
 from .search import equilibrium_near
-from .states import (
-    ErrorEstimate,
-    Iteration,
-    NoEquilibriumError,
-    State,
-    UserError,
-)
+from .states import ErrorEstimate, Iteration, NoEquilibriumError, State, UserError
 from .stepper import DEFAULT_WARN_ONLY, LoadStepper
 
 log = logging.getLogger(__name__)

@@ -6,7 +6,7 @@ from numpy import ndarray
 from skfem import CellBasis
 
 from ..fabric import Fabric
-from ..fabric.law_end import LawEnd
+from ..fabric.law import LawEnd
 from ..mesh.pattern import Pattern
 from ..ply.parameters import PlyParameters
 from ..ply.terms import Term

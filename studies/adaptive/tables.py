@@ -4,10 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skfem_textile.solve.error_estimate import (
-    LOAD_OVER_SHARE,
-    SHEAR_ANGLE_OVER_CHANGE,
-)
+from skfem_textile.solve.error_estimate import LOAD_OVER_SHARE, SHEAR_ANGLE_OVER_CHANGE
 
 from ..common.tables import markdown_table
 from ..study import Row

@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshTri
 
-from skfem_textile.fabric.meshing.cells_of_net import cells_of_net
+from skfem_textile.fabric.meshing import cells_of_net
 from skfem_textile.mesh.checks import with_edges
 
 # A point that is nearer to a side than this share of a rhombus is on it.  Chosen: far

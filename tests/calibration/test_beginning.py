@@ -7,9 +7,8 @@ import pytest
 
 from skfem_textile import CrimpToe, Linear, Polynomial
 from skfem_textile.calibration import BiasExtension, PictureFrame, Specimen, fit_shear
-from skfem_textile.calibration.beginning import force_at_rest, seems_swapped
 from skfem_textile.calibration.biaxial import BiaxialCurve, fit_tension
-from skfem_textile.calibration.curves import read_curve
+from skfem_textile.calibration.curves import force_at_rest, read_curve, seems_swapped
 from skfem_textile.calibration.report import shear_report, tension_report
 
 SOFTENING = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))

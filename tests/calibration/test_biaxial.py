@@ -5,8 +5,7 @@ import pytest
 
 from skfem_textile import CrimpInterchange, CrimpToe, Linear
 from skfem_textile.calibration.biaxial import BiaxialCurve, fit_tension, read_biaxial
-from skfem_textile.calibration.report import tension_report
-from skfem_textile.calibration.report_text import report_text
+from skfem_textile.calibration.report import report_text, tension_report
 from skfem_textile.fabric import TwoLaws
 
 RATIOS = (0.5, 1.0, 2.0)

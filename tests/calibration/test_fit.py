@@ -12,9 +12,8 @@ from skfem_textile.calibration import (
     fit_by_simulation,
     fit_shear,
 )
-from skfem_textile.calibration.least_squares import covariance_of
-from skfem_textile.calibration.report import shear_report
-from skfem_textile.calibration.report_text import report_text
+from skfem_textile.calibration.regression import covariance_of
+from skfem_textile.calibration.report import report_text, shear_report
 
 QUINTIC = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
 TABLE = Tabulated(np.radians(5 * np.arange(9)), np.arange(9.0) ** 2, odd=True)

@@ -9,8 +9,8 @@ from command_line import refused, run
 from skfem_textile import CrimpToe, Polynomial
 from skfem_textile.calibration import BiasExtension, PictureFrame
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.fit.options import TESTS
-from skfem_textile.fabric.files.fabric_file import read_law
+from skfem_textile.cli.fit import TESTS
+from skfem_textile.fabric.files import read_law
 from skfem_textile.io import read_fabric
 
 LAW = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))

@@ -17,7 +17,7 @@ from command_line import DRAWN, QUICK, is_whole
 from skfem_textile import Ply
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.interruption import INTERRUPTED, held, raised
-from skfem_textile.cli.results.result_folder import ResultFolder
+from skfem_textile.cli.result_folder import ResultFolder
 from skfem_textile.solve.stepper import Run
 from skfem_textile.solve.sweep import WorkerProcesses
 
@@ -25,6 +25,14 @@ ROOT = Path(__file__).parents[2]
 COMMAND = sys.executable, "-X", "importtime", "-m", "skfem_textile", "run", "strip"
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
+
+
+@pytest.fixture(autouse=True)
+def _hears_ctrl_c():
+    """A suite in the background of a shell ignores it, and so would its children."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def interrupted(out, number, seconds, *options):

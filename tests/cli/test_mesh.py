@@ -8,7 +8,7 @@ import pytest
 from command_line import MESH, refused, run
 
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.results import pictures
+from skfem_textile.cli import results
 
 
 def test_a_run_takes_a_mesh_file_and_full_integration(tmp_path):
@@ -80,7 +80,7 @@ def test_a_run_takes_quadratic_triangles_and_writes_everything(tmp_path):
     assert summary["n_dofs"] == 2 * 7 * 9
     assert summary["stable"]
     assert summary["max_fibre_strain"] < summary["mesh_fibre_strain"]
-    assert set(pictures.PICTURES) <= {p.name for p in out.iterdir()}
+    assert set(results.PICTURES) <= {p.name for p in out.iterdir()}
     for series in ("step_*.vtu", "own_step_*.vtu"):
         files = list((out / "fields").glob(series))
         assert len(files) == summary["load_steps"] + 1

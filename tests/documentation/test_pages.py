@@ -9,10 +9,10 @@ import pytest
 
 import skfem_textile
 from skfem_textile import Fabric, Force, LoadStepper, Ply, Polynomial, io, write_law
+from skfem_textile.cli import results
 from skfem_textile.cli.case.curve import CURVE
 from skfem_textile.cli.main import parser
-from skfem_textile.cli.results import pictures
-from skfem_textile.io.fields import cell_fields, point_fields
+from skfem_textile.io.results import cell_fields, point_fields
 from skfem_textile.scenes import bias_extension
 
 ROOT = Path(__file__).parents[2]
@@ -159,6 +159,6 @@ def test_every_column_of_a_history_is_described(run):
 def test_every_field_and_file_is_described(run):
     _, result = run
     names = [*cell_fields(result.ply, result.u), *point_fields(result.ply, result.u)]
-    names += ["summary.json", "history.csv", CURVE, *io.DRAPED, pictures.REFUSED]
-    names += [*pictures.PICTURES, *pictures.OF_SHEAR_TESTS]
+    names += ["summary.json", "history.csv", CURVE, *io.DRAPED, results.REFUSED]
+    names += [*results.PICTURES, *results.OF_SHEAR_TESTS]
     assert [name for name in names if not described(name)] == []

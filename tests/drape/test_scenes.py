@@ -19,13 +19,7 @@ from skfem_textile import (
 from skfem_textile.cli import main as cli
 from skfem_textile.fabric.directions import directions_of
 from skfem_textile.io import write_directions, write_fabric
-from skfem_textile.scenes import (
-    Case,
-    cylinder,
-    double_dome,
-    hemisphere,
-    saddle,
-)
+from skfem_textile.scenes import Case, cylinder, double_dome, hemisphere, saddle
 from skfem_textile.scenes.rectangle import rectangle
 
 meshio = pytest.importorskip("meshio")

@@ -16,7 +16,7 @@ from skfem_textile import (
     TensionOnly,
 )
 from skfem_textile.fabric import CrimpedYarns, Softening, TangentShear, TwoLaws
-from skfem_textile.fabric.files.fabric_file import read_law, write_law
+from skfem_textile.fabric.files import read_law, write_law
 
 SHEAR = (
     Sin2(0.1),

@@ -7,12 +7,7 @@ from skfem import MeshTri
 
 from skfem_textile import Fabric, LoadStepper, MeshError, Ply
 from skfem_textile.fabric.directions import FibreDirections
-from skfem_textile.io import (
-    read_directions,
-    read_mesh,
-    write_directions,
-    write_draped,
-)
+from skfem_textile.io import read_directions, read_mesh, write_directions, write_draped
 from skfem_textile.scenes import bias_extension
 
 MESH = distorted(1, (4, 3))

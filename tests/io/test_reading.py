@@ -10,7 +10,7 @@ from skfem import MeshQuad, MeshTri
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, MeshError, OnePoint, Ply
 from skfem_textile.io import read_mesh
-from skfem_textile.mesh.named_nodes import named_nodes
+from skfem_textile.mesh.selection import named_nodes
 from skfem_textile.scenes import bias_extension
 
 MESHES = Path(__file__).parent / "meshes"

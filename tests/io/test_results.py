@@ -10,7 +10,7 @@ from helpers import distorted, wobble
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Macro, OnePoint, Ply
 from skfem_textile.io import write_draped, write_fields, write_history, write_summary
-from skfem_textile.io.fields import cell_fields
+from skfem_textile.io.results import cell_fields
 from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle

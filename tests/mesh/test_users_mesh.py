@@ -21,7 +21,7 @@ from skfem_textile import (
     Quadratic,
 )
 from skfem_textile.io import read_mesh, write_fields
-from skfem_textile.mesh.named_nodes import with_named_nodes
+from skfem_textile.mesh.selection import with_named_nodes
 from skfem_textile.mesh.splitting import CutMesh, SplitMesh, cut, split, split_cells
 from skfem_textile.scenes.rectangle import rectangle
 

@@ -7,7 +7,7 @@ from skfem import MeshQuad
 from skfem_textile import split
 from skfem_textile.scenes import bias_extension
 
-lines = pytest.importorskip("skfem_textile.plot.lines")
+lines = pytest.importorskip("skfem_textile.plot.sheet")
 sheet = pytest.importorskip("skfem_textile.plot.sheet")
 
 

@@ -15,7 +15,7 @@ from skfem_textile.scenes import strip
 pv = pytest.importorskip("pyvista")
 Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
-lines = pytest.importorskip("skfem_textile.plot.lines")
+lines = pytest.importorskip("skfem_textile.plot.sheet")
 
 FOLDER = Path(__file__).parent / "references"
 

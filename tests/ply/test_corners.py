@@ -5,18 +5,10 @@ import pytest
 from helpers import derivative, distorted, distorted_for, one_quad, wobble
 from skfem import MeshQuad
 
-from skfem_textile import (
-    Fabric,
-    Full,
-    LoadStepper,
-    Macro,
-    OnePoint,
-    Ply,
-    Quadratic,
-)
+from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply, Quadratic
 from skfem_textile.forms.corners import RESISTING, resistance
 from skfem_textile.mesh.splitting import split
-from skfem_textile.ply.own_terms import corners
+from skfem_textile.ply import own_terms
 from skfem_textile.scenes import bias_extension, strip
 
 FORMULATIONS = [Full(), OnePoint(1.0), Macro(), Quadratic(20.0)]
@@ -117,7 +109,9 @@ def test_strips_with_little_stabilisation_end_unfolded(seed):
 @pytest.mark.parametrize("scale", [0.1, 10.0])
 @pytest.mark.parametrize("seed", [0, 3])
 def test_how_stiff_corners_are_decides_little(scale, seed, monkeypatch):
-    monkeypatch.setattr(corners, "_SHARE_OF_FIBRES", scale * corners._SHARE_OF_FIBRES)
+    monkeypatch.setattr(
+        own_terms, "_SHARE_OF_FIBRES", scale * own_terms._SHARE_OF_FIBRES
+    )
     scene = strip(size=(6, 9), seed=seed)
     ply = Ply(scene.mesh, Fabric(1e4), OnePoint(1.0))
     ends_unfolded(ply, scene.conditions, 5)

@@ -25,9 +25,8 @@ from skfem_textile import (
 )
 from skfem_textile.mesh.bases import node_dofs
 from skfem_textile.mesh.checks import check_mesh
-from skfem_textile.mesh.named_nodes import named_nodes, with_named_nodes
-from skfem_textile.mesh.splitting import cut
-from skfem_textile.mesh.splitting.refined_triangles import refine_triangles
+from skfem_textile.mesh.selection import named_nodes, with_named_nodes
+from skfem_textile.mesh.splitting import cut, refine_triangles
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
 

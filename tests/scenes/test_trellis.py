@@ -3,15 +3,7 @@ import pytest
 from helpers import forces_of
 from skfem import MeshQuad
 
-from skfem_textile import (
-    CENTRE,
-    Fabric,
-    Full,
-    LoadStepper,
-    OnePoint,
-    Ply,
-    quad_basis,
-)
+from skfem_textile import CENTRE, Fabric, Full, LoadStepper, OnePoint, Ply, quad_basis
 from skfem_textile.scenes import picture_frame, trellis
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.trellis import SIDE, sheared

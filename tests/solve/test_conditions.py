@@ -6,7 +6,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
 from skfem_textile.mesh.bases import GAUSS, quad_basis, triangle_basis
-from skfem_textile.mesh.named_nodes import with_named_nodes
+from skfem_textile.mesh.selection import with_named_nodes
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.solve.conditions import Constraints
 

@@ -18,7 +18,7 @@ from skfem_textile import (
     Quadratic,
     Tabulated,
 )
-from skfem_textile.mesh.named_nodes import with_named_nodes
+from skfem_textile.mesh.selection import with_named_nodes
 from skfem_textile.scenes import bias_extension, picture_frame
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve import error_estimate

@@ -21,11 +21,7 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension
 from skfem_textile.solve import newton, search
-from skfem_textile.solve.search import (
-    EquilibriumSearch,
-    Found,
-    Goal,
-)
+from skfem_textile.solve.search import EquilibriumSearch, Found, Goal
 from skfem_textile.solve.states import NoEquilibriumError
 
 

@@ -103,6 +103,14 @@ def test_stored_counts_are_those_of_the_cases_of_a_whole_run(tmp_path):
     assert STUDY.complaint(stored) == "1 trials end badly"
 
 
+@pytest.fixture(autouse=True)
+def _hears_ctrl_c():
+    """A suite in the background of a shell ignores it, and so would its children."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def test_every_outcome_is_recognised():
     with started("-c", OUTCOMES) as suite:
         out, err = suite.communicate()

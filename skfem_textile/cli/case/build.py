@@ -21,7 +21,7 @@ from ...registration import Registration, Resistance, SceneRegistration
 from ...scenes import SCENES, Scene
 from ...scenes.case import Case
 from ...scenes.rectangle import KINDS
-from ..fibres.from_files import from_files
+from ..fibres import from_files
 from .laws import (
     BENDING,
     IN_COMPRESSION,
@@ -108,7 +108,7 @@ def _scene_of(values: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
 
 def _read(file: str, values: Mapping[str, Any]) -> Mesh:
     """The mesh of a file, of which directions and the fabric may be read too."""
-    from ...io import OF_DIRECTIONS, OF_FABRICS, read_mesh  # loads meshio
+    from ...io import OF_DIRECTIONS, OF_FABRICS, read_mesh
 
     given = {"directions": OF_DIRECTIONS, "fabric": OF_FABRICS}
     same = [option for option in given if _is_copy(values[option], file)]
@@ -120,7 +120,7 @@ def _tool(file: str | None) -> "TriangleMesh":
     """The surface of the file of a tool."""
     if file is None:
         raise ValueError("--tool is not given: name an STL file of triangles")
-    from ...io import read_surface  # loads meshio
+    from ...io import read_surface
 
     return read_surface(file)
 

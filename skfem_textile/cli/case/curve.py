@@ -1,6 +1,7 @@
 """The curve that a machine would measure, from the states of a run."""
 
 import csv
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeAlias
@@ -8,10 +9,66 @@ from typing import TypeAlias
 import numpy as np
 from numpy import ndarray
 
+from ...mesh.user_input import printable
 from ...scenes import Scene
 from ...scenes.shear_test import ShearTest
 from ...solve.result import Result
-from ..results.curves_of_tests import ANGLE, DISPLACEMENT, FORCE, NORMALISED
+
+#: Headings of the columns.
+DISPLACEMENT, FORCE = "displacement (mm)", "force (N)"
+ANGLE, NORMALISED = "angle (deg)", "normalised shear force (N/mm)"
+
+# What heads a column of `read_curve`, and how much its unit is in that of the heading.
+_HEADINGS = {
+    "displacement": (DISPLACEMENT, 1.0),
+    "shear angle": (ANGLE, 180 / np.pi),
+    "force": (FORCE, 1.0),
+    "normalised shear force": (NORMALISED, 1.0),
+}
+
+
+def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
+    """Columns of the curve of a test by their headings.
+
+    The first row names the columns, as for `calibration.curves.read_curve`: at least a
+    displacement or an angle, and at least one force.  Cells may be empty.
+
+    Parameters
+    ----------
+    path
+        The file, in UTF-8.
+
+    Returns
+    -------
+    dict
+        For each column that is there its numbers, shape (n,); NaN for empty cells.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file; one line names the file and the row.
+    OSError
+        If it cannot be read.
+    """
+    from ...calibration.curves import read_curve
+
+    found = read_curve(path, gaps=True)
+    curve = {
+        heading: found[name] * factor
+        for name, (heading, factor) in _HEADINGS.items()
+        if name in found
+    }
+    if not ({DISPLACEMENT, ANGLE} & set(curve) and {FORCE, NORMALISED} & set(curve)):
+        raise ValueError(
+            f"{printable(path)}, row 1: the header must name a displacement or an "
+            f"angle, and a force, like {', '.join(map(repr, (DISPLACEMENT, FORCE)))}"
+        )
+    if len(next(iter(curve.values()))) < 2:
+        raise ValueError(
+            f"{printable(path)}: a curve needs at least two rows of numbers"
+        )
+    return curve
+
 
 #: Columns of a curve by their headings.
 Curve: TypeAlias = Mapping[str, ndarray]
@@ -64,7 +121,7 @@ def completed(curve: Curve, test: ShearTest | None) -> dict[str, ndarray]:
 
 def write_curve(curve: dict[str, ndarray], path: Path) -> None:
     """Write the columns of a curve as CSV; see `word_of`."""
-    from ...io.file_numbers import word_of  # loads meshio
+    from ...io.file_numbers import word_of
 
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)

@@ -16,7 +16,7 @@ from ...solve.linear import SOLVERS
 from ...solve.newton import METHODS
 from ...solve.stepper import DEFAULT_WARN_ONLY
 from ...solve.verdict import CHECKS
-from ..fibres.from_files import DIRECTIONS, FABRIC
+from ..fibres import DIRECTIONS, FABRIC
 from .laws import BENDING, PREFIXES, described, law_table, own_options
 from .mesh_options import is_mesh_file, mesh_options, scene_options
 from .table import Table

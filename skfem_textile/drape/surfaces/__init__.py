@@ -1,7 +1,15 @@
 """Surfaces to drape on: with a formula, height fields, and smoothed triangles."""
 
-from .analytic import Cone, Cylinder, Plane, Sphere, Torus
-from .height_field import Height, HeightField, double_dome
+from .analytic import (
+    Cone,
+    Cylinder,
+    Height,
+    HeightField,
+    Plane,
+    Sphere,
+    Torus,
+    double_dome,
+)
 from .triangle_mesh import TriangleMesh
 
 __all__ = [

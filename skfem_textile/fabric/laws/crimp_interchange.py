@@ -9,8 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...registration import LawRegistration, Option
-from ..law import BiaxialLaw
-from ..law_parameters import number, pair
+from ..law import BiaxialLaw, number, pair
 from .crimp_toe import INITIAL_STIFFNESS, TOE, CrimpToe
 from .linear import STIFFNESS
 

@@ -8,8 +8,7 @@ from numpy import ndarray
 from numpy.polynomial.polynomial import polyval
 
 from ...registration import LawRegistration, Option, Resistance
-from ..law import ScalarLaw
-from ..law_parameters import number
+from ..law import ScalarLaw, number
 from .linear import STIFFNESS
 
 # Below this share of the toe the series of the exponential is taken, to this power:

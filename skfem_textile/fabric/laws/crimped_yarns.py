@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..law import BiaxialLaw, Law, ScalarLaw
-from ..law_parameters import inner_law, number, pair
+from ..law import BiaxialLaw, Law, ScalarLaw, inner_law, number, pair
 
 # Newton steps end where they are this share of the heights of the crimp.
 _STEP = 1e-13

@@ -8,7 +8,7 @@ from ..law import BiaxialLaw
 
 
 def _from_file(path: str, of: Resistance) -> Any:
-    from ..files.fabric_file import read_law  # which imports all laws
+    from ..files import read_law
 
     law = read_law(path)
     if getattr(law, "of", None) not in (None, of) or (

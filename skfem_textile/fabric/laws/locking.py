@@ -7,8 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...registration import LawRegistration, Resistance, angle
-from ..law import ScalarLaw
-from ..law_parameters import number
+from ..law import ScalarLaw, number
 from .linear import STIFFNESS
 
 # End of the shown range, as a share of the locking angle.

@@ -7,8 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...registration import Option, Resistance
-from ..law import Law, ScalarLaw, domain_of
-from ..law_parameters import inner_law, number, refuse_force_at_rest
+from ..law import Law, ScalarLaw, domain_of, inner_law, number, refuse_force_at_rest
 
 # Strain from 0 within which a law goes over into the other.  A wider switch leaves more
 # of the small strains softer than the law.  A narrower one changes the tangent faster,

@@ -8,8 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...registration import Option, Resistance
-from ..law import Law, ScalarLaw, domain_of
-from ..law_parameters import inner_law, number
+from ..law import Law, ScalarLaw, domain_of, inner_law, number
 
 # Largest strain at which the tension is looked for, and the first.
 _LARGEST, _FIRST = 10.0, 1e-6

@@ -7,8 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...registration import Resistance
-from ..law import ScalarLaw
-from ..law_parameters import number
+from ..law import ScalarLaw, number
 
 # The tangent is infinite there, and fibres of both families lie on each other.
 _CLOSED = 0.5 * np.pi

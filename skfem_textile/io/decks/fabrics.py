@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from ...fabric import Fabric
-from ...fabric.files.fabric_file import fabric_of_text, fabric_text
+from ...fabric.files import fabric_of_text, fabric_text
 from ...mesh.checks import MeshError
 from ...mesh.user_input import printable
 from . import abaqus_fabric, radioss
+from .abaqus_fabric import material_of
 from .fabric_of_deck import FabricOfFile, Units
 from .orientations import read_directions
-from .write_fabric import material_of
 
 log = logging.getLogger(__name__)
 

@@ -13,9 +13,7 @@ from numpy import ndarray
 from ...mesh.checks import MeshError
 from ...mesh.user_input import excerpt
 from ..file_numbers import from_words, tag_positions
-from .keywords import Block, blocks
-from .mesh import read_elements
-from .write_deck import WARP, WEFT
+from .abaqus import WARP, WEFT, Block, blocks, read_elements
 
 _SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION", "SHELL GENERAL SECTION")
 

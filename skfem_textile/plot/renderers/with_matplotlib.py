@@ -15,8 +15,7 @@ from matplotlib.patches import Polygon, Rectangle
 from numpy import ndarray
 
 from ..layout import KEY, POINT, Bar, Layout, Place, Writing, font_file
-from ..lines import PLY, in_front_of_tool, lines_of
-from ..sheet import Panel, Sheet
+from ..sheet import PLY, Panel, Sheet, in_front_of_tool, lines_of
 
 # Width in points of the edge that closes the gaps that viewers leave between polygons.
 _SEAM = 0.4

@@ -19,8 +19,7 @@ from ..layout import (
     font_file,
     lay_out,
 )
-from ..lines import PLY, lines_of
-from ..sheet import Legend, Panel, Sheet
+from ..sheet import PLY, Legend, Panel, Sheet, lines_of
 
 _CELLS = {3: pv.CellType.TRIANGLE, 4: pv.CellType.QUAD}
 

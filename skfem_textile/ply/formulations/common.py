@@ -15,12 +15,12 @@ from ...mesh.bases import (
     CENTRE,
     GAUSS,
     HourglassBasis,
+    JumpBasis,
     MeanBasis,
     components,
     quad_basis,
 )
 from ...mesh.checks import check_mesh
-from ...mesh.interior_edges import JumpBasis
 from ...mesh.splitting import split
 from ...registration import Option
 from ..kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel

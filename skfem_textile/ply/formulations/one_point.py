@@ -8,8 +8,7 @@ from skfem import CellBasis
 
 from ... import forms
 from ...fabric import Fabric
-from ...mesh.bases import CENTRE, components
-from ...mesh.interior_edges import JumpBasis
+from ...mesh.bases import CENTRE, JumpBasis, components
 from ...registration import FormulationRegistration, Option
 from ..parameters import AccumulatedMoment
 from ..terms import Term

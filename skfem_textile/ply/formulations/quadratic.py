@@ -13,11 +13,7 @@ from ...mesh.checks import MeshError, check_mesh
 from ...mesh.splitting import SplitMesh, cut
 from ...registration import FormulationRegistration, Option
 from ..terms import TensionTerm
-from .common import (
-    Pointwise,
-    mean_tension_term,
-    refuse_stiffness,
-)
+from .common import Pointwise, mean_tension_term, refuse_stiffness
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,12 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ...drape import Axes, ToolMesh, TriangleMesh
-from ...drape.elements import boundary_edges
+from ...drape.sheet import boundary_edges
 from ...mesh.contact import signed_areas
 from ...registration import Option, SceneRegistration
 from ...solve.surface import OffSurfaceError, OnSurface, onto
 from ..scene import Scene
-from .foreseen import tell_of_net
-from .laid import DEFAULTS, LaidPly, from_options, laid, options
+from .laid import DEFAULTS, LaidPly, from_options, laid, options, tell_of_net
 
 #: Sides of the ply in mm.
 WIDTH, HEIGHT = 180.0, 180.0

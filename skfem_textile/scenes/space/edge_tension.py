@@ -23,7 +23,7 @@ from ...fabric.law import Law
 from ...ply.parameters import Values
 from ...ply.terms import Term
 from ...solve.surface import OnSurface
-from ..common.net_over import CELLS, net_over
+from ..common.on_tool import CELLS, net_over
 
 # Cells that the net reaches beyond the ply.
 _BEYOND = 2

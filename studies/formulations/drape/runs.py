@@ -6,13 +6,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial import ConvexHull
 
-from skfem_textile import (
-    OnSurface,
-    Ply,
-    Surface,
-    drape,
-    equilibrium_near,
-)
+from skfem_textile import OnSurface, Ply, Surface, drape, equilibrium_near
 from skfem_textile.solve.conditions import Conditions
 from skfem_textile.solve.states import NoEquilibriumError, State
 

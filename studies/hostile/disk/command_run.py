@@ -13,7 +13,6 @@ from time import perf_counter, sleep
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from skfem_textile import io as _loaded_before_the_fork  # noqa: F401
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.interruption import INTERRUPTED
 

@@ -17,7 +17,7 @@ from skfem_textile import (
     StepError,
 )
 from skfem_textile.cli.output import OutputError
-from skfem_textile.cli.results.result_folder import ResultFolder
+from skfem_textile.cli.result_folder import ResultFolder
 from skfem_textile.io import DRAPED, FIELDS, write_draped, write_fields, write_history
 from skfem_textile.io import write_summary as write
 from skfem_textile.scenes import strip

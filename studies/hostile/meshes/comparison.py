@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from skfem_textile.mesh.named_nodes import named_nodes
+from skfem_textile.mesh.selection import named_nodes
 from skfem_textile.mesh.splitting import was_split
 
 from ..readers.mesh_content import MeshContent

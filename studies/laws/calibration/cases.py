@@ -8,12 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy import ndarray
 
-from skfem_textile.calibration import (
-    BiasExtension,
-    PictureFrame,
-    ShearTest,
-    Specimen,
-)
+from skfem_textile.calibration import BiasExtension, PictureFrame, ShearTest, Specimen
 from skfem_textile.calibration.models import Model
 from skfem_textile.calibration.shear import SHEAR_LAWS
 

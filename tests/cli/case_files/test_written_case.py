@@ -13,7 +13,7 @@ from skfem_textile import Fabric, Sin2
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.case import case_from_file
 from skfem_textile.fabric.directions import FibreDirections, directions_of
-from skfem_textile.fabric.files.fabric_file import write_law
+from skfem_textile.fabric.files import write_law
 from skfem_textile.io import write_directions, write_fabric
 from skfem_textile.scenes import bias_extension
 

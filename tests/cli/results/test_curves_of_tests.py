@@ -8,7 +8,7 @@ import pytest
 from command_line import refused
 
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.results.curves_of_tests import read_test_curve
+from skfem_textile.cli.case.curve import read_test_curve
 
 OUT = ("--size", "4x8", "--steps", "2", "--no-render")
 

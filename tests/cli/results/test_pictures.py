@@ -11,9 +11,8 @@ from command_line import DRAWN, run
 
 from skfem_textile import Fabric, Ply
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.case.curve import curve_of
-from skfem_textile.cli.results import pictures
-from skfem_textile.cli.results.curves_of_tests import DISPLACEMENT, FORCE
+from skfem_textile.cli import results
+from skfem_textile.cli.case.curve import DISPLACEMENT, FORCE, curve_of
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes.bias_extension import WIDTH
 
@@ -35,7 +34,7 @@ def test_pictures_that_fail_lose_no_numbers(
     def draw(*_):
         raise error
 
-    monkeypatch.setattr(pictures, "draw", draw)
+    monkeypatch.setattr(results, "draw", draw)
     assert run(tmp_path, *DRAWN) == code
     assert (tmp_path / "out" / "summary.json").exists()
     out, err = capsys.readouterr()
@@ -88,10 +87,10 @@ def test_a_load_that_is_round_off_alone_is_not_drawn(tmp_path):
     assert curve[DISPLACEMENT][-1] < -10
     assert scene.reaction(result.states[-1]).any()
     assert not curve[FORCE].any()
-    pictures.draw_curves(curve, None, tmp_path)
+    results.draw_curves(curve, None, tmp_path)
     assert not list(tmp_path.iterdir())
     test = {DISPLACEMENT: np.array([0.0, -9.0]), FORCE: np.array([0.0, 2.0])}
-    pictures.draw_curves(curve, test, tmp_path)
+    results.draw_curves(curve, test, tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["load.png"]
 
 
@@ -122,7 +121,7 @@ def test_pictures_are_written_and_nothing_is_said_on_stderr(tmp_path):
     )
     assert child.stderr == ""
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    assert set(pictures.PICTURES) <= names
+    assert set(results.PICTURES) <= names
 
 
 def test_a_run_that_stops_early_shows_where(tmp_path, monkeypatch):
@@ -133,4 +132,4 @@ def test_a_run_that_stops_early_shows_where(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Ply, "least_area_ratio", area_ratio)
     assert run(tmp_path, *DRAWN) == 1
-    assert (tmp_path / "out" / pictures.REFUSED).stat().st_size > 1000
+    assert (tmp_path / "out" / results.REFUSED).stat().st_size > 1000

@@ -2,7 +2,7 @@
 
 import pytest
 
-from skfem_textile.cli.results.result_folder import ResultFolder
+from skfem_textile.cli.result_folder import ResultFolder
 
 NAMES = ("summary.json", "picture.png", "fields/step_[0-9]*.vtu")
 

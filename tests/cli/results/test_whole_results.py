@@ -12,7 +12,7 @@ from helpers import full_disk
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, StepError
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.output import OutputError
-from skfem_textile.cli.results.result_folder import ResultFolder
+from skfem_textile.cli.result_folder import ResultFolder
 from skfem_textile.io import write_fields, write_history
 from skfem_textile.scenes import strip
 

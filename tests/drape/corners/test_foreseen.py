@@ -7,8 +7,8 @@ from skfem_textile import Fabric, OnSurface, StepError, drape
 from skfem_textile.drape.kinematic_net import NetError
 from skfem_textile.scenes import Case
 from skfem_textile.scenes import drape as on_tool
-from skfem_textile.scenes.common.net_over import net_over
-from skfem_textile.scenes.space import foreseen
+from skfem_textile.scenes.common.on_tool import net_over
+from skfem_textile.scenes.space import laid
 
 # Half a side of the top, and the height, of a box.
 TOP, HEIGHT = 60.0, 40.0
@@ -90,7 +90,7 @@ def test_a_first_thread_that_leaves_the_tool_is_no_fold(caplog, monkeypatch):
     def leaves(*_):
         raise NetError("its first thread leaves the surface", np.zeros(3))
 
-    monkeypatch.setattr(foreseen, "net_over", leaves)
+    monkeypatch.setattr(laid, "net_over", leaves)
     _, said = told(caplog, box(89.0))
     assert not said
 

@@ -17,7 +17,7 @@ from skfem_textile import (
     Quadratic,
 )
 from skfem_textile.io import write_fields
-from skfem_textile.io.fields import cell_fields
+from skfem_textile.io.results import cell_fields
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes import bias_extension, picture_frame, strip, trellis
 from skfem_textile.scenes.rectangle import rectangle

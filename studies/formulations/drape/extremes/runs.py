@@ -19,7 +19,7 @@ from skfem_textile import (
     drape,
     equilibrium_near,
 )
-from skfem_textile.ply.own_terms.bending import FibreEnd
+from skfem_textile.ply.own_terms import FibreEnd
 from skfem_textile.solve.conditions import Conditions
 from skfem_textile.solve.states import State
 from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY

@@ -1,1 +1,0 @@
-"""Fibre directions and fabrics of files on the command line."""

@@ -1,1 +1,0 @@
-"""The command ``fit``: laws of a fabric from its tests."""

@@ -1,0 +1,126 @@
+"""The folder that receives the results of a run."""
+
+import contextlib
+import os
+import shutil
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from weakref import finalize
+
+from ..solve.sealed import Lock
+from .interruption import held
+from .output import OutputError
+
+# Prefix of the name of a folder that holds a result until it is complete.
+_SCRATCH = ".unfinished-"
+
+
+class ResultFolder:
+    """A folder that receives the result of one run, all at once.
+
+    The folder is locked until it holds the result or this object is deleted.  If it was
+    made for the result and is still empty, it is removed then.  Unfinished files of a
+    killed run are removed at the start.
+
+    ``summary.json`` is removed first and written last, so that it never describes files
+    that are missing, even if the process is killed.
+
+    Parameters
+    ----------
+    path
+        The folder; made if it is missing.
+    names
+        Files that a run may write: names of files, or patterns in a subfolder.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written, something else has its name, or another run
+        writes to it.
+    OutputError
+        At the end of the block, if the result cannot be written, as on a full disk.
+        The earlier content of the folder remains.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], names: Sequence[str]) -> None:
+        self.path = Path(path)
+        self._names = sorted(names, key=self._is_summary, reverse=True)
+        try:
+            _refuse_unwritable(self.path)
+            for name in names:
+                target = self.path / name
+                if target.is_dir():
+                    raise IsADirectoryError(f"{target} is a folder")
+                if target.parent.exists() and not target.parent.is_dir():
+                    raise NotADirectoryError(f"{target.parent} is no folder")
+            made = [p for p in (self.path, *self.path.parents) if not p.exists()]
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OSError(self._unwritable(error)) from None
+        lock = Lock(self.path)
+        self._leave = finalize(self, _leave, lock, made)
+        if lock.is_held:  # scratch folders here belong to runs that have ended
+            for scratch in self.path.glob(f"{_SCRATCH}*"):
+                shutil.rmtree(scratch, ignore_errors=True)
+
+    def __enter__(self) -> Path:
+        """Make a scratch folder to write into."""
+        try:
+            scratch = tempfile.mkdtemp(prefix=_SCRATCH, dir=self.path)
+        except OSError as error:
+            raise OutputError(self._unwritable(error)) from None
+        self._scratch = Path(scratch)
+        return self._scratch
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, *_: object
+    ) -> None:
+        """Replace the result of an earlier run by the content of the scratch folder."""
+        try:
+            if error is None:
+                with held():
+                    self._move()
+        except OSError as failure:
+            error = failure
+        finally:
+            shutil.rmtree(self._scratch, ignore_errors=True)
+            self._leave()
+        if isinstance(error, OSError) and not isinstance(
+            error, OutputError | BrokenPipeError
+        ):
+            raise OutputError(self._unwritable(error)) from None
+
+    def _move(self) -> None:
+        """Replace the files of an earlier run by the new ones."""
+        for name in self._names:
+            for stale in self.path.glob(name):
+                stale.unlink()
+        for file in sorted(self._scratch.rglob("*"), key=self._is_summary):
+            target = self.path / file.relative_to(self._scratch)
+            if file.is_dir():
+                target.mkdir(exist_ok=True)
+            else:
+                file.replace(target)
+
+    @staticmethod
+    def _is_summary(file: str | Path) -> bool:
+        return Path(file).name == "summary.json"
+
+    def _unwritable(self, error: OSError) -> str:
+        return f"cannot write results to {self.path}: {error.strerror or error}"
+
+
+def _leave(lock: Lock, made: Sequence[Path]) -> None:
+    """Release the folder; remove the folders that were made if they are empty."""
+    with contextlib.suppress(OSError):
+        for folder in made:
+            folder.rmdir()
+    lock.release()
+
+
+def _refuse_unwritable(folder: Path) -> None:
+    """Try to write into a folder, or into its nearest parent that exists."""
+    while not folder.exists():
+        folder = folder.parent
+    tempfile.TemporaryFile(dir=folder).close()

@@ -1,0 +1,214 @@
+"""The pictures of a run, and what a run of a ply on a tool hands over."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy import ndarray
+
+from ..drape import Axes, Sheet, ToolMesh, fibres_on_tool, flat_pattern
+from ..mesh.checks import MeshError
+from ..mesh.user_input import printable
+from ..scenes import Scene
+from ..solve.result import Result, StepError
+from .case.curve import (
+    ANGLE,
+    DISPLACEMENT,
+    FORCE,
+    NORMALISED,
+    Curve,
+    completed,
+    curve_of,
+)
+from .interruption import held
+
+#: Files of the pictures of every run.
+PICTURES = (
+    "fibre_strain.png",
+    "shear_angle.png",
+    "fibre_directions.png",
+    "load.png",
+    "animation.gif",
+)
+
+#: Files of the further pictures of a shear test.
+OF_SHEAR_TESTS = ("load_by_angle.png", "normalised_load.png")
+
+#: File of the further picture of a ply on a tool.
+DRAPED = "draped.png"
+
+#: File of the picture of a run that stopped early.
+REFUSED = "refused.png"
+
+#: Pictures of a curve: their titles, and what is drawn over what.
+CURVES = {
+    "load.png": ("Force against displacement", DISPLACEMENT, FORCE),
+    "load_by_angle.png": ("Force against shear angle", ANGLE, FORCE),
+    "normalised_load.png": ("Normalised shear force", ANGLE, NORMALISED),
+}
+
+
+def draw(
+    scene: Scene, run: Result | StepError, test: Curve | None, folder: Path
+) -> None:
+    """Draw all pictures into a folder; a signal waits until the current one is done.
+
+    Of a run that stopped early they are those of its result, and where it stopped.
+    """
+    stopped = isinstance(run, StepError)
+    result = run.result if isinstance(run, StepError) else run
+    with held():  # VTK may crash if it is interrupted
+        from .. import plot
+    for name, picture in (
+        ("fibre_strain.png", plot.fibre_strain),
+        ("shear_angle.png", plot.shear_angle),
+        ("fibre_directions.png", plot.fibre_directions),
+    ):
+        with held():
+            picture(result, filename=folder / name)
+    if result.tool(result.states[-1].load_factor) is not None:
+        with held():
+            plot.draped(result, filename=folder / DRAPED)
+    if stopped:
+        with held():
+            plot.verdict(run, filename=folder / REFUSED)
+    with held():
+        plot.animation(result, folder / "animation.gif")
+    measured = completed(test, scene.shear_test) if test else None
+    draw_curves(curve_of(scene, result), measured, folder)
+
+
+def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
+    """Draw what `CURVES` says into a folder, as far as run or test have the columns.
+
+    A run without a force is not drawn by itself.
+    """
+    from ..plot.curves import curves
+
+    for name, (title, x, y) in CURVES.items():
+        both = {"run": run, "test": test or {}}
+        lines = {
+            label: (curve[x], curve[y])
+            for label, curve in both.items()
+            if x in curve and y in curve
+        }
+        if "run" in lines and any(np.any(force) for _, force in lines.values()):
+            curves({title: lines}, _axis(x), _axis(y), folder / name)
+
+
+def _axis(heading: str) -> str:
+    """What stands on an axis for a heading."""
+    heading = heading.replace("(deg)", "(°)")
+    return heading[:1].upper() + heading[1:]
+
+
+_PART = ("part.vtu", "part.csv", "part.inp")
+_PATTERN = ("pattern.csv", "pattern.svg", "pattern.dxf")
+
+
+@dataclass(frozen=True, eq=False)
+class HandOver:
+    """What is to be handed over.
+
+    Attributes
+    ----------
+    part
+        The elements that get fibres; None if there are none.
+    curves
+        Closed curves of which the flat pattern is made, each of shape (3, n).
+    no_curves
+        Why there are none; empty if none are wanted.
+    trimmed
+        Whether the user gives the curve.
+    files
+        Names of files that `write` may write.
+    """
+
+    part: ToolMesh | None = None
+    curves: Sequence[ndarray] = ()
+    no_curves: str = ""
+    trimmed: bool = False
+    files: ClassVar[tuple[str, ...]] = (*_PART, *_PATTERN)
+
+    @classmethod
+    def read(cls, values: Mapping[str, Any]) -> "HandOver":
+        """What the values of a case ask for, nothing where the ply is on no tool.
+
+        Raises
+        ------
+        ValueError
+            If a file is refused.
+        """
+        part, curve = values.get("part_mesh"), values.get("trim")
+        if part is None and curve is None:
+            return cls()
+        from .. import io
+
+        mesh = None if part is None else io.read_tool_mesh(part)
+        if curve is not None:
+            return cls(mesh, [io.read_trimming_curve(curve)], trimmed=True)
+        try:
+            return cls(mesh, mesh.boundary() if mesh else ())
+        except MeshError as error:
+            return cls(mesh, no_curves=f"{printable(part)}: {error}")
+
+    def write(self, result: Result, axes: Axes, folder: Path) -> dict[str, Any]:
+        """Write what there is, and return figures and why anything is missing.
+
+        Parameters
+        ----------
+        result
+            Result of a ply on a tool.
+        axes
+            Axes of the ply among those of tool and part.
+        folder
+            Where the files go.
+        """
+        if self.part is None and not self.curves:
+            return {}
+        on_tool = Sheet.of_ply(result.ply, result.u)
+        sheet = replace(on_tool, positions=axes.of_tool(on_tool.positions))
+        found: dict[str, Any] = {}
+        for what, write in (("part", self._fibres), ("pattern", self._pattern)):
+            try:
+                if not result.converged:
+                    raise ValueError("the run stopped early")
+                found |= write(sheet, folder)
+            except ValueError as error:
+                found[what] = f"none: {error}"
+        return found
+
+    def missing(self, found: Mapping[str, Any]) -> list[str]:
+        """What the user asks for and `write` has not written, and why."""
+        asked = ["part"] * (self.part is not None) + ["pattern"] * self.trimmed
+        return [f"{what}: {found[what]}" for what in asked if what in found]
+
+    def _fibres(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
+        from .. import io
+
+        if self.part is None:
+            return {}
+        fibres = fibres_on_tool(sheet, self.part)
+        for name in _PART:
+            io.write_fibres(folder / name, fibres)
+        return {"part_covered_share_of_elements": float(fibres.covered.mean())}
+
+    def _pattern(self, sheet: Sheet, folder: Path) -> dict[str, Any]:
+        from .. import io
+
+        if self.no_curves:
+            raise ValueError(self.no_curves)
+        if not self.curves:
+            return {}
+        patterns = [flat_pattern(sheet, curve) for curve in self.curves]
+        for name in _PATTERN:
+            if not name.endswith("dxf") or find_spec("ezdxf"):
+                io.write_pattern(folder / name, patterns)
+        # Holes go round the other way than the pieces.
+        return {
+            "pattern_area_mm2": abs(sum(one.signed_area for one in patterns)),
+            "pattern_length_mm": sum(pattern.length for pattern in patterns),
+        }

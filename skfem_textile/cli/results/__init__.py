@@ -1,1 +1,0 @@
-"""The folder of a run, its pictures, and curves of tests."""

@@ -1,0 +1,302 @@
+"""Fibre directions: in each element, along a reference curve, and by accident.
+
+Whether fibre directions follow the edges of elements by accident.
+
+A program that takes the first edge of an element for the first axis of its material
+gives directions that change with the numbering of its nodes.  On a mesh whose edges do
+not all go one way such directions differ from element to element without a reason.
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from skfem import Mesh
+
+from ..mesh.splitting import original_elements
+from ..registration import MOST_DEGREES
+from .fabric import Fabric, unit_vectors
+from .kinematics import rotated
+from .regions import fabric_on
+
+
+@dataclass(frozen=True, eq=False)
+class FibreDirections:
+    """Directions of warp and weft in each of the user's elements.
+
+    Parameters
+    ----------
+    warp, weft
+        Vectors of any length, shape (2, n_elements); kept as they are given.
+
+    Raises
+    ------
+    ValueError
+        If there are not as many of both, one is zero or not finite, or warp and weft
+        are parallel.
+
+    Examples
+    --------
+    >>> directions = FibreDirections.of_angles([0.0, 10.0], [90.0, 100.0])
+    >>> directions.angles_deg()[0].round(12)
+    array([ 0., 10.])
+    """
+
+    warp: ndarray
+    weft: ndarray
+
+    def __post_init__(self) -> None:
+        for name in ("warp", "weft"):
+            given = np.array(getattr(self, name), dtype=float)
+            if given.ndim != 2 or len(given) != 2 or not given.size:
+                raise ValueError(
+                    f"{name} must have the shape (2, n_elements), not {given.shape}"
+                )
+            object.__setattr__(self, name, given)
+        if self.warp.shape != self.weft.shape:
+            raise ValueError(
+                f"{self.warp.shape[1]} directions of warp and {self.weft.shape[1]} of "
+                "weft; give both for each element"
+            )
+        Fabric(warp=self.warp, weft=self.weft)  # refuses vectors that are none
+
+    @classmethod
+    def of_angles(cls, warp_deg: ArrayLike, weft_deg: ArrayLike) -> Self:
+        """Directions at angles to the x axis in degrees, each of shape (n_elements,).
+
+        Multiples of 90° are exact.
+        """
+        return cls(_at_angles(warp_deg), _at_angles(weft_deg))
+
+    def angles_deg(self) -> tuple[ndarray, ndarray]:
+        """Angles of warp and weft to the x axis in degrees, in (−180, 180]."""
+        pair = self.warp, self.weft
+        warp, weft = (np.degrees(np.arctan2(y + 0.0, x)) for x, y in pair)  # no -0.0
+        return warp, weft
+
+    def refuse_other(self, cells: Sequence[ndarray]) -> None:
+        """Refuse elements, arrays (k, n_k), of which there are more or fewer.
+
+        Raises
+        ------
+        ValueError
+            If there is not one direction for each element.
+        """
+        n_elements, n = sum(cell.shape[1] for cell in cells), self.warp.shape[1]
+        if n != n_elements:
+            raise ValueError(f"{n} directions for {n_elements} elements")
+
+    def on(self, fabric: Fabric) -> Fabric:
+        """The laws of a fabric, with these directions."""
+        return replace(fabric, warp=self.warp, weft=self.weft)
+
+
+def _at_angles(degrees: ArrayLike) -> ndarray:
+    """Unit vectors; quarter turns are taken off first, so that they are exact."""
+    given = np.asarray(degrees, dtype=float)
+    if given.ndim != 1 or not np.isfinite(given).all():
+        raise ValueError("angles must be finite numbers, one for each element")
+    if np.abs(given).max(initial=0.0) > MOST_DEGREES:
+        raise ValueError(f"angles must be at most {MOST_DEGREES:g}°, a hundred turns")
+    turns = np.rint(given / 90.0)
+    rest = np.radians(given - 90.0 * turns)
+    c, s = np.cos(rest), np.sin(rest)
+    quarter = (turns % 4).astype(int)
+    x = np.choose(quarter, [c, -s, -c, s])
+    y = np.choose(quarter, [s, c, -s, -c])
+    return np.stack([x, y])
+
+
+# Most numbers at a time when distances to all segments are compared: 80 MB of them.
+_AT_A_TIME = 10_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class AlongCurve:
+    """Directions at a constant angle to the nearest place of a polyline.
+
+    Where the nearest place is a corner of the polyline, the tangent there is the mean
+    of both sides; where several places are equally near, the first counts.
+
+    Parameters
+    ----------
+    points
+        Corners of the polyline in mm, in order, shape (2, n), n >= 2.
+    angle
+        Angle in radians from the tangent to the fibres, anticlockwise.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two points, one is not finite, two that follow each
+        other are the same, the line turns back on itself, or the angle is not finite.
+
+    Examples
+    --------
+    >>> from skfem_textile import Fabric
+    >>> arc = np.array([[0.0, 10.0, 20.0], [0.0, 0.0, 10.0]])
+    >>> fabric = Fabric(warp=AlongCurve(arc), weft=AlongCurve(arc, np.pi / 2))
+    >>> fabric.warp(np.array([[5.0], [3.0]])).ravel()
+    array([1., 0.])
+    """
+
+    points: ArrayLike
+    angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        points = np.array(self.points, dtype=float)
+        if points.ndim != 2 or len(points) != 2 or points.shape[1] < 2:
+            raise ValueError(
+                f"a reference curve needs the shape (2, n), n >= 2, not {points.shape}"
+            )
+        if not (np.isfinite(points).all() and np.isfinite(self.angle)):
+            raise ValueError("a reference curve and its angle must be finite")
+        if not (side := np.diff(points)).any(axis=0).all():
+            raise ValueError("two points of a reference curve that follow are the same")
+        unit = side / np.hypot(*side)
+        if not (unit[:, 1:] + unit[:, :-1]).any(axis=0).all():
+            raise ValueError("a reference curve turns back on itself")
+        object.__setattr__(self, "points", points)
+
+    def __call__(self, x: ndarray) -> ndarray:
+        """Unit vectors at positions, both of shape (2, ...)."""
+        places = np.reshape(x, (2, -1))
+        n = max(1, _AT_A_TIME // np.shape(self.points)[1])
+        parts = [
+            self._tangent(places[:, i : i + n]) for i in range(0, len(places[0]), n)
+        ]
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        turned = np.array([[c, -s], [s, c]]) @ np.hstack(parts)
+        return turned.reshape(np.shape(x))
+
+    def _tangent(self, x: ndarray) -> ndarray:
+        """Unit tangents at the nearest places, shape (2, n)."""
+        points = np.asarray(self.points)
+        start, side = points[:, :-1, None], np.diff(points)[:, :, None]
+        share = ((x[:, None] - start) * side).sum(axis=0) / (side**2).sum(axis=0)
+        share = share.clip(0.0, 1.0)
+        distance = ((x[:, None] - start - share * side) ** 2).sum(axis=0)
+        nearest = distance.argmin(axis=0)
+        share = np.take_along_axis(share, nearest[None], axis=0)[0]
+        unit = np.diff(points) / np.hypot(*np.diff(points))
+        last = unit.shape[1] - 1
+        before = unit[:, np.where(share == 0, nearest - 1, nearest).clip(0)]
+        after = unit[:, np.where(share == 1, nearest + 1, nearest).clip(0, last)]
+        tangent = before + after
+        return tangent / np.hypot(*tangent)
+
+
+def directions_of(mesh: Mesh, fabric: Fabric) -> FibreDirections:
+    """Directions of a fabric at the mean of the corners of each element.
+
+    Parameters
+    ----------
+    mesh
+        The mesh; of a split or cut mesh the user's elements count.
+    fabric
+        The fabric, with directions of any kind.
+
+    Raises
+    ------
+    ValueError
+        If it has directions for fewer or more elements.
+
+    Examples
+    --------
+    >>> from skfem import MeshQuad
+    >>> directions_of(MeshQuad(), Fabric(warp=(1, 1), weft=(-1, 1))).angles_deg()
+    (array([45.]), array([135.]))
+    """
+    cells, _ = original_elements(mesh)
+    centres = np.hstack([mesh.p[:, cell].mean(axis=1) for cell in cells])
+    every = np.arange(centres.shape[1])
+    fabric = fabric_on(every, fabric)
+    x = centres[:, :, None]
+    families = fabric.families
+    found = (unit_vectors(f.name, f.direction, x, every[:, None]) for f in families)
+    warp, weft = (np.broadcast_to(A, x.shape)[..., 0] for A in found)
+    return FibreDirections(warp, weft)
+
+
+log = logging.getLogger(__name__)
+
+# Angle within which a direction is that of an edge.  Chosen: far above the six digits
+# of a deck (1e-6 rad), and so small that one element in 1500 is as near by chance.
+_ALONG_DEG = 0.05
+
+# Share of the elements whose direction must be that of the edge.  Chosen: most.
+_SHARE = 0.9
+
+# Spread of the edges up to which they go one way, as on a regular mesh, where fibres
+# along edges are meant.
+_ONE_WAY_DEG = 1.0
+
+
+def directions_warning(mesh: Mesh, directions: FibreDirections) -> str:
+    """A sentence where directions seem to come from the numbering of nodes, or empty.
+
+    It tells of a family that runs along the same edge of nearly every element, counted
+    from the element's first node, or across it, while these edges go several ways.
+
+    Parameters
+    ----------
+    mesh
+        The mesh; of a split or cut mesh the user's elements count.
+    directions
+        Directions in these elements.
+    """
+    cells, _ = original_elements(mesh)
+    directions.refuse_other(cells)
+    for name in ("warp", "weft"):
+        direction = getattr(directions, name)
+        for number, edges in _edges(mesh, cells).items():
+            for how, turned in (("along", edges), ("across", rotated(edges))):
+                near = _apart_deg(direction, turned) < _ALONG_DEG
+                if near.mean() >= _SHARE and _spread_deg(edges) > _ONE_WAY_DEG:
+                    return (
+                        f"the {name} runs {how} edge {number} of {near.sum()} of "
+                        f"{near.size} elements, though these edges go several ways: "
+                        "directions seem to follow the numbering of nodes; state them "
+                        "by angles, vectors or a reference curve"
+                    )
+    return ""
+
+
+def warn_of_directions(mesh: Mesh, directions: FibreDirections) -> None:
+    """Log the sentence of `directions_warning` as a warning, if there is one."""
+    if said := directions_warning(mesh, directions):
+        log.warning(said)
+
+
+def _edges(mesh: Mesh, cells: tuple[ndarray, ...]) -> dict[int, ndarray]:
+    """Of each number of an edge, from 1 on, the edge vectors of all elements."""
+    least = min(len(cell) for cell in cells)
+    return {
+        i + 1: np.hstack(
+            [
+                mesh.p[:, cell[(i + 1) % len(cell)]] - mesh.p[:, cell[i]]
+                for cell in cells
+            ]
+        )
+        for i in range(least)
+    }
+
+
+def _apart_deg(u: ndarray, v: ndarray) -> ndarray:
+    """Angles in degrees between lines, from 0 to 90."""
+    cross, dot = u[0] * v[1] - u[1] * v[0], (u * v).sum(axis=0)
+    return np.degrees(np.arctan2(np.abs(cross), np.abs(dot)))
+
+
+def _spread_deg(edges: ndarray) -> float:
+    """By how much lines differ from their mean direction, in degrees."""
+    z = edges[0] + 1j * edges[1]
+    z = (z / np.abs(z)) ** 2  # either sense of a line
+    mean = z.mean()
+    if abs(mean) == 0:
+        return 90.0
+    return float(np.degrees(np.abs(np.angle(z / mean)).max()) / 2)

@@ -1,0 +1,236 @@
+"""Laws and fabrics as JSON, without loss: laws by the names of their classes."""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from ..mesh.user_input import excerpt, printable
+from .directions import AlongCurve
+from .fabric import Fabric
+from .law import BiaxialLaw, Law, Linear, TwoLaws
+from .laws.crimp_interchange import CrimpInterchange
+from .laws.crimp_toe import CrimpToe
+from .laws.crimped_yarns import CrimpedYarns, Softening
+from .laws.locking import Locking
+from .laws.one_sided import Asymmetric, TensionOnly
+from .laws.polynomial import Polynomial
+from .laws.pretensioned import Pretensioned
+from .laws.sin2 import Sin2
+from .laws.tabulated import Tabulated
+from .laws.tangent_shear import TangentShear
+from .regions import RegionalDirection, RegionalLaw, RegionalTensions
+
+_FORMAT = "skfem_textile fabric 1"
+
+# Parts of a fabric in its file, and those that it has where they are not the default.
+_PARTS = "tension", "shear", "warp", "weft"
+_OTHERS = "bending", "twist", "wrinkling_angle"
+
+_LAWS: tuple[type[Any], ...] = (
+    *(Linear, Sin2, Polynomial, Locking, Tabulated, TangentShear),
+    *(CrimpToe, TensionOnly, Asymmetric, Pretensioned, CrimpInterchange, CrimpedYarns),
+    *(TwoLaws, RegionalLaw, RegionalTensions),
+)
+
+# All that a file names: laws, the parts of one, and directions.
+_KINDS: dict[str, Any] = {
+    kind.__name__: kind for kind in (*_LAWS, Softening, RegionalDirection, AlongCurve)
+}
+
+
+def law_to_json(law: Law | BiaxialLaw) -> dict[str, Any]:
+    """A law as JSON has it: its ``kind``, which is its class, and its parameters.
+
+    Raises
+    ------
+    ValueError
+        If it has a law of another class than the package's.
+
+    Examples
+    --------
+    >>> law_to_json(Linear(0.5))
+    {'kind': 'Linear', 'stiffness': 0.5}
+    """
+    encoded = _encoded("law", law)
+    if not isinstance(encoded, dict):
+        raise ValueError(f"{type(law).__name__} is no law of the package")
+    return encoded
+
+
+def law_of_json(content: Any) -> Any:
+    """The law that `law_to_json` described.
+
+    Raises
+    ------
+    ValueError
+        If the content is no such law.
+    """
+    law = _described("law", lambda: _decoded(content))
+    if not isinstance(law, _LAWS):
+        raise ValueError("a law is an object with the 'kind' of a law")
+    return law
+
+
+def write_law(law: Law | BiaxialLaw, path: str | os.PathLike[str]) -> None:
+    """Write a law as JSON; raises what `law_to_json` and writing raise.
+
+    Examples
+    --------
+    >>> file = getfixture("tmp_path") / "law.json"
+    >>> write_law(Polynomial((0.1, 0.0, 0.6)), file)
+    >>> read_law(file).coefficients
+    (0.1, 0.0, 0.6)
+    """
+    Path(path).write_text(_text(law_to_json(law)), encoding="utf-8")
+
+
+def read_law(path: str | os.PathLike[str]) -> Any:
+    """The law of a JSON file.
+
+    Raises
+    ------
+    ValueError
+        If the file has no law; one line names the file.
+    OSError
+        If it cannot be read.
+    """
+    try:
+        return law_of_json(_content(Path(path).read_bytes()))
+    except ValueError as error:
+        raise ValueError(f"{printable(path)}: {error}") from None
+
+
+def fabric_text(fabric: Fabric) -> str:
+    """The fabric as JSON.
+
+    Raises
+    ------
+    ValueError
+        If it has a law of another class than the package's, or a direction that is a
+        function.
+    """
+    tensions = fabric.tensions
+    tension: Any = tensions
+    if isinstance(tensions, TwoLaws):
+        tension = {"warp": tensions.warp, "weft": tensions.weft}
+    parts = {"tension": tension, "shear": fabric.shear_law}
+    parts |= {family.name: family.direction for family in fabric.families}
+    encoded = {name: _encoded(name, part) for name, part in parts.items()}
+    for name in _OTHERS:
+        given = _encoded(name, getattr(fabric, name))
+        if given != _encoded(name, getattr(Fabric, name)):
+            encoded[name] = given
+    return _text({"format": _FORMAT} | encoded)
+
+
+def fabric_of_text(content: bytes) -> Fabric:
+    """The fabric that `fabric_text` described, in UTF-8.
+
+    Raises
+    ------
+    ValueError
+        If it is no such text, or describes no fabric.
+    """
+    found = _content(content)
+    if not isinstance(found, Mapping) or found.get("format") != _FORMAT:
+        raise ValueError(f"it does not state the format {_FORMAT!r}")
+    if set(found) - {"format", *_OTHERS} != set(_PARTS):
+        raise ValueError(
+            f"it must have {', '.join(_PARTS)}, it may have {', '.join(_OTHERS)}, and "
+            "nothing else"
+        )
+    return _described("fabric", lambda: _fabric(found))
+
+
+def _fabric(found: Mapping[str, Any]) -> Fabric:
+    decoded = {name: _decoded(found[name]) for name in found if name != "format"}
+    tension = found["tension"]
+    if isinstance(tension, Mapping) and "kind" not in tension:
+        if set(tension) != {"warp", "weft"}:
+            raise ValueError("tension must be a law, or one of warp and one of weft")
+        decoded["tension"] = tuple(decoded["tension"][k] for k in ("warp", "weft"))
+    for name in ("warp", "weft"):
+        if isinstance(decoded[name], tuple):
+            decoded[name] = np.array(decoded[name], dtype=float)
+    return Fabric(**decoded)
+
+
+def _described(what: str, make: Any) -> Any:
+    """What is made of the content of a file, of which every error is one of input."""
+    try:
+        return make()
+    except (ValueError, TypeError, OverflowError, AttributeError, KeyError) as error:
+        raise ValueError(excerpt(str(error)) or f"it describes no {what}") from None
+
+
+def _text(content: Any) -> str:
+    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+
+
+def _content(content: bytes) -> Any:
+    try:
+        return json.loads(content.decode("utf-8"), parse_constant=_refuse_constant)
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
+        raise ValueError("it is no JSON in UTF-8") from None
+
+
+def _refuse_constant(word: str) -> Any:
+    raise ValueError(f"{word} is no finite number")
+
+
+def _encoded(name: str, value: Any) -> Any:
+    if isinstance(value, ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_encoded(name, one) for one in value]
+    if isinstance(value, dict):
+        return {key: _encoded(f"{name} of {key}", one) for key, one in value.items()}
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    kind = type(value).__name__
+    if _KINDS.get(kind) is type(value):
+        own = {f.name: _encoded(name, getattr(value, f.name)) for f in fields(value)}
+        return {"kind": kind} | own
+    if callable(value):
+        raise ValueError(
+            f"{name} is a function, which no file holds: evaluate it in each element "
+            "with directions_of, or take AlongCurve"
+        )
+    raise ValueError(f"{name}: {kind} is no law of the package, which no file holds")
+
+
+def _is_needed(field: Field[Any]) -> bool:
+    return field.default is MISSING and field.default_factory is MISSING
+
+
+def _decoded(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(_decoded(one) for one in value)
+    if not isinstance(value, Mapping):
+        return value
+    if "kind" not in value:
+        return {key: _decoded(one) for key, one in value.items()}
+    kind = _KINDS.get(value["kind"]) if isinstance(value["kind"], str) else None
+    if kind is None:
+        raise ValueError(f"there is no law {excerpt(str(value['kind']))!r}")
+    own = {key: _decoded(one) for key, one in value.items() if key != "kind"}
+    if other := set(own) - {f.name for f in fields(kind)}:
+        raise ValueError(f"{kind.__name__} has no parameter {excerpt(min(other))!r}")
+    if missing := {f.name for f in fields(kind) if _is_needed(f)} - set(own):
+        raise ValueError(f"{kind.__name__} needs the parameter {min(missing)!r}")
+    if "region" in own:
+        own["region"] = np.array(own["region"], dtype=int)
+    if isinstance(own.get("stiffness"), tuple) and kind in (Linear, Sin2):
+        own["stiffness"] = np.array(own["stiffness"], dtype=float)
+    if "directions" in own:
+        own["directions"] = [
+            np.array(d, dtype=float) if isinstance(d, tuple) else d
+            for d in own["directions"]
+        ]
+    return kind(**own)

@@ -1,1 +1,0 @@
-"""Laws and fabrics in files: tables as CSV, and JSON."""

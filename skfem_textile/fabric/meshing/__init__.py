@@ -1,1 +1,0 @@
-"""Meshes whose edges lie along fibres."""

@@ -1,0 +1,524 @@
+"""Bending of fibres: the constant matrix of ½ D ∫ |κ|², one fibre family at a time.
+
+κ = ∇∇x : A⊗A is the second derivative of the position along the fibre in mm⁻¹.  It is
+linear in the displacement, turns with a rotation in space, and vanishes at rest, also
+where fibres are curved in the plane at rest.
+
+Bending of fibres on bilinear quadrilaterals, by curvatures at the nodes.
+
+In the weak sense the curvature at node i is m_i = (M⁻¹ L u)_i with M lumped and
+
+    L_ij = Σ_e [∫ (A·∇φ_i)(A·∇φ_j) − ∮ φ_i (A·N)(A·{∇φ_j})],
+
+where ∮ goes over interior edges and {} is the mean of both sides; where A does not
+jump its parts cancel.  The energy is ½ Σ D W_i |m_i|² with the areas W_i of the nodes.
+Where fibres end freely their moment is zero: these nodes are left out, and their area
+goes to nodes of the same elements.  At a clamp A·∇u vanishes, which is the natural
+condition of L.  On a plane of symmetry with the normal N the part of m along N is left
+out, as it is odd there, and ∂u/∂N vanishes of what is even.
+
+Bending of fibres on quadratic triangles, by mean curvatures of the triangles.
+
+The mean curvature of a triangle K is that of the slopes around it,
+
+    m_K = 1/|K| ∮ (A·n)(A·{∇u}),
+
+with {} the mean of both sides: slopes across edges jump.  The energy is
+½ Σ D |K| |m_K|², and jumps meet a small stiffness, ½ Σ_f ∫ σ D (A·n)⁴ |[∂u/∂n]|² (a C0
+discontinuous Galerkin method, Huang, Huang & Han 2010).  A·∇u vanishes at a clamp, and
+on a plane of symmetry ∂u/∂n of what is even.  Free ends have the slopes of their
+triangles.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from scipy.sparse import block_diag, csr_matrix, diags, hstack, identity, kron
+from skfem import (
+    BilinearForm,
+    CellBasis,
+    ElementQuad1,
+    ElementTriP0,
+    ElementTriP2,
+    FacetBasis,
+    InteriorFacetBasis,
+    Mesh,
+    asm,
+)
+from skfem.assembly.basis import AbstractBasis
+from skfem.helpers import dot, grad
+
+from ..mesh.bases import components
+
+# Fibres at a smaller angle (radians) to a boundary do not end there.  A larger angle
+# forgets the slope of fibres across it, a smaller one takes round-off for an angle.
+_ALONG = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class EndEdges:
+    """Boundary edges that fibres meet.
+
+    Attributes
+    ----------
+    facets
+        Their numbers, shape (n,).
+    A
+        Unit direction of the fibres at each, shape (2, n).
+    N
+        Unit normal out of the ply, shape (2, n).
+    """
+
+    facets: ndarray
+    A: ndarray
+    N: ndarray
+
+    @property
+    def across(self) -> ndarray:
+        """A·N, shape (n,)."""
+        return (self.A * self.N).sum(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Clamps:
+    """Boundary edges at which fibres keep their direction, or turn as they are told.
+
+    Attributes
+    ----------
+    edges
+        The edges.
+    turned
+        What prescribes A·∇u (A·N) there, shape (n, 2 m): of each of m clamps that
+        turn by R the columns of R − I that belong to x and y at rest, as unknowns.
+    """
+
+    edges: EndEdges
+    turned: csr_matrix
+
+
+def clamps(edges: EndEdges, turning: Sequence[ndarray]) -> Clamps:
+    """Clamped edges, and which of them turn.
+
+    Parameters
+    ----------
+    edges
+        The edges.
+    turning
+        Numbers of the edges of each clamp that turns.
+    """
+    columns = [
+        np.isin(edges.facets, facets) * (edges.A * edges.across) for facets in turning
+    ]
+    shape = edges.facets.size, 2 * len(turning)
+    return Clamps(edges, csr_matrix(np.reshape(columns, shape[::-1]).T))
+
+
+def boundary_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
+    """Some boundary edges, with the directions of fibres there.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    A
+        Unit direction of the fibres in each element, shape (2, n_elements).
+    facets
+        Numbers of boundary edges.
+    """
+    ends = mesh.p[:, mesh.facets[:, facets]]
+    along = ends[:, 1] - ends[:, 0]
+    N = np.array([along[1], -along[0]]) / np.hypot(*along)
+    elements = mesh.f2t[0, facets]
+    out = ends.mean(axis=1) - mesh.p[:, mesh.t[:, elements]].mean(axis=1)
+    N = N * np.sign((N * out).sum(axis=0))
+    return EndEdges(facets, A[:, elements], N)
+
+
+def end_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
+    """Those of `boundary_edges` that fibres do not follow; the same parameters."""
+    edges = boundary_edges(mesh, A, facets)
+    meets = np.abs(edges.across) > _ALONG
+    return EndEdges(facets[meets], edges.A[:, meets], edges.N[:, meets])
+
+
+# Eigenvalues of sums of N⊗N that count as zero.
+_NONE = 1e-9
+
+
+def matrix_of_quadrilaterals(
+    mesh: Any,
+    along: tuple[ndarray, ndarray],
+    D: ndarray,
+    free: EndEdges,
+    clamped: Clamps,
+    mirrors: EndEdges,
+    d: int,
+) -> Any:
+    """The matrix of the bending energy.
+
+    Parameters
+    ----------
+    mesh
+        A `skfem.MeshQuad`.
+    along
+        Unit directions (A, B) in each element: the same for bending.
+    D
+        As of `bending_matrix`.
+    free, clamped, mirrors
+        Edges where fibres end freely, where they are clamped, and those on planes of
+        symmetry.
+    d
+        Components of the displacement.
+    """
+    basis = CellBasis(mesh, ElementQuad1(), intorder=3)
+    overlap, stiffness = (asm(_PRODUCT, basis, D=x[:, None]) for x in (D * 0 + 1, D))
+    area, D_area = (np.asarray(x.sum(axis=1)).ravel() for x in (overlap, stiffness))
+    A, B = along
+    L = asm(_ALONG_FIBRES, basis, A=A[:, :, None], B=B[:, :, None])
+    if np.ptp(along, axis=2).any():
+        L = L - _of_jumps_between_quadrilaterals(mesh, A, B)
+    if mirrors.facets.size:
+        edges = FacetBasis(mesh, ElementQuad1(), facets=mirrors.facets, intorder=3)
+        L = L - asm(_EVEN, edges, A=mirrors.A[:, :, None])
+    L = hstack([L, -_prescribed_slopes(mesh, clamped)], format="csr")
+    left_out = _left_out(mesh, free, mirrors, d)
+    weights = _weights(overlap, area, left_out) * (D_area / area**3)[:, None, None]
+    if not mirrors.facets.size:
+        return kron(L.T @ diags(weights[:, 0, 0]) @ L, identity(d))
+    every = kron(L, identity(d), format="csr")
+    return every.T @ block_diag(weights, format="csr") @ every
+
+
+@BilinearForm
+def _PRODUCT(u, v, w):
+    return w["D"] * u * v
+
+
+@BilinearForm
+def _ALONG_FIBRES(u, v, w):
+    of_u, of_v = ([dot(w[k], grad(x)) for k in "AB"] for x in (u, v))
+    return 0.5 * (of_u[0] * of_v[1] + of_u[1] * of_v[0])
+
+
+@BilinearForm
+def _EVEN(u, v, w):
+    """φ (A·N)(A·∇u) where ∂u/∂N = 0."""
+    across = dot(w["A"], w.n)
+    return v * across * (dot(w["A"], grad(u)) - across * dot(w.n, grad(u)))
+
+
+@BilinearForm
+def _OF_JUMP(u, v, w):
+    return 0.5 * v * dot(w["jump"], grad(u))
+
+
+def _of_jumps_between_quadrilaterals(mesh: Any, A: ndarray, B: ndarray) -> Any:
+    """∮ φ_i ½ [(A·N) B + (B·N) A]·{∇φ_j} over interior edges; [] is the jump."""
+    sides = [
+        InteriorFacetBasis(mesh, ElementQuad1(), intorder=3, side=side)
+        for side in (0, 1)
+    ]
+    n = np.asarray(sides[0].normals)
+    one, other = (
+        0.5 * (dot(a, n) * b + dot(b, n) * a)
+        for side in sides
+        for a, b in [(A[:, side.tind, None], B[:, side.tind, None])]
+    )
+    jump = one - other
+    return sum(asm(_OF_JUMP, side, sides[0], jump=jump) for side in sides)
+
+
+def _prescribed_slopes(mesh: Any, clamped: Clamps) -> csr_matrix:
+    """∮ φ_i (A·N) A·∇u over clamps, by what turns them."""
+    ends = mesh.facets[:, clamped.edges.facets]
+    half = 0.5 * np.hypot(*(mesh.p[:, ends[1]] - mesh.p[:, ends[0]]))
+    columns = np.tile(np.arange(len(half)), 2)
+    shape = mesh.nvertices, len(half)
+    to_nodes = csr_matrix((np.tile(half, 2), (ends.ravel(), columns)), shape=shape)
+    return to_nodes @ clamped.turned
+
+
+def _left_out(mesh: Any, free: EndEdges, mirrors: EndEdges, d: int) -> ndarray:
+    """Projectors on the components of m that are left out, shape (n_nodes, d, d)."""
+    N = np.zeros((d, mirrors.facets.size))
+    N[:2] = mirrors.N
+    projectors = np.zeros((mesh.nvertices, d, d))
+    for nodes in mesh.facets[:, mirrors.facets]:
+        np.add.at(projectors, nodes, np.einsum("in,jn->nij", N, N))
+    nodes = np.unique(mesh.facets[:, mirrors.facets])
+    values, vectors = np.linalg.eigh(projectors[nodes])
+    odd = vectors * (values > _NONE)[:, None]
+    projectors[nodes] = odd @ vectors.swapaxes(1, 2)
+    projectors[mesh.facets[:, free.facets]] = np.eye(d)
+    return projectors
+
+
+def _weights(overlap: csr_matrix, area: ndarray, left_out: ndarray) -> ndarray:
+    """Areas of the components of m at the nodes, shape (n_nodes, d, d).
+
+    What is left out gives its area in equal parts to what is kept at nodes of the same
+    elements.
+    """
+    n, d, _ = left_out.shape
+    kept = np.eye(d) - left_out
+    giving = np.flatnonzero(left_out.any(axis=(1, 2)))
+    beside = (overlap[giving] != 0).astype(float)
+    receivers = (beside @ kept.reshape(n, -1)).reshape(-1, d, d)
+    given = np.linalg.pinv(receivers) @ left_out[giving] * area[giving, None, None]
+    received = (beside.T @ given.reshape(-1, d * d)).reshape(n, d, d)
+    return area[:, None, None] * kept + kept @ received @ kept
+
+
+# σ over the least with which an interior penalty alone makes the energy positive on
+# every mesh: ¾ |f| (1/|K⁺| + 1/|K⁻|) inside and 3 |f|/|K| on the boundary, as a
+# triangle has three edges.  Chosen: with a larger one plates are stiffer; with a
+# smaller one coarse cantilevers take more steps.
+_JUMPS = 0.2
+
+
+def matrix_of_triangles(
+    mesh: Any,
+    along: tuple[ndarray, ndarray],
+    D: ndarray,
+    free: EndEdges,
+    clamped: Clamps,
+    mirrors: EndEdges,
+    d: int,
+) -> Any:
+    """The matrix of the bending energy.
+
+    Parameters
+    ----------
+    mesh
+        A `skfem.MeshTri`.
+    along
+        Unit directions (A, B) in each element: the same for bending.
+    D
+        As of `bending_matrix`.
+    free, clamped, mirrors
+        Edges where fibres end freely, where they keep their direction, and those on
+        planes of symmetry.
+    d
+        Components of the displacement.
+    """
+    (a, b), (c, e) = (mesh.p[:, mesh.t[i]] - mesh.p[:, mesh.t[0]] for i in (1, 2))
+    area = 0.5 * np.abs(a * e - b * c)
+    curvature = hstack([_inside(mesh, along), _prescribed(mesh, clamped)])
+    n_turned = curvature.shape[1] - mesh.nvertices - mesh.nfacets
+
+    def through(edges: EndEdges, slope: ndarray) -> Any:
+        none = csr_matrix((mesh.nelements, n_turned))
+        return hstack([_through(mesh, edges, slope), none])
+
+    for edges in (free, mirrors):
+        B = along[1][:, mesh.f2t[0, edges.facets]]
+        curvature = curvature + through(edges, B * edges.across)
+    slope = clamped.edges.A * clamped.edges.across
+    K = block_diag([_of_jumps(mesh, along, D, area), csr_matrix((n_turned, n_turned))])
+    K = K + _held(mesh, clamped.edges, slope, D, area, clamped.turned)
+    every: Any = identity(d)
+    K, curvature = kron(K, every), kron(curvature, every)
+    for edges, even in _planes(mirrors, d):
+        slope = edges.N * edges.across**2
+        none = csr_matrix((edges.facets.size, n_turned))
+        curvature = curvature - kron(through(edges, slope), even)
+        K = K + kron(_held(mesh, edges, slope, D, area, none), even)
+    return K + curvature.T @ kron(diags(D / area), every) @ curvature
+
+
+def _planes(mirrors: EndEdges, d: int) -> Iterator[tuple[EndEdges, ndarray]]:
+    """The edges on each plane of symmetry, and the projector on what is even there."""
+    for normal in np.unique(mirrors.N.round(9), axis=1).T:
+        own = np.abs(mirrors.N - normal[:, None]).max(axis=0) < 1e-8
+        edges = EndEdges(mirrors.facets[own], mirrors.A[:, own], mirrors.N[:, own])
+        N = np.pad(normal, (0, d - 2))
+        yield edges, np.eye(d) - np.outer(N, N)
+
+
+@BilinearForm
+def _FLUX(u, v, w):
+    return v * dot(w["slope"], grad(u))
+
+
+@BilinearForm
+def _JUMP(u, v, w):
+    return w["stiffness"] * dot(w.n, grad(u)) * dot(w.n, grad(v))
+
+
+def _sides(mesh: Any, element: Any) -> list[InteriorFacetBasis]:
+    return [InteriorFacetBasis(mesh, element, intorder=2, side=i) for i in (0, 1)]
+
+
+def _inside(mesh: Any, along: tuple[ndarray, ndarray]) -> Any:
+    """∮ (A·n)(B·{∇u}) over the edges of each triangle that are inside the ply."""
+    slopes, triangles = (
+        _sides(mesh, element()) for element in (ElementTriP2, ElementTriP0)
+    )
+    n = np.asarray(slopes[0].normals)
+    found: Any = 0.0
+    for sign, own in zip((1, -1), triangles, strict=True):
+        A, B = (direction[:, own.tind, None] for direction in along)
+        slope = 0.5 * sign * dot(A, n) * B
+        found = found + sum(asm(_FLUX, side, own, slope=slope) for side in slopes)
+    return found
+
+
+def _prescribed(mesh: Any, clamped: Clamps) -> csr_matrix:
+    """∮ (A·n) A·∇u over clamps, of each triangle, by what turns them."""
+    facets = clamped.edges.facets
+    ends = mesh.p[:, mesh.facets[:, facets]]
+    length = np.hypot(*(ends[:, 1] - ends[:, 0]))
+    places = mesh.f2t[0, facets], np.arange(facets.size)
+    of_triangles = csr_matrix((length, places), (mesh.nelements, facets.size))
+    return of_triangles @ clamped.turned
+
+
+def _through(mesh: Any, edges: EndEdges, slope: ndarray) -> Any:
+    """∮ slope·∇u over edges of the boundary, of each triangle."""
+    if not edges.facets.size:
+        return csr_matrix((mesh.nelements, mesh.nvertices + mesh.nfacets))
+    slopes, triangles = (
+        FacetBasis(mesh, element(), facets=edges.facets, intorder=2)
+        for element in (ElementTriP2, ElementTriP0)
+    )
+    return asm(_FLUX, slopes, triangles, slope=slope[:, :, None])
+
+
+def _of_jumps(
+    mesh: Any, along: tuple[ndarray, ndarray], D: ndarray, area: ndarray
+) -> Any:
+    """What meets jumps of the slope between triangles."""
+    sides = _sides(mesh, ElementTriP2())
+    n, length = np.asarray(sides[0].normals), sides[0].dx.sum(axis=1)[:, None]
+    A, B = ([dot(x[:, side.tind, None], n) for side in sides] for x in along)
+    most = np.max(
+        [D[s.tind, None] * (a * b) ** 2 for s, a, b in zip(sides, A, B, strict=True)],
+        axis=0,
+    )
+    least = 0.75 * length * sum(1 / area[side.tind, None] for side in sides)
+    return sum(
+        (1 if u is v else -1) * asm(_JUMP, u, v, stiffness=_JUMPS * least * most)
+        for u in sides
+        for v in sides
+    )
+
+
+def _held(
+    mesh: Any,
+    edges: EndEdges,
+    slope: ndarray,
+    D: ndarray,
+    area: ndarray,
+    turned: csr_matrix,
+) -> Any:
+    """What holds a slope along boundary edges, where turned that of the clamp."""
+    if not edges.facets.size:
+        n = mesh.nvertices + mesh.nfacets + turned.shape[1]
+        return csr_matrix((n, n))
+    basis = FacetBasis(mesh, ElementTriP2(), facets=edges.facets, intorder=2)
+    slopes = np.array(
+        [dot(slope[:, :, None], np.asarray(phi[0].grad)) for phi in basis.basis]
+    )
+    n_points = slopes.shape[2]
+    columns = np.broadcast_to(basis.element_dofs[:, :, None], slopes.shape)
+    points = np.arange(slopes[0].size).reshape(slopes[0].shape)
+    rows = np.broadcast_to(points, slopes.shape)
+    shape = slopes[0].size, basis.N
+    at_points = csr_matrix((slopes.ravel(), (rows.ravel(), columns.ravel())), shape)
+    off = hstack([at_points, -kron(turned, np.ones((n_points, 1)))])
+    least = 3 * basis.dx.sum(axis=1) / area[basis.tind] * D[basis.tind]
+    return off.T @ diags((_JUMPS * least[:, None] * basis.dx).ravel()) @ off
+
+
+#: A clamp that turns: its rotation at a load factor, in space a vector along the axis,
+#: as long as the angle in radians, and in the plane the angle.
+Turning: TypeAlias = Callable[[float], ArrayLike]
+
+#: Names of what holds fibres at a boundary.
+EndName: TypeAlias = Literal["clamped", "mirror"]
+
+#: How fibres are held at a boundary: with their direction at rest, by their mirror
+#: images on a plane of symmetry, or in a clamp that turns.  Elsewhere they end freely,
+#: as in hinges.
+FibreEnd: TypeAlias = EndName | Turning
+
+FIBRE_ENDS: tuple[str, ...] = get_args(EndName)
+
+
+def bending_matrix(
+    basis: AbstractBasis, A: ndarray, D: ndarray, ends: Mapping[str, FibreEnd]
+) -> csr_matrix:
+    """The matrix K of ½ v·K·v = ½ ∫ D |κ|² in N/mm.
+
+    v is the displacement, and after it the columns of R − I that belong to x and y at
+    rest, of each clamp that turns by R.
+
+    Parameters
+    ----------
+    basis
+        Basis of the displacement, of bilinear quadrilaterals or quadratic triangles.
+    A
+        Unit direction of the fibres in each element, shape (2, n_elements).
+    D
+        Bending stiffness per width of ply in N·mm in each element, shape (n_elements,).
+    ends
+        How fibres are held where they end, by the names of boundaries.
+    """
+    mesh: Mesh = basis.mesh
+    turning = [mesh.boundaries[name] for name, end in ends.items() if callable(end)]
+    keeping, mirrored = (_facets(mesh, ends, kind) for kind in FIBRE_ENDS)
+    clamped = np.unique(np.concatenate([keeping, *turning]))
+    free = np.setdiff1d(mesh.boundary_facets(), np.concatenate([clamped, mirrored]))
+    at_free, at_clamps, mirrors = (
+        end_edges(mesh, A, facets) for facets in (free, clamped, mirrored)
+    )
+    return _matrix(basis, (A, A), D, at_free, clamps(at_clamps, turning), mirrors)
+
+
+def twist_matrix(
+    basis: AbstractBasis, A: ndarray, B: ndarray, D: ndarray
+) -> csr_matrix:
+    """The matrix K of ½ u·K·u = ½ ∫ D |τ|² in N/mm, with the twist τ = ∇∇x : A⊗B.
+
+    Of directions at right angles, z = c x y has the twist c.
+
+    Parameters
+    ----------
+    basis
+        As of `bending_matrix`.
+    A, B
+        Unit directions of both families in each element, shape (2, n_elements).
+    D
+        Twist stiffness per width of ply in N·mm in each element, shape (n_elements,).
+    """
+    mesh: Mesh = basis.mesh
+    edges = boundary_edges(mesh, A, mesh.boundary_facets())
+    none = EndEdges(edges.facets[:0], edges.A[:, :0], edges.N[:, :0])
+    return _matrix(basis, (A, B), D, edges, clamps(none, []), none)
+
+
+def _matrix(
+    basis: AbstractBasis,
+    along: tuple[ndarray, ndarray],
+    D: ndarray,
+    free: EndEdges,
+    clamped: Clamps,
+    mirrors: EndEdges,
+) -> csr_matrix:
+    """The matrix of ½ ∫ D |∇∇x : A⊗B|² for the directions (A, B) of ``along``."""
+    mesh: Mesh = basis.mesh
+    d = components(basis)
+    if isinstance(basis.elem.elem, ElementQuad1):  # type: ignore[attr-defined]
+        K = matrix_of_quadrilaterals(mesh, along, D, free, clamped, mirrors, d)
+    else:
+        K = matrix_of_triangles(mesh, along, D, free, clamped, mirrors, d)
+    return csr_matrix((K + K.T) / 2)
+
+
+def _facets(mesh: Mesh, ends: Mapping[str, FibreEnd], kind: str) -> ndarray:
+    named = [mesh.boundaries[name] for name, end in ends.items() if end == kind]
+    return np.unique(np.concatenate([np.empty(0, dtype=int), *named]))

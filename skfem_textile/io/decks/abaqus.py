@@ -1,0 +1,405 @@
+"""Input files of Abaqus: nodes, elements and sets, read and written."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import meshio
+import numpy as np
+from numpy import ndarray
+
+from ...mesh.checks import MeshError
+from ...mesh.user_input import excerpt, printable
+from ..file_numbers import from_words, refuse_duplicates, tag_positions
+
+
+class Block(NamedTuple):
+    """A keyword, its parameters, and the words of its data lines."""
+
+    keyword: str
+    parameters: dict[str, str]
+    data: list[list[bytes]]
+
+    def __str__(self) -> str:
+        name = self.parameters.get(self.keyword)
+        return f"*{printable(self.keyword)}" + (f" {name!r}" if name else "")
+
+
+def blocks(content: bytes) -> Iterator[Block]:
+    """All keywords, each with its data."""
+    lines = re.split(rb"\r\n|\n|\r", content)
+    stripped = (line.strip() for line in lines)
+    lines = [line for line in stripped if line and not line.startswith(b"**")]
+    starts = [i for i, line in enumerate(lines) if line.startswith(b"*")]
+    if starts[:1] != [0]:
+        raise MeshError("it does not begin with a keyword of Abaqus")
+    for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+        first, head = start + 1, lines[start][1:]
+        while head.endswith(b",") and first < end:
+            head, first = head + lines[first], first + 1
+        keyword, *words = head.decode(errors="replace").split(",")
+        pairs = [word.partition("=") for word in words if word.strip()]
+        parameters = {key.strip().upper(): value.strip() for key, _, value in pairs}
+        data = [
+            [word.strip() for word in line.split(b",")] for line in lines[first:end]
+        ]
+        block = Block(" ".join(keyword.upper().split()), parameters, data)
+        if len(parameters) < len(pairs):
+            raise MeshError(f"{block} has a parameter twice")
+        yield block
+
+
+# Types of elements, by cell and its number of nodes.
+_TYPES = {
+    ("line", 2): "T2D2 T2D2H T3D2 T3D2H B21 B21H B31 B31H",
+    ("triangle", 3): "CPS3 STRI3 S3 S3R S3RS R3D3 M3D3",
+    ("quad", 4): "CPS4 CPS4R S4 S4R S4RS S4RSW S4R5 CAX4P M3D4 M3D4R",
+}
+_CELLS = {name: cell for cell, names in _TYPES.items() for name in names.split()}
+
+# Parameters that are read, by keyword.
+_PARAMETERS = {
+    "NODE": {"NSET"},
+    "ELEMENT": {"TYPE", "ELSET"},
+    "NSET": {"NSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
+    "ELSET": {"ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
+}
+
+# Keywords without effect on the mesh, and those that generate or change parts of it.
+_WITHOUT_EFFECT = ("HEADING", "PREPRINT", "PART", "ASSEMBLY", "INSTANCE")
+_GENERATING = ("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY")
+
+
+@dataclass
+class _Deck:
+    """An input deck: nodes, elements and sets.
+
+    Attributes
+    ----------
+    tags, points
+        Numbers and positions of the nodes, shapes (n,) and (n, 2) or (n, 3).
+    blocks
+        Of each ``*ELEMENT``: type of cell, numbers, nodes and set.
+    sets
+        Members by keyword and name.
+    ignored
+        Keywords that are not read.
+    n_lines
+        Number of lines of the file, and so the most members of a set.
+    """
+
+    tags: ndarray | None = None
+    points: ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    blocks: list[tuple[str, ndarray, ndarray, str | None]] = field(default_factory=list)
+    sets: dict[tuple[str, str], ndarray] = field(default_factory=dict)
+    ignored: list[str] = field(default_factory=list)
+    n_lines: int = 0
+    _spelled: dict[tuple[str, str], str] = field(default_factory=dict)
+
+    def spelled(self, keyword: str, parameters: dict[str, str]) -> str:
+        """The name of a set in its first spelling, as case does not matter."""
+        name = parameters.get(keyword, "")
+        if not name or "\ufffd" in name:
+            raise MeshError(f"{keyword} must have a name, in UTF-8")
+        return self._spelled.setdefault((keyword, name.upper()), name)
+
+
+def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
+    """Read a file of Abaqus.
+
+    Returns
+    -------
+    tuple
+        The mesh, and keywords that are not read.
+
+    Raises
+    ------
+    MeshError
+        If the file departs from its format, or has other elements than edges,
+        triangles and four-node quadrilaterals.
+    """
+    deck = _deck(content)
+    return _mesh(deck), deck.ignored
+
+
+def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
+    """Numbers of the triangles and quadrilaterals of a file, and sets of elements.
+
+    Returns
+    -------
+    tuple
+        The numbers in the order of the file, as of the elements of its mesh; and the
+        members of each set by its name in capitals.
+
+    Raises
+    ------
+    MeshError
+        As from `read`, where nodes and elements are concerned.
+    """
+    deck = _deck(content)
+    sets: dict[str, ndarray] = {}
+    for kind, numbers, _, name in deck.blocks:
+        if name is not None and kind != "line":
+            others = sets.get(name.upper(), numbers[:0])
+            sets[name.upper()] = np.concatenate([others, numbers])
+    for (keyword, name), members in deck.sets.items():
+        if keyword == "ELSET":
+            sets[name.upper()] = members
+    plane = [numbers for kind, numbers, _, _ in deck.blocks if kind != "line"]
+    if not plane:
+        raise MeshError("it has no *ELEMENT")
+    numbers = np.concatenate(plane)
+    refuse_duplicates(numbers, "element")
+    return numbers, sets
+
+
+def _deck(content: bytes) -> _Deck:
+    deck, keywords = _Deck(n_lines=content.count(b"\n") + content.count(b"\r")), set()
+    for block in blocks(content):
+        if block.keyword in ("NODE", "PART", "INSTANCE") and block.keyword in keywords:
+            raise MeshError(
+                f"there is more than one *{block.keyword} block; put the whole mesh in "
+                "one"
+            )
+        keywords.add(block.keyword)
+        try:
+            _read_block(deck, block)
+        except MeshError as error:
+            raise MeshError(f"{block}: {error}") from None
+    return deck
+
+
+def _read_block(deck: _Deck, block: Block) -> None:
+    keyword, parameters, data = block
+    if keyword == "INCLUDE":
+        raise MeshError("is not followed; put the mesh in one file")
+    if keyword in _GENERATING:
+        raise MeshError("is not read; list nodes and elements one by one")
+    if other := set(parameters) - _PARAMETERS.get(keyword, set(parameters)):
+        raise MeshError(
+            f"{printable(min(other))!r} is not read; give plain numbers without it"
+        )
+    if keyword == "NODE":
+        deck.tags, deck.points = _nodes(data)
+        if "NSET" in parameters:
+            deck.sets["NSET", deck.spelled("NSET", parameters)] = deck.tags
+    elif keyword == "ELEMENT":
+        kind, corners = _cell(parameters.get("TYPE", ""))
+        rows = _elements(data, 1 + corners)
+        name = deck.spelled("ELSET", parameters) if "ELSET" in parameters else None
+        deck.blocks.append((kind, rows[:, 0], rows[:, 1:], name))
+    elif keyword in ("NSET", "ELSET"):
+        name = deck.spelled(keyword, parameters)
+        if (keyword, name) in deck.sets:
+            raise MeshError("is given twice; name them apart")
+        deck.sets[keyword, name] = _members(
+            data, "GENERATE" in parameters, deck.n_lines
+        )
+    elif keyword.removeprefix("END ") not in _WITHOUT_EFFECT or (
+        keyword == "INSTANCE" and data
+    ):
+        deck.ignored.append(f"*{keyword}")
+
+
+def _nodes(data: list[list[bytes]]) -> tuple[ndarray, ndarray]:
+    """Numbers and positions."""
+    tags = from_words([words[0] for words in data], "i8")
+    width = len(data[0]) - 1 if data else 3
+    for words in data:
+        if len(words) - 1 != width or width not in (2, 3):
+            shown = excerpt(b", ".join(words))
+            raise MeshError(f"{shown!r} must be a number and two or three coordinates")
+    x = from_words([word for words in data for word in words[1:]], "f8")
+    return tags, x.reshape(-1, width)
+
+
+def _cell(element: str) -> tuple[str, int]:
+    """The cell of an element and its number of nodes."""
+    try:
+        return _CELLS[element.upper()]
+    except KeyError:
+        raise MeshError(
+            "only triangles and four-node quadrilaterals are supported, found "
+            f"{excerpt(element) or 'no TYPE'}; CPS3 and CPS4 are such"
+        ) from None
+
+
+def _elements(data: list[list[bytes]], width: int) -> ndarray:
+    """Number and nodes of each element, which may take several lines."""
+    rows: list[list[bytes]] = []
+    open_row = False
+    for words in data:
+        continues = words[-1] == b""
+        words = words[:-1] if continues else words
+        if open_row:
+            rows[-1] += words
+        else:
+            rows.append(words)
+        open_row = continues and len(rows[-1]) < width
+        if len(rows[-1]) != width and not open_row:
+            shown = excerpt(b", ".join(rows[-1]))
+            raise MeshError(f"{shown!r} must be {width} numbers")
+    if open_row:
+        raise MeshError("its last element is cut off")
+    return from_words([word for row in rows for word in row], "i8").reshape(-1, width)
+
+
+def _members(data: list[list[bytes]], generate: bool, n_lines: int) -> ndarray:
+    """Numbers of the members of a set."""
+    lines = [words[:-1] if words[-1] == b"" else words for words in data]
+    words = [word for line in lines for word in line]
+    if not all(word.isdigit() for word in words):
+        raise MeshError("is given by other sets; give it by numbers")
+    numbers = from_words(words, "i8")
+    if not generate:
+        return np.unique(numbers)
+    if len(numbers) != 3 or numbers[2] < 1 or (numbers[1] - numbers[0]) % numbers[2]:
+        raise MeshError("GENERATE takes one line: first, last, step, which end at last")
+    first, last, step = numbers.tolist()
+    if not 0 <= (last - first) // step < n_lines:
+        raise MeshError("has more members than the file has lines, or none")
+    return np.arange(first, last + 1, step)
+
+
+def _mesh(deck: _Deck) -> meshio.Mesh:
+    if deck.tags is None or not deck.blocks:
+        raise MeshError(f"it has no *{'NODE' if deck.tags is None else 'ELEMENT'}")
+    refuse_duplicates(deck.tags, "node")
+    numbers = np.concatenate([numbers for _, numbers, _, _ in deck.blocks])
+    refuse_duplicates(numbers, "element")
+    cells: list[Any] = [
+        (kind, tag_positions(deck.tags, nodes, "node"))
+        for kind, _, nodes, _ in deck.blocks
+    ]
+    nodes: dict[str, Any] = {}
+    elements: dict[str, Any] = {}
+    for name in dict.fromkeys(name for *_, name in deck.blocks if name is not None):
+        if ("ELSET", name) in deck.sets:
+            raise MeshError(
+                f"*ELSET {name!r} is a set of *ELEMENT too; name them apart"
+            )
+        elements[name] = [
+            np.arange(len(block) if own == name else 0)
+            for _, block, _, own in deck.blocks
+        ]
+    first = np.cumsum([0, *(len(block) for _, block, _, _ in deck.blocks)])
+    for (keyword, name), members in deck.sets.items():
+        try:
+            if keyword == "NSET":
+                nodes[name] = tag_positions(deck.tags, members, "node")
+            else:
+                positions = np.sort(tag_positions(numbers, members, "element"))
+                ends = np.searchsorted(positions, first)
+                elements[name] = [
+                    positions[a:b] - n
+                    for a, b, n in zip(ends, ends[1:], first, strict=False)
+                ]
+        except MeshError as error:
+            raise MeshError(f"*{keyword} {name!r}: {error}") from None
+    return meshio.Mesh(deck.points, cells, point_sets=nodes, cell_sets=elements)
+
+
+#: Names of two orientations, whose first directions are those of the families: no
+#: orientation of Abaqus holds families that differ in their angle from element to
+#: element.
+WARP, WEFT = "WARP", "WEFT"
+
+#: The set of elements without directions, and the set of the others.
+NOT_COVERED, COVERED = "NOT_COVERED", "COVERED"
+
+# Members of a set in a line: Abaqus takes 16.
+_IN_A_LINE = 16
+
+_TYPES_OF_CELLS = {3: "M3D3", 4: "M3D4R"}
+
+
+def deck_of(
+    cells: Sequence[ndarray],
+    points: ndarray,
+    warp: ndarray,
+    weft: ndarray,
+    normal: ndarray,
+    node_sets: Mapping[str, ndarray] = MappingProxyType({}),
+) -> str:
+    """A deck of elements with the direction of both families in each.
+
+    The orientations ``WARP`` and ``WEFT`` have the direction of a family for their
+    first axis, in a distribution of points a and b: a along the fibres, and b at right
+    angles to them in the plane of the element.  Numbers have all their digits.
+
+    Parameters
+    ----------
+    cells
+        The elements as node numbers, arrays of shape (3, n) and (4, n).
+    points
+        Positions of the nodes, shape (3, n).
+    warp, weft
+        Unit directions in these elements, shape (3, n_elements).  Elements with NaN
+        have none: they are the set ``NOT_COVERED``, and the others ``COVERED``.
+    normal
+        Unit normals of the elements, shape (3, n_elements).
+    node_sets
+        Numbers of nodes from 0 on by the name of their set.
+    """
+    return "\n".join(
+        [
+            "*HEADING",
+            "mesh and fibre directions, by skfem_textile; lengths in mm",
+            *_mesh_lines(cells, points),
+            *(
+                x
+                for name, nodes in node_sets.items()
+                for x in _set("NSET", name, nodes)
+            ),
+            *_covered(np.isfinite(warp).all(axis=0)),
+            "*DISTRIBUTION TABLE, NAME=AXES",
+            "COORD3D, COORD3D",
+            *_family(WARP, warp, normal),
+            *_family(WEFT, weft, normal),
+            "",
+        ]
+    )
+
+
+def _mesh_lines(cells: Sequence[ndarray], points: ndarray) -> Iterator[str]:
+    n_nodes = 1 + max(cell.max() for cell in cells)
+    yield "*NODE"
+    for i, (x, y, z) in enumerate(points[:, :n_nodes].T.tolist(), 1):
+        yield f"{i}, {x!r}, {y!r}, {z!r}"
+    first = 1
+    for cell in cells:
+        yield f"*ELEMENT, TYPE={_TYPES_OF_CELLS[len(cell)]}, ELSET=PLY"
+        for i, nodes in enumerate((cell.T + 1).tolist(), first):
+            yield ", ".join(map(str, [i, *nodes]))
+        first += cell.shape[1]
+
+
+def _set(keyword: str, name: str, members: ndarray) -> Iterator[str]:
+    """A set of what is numbered from 0 on."""
+    if not len(members):
+        return
+    shown = re.sub(r"\W", "_", name)
+    yield f"*{keyword}, {keyword}={shown}"
+    for i in range(0, len(members), _IN_A_LINE):
+        yield ", ".join(map(str, (members[i : i + _IN_A_LINE] + 1).tolist()))
+
+
+def _covered(covered: ndarray) -> Iterator[str]:
+    """Sets of the elements with directions and without, if there are some without."""
+    if not covered.all():
+        yield from _set("ELSET", COVERED, np.flatnonzero(covered))
+        yield from _set("ELSET", NOT_COVERED, np.flatnonzero(~covered))
+
+
+def _family(name: str, direction: ndarray, normal: ndarray) -> Iterator[str]:
+    """The orientation of a family and its distribution."""
+    yield f"*ORIENTATION, NAME={name}, SYSTEM=RECTANGULAR"
+    yield f"{name}_AXES"
+    yield "3, 0."
+    yield f"*DISTRIBUTION, NAME={name}_AXES, LOCATION=ELEMENT, TABLE=AXES"
+    yield ", 1., 0., 0., 0., 1., 0."
+    axes = np.vstack([direction, np.cross(normal, direction, axis=0)]) + 0.0  # no -0.0
+    for i in np.flatnonzero(np.isfinite(axes).all(axis=0)):
+        yield ", ".join(map(repr, [int(i) + 1, *axes[:, i].tolist()]))

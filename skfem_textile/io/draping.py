@@ -1,0 +1,389 @@
+"""Tools from files, and draped fibres and flat patterns in files."""
+
+import csv
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy import ndarray
+
+from ..drape import (
+    SAME_AXES,
+    Axes,
+    FibresInSpace,
+    FlatPattern,
+    ToolMesh,
+    TriangleMesh,
+    fibres_on_ply,
+)
+from ..drape.tool_mesh import cut_in_two
+from ..fabric.directions import FibreDirections
+from ..fabric.laws.tabulated import read_lines
+from ..mesh.checks import MeshError
+from ..mesh.user_input import excerpt, number_of_text, printable
+from ..solve.result import Result
+from .decks.abaqus import deck_of
+from .fibres import write_cells, write_directions
+from .reading import read_raw
+from .results import cell_fields, on_users_elements
+
+#: Names of files that `write_draped` writes.
+DRAPED = ("fibres.vtu", "fibres.csv", "fibres.inp")
+
+_VECTORS = ("warp_direction", "weft_direction")
+_MEASURES = ("warp_angle_deg", "weft_angle_deg", "shear_angle_deg")
+_FIBRE_COLUMNS = ("element", "x", "y", "z", "covered", *_MEASURES)
+
+
+def write_fibres(path: str | os.PathLike[str], fibres: FibresInSpace) -> None:
+    """Write the fibres in elements in space.
+
+    A .vtu has the vectors ``warp_direction``, ``weft_direction`` and ``reference``,
+    from which angles are counted, ``warp_angle_deg``, ``weft_angle_deg`` and
+    ``shear_angle_deg``, and ``covered``, 1 or 0.  A .csv has the angles at the centre
+    of each element.  A .inp of Abaqus has a distribution and an orientation for each
+    family.  Elements are numbered from 1 on.  Where the ply does not reach, a .vtu has
+    NaN, a .csv empty cells, and a .inp the set ``NOT_COVERED``.
+
+    Parameters
+    ----------
+    path
+        The file.
+    fibres
+        Of `fibres_on_tool` or `fibres_on_ply`.
+
+    Raises
+    ------
+    ValueError
+        If the name has another suffix.
+    OSError
+        If the file cannot be written.
+    """
+    path = Path(path)
+    writers = {".vtu": _write_vtu, ".csv": _write_fibres_csv, ".inp": _write_deck}
+    if path.suffix.lower() not in writers:
+        raise ValueError(
+            f"{printable(path)}: fibres are written to {', '.join(writers)}"
+        )
+    writers[path.suffix.lower()](path, fibres)
+
+
+def _measures(fibres: FibresInSpace) -> tuple[ndarray, ...]:
+    return *fibres.angles_deg(), np.degrees(fibres.shear_angle)
+
+
+def _write_vtu(path: Path, fibres: FibresInSpace) -> None:
+    fields = dict(zip(_VECTORS, (fibres.warp.T, fibres.weft.T), strict=True))
+    fields["reference"] = fibres.reference().T
+    fields |= dict(zip(_MEASURES, _measures(fibres), strict=True))
+    fields["covered"] = fibres.covered.astype(int)
+    write_cells(path, fibres.mesh.cells, fibres.mesh.points, fields)
+
+
+def _write_fibres_csv(path: Path, fibres: FibresInSpace) -> None:
+    table = np.vstack([fibres.mesh.centres(), *_measures(fibres)]).T
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(_FIBRE_COLUMNS)
+        for i, row in enumerate(table.tolist(), 1):
+            there = fibres.covered[i - 1]
+            measures = row[3:] if there else [""] * len(_MEASURES)
+            writer.writerow([i, *row[:3], int(there), *measures])
+
+
+def _write_deck(path: Path, fibres: FibresInSpace) -> None:
+    mesh, directions = fibres.mesh, (fibres.warp, fibres.weft, fibres.normal)
+    path.write_text(deck_of(mesh.cells, mesh.points, *directions), encoding="utf-8")
+
+
+def write_draped(
+    result: Result, folder: str | os.PathLike[str], axes: Axes = SAME_AXES
+) -> None:
+    """Write the fibres of the last state for the next analysis: VTU, CSV and Abaqus.
+
+    Nodes are where they ended, and directions those of the deformed fibres in the
+    mean of each of the user's elements.
+
+    Parameters
+    ----------
+    result
+        The result.
+    folder
+        Where ``fibres.vtu``, ``fibres.csv`` and ``fibres.inp`` go.
+    axes
+        Axes of a ply in space among those of the files.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written.
+    """
+    ply, moved = result.ply, result.ply.nodal(result.u)
+    files = [Path(folder) / name for name in DRAPED]
+    if len(moved) == 3:
+        fibres = _in_axes(fibres_on_ply(ply, result.u), axes)
+        for file in files:
+            write_fibres(file, fibres)
+        return
+    fields = on_users_elements(
+        ply, cell_fields(ply, result.u, result.states[-1].parameters)
+    )
+    directions = FibreDirections(*(fields[name][:, :2].T for name in _VECTORS))
+    points = ply.mesh.p + moved[:, : ply.mesh.nvertices]
+    for file in files:
+        write_directions(file, ply.mesh, directions, points)
+
+
+def _in_axes(fibres: FibresInSpace, axes: Axes) -> FibresInSpace:
+    """Fibres with positions and directions in the axes of a tool."""
+    names = "normal", "warp", "weft"
+    turned = {name: axes.turn @ getattr(fibres, name) for name in names}
+    place = ToolMesh(axes.of_tool(fibres.mesh.points), fibres.mesh.cells)
+    return replace(fibres, mesh=place, **turned)
+
+
+_OUTLINE_COLUMNS = (
+    *("curve", "point", "x", "y", "along", "warp_angle_deg", "weft_angle_deg"),
+    *("tool_x", "tool_y", "tool_z"),
+)
+
+# Length of an axis, and height of letters, as shares of the pattern's smaller extent.
+_AXIS, _LETTERS = 0.25, 0.04
+
+# Margin and width of lines of an SVG, as shares of the larger extent.
+_MARGIN, _LINE = 0.05, 0.002
+
+# Layers of a DXF and colours of an SVG.
+_CUT, _FAMILIES = ("CUT", "black"), (("WARP", "#c0392b"), ("WEFT", "#2464a4"))
+
+_MILLIMETRES = 4  # of the variable $INSUNITS of a DXF
+
+
+def write_pattern(
+    path: str | os.PathLike[str], patterns: FlatPattern | Sequence[FlatPattern]
+) -> None:
+    """Write the outlines of a flat pattern.
+
+    A .csv has the points of each curve, the length along it up to each point, the
+    angles of the fibres in the flat ply to its x axis, and the point on the tool.  A
+    .svg and a .dxf have the outlines at full size and the mean directions of warp and
+    weft.  A .dxf has them on the layers ``CUT``, ``WARP`` and ``WEFT``.
+
+    Parameters
+    ----------
+    path
+        The file.
+    patterns
+        The outline, or the outline and holes.
+
+    Raises
+    ------
+    ValueError
+        If the name has another suffix.
+    ImportError
+        If a .dxf is to be written and ezdxf is not installed.
+    OSError
+        If the file cannot be written.
+    """
+    path = Path(path)
+    curves = [patterns] if isinstance(patterns, FlatPattern) else list(patterns)
+    writers = {".csv": _write_outline_csv, ".svg": _write_svg, ".dxf": _write_dxf}
+    if path.suffix.lower() not in writers:
+        raise ValueError(
+            f"{printable(path)}: patterns are written to {', '.join(writers)}"
+        )
+    if not curves:
+        raise ValueError(f"{printable(path)}: there is no pattern to write")
+    writers[path.suffix.lower()](path, curves)
+
+
+def _write_outline_csv(path: Path, curves: list[FlatPattern]) -> None:
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(_OUTLINE_COLUMNS)
+        for number, curve in enumerate(curves, 1):
+            steps = np.linalg.norm(np.diff(curve.outline, axis=1), axis=0)
+            along = np.concatenate([[0.0], np.cumsum(steps)])
+            angles = [
+                np.degrees(np.arctan2(y, x)) + 0.0 for x, y in (curve.warp, curve.weft)
+            ]
+            table = np.vstack([curve.outline, along, *angles, curve.on_tool])
+            writer.writerows(
+                [number, i, *row] for i, row in enumerate(table.T.tolist(), 1)
+            )
+
+
+def _axes(curves: list[FlatPattern]) -> tuple[ndarray, ndarray]:
+    """Middle of a pattern, and arrows along warp and weft, shapes (2,) and (2, 2)."""
+    low, high = _extent(curves)
+    families = [
+        np.hstack(of) for of in zip(*((c.warp, c.weft) for c in curves), strict=True)
+    ]
+    means = np.array([family.mean(axis=1) for family in families])
+    length = _AXIS * (high - low).min()
+    arrows = length * means / np.linalg.norm(means, axis=1, keepdims=True)
+    return curves[0].outline.mean(axis=1), arrows
+
+
+def _extent(curves: list[FlatPattern]) -> tuple[ndarray, ndarray]:
+    points = np.hstack([curve.outline for curve in curves])
+    return points.min(axis=1), points.max(axis=1)
+
+
+def _write_svg(path: Path, curves: list[FlatPattern]) -> None:
+    low, high = _extent(curves)
+    size = high - low
+    margin, line, letters = (
+        _MARGIN * size.max(),
+        _LINE * size.max(),
+        _LETTERS * size.min(),
+    )
+    width, height = size + 2 * margin
+    left, top = low[0] - margin, -high[1] - margin
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}mm" '
+        f'height="{height:g}mm" viewBox="{left:g} {top:g} {width:g} {height:g}">',
+        f"<title>Flat pattern, {size[0]:.2f} mm × {size[1]:.2f} mm</title>",
+    ]
+    for curve in curves:
+        points = " ".join(f"{x:.6g},{-y:.6g}" for x, y in curve.outline.T)
+        lines.append(
+            f'<polygon points="{points}" fill="none" stroke="{_CUT[1]}" '
+            f'stroke-width="{line:g}"/>'
+        )
+    middle, arrows = _axes(curves)
+    for (name, colour), arrow in zip(_FAMILIES, arrows, strict=True):
+        (x, y), (x_end, y_end) = middle, middle + arrow
+        lines += [
+            f'<line x1="{x:g}" y1="{-y:g}" x2="{x_end:g}" y2="{-y_end:g}" '
+            f'stroke="{colour}" stroke-width="{2 * line:g}"/>',
+            f'<text x="{x_end:g}" y="{-y_end:g}" font-size="{letters:g}" '
+            f'font-family="sans-serif" fill="{colour}">{name.lower()}</text>',
+        ]
+    path.write_text("\n".join([*lines, "</svg>", ""]), encoding="utf-8")
+
+
+def _write_dxf(path: Path, curves: list[FlatPattern]) -> None:
+    try:
+        import ezdxf
+    except ImportError:
+        raise ImportError(
+            "a .dxf needs ezdxf: pip install 'skfem-textile[dxf]', or write a .svg"
+        ) from None
+    drawing = ezdxf.new("R2000", units=_MILLIMETRES)
+    space = drawing.modelspace()
+    for name in (_CUT[0], *(name for name, _ in _FAMILIES)):
+        drawing.layers.add(name)
+    for curve in curves:
+        layer = {"layer": _CUT[0]}
+        space.add_lwpolyline(curve.outline.T.tolist(), close=True, dxfattribs=layer)
+    low, high = _extent(curves)
+    letters = _LETTERS * (high - low).min()
+    middle, arrows = _axes(curves)
+    for (name, _), arrow in zip(_FAMILIES, arrows, strict=True):
+        layer, end = {"layer": name}, (middle + arrow).tolist()
+        space.add_line(middle.tolist(), end, dxfattribs=layer)
+        text = space.add_text(name, height=letters, dxfattribs=layer)
+        text.set_placement(end)
+    drawing.saveas(path)
+
+
+def read_tool_mesh(path: str | os.PathLike[str]) -> ToolMesh:
+    """Read the triangles and quadrilaterals of a tool, in the order of the file.
+
+    Other cells are left out.
+
+    Parameters
+    ----------
+    path
+        The file: STL, and what else meshio reads.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read, or holds no surface in space.
+    """
+    try:
+        return ToolMesh(*_points_and_cells(path))
+    except MeshError as error:
+        raise MeshError(f"{printable(path)}: {error}") from None
+
+
+def _points_and_cells(
+    path: str | os.PathLike[str],
+) -> tuple[ndarray, tuple[ndarray, ...]]:
+    """What a `ToolMesh` is made of, as it stands in a file."""
+    raw, _ = read_raw(Path(path))
+    cells = tuple(
+        np.asarray(block.data, dtype=int).T
+        for block in raw.cells
+        if block.type in ("triangle", "quad")
+    )
+    if not any(map(np.size, cells)):
+        raise MeshError("it has no triangles or quadrilaterals")
+    if np.shape(raw.points)[1:] != (3,):
+        raise MeshError("its points must have three coordinates")
+    return np.asarray(raw.points).T, cells
+
+
+def read_surface(path: str | os.PathLike[str]) -> TriangleMesh:
+    """Read a tool's surface, smoothed: STL, and what else meshio reads.
+
+    Quadrilaterals are cut in two.  Other cells are left out, and triangles whose
+    corners coincide, as at the pole of a sphere.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read, or holds no surface.
+    """
+    try:
+        points, cells = _points_and_cells(path)
+        return TriangleMesh(points, cut_in_two(cells))
+    except MeshError as error:
+        raise MeshError(f"{printable(path)}: {error}") from None
+
+
+def read_trimming_curve(path: str | os.PathLike[str]) -> ndarray:
+    """Read a closed curve: the columns ``x``, ``y`` and ``z`` of a CSV file, in mm.
+
+    Parameters
+    ----------
+    path
+        The file, in UTF-8.  Its first row names the columns, and others are left out.
+
+    Returns
+    -------
+    ndarray
+        Shape (3, n).
+
+    Raises
+    ------
+    ValueError
+        If it is no such file; one line names the file and the row.
+    OSError
+        If it cannot be read.
+    """
+    file, ((_, header), *lines) = read_lines(path)
+    names = [cell.strip().lower().removesuffix("(mm)").strip() for cell in header]
+    if any(names.count(axis) != 1 for axis in "xyz"):
+        raise ValueError(f"{file}, row 1: the header must name the columns x, y and z")
+    columns, points = [names.index(axis) for axis in "xyz"], []
+    for number, row in lines:
+        try:
+            points.append([number_of_text(row[column]) for column in columns])
+            if not np.isfinite(points[-1]).all():
+                raise ValueError
+        except (ValueError, IndexError):
+            shown = excerpt(",".join(row))
+            raise ValueError(f"{file}, row {number}: '{shown}' is no point") from None
+    if len(np.unique(points, axis=0)) < 3:
+        raise ValueError(f"{file}: a closed curve needs three points at least")
+    return np.transpose(points)

@@ -1,1 +1,0 @@
-"""Tools in, and draped fibres and flat patterns out."""

@@ -1,0 +1,516 @@
+"""Meshes split into quadrilaterals, cut into triangles, or refined.
+
+Triangles and quadrilaterals split into quadrilaterals.
+
+Every triangle becomes three quadrilaterals, with corners at the middles of its edges
+and at its centroid; in a mesh with triangles every quadrilateral becomes four.  There
+are then about as many unknowns as constraints on the stretch of fibres, as in the
+continuum, while two triangles in place of a quadrilateral lock.
+
+Triangles refined at their longest edges.
+
+A triangle of which an edge is halved has its longest edge halved too, so that angles do
+not get small (Rivara 1984): it becomes two triangles, three, or four.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeGuard
+
+import numpy as np
+from numpy import ndarray
+from scipy.sparse import csr_matrix, hstack, identity
+from skfem import ElementQuad1, ElementTriP1, Mesh, MeshQuad, MeshTri
+from skfem.helpers import cross
+
+from .checks import MeshError, refuse_nodes
+from .scikit_fem import with_names
+from .selection import NamedNodes, edge_numbers, named_nodes, with_named_nodes
+
+
+def edges_of(cells: Sequence[ndarray]) -> tuple[ndarray, ndarray]:
+    """Ends of each edge, shape (2, n), and the edge of each side of each cell."""
+    ends = np.concatenate([_ends(cell) for cell in cells], axis=1)
+    pairs, inverse = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True)
+    return pairs, inverse.ravel()
+
+
+def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
+    """Node numbers of the edges that belong to one cell only, shape (2, n)."""
+    pairs, inverse = edges_of(cells)
+    return pairs[:, np.bincount(inverse) == 1]
+
+
+def _ends(cell: ndarray) -> ndarray:
+    """Node numbers of the edges of cells, edge by edge, shape (2, k·n)."""
+    return np.stack([cell.ravel(), np.roll(cell, -1, axis=0).ravel()])
+
+
+def named_edges(name: str, points: ndarray, edges: ndarray, ends: ndarray) -> ndarray:
+    """Numbers of the edges of a named boundary, given by their ends.
+
+    Parameters
+    ----------
+    name
+        Name of the boundary.
+    points
+        Nodes, shape (2, n).
+    edges, ends
+        As for `edge_numbers`.
+
+    Raises
+    ------
+    MeshError
+        If two of the nodes are not the ends of an edge.
+    """
+    numbers = edge_numbers(edges, ends)
+    missing = ends[:, numbers < 0]
+    if missing.size:
+        a, b = missing[:, 0].tolist()
+        more = missing.shape[1] - 1
+        others = f", nor {more} more pair(s) of nodes that it names" if more else ""
+        raise MeshError(
+            f"boundary {name!r}: no edge of the mesh joins nodes {a} and {b} at "
+            f"{_position(points, a)} and {_position(points, b)}{others}; name edges of "
+            "cells"
+        )
+    return numbers
+
+
+def _position(points: ndarray, node: int) -> str:
+    x, y = points[:, node].tolist()
+    return f"({x:g}, {y:g})"
+
+
+def hat_functions(mesh: Mesh, n_nodes: int) -> csr_matrix:
+    """Values at all nodes of functions that are 1 at one corner and 0 at the others.
+
+    They are linear along the edges of the cells, and in the middle of a cell the mean
+    of its corners.
+
+    Parameters
+    ----------
+    mesh
+        Triangles, whose further nodes are the middles of their edges; a `SplitMesh`,
+        whose corners are those of its cells; or other quadrilaterals.
+    n_nodes
+        Number of nodes.
+
+    Returns
+    -------
+    csr_matrix
+        Shape (n_corners, n_nodes).
+    """
+    parts: Any = mesh
+    cells = getattr(parts, "cells", ())
+    if isinstance(mesh, MeshTri):
+        groups = [mesh.facets] if n_nodes > mesh.p.shape[1] else []
+    else:
+        groups = [edges_of(cells)[0], *cells] if cells else []
+    n = n_nodes - sum(group.shape[1] for group in groups)
+    blocks = [identity(n), *(_means(group, n) for group in groups)]
+    return csr_matrix(hstack(blocks))
+
+
+def _means(corners: ndarray, n: int) -> csr_matrix:
+    """The mean of some of ``n`` values, given by their numbers, shape (k, m)."""
+    k, m = corners.shape
+    columns = np.tile(np.arange(m), k)
+    return csr_matrix((np.full(k * m, 1 / k), (corners.ravel(), columns)), (n, m))
+
+
+@dataclass(repr=False)
+class SplitMesh(NamedNodes, MeshQuad):
+    """Quadrilaterals into which the elements of another mesh were split.
+
+    Attributes
+    ----------
+    cells
+        Triangles and quadrilaterals that were split, as node numbers, arrays of shape
+        (3, n) and (4, n).  Nodes of the original mesh are the first of this mesh.
+    parent
+        For each quadrilateral the cell that it is part of, counted through ``cells``;
+        shape (n_elements,).
+    originals
+        Elements of the original mesh as node numbers: the cells, but each
+        quadrilateral that is not convex in place of the two triangles in which it was
+        cut first.
+    origin
+        For each cell its original element, counted through ``originals``; shape
+        (n_cells,).
+    """
+
+    cells: tuple[ndarray, ...] = ()
+    parent: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+    originals: tuple[ndarray, ...] = ()
+    origin: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+
+
+def was_split(mesh: Mesh) -> TypeGuard[SplitMesh]:
+    """Whether a mesh is a result of `split` with its parents still valid.
+
+    Nodes may have moved, and quadrilaterals may have another order, together with their
+    parents.  A mesh that was refined, restricted or renumbered is none.
+    """
+    if not isinstance(mesh, SplitMesh) or not mesh.cells:
+        return False
+    if np.shape(mesh.parent) != (mesh.nelements,):
+        return False
+    pairs, inverse = edges_of(mesh.cells)
+    n_elements = sum(cell.shape[1] for cell in mesh.cells)
+    n_points = mesh.p.shape[1] - pairs.shape[1] - n_elements
+    expected = np.vstack(_quads(mesh.cells, n_points, pairs, inverse))
+    actual = np.vstack([mesh.t, mesh.parent])
+    return np.array_equal(_ordered(actual), _ordered(expected))
+
+
+def split(mesh: Mesh) -> SplitMesh:
+    """Split every triangle of a mesh in three, or every quadrilateral in four.
+
+    A quadrilateral that is not convex is cut in two triangles first.  Boundaries,
+    subdomains and named nodes keep their names.
+
+    Parameters
+    ----------
+    mesh
+        A `skfem.MeshTri` or `skfem.MeshQuad` with straight edges.
+
+    Raises
+    ------
+    ValueError
+        If it is another kind of mesh, or its positions or node numbers are invalid.
+
+    Examples
+    --------
+    >>> quads = split(MeshTri().with_defaults())
+    >>> quads.nelements, sorted(quads.boundaries), quads.parent
+    (6, ['bottom', 'left', 'right', 'top'], array([0, 1, 0, 1, 0, 1]))
+    """
+    if getattr(mesh, "elem", None) not in (ElementTriP1, ElementQuad1):
+        raise ValueError(
+            "only triangles and quadrilaterals with straight edges can be split, not "
+            f"{type(mesh).__name__}"
+        )
+    refuse_nodes(mesh.p, [mesh.t])
+    edges = {k: mesh.facets[:, f] for k, f in (mesh.boundaries or {}).items()}
+    subdomains, nodes = dict(mesh.subdomains or {}), named_nodes(mesh)
+    if isinstance(mesh, MeshTri):
+        return split_cells(mesh.p, [mesh.t], edges, subdomains, nodes)
+    quads: Any = mesh
+    convex = (corner_areas(quads) > 0).all(axis=0)
+    if convex.all():
+        return split_cells(mesh.p, [mesh.t], edges, subdomains, nodes)
+    cells = [triangles_of(quads)[:, np.tile(~convex, 2)], mesh.t[:, convex]]
+    origin = np.concatenate([*[np.flatnonzero(~convex)] * 2, np.flatnonzero(convex)])
+    named = {k: np.flatnonzero(np.isin(origin, e)) for k, e in subdomains.items()}
+    parts = split_cells(mesh.p, cells, edges, named, nodes)
+    return replace(parts, originals=(mesh.t,), origin=origin)
+
+
+def split_cells(
+    points: ndarray,
+    cells: Sequence[ndarray],
+    edges: Mapping[str, ndarray] | None = None,
+    subdomains: Mapping[str, ndarray] | None = None,
+    nodes: Mapping[str, ndarray] | None = None,
+) -> SplitMesh:
+    """Split triangles in three quadrilaterals each, and quadrilaterals in four.
+
+    Parameters
+    ----------
+    points
+        Nodes, shape (2, n).
+    cells
+        Triangles and quadrilaterals as node numbers, shapes (3, n) and (4, n), anti-
+        clockwise or clockwise.
+    edges
+        Named boundaries, each as node numbers of its edges, shape (2, m).
+    subdomains
+        Named subdomains, each as element numbers, counted through ``cells``.
+    nodes
+        Named nodes, each as node numbers.
+
+    Raises
+    ------
+    MeshError
+        If positions or node numbers are invalid, or an edge of a named boundary is no
+        edge of the cells.
+    """
+    refuse_nodes(points, cells)
+    pairs, inverse = edges_of(cells)
+    centres = np.hstack([points[:, cell].mean(axis=1) for cell in cells])
+    t, parent = _quads(cells, points.shape[1], pairs, inverse)
+    mesh = SplitMesh(
+        np.hstack([points, points[:, pairs].mean(axis=1), centres]),
+        t,
+        cells=tuple(cells),
+        parent=parent,
+        originals=tuple(cells),
+        origin=np.arange(centres.shape[1]),
+        named_nodes=dict(nodes or {}),
+    )
+    return _named(mesh, pairs, points, edges or {}, subdomains or {})
+
+
+def _quads(
+    cells: Sequence[ndarray], n_points: int, pairs: ndarray, inverse: ndarray
+) -> tuple[ndarray, ndarray]:
+    """Quadrilaterals of the cells as node numbers, and the cell of each."""
+    middles, first_centre = n_points + inverse, n_points + pairs.shape[1]
+    quads, parent, edge, element = [], [], 0, 0
+    for cell in cells:
+        k, n = cell.shape
+        middle = middles[edge : edge + k * n].reshape(k, n)
+        centre = first_centre + element + np.arange(n)
+        for i in range(k):
+            quads.append(np.stack([cell[i], middle[i], centre, middle[i - 1]]))
+            parent.append(element + np.arange(n))
+        edge, element = edge + k * n, element + n
+    return np.hstack(quads), np.concatenate(parent)
+
+
+def _ordered(columns: ndarray) -> ndarray:
+    """The columns in lexical order."""
+    return columns[:, np.lexsort(columns)]
+
+
+def _named(
+    mesh: SplitMesh,
+    pairs: ndarray,
+    points: ndarray,
+    edges: Mapping[str, ndarray],
+    subdomains: Mapping[str, ndarray],
+) -> SplitMesh:
+    """Give a mesh the boundaries and subdomains of the original.
+
+    Each edge has become two, from its ends to its middle.
+    """
+    boundaries = {}
+    for name, ends in edges.items():
+        middle = points.shape[1] + named_edges(name, points, pairs, ends)
+        halves = [edge_numbers(mesh.facets, np.stack([end, middle])) for end in ends]
+        boundaries[name] = np.stack(halves, axis=1).ravel()
+    parts = {
+        name: np.flatnonzero(np.isin(mesh.parent, elements))
+        for name, elements in subdomains.items()
+    }
+    return with_names(mesh, boundaries or None, parts or None)
+
+
+# Areas that differ by less than this share count as equal.  Chosen: above rounding, so
+# that the cut of a parallelogram does not depend on it.
+_EQUAL_AREAS = 1e-9
+
+
+@dataclass(repr=False)
+class CutMesh(NamedNodes, MeshTri):
+    """Triangles into which quadrilaterals were cut.
+
+    Attributes
+    ----------
+    quads
+        The quadrilaterals as node numbers, shape (4, n).
+    parent
+        For each triangle its quadrilateral; shape (n_elements,).
+    """
+
+    quads: ndarray = field(default_factory=lambda: np.empty((4, 0), dtype=int))
+    parent: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+
+
+def was_cut(mesh: Mesh) -> TypeGuard[CutMesh]:
+    """Whether a mesh is a result of `cut` with its parents still valid."""
+    if not isinstance(mesh, CutMesh) or np.shape(mesh.parent) != (mesh.nelements,):
+        return False
+    if not np.array_equal(np.unique(mesh.parent), np.arange(mesh.quads.shape[1])):
+        return False
+    among = mesh.t[:, None] == mesh.quads[:, mesh.parent]
+    return bool(among.any(axis=1).all())
+
+
+def cut(mesh: MeshQuad) -> CutMesh:
+    """Cut every quadrilateral in two triangles.
+
+    The diagonal is the one whose smaller triangle is larger, so that no triangle lies
+    outside a quadrilateral that is not convex.  Boundaries, subdomains and named
+    nodes keep their names.
+
+    Raises
+    ------
+    ValueError
+        If it is another kind of mesh, or its positions or node numbers are invalid.
+
+    Examples
+    --------
+    >>> triangles = cut(MeshQuad().with_defaults())
+    >>> triangles.nelements, sorted(triangles.boundaries)
+    (2, ['bottom', 'left', 'right', 'top'])
+    """
+    if getattr(mesh, "elem", None) != ElementQuad1:
+        raise ValueError(f"only a skfem.MeshQuad can be cut, not {type(mesh).__name__}")
+    refuse_nodes(mesh.p, [mesh.t])
+    triangles = replace(mesh, t=_with_diagonal(mesh)).to_meshtri()
+    return CutMesh(
+        triangles.p,
+        triangles.t,
+        triangles.boundaries,
+        triangles.subdomains,
+        named_nodes=dict(named_nodes(mesh)),
+        quads=mesh.t,
+        parent=np.tile(np.arange(mesh.nelements), 2),
+    )
+
+
+def corner_areas(mesh: MeshQuad) -> ndarray:
+    """Twice the area of the triangle at each corner, negative at a reflex one."""
+    before, here, after = (mesh.p[:, np.roll(mesh.t, i, axis=0)] for i in (1, 0, -1))
+    corner = cross(after - here, before - here)
+    return corner * np.sign(corner.sum(axis=0))
+
+
+def _with_diagonal(mesh: MeshQuad) -> ndarray:
+    """Nodes of the quadrilaterals, rotated: the diagonal joins second and last."""
+    corner = corner_areas(mesh)
+    ends_13, ends_02 = corner[::2].min(axis=0), corner[1::2].min(axis=0)
+    switch = ends_02 > ends_13 + _EQUAL_AREAS * np.abs(ends_13)
+    return np.where(switch, np.roll(mesh.t, 1, axis=0), mesh.t)
+
+
+def triangles_of(mesh: MeshQuad) -> ndarray:
+    """Nodes of the triangles: the first of every quadrilateral, then the second."""
+    t = _with_diagonal(mesh)
+    return np.hstack([t[[0, 1, 3]], t[[1, 2, 3]]])
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedTriangles:
+    """A mesh of triangles of which some were refined.
+
+    Attributes
+    ----------
+    mesh
+        The refined mesh.  Its first nodes are those of the mesh before.
+    parent
+        For each element of ``mesh`` the one before that it is part of; shape
+        (n_elements,).
+    ends
+        Each further node lies in the middle between these two, shape (2, n_new).
+    """
+
+    mesh: MeshTri
+    parent: ndarray
+    ends: ndarray
+
+
+def refine_triangles(mesh: MeshTri, elements: ndarray) -> RefinedTriangles:
+    """Halve every edge of some elements, and the edges that this asks for.
+
+    Boundaries and subdomains keep their names, and named nodes theirs.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    elements
+        Numbers of elements.
+    """
+    t, edges = _longest_first(mesh)
+    halved = np.zeros(mesh.nfacets, dtype=bool)
+    halved[edges[:, elements]] = True
+    while not halved[edges[0, halved[edges].any(axis=0)]].all():
+        halved[edges[0, halved[edges].any(axis=0)]] = True
+    ends = mesh.facets[:, halved]
+    middle = np.full(mesh.nfacets, -1)
+    middle[halved] = mesh.nvertices + np.arange(ends.shape[1])
+    cells, parent = _parts(t, middle[edges])
+    points = np.hstack([mesh.p, mesh.p[:, ends].mean(axis=1)])
+    subdomains = {
+        name: np.flatnonzero(np.isin(parent, numbers))
+        for name, numbers in (mesh.subdomains or {}).items()
+    }
+    cells = np.ascontiguousarray(cells)
+    refined = MeshTri(points, cells)
+    boundaries = {
+        name: _halves(mesh, numbers, middle, refined)
+        for name, numbers in (mesh.boundaries or {}).items()
+    }
+    named = MeshTri(points, cells, boundaries or None, subdomains or None)
+    nodes = named_nodes(mesh)
+    return RefinedTriangles(with_named_nodes(named, nodes), parent, ends)
+
+
+def _longest_first(mesh: MeshTri) -> tuple[ndarray, ndarray]:
+    """Corners of each triangle, the longest edge between the first two; its edges.
+
+    The edges are those of corners 0 and 1, 1 and 2, 2 and 0.
+    """
+    x = mesh.p[:, mesh.t]
+    longest = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0).argmax(axis=0)
+    turned = (np.arange(3)[:, None] + longest) % 3
+    corners = np.take_along_axis(mesh.t, turned, axis=0)
+    return corners, np.take_along_axis(mesh.t2f, turned, axis=0)
+
+
+def _parts(t: ndarray, middle: ndarray) -> tuple[ndarray, ndarray]:
+    """Triangles between corners and middles of edges, and the parent of each.
+
+    Parameters
+    ----------
+    t
+        Corners a, b, c of the triangles.
+    middle
+        Nodes in the middle of ab, bc and ca; −1 where there is none.
+    """
+    (a, b, c), (ab, bc, ca) = t, middle
+    first, second, third = middle >= 0
+    cases = (
+        (~first, [(a, b, c)]),
+        (first & ~third, [(c, a, ab)]),
+        (first & ~second, [(b, c, ab)]),
+        (first & second & ~third, [(b, bc, ab), (bc, c, ab)]),
+        (first & third & ~second, [(c, ca, ab), (ca, a, ab)]),
+        (second & third, [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]),
+    )
+    cells, parent = [], []
+    for there, triangles in cases:
+        for corners in triangles:
+            cells.append(np.stack(corners)[:, there])
+            parent.append(np.flatnonzero(there))
+    return np.hstack(cells), np.concatenate(parent)
+
+
+def _halves(
+    mesh: MeshTri, numbers: ndarray, middle: ndarray, refined: MeshTri
+) -> ndarray:
+    """Numbers in a refined mesh of some edges, or of both of their halves."""
+    ends, node = mesh.facets[:, numbers], middle[numbers]
+    whole = ends[:, node < 0]
+    halves = [np.stack([end, node])[:, node >= 0] for end in ends]
+    return edge_numbers(refined.facets, np.hstack([whole, *halves]))
+
+
+def original_elements(mesh: Mesh) -> tuple[tuple[ndarray, ...], ndarray]:
+    """Elements that a mesh was split or cut from, and of which each of its own is part.
+
+    They are the elements of the mesh itself if it was neither split nor cut.
+
+    Returns
+    -------
+    tuple
+        Original elements as node numbers, arrays of shape (3, n) and (4, n); and for
+        each element of the mesh its original one, counted through them, shape
+        (n_elements,).
+
+    Examples
+    --------
+    >>> from skfem import MeshTri
+    >>> from skfem_textile import split
+    >>> cells, parent = original_elements(split(MeshTri()))
+    >>> [cell.shape for cell in cells], parent
+    ([(3, 2)], array([0, 1, 0, 1, 0, 1]))
+    """
+    if was_split(mesh):
+        return mesh.originals, mesh.origin[mesh.parent]
+    if was_cut(mesh):
+        return (mesh.quads,), mesh.parent
+    return (mesh.t,), np.arange(mesh.nelements)

@@ -1,0 +1,366 @@
+"""Where things stand on a picture, in mm."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from matplotlib.font_manager import findfont, get_font
+from numpy import ndarray
+
+from .sheet import Legend, Scale, Sheet
+
+if TYPE_CHECKING:
+    from .sheet import Panel, Scale
+
+
+#: Sizes of titles and of the numbers on a scale, in points.
+TITLE, NUMBER = 8.0, 7.0
+
+#: A point in mm.
+POINT = 25.4 / 72
+
+# Height of a line of text over its size.
+_LINE = 1.3
+
+
+class Writing(NamedTuple):
+    """A line of text, centred at x unless ``align`` is left; y is its middle."""
+
+    text: str
+    x: float
+    y: float
+    size: float
+    align: str = "center"
+
+
+def font_file() -> str:
+    """The file of the font of all pictures."""
+    return str(findfont("DejaVu Sans"))
+
+
+def text_width(text: str, size: float) -> float:
+    """Width of a line of text in mm."""
+    font = get_font(font_file())
+    font.set_size(size, 72)
+    font.set_text(text, 0.0)
+    return float(font.get_width_height()[0] / 64 * POINT)
+
+
+def wrapped(text: str, width: float, size: float) -> list[str]:
+    """Lines of a text that are not wider than ``width`` in mm; long words are cut.
+
+    Examples
+    --------
+    >>> wrapped("a title that is long", 20.0, 8.0)
+    ['a title that', 'is long']
+    """
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if text_width(longer, size) <= width:
+            lines[-1] = longer
+            continue
+        if lines[-1]:
+            lines.append("")
+        for letter in word:
+            if lines[-1] and text_width(lines[-1] + letter, size) > width:
+                lines.append("")
+            lines[-1] += letter
+    return [line for line in lines if line]
+
+
+def number(x: float) -> str:
+    """A number as it stands on a scale.
+
+    Examples
+    --------
+    >>> number(-2.5), number(-1e-17), number(0.30000000000000004)
+    ('−2.5', '0', '0.3')
+    """
+    shown = f"{x:.6g}" if abs(x) > 1e-15 else "0"
+    return shown.replace("-", "−")
+
+
+def text_height(lines: int, size: float) -> float:
+    """Height of lines of text in mm."""
+    return lines * _LINE * size * POINT
+
+
+def text_lines(
+    lines: Sequence[str], x: float, top: float, size: float
+) -> list[Writing]:
+    """Lines of text below one another."""
+    step = text_height(1, size)
+    return [
+        Writing(line, x, top - (i + 0.5) * step, size) for i, line in enumerate(lines)
+    ]
+
+
+class Box(NamedTuple):
+    """A rectangle in mm, of which (x, y) is the lower left corner."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+class Bar(NamedTuple):
+    """The coloured rectangle of a scale."""
+
+    scale: "Scale"
+    box: Box
+
+    @property
+    def tips(self) -> tuple[ndarray, ndarray]:
+        """Corners of the arrows at its ends, empty where no values lie beyond."""
+        x, y, width, height = self.box
+        ends = ((self.scale.below, x, -height), (self.scale.above, x + width, height))
+        low, high = (
+            np.array([(at, y), (at + tip, y + height / 2), (at, y + height)])[: 3 * out]
+            for out, at, tip in ends
+        )
+        return low, high
+
+
+class Stroke(NamedTuple):
+    """The horizontal line of a key, from (x, y) on."""
+
+    colour: str
+    x: float
+    y: float
+
+
+class Place(NamedTuple):
+    """A panel: its box, and within it that of the ply, and its title."""
+
+    panel: "Panel"
+    box: Box
+    ply: Box
+    title: list["Writing"]
+
+    @property
+    def middle(self) -> ndarray:
+        """The middle of the ply's box."""
+        x, y, width, height = self.ply
+        return np.array([x + width / 2, y + height / 2])
+
+    def scale_of(self, extent: tuple[ndarray, ndarray]) -> float:
+        """Mm on the picture over mm of what is seen, so that all of it is."""
+        span = np.maximum(extent[1] - extent[0], 1e-12)
+        return float(min(self.ply.width / span[0], self.ply.height / span[1]))
+
+
+class Below(NamedTuple):
+    """A legend: its box and what is in it."""
+
+    box: Box
+    bars: list[Bar]
+    strokes: list[Stroke]
+    writings: list["Writing"]
+
+
+class Layout(NamedTuple):
+    """A picture of a size in mm: its panels, row by row, and what is below them."""
+
+    width: float
+    height: float
+    places: list[list[Place]]
+    below: list[Below]
+
+
+#: Margins in mm, chosen by eye, as all sizes below.
+MARGIN = 2.0
+
+# Of a scale: its thickness, its greatest length, its length over the width below which
+# it stands, and the gap between its numbers.
+_THICKNESS, _LONGEST, _SHARE, _GAP = 2.2, 70.0, 0.8, 1.5
+
+# Length of the coloured line in a key, and the gaps after it and after the name.
+KEY, KEY_GAP, _KEY_END = 4.0, 1.0, 4.0
+
+
+class LegendLines:
+    """A legend whose lines are known, to be placed.
+
+    Parameters
+    ----------
+    legend
+        The legend.
+    cell
+        Width of a column in mm.
+    """
+
+    def __init__(self, legend: Legend, cell: float) -> None:
+        self.legend, self.x = legend, legend.first * cell
+        self.width = (legend.last - legend.first) * cell
+        self.label = (
+            wrapped(legend.scale.label, self.width - 2 * MARGIN, TITLE)
+            if legend.scale
+            else []
+        )
+        scale = (
+            _THICKNESS
+            + text_height(1, NUMBER)
+            + text_height(len(self.label), TITLE)
+            + 1.0
+        )
+        self.keys = _rows_of_keys(legend.keys, self.width - 2 * MARGIN)
+        self.height = MARGIN + text_height(len(self.keys), TITLE)
+        self.height += scale if legend.scale else 0.0
+
+    def placed(self, top: float) -> Below:
+        """What is in the legend, from ``top`` down."""
+        below = Below(Box(self.x, 0.0, self.width, top), [], [], [])
+        middle, y = self.x + self.width / 2, top - MARGIN
+        if self.legend.scale:
+            y = self._place_scale(below, middle, y) - 1.0
+        for row in self.keys:
+            y -= text_height(1, TITLE)
+            self._place_keys(below, row, middle, y + 0.5 * text_height(1, TITLE))
+        return below
+
+    def _place_scale(self, below: Below, middle: float, top: float) -> float:
+        scale = self.legend.scale
+        assert scale is not None
+        length = min(_LONGEST, _SHARE * self.width)
+        box = Box(middle - length / 2, top - _THICKNESS, length, _THICKNESS)
+        below.bars.append(Bar(scale, box))
+        y = box.y - 0.5 * text_height(1, NUMBER)
+        for tick, text in _numbers(scale, length):
+            share = (tick - scale.low) / (scale.high - scale.low)
+            below.writings.append(Writing(text, box.x + share * length, y, NUMBER))
+        low = box.y - text_height(1, NUMBER)
+        below.writings.extend(text_lines(self.label, middle, low, TITLE))
+        return low - text_height(len(self.label), TITLE)
+
+    @staticmethod
+    def _place_keys(
+        below: Below, row: Sequence[tuple[str, str]], middle: float, y: float
+    ) -> None:
+        x = middle - (sum(_key_width(name) for name, _ in row) - _KEY_END) / 2
+        for name, colour in row:
+            below.strokes.append(Stroke(colour, x, y))
+            below.writings.append(Writing(name, x + KEY + KEY_GAP, y, TITLE, "left"))
+            x += _key_width(name)
+
+
+def _key_width(name: str) -> float:
+    return KEY + KEY_GAP + text_width(name, TITLE) + _KEY_END
+
+
+def _rows_of_keys(
+    keys: Sequence[tuple[str, str]], width: float
+) -> list[list[tuple[str, str]]]:
+    """Keys in rows that are not wider than ``width``, unless a key is."""
+    rows: list[list[tuple[str, str]]] = []
+    used = np.inf
+    for key in keys:
+        wide = _key_width(key[0])
+        if used + wide - _KEY_END > width:
+            rows.append([])
+            used = 0.0
+        rows[-1].append(key)
+        used += wide
+    return rows
+
+
+def _numbers(scale: Scale, length: float) -> list[tuple[float, str]]:
+    """As many numbers as stand on a scale of a length without touching."""
+    for intervals in range(6, 0, -1):
+        ticks = scale.ticks(intervals)
+        found = [(float(x), number(x)) for x in ticks]
+        wide = max((text_width(text, NUMBER) for _, text in found), default=0.0)
+        apart = np.diff(ticks).min() if len(ticks) > 1 else np.inf
+        if apart / (scale.high - scale.low) * length >= wide + _GAP:
+            break
+    return found
+
+
+#: Widths of a column and of a page of a journal, in mm.  Elsevier's are 90 and 190,
+#: Springer's 84 and 174.
+COLUMN, PAGE = 85.0, 174.0
+
+#: Dots per inch of a picture that is printed.
+PRINTED = 300
+
+# Chosen by eye, in mm: the most and least height of a ply and of all plies of a page.
+_MOST_HEIGHT, _LEAST_HEIGHT, _PAGE_HEIGHT = 80.0, 10.0, 200.0
+
+# Columns of panels that fit a column of a journal.
+_FEW_COLUMNS = 2
+
+
+def lay_out(sheet: Sheet, size: float | tuple[float, float] | None = None) -> Layout:
+    """Place panels and legends.
+
+    Parameters
+    ----------
+    sheet
+        Panels and legends.
+    size
+        Width in mm, or width and height; by default a journal's column or page, and as
+        high as needed.
+
+    Raises
+    ------
+    ValueError
+        If the size is not one or two numbers above zero, or leaves no room.
+    """
+    width, height = _size(size, len(sheet.rows[0]))
+    cell = width / len(sheet.rows[0])
+    titles = [
+        [wrapped(panel.title, cell - 2 * MARGIN, TITLE) for panel in row]
+        for row in sheet.rows
+    ]
+    above = [MARGIN + text_height(max(map(len, row)), TITLE) for row in titles]
+    legends = [LegendLines(legend, cell) for legend in sheet.legends]
+    low = max((legend.height for legend in legends), default=0.0) + MARGIN
+    high = _ply_height(sheet, cell, height and height - low - sum(above))
+    whole = low + sum(above) + high * len(sheet.rows)
+    places, top = [], whole
+    for row, lines, over in zip(sheet.rows, titles, above, strict=True):
+        y = top - over - high
+        placed = []
+        for i, (panel, title) in enumerate(zip(row, lines, strict=True)):
+            x = i * cell
+            ply = Box(x + MARGIN, y, cell - 2 * MARGIN, high)
+            written = text_lines(title, x + cell / 2, top - MARGIN, TITLE)
+            placed.append(Place(panel, Box(x, y, cell, over + high), ply, written))
+        places.append(placed)
+        top = y
+    return Layout(width, whole, places, [legend.placed(low) for legend in legends])
+
+
+def default_width(columns: int) -> float:
+    """Width in mm of a picture of columns of panels."""
+    return COLUMN if columns <= _FEW_COLUMNS else PAGE
+
+
+def _size(
+    size: float | tuple[float, float] | None, columns: int
+) -> tuple[float, float | None]:
+    """Width, and height if it is given."""
+    if size is None:
+        return default_width(columns), None
+    given = np.atleast_1d(np.asarray(size, dtype=float))
+    if given.shape not in ((1,), (2,)) or not (0 < given.min() <= given.max() < np.inf):
+        raise ValueError(f"size {size!r}: give the width in mm, or width and height")
+    width, *height = given.tolist()
+    return width, height[0] if height else None
+
+
+def _ply_height(sheet: Sheet, cell: float, left: float | None) -> float:
+    """Height of each row of plies."""
+    low, high = sheet.extent
+    width, n = cell - 2 * MARGIN, len(sheet.rows)
+    if left is None:
+        most = min(_MOST_HEIGHT, max(_PAGE_HEIGHT / n, 2 * _LEAST_HEIGHT))
+        wanted = width * (high[1] - low[1]) / max(high[0] - low[0], 1e-12)
+        left = n * float(np.clip(wanted, _LEAST_HEIGHT, most))
+    if min(width, left / n) < 0.5 * _LEAST_HEIGHT:
+        raise ValueError(
+            f"the size leaves {max(width, 0):.3g} mm × {max(left / n, 0):.3g} mm for "
+            "each ply: give a larger one"
+        )
+    return left / n

@@ -1,1 +1,0 @@
-"""Plies on tools: the tool under them, and what they meet."""

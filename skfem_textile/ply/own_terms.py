@@ -1,0 +1,220 @@
+"""Terms of bending, and of corners that resist folding."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy.linalg import expm
+from scipy.sparse import csr_matrix
+from skfem import CellBasis, Mesh, asm
+
+from ..fabric import Fabric
+from ..forms.bending import FIBRE_ENDS, FibreEnd, Turning, bending_matrix, twist_matrix
+from ..forms.corners import RESISTING, corner_resistance
+from ..mesh.bases import CornerBasis, Corners, components
+from ..mesh.user_input import call_user_function, real_numbers
+from .kernels.kernel import node_pair_blocks
+from .parameters import NO_VALUES, Values
+from .terms import ElementTerm, MatrixTerm
+
+# κ as a share of the fibre stiffness, where this is more than the shear stiffness.
+# A larger one adds more energy where corners close; a smaller one lets them come closer
+# to folding.  A tenth and ten times as much keep corners open as well:
+# pytest tests/ply/test_corners.py -k how_stiff
+_SHARE_OF_FIBRES = 1e-5
+
+
+@np.errstate(over="ignore")  # a run refuses what is not finite
+def corner_stiffness(fabric: Fabric, basis: CellBasis) -> float:
+    """κ in N/mm: the shear stiffness at rest, and at least 10⁻⁵ of the fibres'.
+
+    Means over the points of a basis, as laws may differ there.
+    """
+    unstrained = np.zeros(basis.dx.shape)
+    E_1, E_2, G = (float(np.mean(law.tangent(unstrained))) for law in fabric.at().laws)
+    return max(G, _SHARE_OF_FIBRES * (E_1 + E_2) / 2)
+
+
+class CornerTerm(ElementTerm):
+    """The term of the corners, which acts where they close and nowhere else.
+
+    Parameters
+    ----------
+    stiffness
+        κ in N/mm.
+    basis
+        Basis of the displacement.
+    corners
+        Its corners.
+    """
+
+    name, role = "corners", "internal"
+
+    def __init__(self, stiffness: float, basis: CellBasis, corners: Corners) -> None:
+        self._forms = corner_resistance(stiffness)
+        self._basis, self._corners = basis, corners
+        self._d = d = components(basis)
+        self.nodes = basis.element_dofs[::d] // d
+
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
+        """κ Σ A/n b(det F)."""
+        basis = self._closing(u)
+        return 0.0 if basis is None else float(asm(self._forms.energy, basis, u=u))
+
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """Its derivative."""
+        basis, form = self._closing(u), self._forms.residual
+        return np.zeros(len(u)) if basis is None else asm(form, basis, u=u)
+
+    def tangent(self, u: ndarray, t: float, p: Values = NO_VALUES) -> csr_matrix | None:
+        """Its second derivative; None where all corners are open."""
+        basis = self._closing(u)
+        return None if basis is None else asm(self._forms.tangent, basis, u=u)
+
+    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray | None:
+        """See `ElementTerm`; None where all corners are open."""
+        if (basis := self._closing(u)) is None:
+            return None
+        size: Any = basis.Nbfun
+        K = self._forms.tangent.elemental(basis, u=u).data.reshape(size, size, -1)
+        elements: Any = basis.tind
+        own = node_pair_blocks(K, self.nodes[:, elements], self._d)
+        every = np.zeros((self.nodes.shape[1], *own.shape[:-1]))
+        np.add.at(every, elements, np.moveaxis(own, -1, 0))
+        return np.moveaxis(every, 0, -1)
+
+    def _closing(self, u: ndarray) -> CornerBasis | None:
+        """Basis of the corners that close; None where all are open."""
+        closing, elements = np.nonzero(self._corners.area_ratio(u) < RESISTING)
+        if not elements.size:
+            return None
+        return CornerBasis(self._basis, elements, closing)
+
+
+@dataclass(frozen=True, eq=False)
+class BendingTerm(MatrixTerm):
+    """The term ½ v·K·v, whose clamps may turn; v as of `bending_matrix`.
+
+    Parameters
+    ----------
+    name, matrix
+        As of `MatrixTerm`, the matrix that of the displacement alone.
+    whole
+        K.
+    turning
+        Clamps that turn, by the names of boundaries.
+    """
+
+    whole: csr_matrix = field(kw_only=True)
+    turning: Mapping[str, Turning] = field(kw_only=True)
+
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
+        """½ v·K·v."""
+        v = self._with_turns(u, t)
+        return 0.5 * float(v @ (self.whole @ v))
+
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """K·v at the displacement."""
+        return (self.whole @ self._with_turns(u, t))[: len(u)]
+
+    def _with_turns(self, u: ndarray, t: float) -> ndarray:
+        n = self.whole.shape[0] - len(u)
+        if not n:
+            return u
+        d = n // (2 * len(self.turning))
+        every = (turn_of(name, end, t, d) for name, end in self.turning.items())
+        changes = [(R - np.eye(d))[:, :2].T.ravel() for R in every]
+        return np.concatenate([u, *changes])
+
+
+def turn_of(name: str, end: Turning, t: float, d: int) -> ndarray:
+    """The rotation of a clamp at the load factor t, shape (d, d).
+
+    Raises
+    ------
+    ValueError
+        If it is no finite vector in space, or no finite angle in the plane.
+    """
+    subject = f"fibre_ends: the turn of {name!r}"
+    angle = real_numbers(subject, call_user_function(subject, end, t))
+    if angle.shape != ((3,) if d == 3 else ()) or not np.isfinite(angle).all():
+        kind = "a vector of 3 angles" if d == 3 else "an angle"
+        raise ValueError(f"{subject} must be {kind} in radians, got {angle} at {t:g}")
+    axis = angle if d == 3 else np.array([0.0, 0.0, angle])
+    return expm(np.cross(np.eye(3), axis))[:d, :d]
+
+
+def bending_term(
+    basis: CellBasis, fabric: Fabric, ends: Mapping[str, FibreEnd]
+) -> BendingTerm:
+    """The term of ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|² + D_t |τ|²).
+
+    Parameters
+    ----------
+    basis
+        Basis of the displacement.
+    fabric
+        Directions, taken at the mean of the nodes of each element, and stiffnesses.
+    ends
+        How fibres are held where they end, by the names of boundaries.
+    """
+    mesh = basis.mesh
+    centres = mesh.p[:, mesh.t].mean(axis=1)[:, :, None]
+    warp, weft = (
+        np.broadcast_to(A, centres.shape)[..., 0] for A in fabric.directions(centres)
+    )
+    *bending, twist = (
+        np.broadcast_to(D, mesh.nelements).astype(float)
+        for D in (*fabric.bending, fabric.twist)
+    )
+    K: Any = 0.0
+    for A, D in zip((warp, weft), bending, strict=True):
+        if D.any():
+            K = K + bending_matrix(basis, A, D, ends)
+    turning = {name: end for name, end in ends.items() if callable(end)}
+    if twist.any():
+        of_twist = twist_matrix(basis, warp, weft, twist)
+        n = basis.N + 2 * len(turning) * components(basis)
+        of_twist.resize(n, n)
+        K = K + of_twist
+    whole = csr_matrix(K)
+    matrix = whole[: basis.N, : basis.N]
+    term = BendingTerm("bending", matrix, whole=whole, turning=turning)
+    term.energy(basis.zeros(), 0.0)  # refuses turns that are none
+    return term
+
+
+def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd]:
+    """Fibre ends by the names of boundaries.
+
+    Raises
+    ------
+    ValueError
+        If a boundary or an end is unknown, or two boundaries share an edge.
+    """
+    if not isinstance(ends, Mapping):
+        raise ValueError(
+            "fibre_ends must be a mapping of names of boundaries to "
+            f"{' or '.join(FIBRE_ENDS)}, not {ends!r}"
+        )
+    boundaries, taken = mesh.boundaries or {}, np.empty(0, dtype=int)
+    for name, end in ends.items():
+        if name not in boundaries:
+            names = ", ".join(map(repr, boundaries)) or "none"
+            raise ValueError(
+                f"fibre_ends: the mesh has no boundary {name!r} (it has: {names})"
+            )
+        if end not in FIBRE_ENDS and not callable(end):
+            raise ValueError(
+                f"fibre_ends: {name!r} must be {', '.join(FIBRE_ENDS)} or a function "
+                f"of the load factor that turns a clamp, not {end!r}"
+            )
+        edges = np.unique(boundaries[name])
+        if not np.isin(edges, mesh.boundary_facets()).all():
+            raise ValueError(f"fibre_ends: {name!r} has edges inside the ply")
+        if np.isin(edges, taken).any():
+            raise ValueError(f"fibre_ends: {name!r} overlaps another of them")
+        taken = np.append(taken, edges)
+    return dict(ends)

@@ -1,1 +1,0 @@
-"""Terms of the library beside tension, shear and what formulations add."""

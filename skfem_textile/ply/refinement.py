@@ -1,0 +1,198 @@
+"""Refinement of a ply where its mesh is too coarse."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+from skfem import Mesh, MeshTri
+
+from ..fabric import Fabric
+from ..fabric.regions import fabric_on
+from ..mesh.bases import node_dofs
+from ..mesh.checks import MeshError
+from ..mesh.splitting import SplitMesh, cut, edges_of, refine_triangles
+
+if TYPE_CHECKING:
+    from .ply import Ply
+
+
+def shear_angle_jumps(ply: "Ply", u: ndarray) -> ndarray:
+    """Jumps of the shear angle between each of the user's elements and its neighbours.
+
+    η² = Σ h² [Γ]², summed over the edges of the element that it shares: h is the length
+    of the edge, and [Γ] the difference of the mean shear angles on both sides.  Where
+    the angle is smooth η falls with the square of the element size, and at a kink with
+    the size alone.
+
+    Parameters
+    ----------
+    ply
+        The ply, not on a mesh that was split before.
+    u
+        Displacement.
+
+    Returns
+    -------
+    ndarray
+        η in mm, shape (n_users_elements,).
+    """
+    mesh = ply.users_mesh
+    angle = ply.on_users_elements(ply.shear_angle(u).mean(axis=1))
+    inner = np.flatnonzero(mesh.f2t[1] >= 0)
+    ends, sides = mesh.p[:, mesh.facets[:, inner]], mesh.f2t[:, inner]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=0)
+    square = (length * (angle[sides[1]] - angle[sides[0]])) ** 2
+    total = np.bincount(sides.ravel(), np.tile(square, 2), minlength=mesh.nelements)
+    return np.sqrt(total)
+
+
+def marked(indicator: ndarray, share: float = 0.3) -> ndarray:
+    """The fewest elements that carry a share of the squares of an indicator.
+
+    Parameters
+    ----------
+    indicator
+        A value for each element, such as `shear_angle_jumps`.
+    share
+        Above 0 and at most 1 (Dörfler 1996).
+
+    Returns
+    -------
+    ndarray
+        Numbers of elements, those of the largest values first.
+
+    Examples
+    --------
+    >>> marked(np.array([1.0, 0.0, 3.0, 2.0]), 0.7)
+    array([2, 3])
+    """
+    if not 0 < share <= 1:
+        raise ValueError(f"share must be above 0 and at most 1, got {share}")
+    order = np.argsort(-indicator, kind="stable")
+    carried = np.cumsum(indicator[order] ** 2)
+    enough = np.searchsorted(carried, share * carried[-1] * (1 - 1e-12)) + 1
+    return order[:enough] if carried[-1] > 0 else order[:0]
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """A refined ply, and where its elements and nodes come from.
+
+    Attributes
+    ----------
+    ply
+        The refined ply, at rest.
+    parent
+        For each of its user's elements the one before that it is part of.
+    ends
+        Further nodes of its mesh of triangles lie in the middle between these two nodes
+        of the one before, shape (2, n_new).
+    before
+        The ply that was refined.
+    """
+
+    ply: "Ply"
+    parent: ndarray
+    ends: ndarray
+    before: "Ply"
+
+    def carry(self, u: ndarray) -> ndarray:
+        """A displacement of the refined ply that is near one of the ply before.
+
+        At nodes that were there it is the same, and linear between these.  So it is
+        exact for displacements that are linear in the user's triangles.  It is a state
+        to begin with, and not in balance.
+        """
+        vertices = self.before.nodal(u)[:, : self.before.users_mesh.nvertices]
+        x = np.hstack([vertices, vertices[:, self.ends].mean(axis=1)])
+        t, n_nodes = self.ply.users_mesh.t, self.ply.nodes.shape[1]
+        pairs, _ = edges_of([t])
+        if self.ply.nodes.shape[1] > self.ply.mesh.nvertices:
+            pairs = self.ply.mesh.facets  # of quadratic triangles
+        nodes = np.hstack([x, x[:, pairs].mean(axis=1), x[:, t].mean(axis=1)])
+        carried = self.ply.basis.zeros()
+        carried[node_dofs(self.ply.basis)] = nodes[:, :n_nodes]
+        return carried
+
+
+def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
+    """Refine a ply in some of its user's elements.
+
+    Quadrilaterals are cut in two triangles first, all of them (`cut`).  Every edge of
+    the elements is halved, and further edges where the mesh needs it.  Names of
+    boundaries, subdomains and nodes, values of the fabric per element, the formulation
+    and loads go with the mesh.  Nodes that are new get no name of nodes.
+
+    Parameters
+    ----------
+    ply
+        A ply on a mesh of triangles or of quadrilaterals.
+    elements
+        The user's elements to refine: numbers, or one bool for each.
+
+    Raises
+    ------
+    MeshError
+        If the mesh was split before the ply was made.
+    ValueError
+        If there is no such element, the fabric has values for each part of an element,
+        or the ply has a term that cannot be built anew on another mesh.
+
+    Examples
+    --------
+    >>> from skfem import MeshTri
+    >>> from skfem_textile import Fabric, Ply
+    >>> ply = Ply(MeshTri().refined(2), Fabric(1e4))
+    >>> finer = refine(ply, [0, 5])
+    >>> finer.ply.users_mesh.nelements, len(finer.carry(ply.basis.zeros()))
+    (40, 282)
+    """
+    mesh, of, numbers = _triangles(ply.users_mesh, elements)
+    for term in ply.further_terms_as_given:
+        if not hasattr(term, "on"):
+            name = getattr(term, "name", term)
+            raise ValueError(
+                f"term {name!r} is of the mesh that is refined: refine the ply without "
+                "it, and build it anew"
+            )
+    refined = refine_triangles(mesh, numbers)
+    fabric, parent = ply.users_fabric, of[refined.parent]
+    if isinstance(fabric, Fabric):
+        fabric = fabric_on(parent, fabric)
+    finer = type(ply)(
+        *(refined.mesh, fabric, ply.formulation, ply.further_terms_as_given),
+        **ply.placement,
+    )
+    return Refinement(finer, parent, refined.ends, ply)
+
+
+def _triangles(mesh: Mesh, elements: ArrayLike) -> tuple[MeshTri, ndarray, ndarray]:
+    """Triangles of a mesh, the element of each, and which of them to refine."""
+    if isinstance(mesh, SplitMesh):
+        raise MeshError("refine a ply of the mesh before it is split, not of its parts")
+    if isinstance(mesh, MeshTri):
+        numbers = _numbers(elements, mesh.nelements)
+        return mesh, np.arange(mesh.nelements), numbers
+    quads: Any = mesh
+    triangles = cut(quads)
+    chosen = np.isin(triangles.parent, _numbers(elements, mesh.nelements))
+    return triangles, triangles.parent, np.flatnonzero(chosen)
+
+
+def _numbers(elements: ArrayLike, n: int) -> ndarray:
+    """Numbers of elements, given as such or as one bool for each."""
+    given: Any = np.asarray(elements)
+    if given.dtype == bool and given.shape == (n,):
+        return np.flatnonzero(given)
+    if given.size == 0:
+        return np.empty(0, dtype=int)
+    if given.ndim != 1 or given.dtype.kind not in "iu":
+        raise ValueError(
+            f"elements must be numbers or one bool for each of {n} elements, not "
+            f"{given.dtype} of shape {given.shape}"
+        )
+    if given.min() < 0 or given.max() >= n:
+        raise ValueError(f"elements must be from 0 to {n - 1}")
+    return np.unique(given)
