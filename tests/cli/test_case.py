@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from command_line import QUICK, refused, run
 
 from skfem_textile import Fabric, LoadStepper, Macro, OnePoint, Ply
 from skfem_textile.cli import main as cli
 from skfem_textile.scenes import bias_extension, strip
+from tests.helpers.command_line import QUICK, refused, run
 
 
 def test_a_solver_is_taken_by_name_or_refused_in_one_line(

@@ -5,12 +5,12 @@ import json
 import meshio
 import numpy as np
 import pytest
-from command_line import refused
 
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.case import case_from_tables
 from skfem_textile.cli.case.options import options_of
 from skfem_textile.scenes import SCENES
+from tests.helpers.command_line import refused
 
 
 def plain_run(capsys, scene, out):

@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from command_line import refused
 
 from skfem_textile import Fabric, Sin2
 from skfem_textile.cli import main as cli
 from skfem_textile.fabric.directions import FibreDirections, directions_of
 from skfem_textile.io import read_directions, write_directions, write_fabric
 from skfem_textile.scenes import bias_extension
+from tests.helpers.command_line import refused
 
 PULL = bias_extension(size=(4, 8))
 EDGES = PULL.mesh.p[:, PULL.mesh.t[1]] - PULL.mesh.p[:, PULL.mesh.t[0]]

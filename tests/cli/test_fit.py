@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from command_line import refused, run
 
 from skfem_textile import CrimpToe, Polynomial
 from skfem_textile.calibration import BiasExtension, PictureFrame
@@ -12,6 +11,7 @@ from skfem_textile.cli import main as cli
 from skfem_textile.cli.fit import TESTS
 from skfem_textile.fabric.files import read_law
 from skfem_textile.io import read_fabric
+from tests.helpers.command_line import refused, run
 
 LAW = Polynomial((0.1, 0.0, -0.1, 0.0, 0.5))
 SIZES = "--width", "100", "--height", "200"

@@ -12,7 +12,6 @@ import time
 from pathlib import Path
 
 import pytest
-from command_line import DRAWN, QUICK, is_whole
 
 from skfem_textile import Ply
 from skfem_textile.cli import main as cli
@@ -20,6 +19,7 @@ from skfem_textile.cli.interruption import INTERRUPTED, held, raised
 from skfem_textile.cli.result_folder import ResultFolder
 from skfem_textile.solve.stepper import Run
 from skfem_textile.solve.sweep import WorkerProcesses
+from tests.helpers.command_line import DRAWN, QUICK, is_whole
 
 ROOT = Path(__file__).parents[2]
 COMMAND = sys.executable, "-X", "importtime", "-m", "skfem_textile", "run", "strip"

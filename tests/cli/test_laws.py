@@ -3,7 +3,8 @@
 import json
 
 import pytest
-from command_line import refused, run
+
+from tests.helpers.command_line import refused, run
 
 # Without a shear stiffness, which does not go with every law of shear.
 QUICK = ["--size", "3x4", "--steps", "3", "--cs", "10", "--no-render"]

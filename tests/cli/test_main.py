@@ -1,9 +1,9 @@
 """The commands, and how bad input, signals and odd words are answered."""
 
 import pytest
-from command_line import QUICK, refused
 
 from skfem_textile.cli import main as cli
+from tests.helpers.command_line import QUICK, refused
 
 
 def test_list_names_the_scenes(capsys):

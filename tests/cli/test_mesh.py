@@ -5,10 +5,10 @@ import json
 import meshio
 import numpy as np
 import pytest
-from command_line import MESH, refused, run
 
 from skfem_textile.cli import main as cli
 from skfem_textile.cli import results
+from tests.helpers.command_line import MESH, refused, run
 
 
 def test_a_run_takes_a_mesh_file_and_full_integration(tmp_path):

@@ -8,10 +8,10 @@ import sys
 
 import numpy as np
 import pytest
-from command_line import QUICK, refused, run
 
 from skfem_textile import Ply, Result
 from skfem_textile.solve.stepper import Run
+from tests.helpers.command_line import QUICK, refused, run
 
 
 def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):

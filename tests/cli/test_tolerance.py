@@ -3,9 +3,9 @@
 import json
 
 import pytest
-from command_line import refused
 
 from skfem_textile.cli.main import main
+from tests.helpers.command_line import refused
 
 BIAS = (
     *("bias_extension", "--mesh", "delaunay", "--size", "4x8"),

@@ -7,10 +7,13 @@ problems.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import independent as plain
 import numpy as np
 import pytest
-from random_plies import (
+from skfem import MeshTri
+
+from skfem_textile import Fabric, Full, Macro, OnePoint, Ply, Quadratic
+from tests.helpers import independent as plain
+from tests.helpers.random_plies import (
     SHEARS,
     TENSIONS,
     fibres,
@@ -23,9 +26,6 @@ from random_plies import (
     triangles,
     with_middles,
 )
-from skfem import MeshTri
-
-from skfem_textile import Fabric, Full, Macro, OnePoint, Ply, Quadratic
 
 # Every law is tried with every second formulation.  In the long form every pair of a
 # law of fibres and a law of shear is tried with every formulation.

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from laid_plies import square
 
 from skfem_textile import OnSurface, drape
 from skfem_textile.fabric import Linear
 from skfem_textile.scenes.space.edge_tension import EdgeTension
 from skfem_textile.solve.surface import Grown
+from tests.helpers.laid_plies import square
 
 TENSION = 2.0
 TOUCH = 20.0, -10.0

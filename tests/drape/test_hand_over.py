@@ -5,12 +5,12 @@ import csv
 import meshio
 import numpy as np
 import pytest
-from laid_plies import in_net, rolled
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import Fabric, MeshError, Ply, Quadratic, drape
 from skfem_textile.io import read_tool_mesh, write_fibres
 from studies.formulations.drape import chebyshev
+from tests.helpers.laid_plies import in_net, rolled
 
 
 def on_cylinder(n=24, turn=0.0, mesh=MeshQuad):

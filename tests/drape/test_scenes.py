@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from helpers import place_of
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import (
@@ -21,6 +20,7 @@ from skfem_textile.fabric.directions import directions_of
 from skfem_textile.io import write_directions, write_fabric
 from skfem_textile.scenes import Case, cylinder, double_dome, hemisphere, saddle
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import place_of
 
 meshio = pytest.importorskip("meshio")
 

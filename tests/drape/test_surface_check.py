@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from helpers import graph
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -18,6 +17,7 @@ from skfem_textile import (
     equilibrium_near,
 )
 from skfem_textile.solve.surface import Grown
+from tests.helpers import graph
 
 
 class Changed:

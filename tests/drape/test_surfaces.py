@@ -3,12 +3,12 @@
 import meshio
 import numpy as np
 import pytest
-from helpers import sphere
 
 from skfem_textile import drape
 from skfem_textile.io import read_surface
 from skfem_textile.mesh.checks import MeshError
 from skfem_textile.solve.surface import Grown, OffSurfaceError, is_on, onto
+from tests.helpers import sphere
 
 RNG = np.random.default_rng(1)
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from helpers import facing_out, graph
 
 from skfem_textile import MeshError, drape
+from tests.helpers import facing_out, graph
 
 SIDE, CELLS = 60.0, 30
 

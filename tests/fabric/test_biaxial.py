@@ -4,14 +4,6 @@ import pickle
 
 import numpy as np
 import pytest
-from helpers import (
-    Coupled,
-    acting_tension,
-    derivative,
-    distorted,
-    distorted_for,
-    wobble,
-)
 
 from skfem_textile import (
     CrimpInterchange,
@@ -30,6 +22,14 @@ from skfem_textile import (
 from skfem_textile.fabric.law import mean_slope
 from skfem_textile.fabric.law_check import check_laws
 from skfem_textile.mesh.splitting import cut
+from tests.helpers import (
+    Coupled,
+    acting_tension,
+    derivative,
+    distorted,
+    distorted_for,
+    wobble,
+)
 
 LAWS = {
     "balanced": CrimpInterchange(1e4, 0.01, 1.0, 2e-3, 1.0),

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import distorted
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, Ply, split
@@ -12,6 +11,7 @@ from skfem_textile.fabric.directions import (
     directions_of,
     directions_warning,
 )
+from tests.helpers import distorted
 
 MESH = distorted(1, (6, 5), 0.25)
 EDGES = MESH.p[:, MESH.t[1]] - MESH.p[:, MESH.t[0]]

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from helpers import derivative
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from skfem_textile.fabric import kinematics as kin
+from tests.helpers import derivative
 
 seeds = st.integers(0, 2**32 - 1)
 angles = st.floats(-np.pi, np.pi)

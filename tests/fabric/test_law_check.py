@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from helpers import Locking, Pretensioned, distorted
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, Full, Linear, Ply, Sin2
 from skfem_textile.fabric.law_check import check_laws
+from tests.helpers import Locking, Pretensioned, distorted
 
 
 class Made:

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import assert_derivatives, given_to_forms, wobble
 from skfem import MeshQuad, asm
 
 from skfem_textile import (
@@ -23,6 +22,7 @@ from skfem_textile import (
 from skfem_textile.fabric.regions import RegionalLaw
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes import bias_extension
+from tests.helpers import assert_derivatives, given_to_forms, wobble
 
 LEFT = Fabric((1e3, 500.0), Sin2(1.0), warp=(1, 0.3), weft=(-0.2, 1))
 RIGHT = Fabric((2e3, 100.0), Linear(3.0), warp=(1, 0.6), weft=(-0.5, 1))

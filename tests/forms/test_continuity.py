@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
-from helpers import assert_derivatives, distorted, wobble
 from skfem import Functional, MeshQuad, asm
 
 from skfem_textile import Fabric, JumpBasis, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import assert_derivatives, distorted, wobble
 
 MESH = distorted(1)
 

@@ -1,14 +1,5 @@
 import numpy as np
 import pytest
-from helpers import (
-    Coupled,
-    derivative,
-    distorted,
-    distorted_for,
-    fitting,
-    one_quad,
-    wobble,
-)
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from skfem import Basis, BilinearForm, ElementVector, MeshQuad, asm
@@ -30,6 +21,15 @@ from skfem_textile import (
 )
 from skfem_textile.mesh.bases import centre_grad
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import (
+    Coupled,
+    derivative,
+    distorted,
+    distorted_for,
+    fitting,
+    one_quad,
+    wobble,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 FORMULATIONS = [

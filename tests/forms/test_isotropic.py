@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from helpers import assert_derivatives, distorted, wobble
 
 from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import assert_derivatives, distorted, wobble
 
 
 def only_stabilised(kind, seed=1):

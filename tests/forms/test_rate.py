@@ -2,10 +2,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers import distorted, wobble
 
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply
 from skfem_textile.scenes import strip
+from tests.helpers import distorted, wobble
 
 
 @pytest.fixture(scope="module")

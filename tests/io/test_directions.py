@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from helpers import distorted
 from skfem import MeshTri
 
 from skfem_textile import Fabric, LoadStepper, MeshError, Ply
 from skfem_textile.fabric.directions import FibreDirections
 from skfem_textile.io import read_directions, read_mesh, write_directions, write_draped
 from skfem_textile.scenes import bias_extension
+from tests.helpers import distorted
 
 MESH = distorted(1, (4, 3))
 ANGLES = np.random.default_rng(1).uniform(-180, 180, 12)

@@ -6,7 +6,6 @@ from xml.etree import ElementTree
 import meshio
 import numpy as np
 import pytest
-from helpers import distorted, wobble
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Macro, OnePoint, Ply
 from skfem_textile.io import write_draped, write_fields, write_history, write_summary
@@ -14,6 +13,7 @@ from skfem_textile.io.results import cell_fields
 from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import distorted, wobble
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@ from dataclasses import replace
 import meshio
 import numpy as np
 import pytest
-from helpers import TRIANGLE_AND_QUAD, distorted
 from scipy.spatial import Delaunay
 from skfem import MeshHex, MeshQuad, MeshTri
 
@@ -23,6 +22,7 @@ from skfem_textile.mesh.selection import named_nodes, with_named_nodes
 from skfem_textile.mesh.splitting import cut, split, split_cells, was_split
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import TRIANGLE_AND_QUAD, distorted
 
 
 def areas(mesh):

@@ -5,7 +5,6 @@ from dataclasses import replace
 import meshio
 import numpy as np
 import pytest
-from helpers import TRIANGLE_AND_QUAD, distorted, wobble
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import (
@@ -24,6 +23,7 @@ from skfem_textile.io import read_mesh, write_fields
 from skfem_textile.mesh.selection import with_named_nodes
 from skfem_textile.mesh.splitting import CutMesh, SplitMesh, cut, split, split_cells
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import TRIANGLE_AND_QUAD, distorted, wobble
 
 FABRIC = Fabric(100.0, 0.5, (1, 0.2), (-0.1, 1))
 QUADS = distorted(1)

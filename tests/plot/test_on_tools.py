@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from helpers import graph
 
 from skfem_textile import Fabric, Quadratic, Result, drape
 from skfem_textile.scenes import Case, hemisphere, strip
 from skfem_textile.scenes import drape as on_tool
+from tests.helpers import graph
 
 plot = pytest.importorskip("skfem_textile.plot")
 pv = pytest.importorskip("pyvista")

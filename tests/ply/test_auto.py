@@ -2,13 +2,13 @@ import logging
 
 import numpy as np
 import pytest
-from helpers import assert_derivatives, distorted, place_of, wobble
-from random_plies import Crimped
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, Linear, LoadStepper, Macro, OnePoint, Ply, Sin2
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.solve.conditions import Constraints
+from tests.helpers import assert_derivatives, distorted, place_of, wobble
+from tests.helpers.random_plies import Crimped
 
 
 def run(scene, formulation, steps=4, E=1e4, shear=0.5, **options):

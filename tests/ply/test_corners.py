@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import derivative, distorted, distorted_for, one_quad, wobble
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, Full, LoadStepper, Macro, OnePoint, Ply, Quadratic
@@ -10,6 +9,7 @@ from skfem_textile.forms.corners import RESISTING, resistance
 from skfem_textile.mesh.splitting import split
 from skfem_textile.ply import own_terms
 from skfem_textile.scenes import bias_extension, strip
+from tests.helpers import derivative, distorted, distorted_for, one_quad, wobble
 
 FORMULATIONS = [Full(), OnePoint(1.0), Macro(), Quadratic(20.0)]
 

@@ -5,7 +5,6 @@ By central differences of fourth order: energies to 1e-7 of their slope, forces 
 
 import numpy as np
 import pytest
-from helpers import assert_derivatives, derivative, distorted_for, wobble
 
 from skfem_textile import (
     CrimpToe,
@@ -19,6 +18,7 @@ from skfem_textile import (
     Sin2,
     Values,
 )
+from tests.helpers import assert_derivatives, derivative, distorted_for, wobble
 
 FORMULATIONS = {
     "macro": Macro(),

@@ -6,14 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import (
-    TRIANGLE_AND_QUAD,
-    distorted,
-    distorted_for,
-    given_to_forms,
-    values_at_rest,
-    wobble,
-)
 from scipy.sparse import csr_matrix
 from skfem import (
     BilinearForm,
@@ -50,6 +42,14 @@ from skfem_textile.mesh.pattern import Pattern
 from skfem_textile.mesh.splitting import split_cells
 from skfem_textile.ply.kernels.elements import QuadPoints, element_groups
 from skfem_textile.ply.kernels.kernel_forms import with_kernel
+from tests.helpers import (
+    TRIANGLE_AND_QUAD,
+    distorted,
+    distorted_for,
+    given_to_forms,
+    values_at_rest,
+    wobble,
+)
 
 FABRICS = {
     "even": Fabric((1e4, 3.0), Sin2(0.7), warp=(2, 1), weft=(-1, 3)),

@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 import pytest
-from helpers import distorted
 from skfem import BilinearForm, Functional, LinearForm, MeshQuad
 from skfem.helpers import dot
 
@@ -26,6 +25,7 @@ from skfem_textile import (
     split,
 )
 from skfem_textile.mesh.splitting import cut
+from tests.helpers import distorted
 
 CLAMP = {"clamp": Condition("bottom")}
 

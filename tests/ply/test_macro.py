@@ -2,14 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import (
-    TRIANGLE_AND_QUAD,
-    acting_tension,
-    assert_derivatives,
-    derivative,
-    distorted,
-    wobble,
-)
 from skfem import Functional, asm
 from skfem.helpers import grad
 
@@ -28,6 +20,14 @@ from skfem_textile.mesh.splitting import cut, split, split_cells
 from skfem_textile.scenes import bias_extension, strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve import newton, search
+from tests.helpers import (
+    TRIANGLE_AND_QUAD,
+    acting_tension,
+    assert_derivatives,
+    derivative,
+    distorted,
+    wobble,
+)
 
 MESHES = {
     "triangles": split(cut(distorted(1))),

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from helpers import derivative, distorted, wobble
 from skfem import MeshHex, MeshQuad
 
 from skfem_textile import (
@@ -14,6 +13,7 @@ from skfem_textile import (
     Quadratic,
 )
 from skfem_textile.ply.formulations import common
+from tests.helpers import derivative, distorted, wobble
 
 
 def term_names(fabric, formulation):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import derivative, distorted, wobble
 from scipy.optimize import brentq
 from skfem import MeshQuad
 
@@ -16,6 +15,7 @@ from skfem_textile import (
     Pressure,
     Quadratic,
 )
+from tests.helpers import derivative, distorted, wobble
 
 EVERY = {"quadrilaterals": Full(), "triangles": Quadratic()}
 every_element = pytest.mark.parametrize("formulation", EVERY.values(), ids=EVERY)

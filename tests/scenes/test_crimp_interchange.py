@@ -2,10 +2,8 @@
 
 from functools import cache
 
-import independent as plain
 import numpy as np
 import pytest
-from helpers import FORMULATIONS_ON_MESHES, fitting
 
 from skfem_textile import (
     Condition,
@@ -17,6 +15,8 @@ from skfem_textile import (
     Ply,
 )
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import FORMULATIONS_ON_MESHES, fitting
+from tests.helpers import independent as plain
 
 WIDTH, HEIGHT = 40.0, 60.0  # along warp and weft, mm
 PARAMETERS = {

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from helpers import graded_along_fibres
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import (
@@ -25,6 +24,7 @@ from skfem_textile.scenes import bias_extension, picture_frame, strip, trellis
 from skfem_textile.scenes.bias_extension import WIDTH, lost_to_stretch
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.trellis import sheared
+from tests.helpers import graded_along_fibres
 
 EXACT = {
     "displacement_error_rms",

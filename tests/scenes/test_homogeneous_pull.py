@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import FORMULATIONS_ON_MESHES, fitting
 
 from skfem_textile import (
     Condition,
@@ -17,6 +16,7 @@ from skfem_textile import (
     StepError,
 )
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import FORMULATIONS_ON_MESHES, fitting
 
 STRAIN, WIDTH, HEIGHT = 0.02, 40.0, 60.0
 

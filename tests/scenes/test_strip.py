@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
-from helpers import forces_of
 from skfem import MeshHex
 
 from skfem_textile import Fabric, Full, LoadStepper, MeshError, OnePoint, Ply
 from skfem_textile.mesh.scikit_fem import with_names
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import forces_of
 
 # Reached with 100 equal steps by another implementation; E = 1e4 N/mm, 10×15
 # elements, jitter 0.3, seed 1.

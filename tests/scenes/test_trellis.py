@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
-from helpers import forces_of
 from skfem import MeshQuad
 
 from skfem_textile import CENTRE, Fabric, Full, LoadStepper, OnePoint, Ply, quad_basis
 from skfem_textile.scenes import picture_frame, trellis
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.trellis import SIDE, sheared
+from tests.helpers import forces_of
 
 
 def solve(scene, formulation, E=1e4, G=0.5, steps=1):

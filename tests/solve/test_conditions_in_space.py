@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from helpers import forces_of
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
 from skfem_textile.mesh.bases import GAUSS, quad_basis
 from skfem_textile.solve.conditions import Constraints
+from tests.helpers import forces_of
 
 MESH = MeshQuad().refined(2).with_defaults()
 BASIS = quad_basis(MESH, GAUSS, 3)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import Locking, Pretensioned
 from scipy.optimize import brentq
 from skfem import MeshQuad
 
@@ -22,6 +21,7 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes.common.elastica import hanging
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import Locking, Pretensioned
 
 
 def pulled(formulation, prepare, pull, law, steps, size=(4, 8), **options):

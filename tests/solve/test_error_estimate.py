@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import place_of
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import (
@@ -22,6 +21,7 @@ from skfem_textile.mesh.selection import with_named_nodes
 from skfem_textile.scenes import bias_extension, picture_frame
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve import error_estimate
+from tests.helpers import place_of
 
 MACRO = Macro()
 FORMULATIONS = [MACRO, OnePoint(), Full(), Quadratic(20.0)]

@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from helpers import Locking
 
 from skfem_textile import (
     Condition,
@@ -27,6 +26,7 @@ from skfem_textile.scenes import bias_extension, strip, trellis
 from skfem_textile.solve.continuation import Continuation
 from skfem_textile.solve.states import State, Verdict
 from skfem_textile.solve.verdict import CHECKS
+from tests.helpers import Locking
 
 
 def loaded(scene, formulation, steps, shear=0.0, **options):

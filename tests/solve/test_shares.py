@@ -8,7 +8,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers import derivative, wobble
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -28,6 +27,7 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension, strip, trellis
 from skfem_textile.scenes.picture_frame import picture_frame
+from tests.helpers import derivative, wobble
 
 # Elements across, before quadrilaterals of macro-elements are split in four, and how
 # they are made of the quadrilaterals of a scene.

@@ -3,12 +3,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers import place_of
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, OnePoint, Ply, StepError
 from skfem_textile.scenes import strip
 from studies.stability.soundness import is_sound
+from tests.helpers import place_of
 
 
 def run(formulation, steps, mesh="irregular", E=1e4, G=0.0, **options):

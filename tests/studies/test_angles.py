@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import cells, drawn_here
 
 from skfem_textile.ply.formulations import Full, Quadratic
 from skfem_textile.scenes.bias_extension import WIDTH
@@ -24,6 +23,7 @@ from studies.angles.cases import (
 )
 from studies.angles.study import STUDY
 from studies.common import provenance
+from tests.helpers import cells, drawn_here
 
 AT_30, AT_60 = (Specimen(theta, "linear", 2e5) for theta in (30.0, 60.0))
 STORED = references.stored()

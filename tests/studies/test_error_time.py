@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from helpers import drawn_here
 
 from skfem_textile import (
     AdaptiveStepper,
@@ -28,6 +27,7 @@ from studies.error_time.reference import CELLS, FORMULATIONS, Reference
 from studies.error_time.study import CODES, PROBLEMS, STUDY, Timed
 from studies.error_time.timed_codes import OtherCode, Refined, ThisLibrary
 from studies.formulations.cases import AUTO, BIAS, SEEDS, Case
+from tests.helpers import drawn_here
 
 OURS = ThisLibrary.code
 NO_OPTIONS = argparse.Namespace()

@@ -3,7 +3,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import derivative, drawn_here, wobble
 from skfem.helpers import ddot
 
 from skfem_textile import Ply
@@ -29,6 +28,7 @@ from studies.inf_sup.constants import spectrum
 from studies.inf_sup.in_words import in_words
 from studies.inf_sup.motions import KINKED, SMOOTH, distances, stiffness, unstretched
 from studies.inf_sup.study import STUDY
+from tests.helpers import derivative, drawn_here, wobble
 
 ALONG, ACROSS_MESH = Layout(0), Layout(30)
 

@@ -3,7 +3,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import cells, drawn_here
 
 from skfem_textile.solve.newton import PlainNewton
 from studies.__main__ import main
@@ -30,6 +29,7 @@ from studies.laws.cases import (
     judged_methods,
 )
 from studies.laws.study import STUDY
+from tests.helpers import cells, drawn_here
 
 ALL = list(cases.all_cases())
 

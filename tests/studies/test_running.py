@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from processes import is_alive, wait_until
 
 from studies import __main__
 from studies.common.tables import csv_table, rows_of_csv
 from studies.study import Study, descriptions, load
+from tests.helpers.processes import is_alive, wait_until
 
 ROOT = Path(__file__).parents[2]
 

@@ -1,9 +1,9 @@
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from sweep_cases import process_pool
 
 from skfem_textile.solve.sweep import WorkerProcesses
+from tests.helpers.sweep_cases import process_pool
 
 KINDS = {
     "threads": ThreadPoolExecutor,

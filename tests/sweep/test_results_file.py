@@ -7,10 +7,10 @@ from threading import Event
 
 import numpy as np
 import pytest
-from helpers import full_disk
-from sweep_cases import lines, square
 
 from skfem_textile.solve.sweep import sweep
+from tests.helpers import full_disk
+from tests.helpers.sweep_cases import lines, square
 
 FOREIGN = "not what a sweep wrote"
 

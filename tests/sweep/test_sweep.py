@@ -10,10 +10,10 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-import sweep_cases
 from threadpoolctl import threadpool_limits
 
 from skfem_textile.solve.sweep import SweepError, sweep
+from tests.helpers import sweep_cases
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "runs" / "sweep.py"

@@ -6,10 +6,10 @@ from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
 import pytest
-import sweep_cases
-from processes import is_alive, wait_until
 
 from skfem_textile.solve.sweep import WorkerProcesses
+from tests.helpers import sweep_cases
+from tests.helpers.processes import is_alive, wait_until
 
 ROOT = Path(__file__).parents[2]
 

@@ -5,8 +5,6 @@ import tomllib
 
 import numpy as np
 import pytest
-from command_line import QUICK, refused
-from specimen import SHEAR, SPECIMEN, assert_runs_alike, run, summary_of, written
 
 from skfem_textile import (
     Asymmetric,
@@ -21,6 +19,15 @@ from skfem_textile import (
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.case import case_from_file, case_from_tables
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers.command_line import QUICK, refused
+from tests.helpers.specimen import (
+    SHEAR,
+    SPECIMEN,
+    assert_runs_alike,
+    run,
+    summary_of,
+    written,
+)
 
 
 def test_a_file_says_all_that_a_case_has(tmp_path):

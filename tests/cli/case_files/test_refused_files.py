@@ -1,10 +1,10 @@
 """What is wrong with a case file is told in one line of its words."""
 
 import pytest
-from command_line import refused
-from specimen import SPECIMEN, run, written
 
 from skfem_textile.cli.case import CaseFileError, case_from_tables
+from tests.helpers.command_line import refused
+from tests.helpers.specimen import SPECIMEN, run, written
 
 
 @pytest.mark.parametrize(

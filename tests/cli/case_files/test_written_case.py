@@ -6,8 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from command_line import MESH
-from specimen import SPECIMEN, assert_runs_alike, run, summary_of, written
 
 from skfem_textile import Fabric, Sin2
 from skfem_textile.cli import main as cli
@@ -16,6 +14,8 @@ from skfem_textile.fabric.directions import FibreDirections, directions_of
 from skfem_textile.fabric.files import write_law
 from skfem_textile.io import write_directions, write_fabric
 from skfem_textile.scenes import bias_extension
+from tests.helpers.command_line import MESH
+from tests.helpers.specimen import SPECIMEN, assert_runs_alike, run, summary_of, written
 
 OF_FILES = """
 [scene]

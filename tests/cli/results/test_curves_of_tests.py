@@ -5,10 +5,10 @@ import re
 
 import numpy as np
 import pytest
-from command_line import refused
 
 from skfem_textile.cli import main as cli
 from skfem_textile.cli.case.curve import read_test_curve
+from tests.helpers.command_line import refused
 
 OUT = ("--size", "4x8", "--steps", "2", "--no-render")
 

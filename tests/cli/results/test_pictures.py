@@ -7,7 +7,6 @@ import sys
 
 import numpy as np
 import pytest
-from command_line import DRAWN, run
 
 from skfem_textile import Fabric, Ply
 from skfem_textile.cli import main as cli
@@ -15,6 +14,7 @@ from skfem_textile.cli import results
 from skfem_textile.cli.case.curve import DISPLACEMENT, FORCE, curve_of
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes.bias_extension import WIDTH
+from tests.helpers.command_line import DRAWN, run
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,10 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from command_line import refused
 
 import skfem_textile
 from skfem_textile.cli import main as cli
+from tests.helpers.command_line import refused
 
 VOID = {"meta", "link", "img", "br", "wbr"}
 RUN = ("--size", "2x4", "--steps", "2", "--no-render", "--shear-law", "sin2")

@@ -6,8 +6,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from command_line import QUICK, is_whole
-from helpers import full_disk
 
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, StepError
 from skfem_textile.cli import main as cli
@@ -15,6 +13,8 @@ from skfem_textile.cli.output import OutputError
 from skfem_textile.cli.result_folder import ResultFolder
 from skfem_textile.io import write_fields, write_history
 from skfem_textile.scenes import strip
+from tests.helpers import full_disk
+from tests.helpers.command_line import QUICK, is_whole
 
 ROOT = Path(__file__).parents[3]
 

@@ -1,7 +1,8 @@
 """A tool that several tests lay plies on."""
 
 import pytest
-from tool_files import plate, write
+
+from tests.helpers.tool_files import plate, write
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,8 @@
 import meshio
 import numpy as np
 import pytest
-from tool_files import ball, bump, command, plate, summary, write
+
+from tests.helpers.tool_files import ball, bump, command, plate, summary, write
 
 
 def test_fibres_and_pattern_are_handed_over(tool, tmp_path):

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from command_line import refused
-from tool_files import ball, bump, line, plate, write
+
+from tests.helpers.command_line import refused
+from tests.helpers.tool_files import ball, bump, line, plate, write
 
 EMPTY = "solid nothing\nendsolid nothing\n"
 

@@ -3,10 +3,10 @@
 import meshio
 import numpy as np
 import pytest
-from tool_files import bump, command, plate, summary, write
 
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_tool_mesh
+from tests.helpers.tool_files import bump, command, plate, summary, write
 
 
 def test_a_ply_beyond_the_edges_of_its_tool_is_told(tmp_path):

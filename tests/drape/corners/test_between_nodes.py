@@ -4,7 +4,6 @@ import logging
 
 import numpy as np
 import pytest
-from laid_plies import SYMMETRY, laid, positions
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import (
@@ -19,6 +18,7 @@ from skfem_textile import (
 )
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.surface import gaps
+from tests.helpers.laid_plies import SYMMETRY, laid, positions
 
 SIDE, TOP, SLOPE = 90.0, 40.0, np.tan(np.radians(50))
 OTHERS = "work", "stabilisation", "deviation", "corners"

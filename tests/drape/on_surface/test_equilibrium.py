@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import place_of, wobble
-from laid_plies import SYMMETRY, laid, positions, problem_of, square
 
 from skfem_textile import (
     CheckpointError,
@@ -19,6 +17,8 @@ from skfem_textile import (
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.solve.tangent import Tangent
 from skfem_textile.solve.verdict import area_ratio
+from tests.helpers import place_of, wobble
+from tests.helpers.laid_plies import SYMMETRY, laid, positions, problem_of, square
 
 
 @pytest.mark.parametrize("held", [{}, SYMMETRY, {"slope": None}])

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import graph
-from laid_plies import positions
 
 from skfem_textile import (
     AdaptiveStepper,
@@ -19,6 +17,8 @@ from skfem_textile.solve import error_estimate
 from skfem_textile.solve.error_estimate import estimated_error, problem_at
 from skfem_textile.solve.states import NoEquilibriumError
 from studies.formulations.drape import chebyshev
+from tests.helpers import graph
+from tests.helpers.laid_plies import positions
 
 
 def skew_bump():

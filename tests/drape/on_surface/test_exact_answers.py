@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import place_of
-from laid_plies import SYMMETRY, laid, square
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import (
@@ -21,6 +19,8 @@ from skfem_textile import (
 from studies.formulations.drape import chebyshev
 from studies.formulations.drape import rolled as rolled_plies
 from studies.formulations.drape.rolled import FAN
+from tests.helpers import place_of
+from tests.helpers.laid_plies import SYMMETRY, laid, square
 
 SADDLE = drape.HeightField(
     lambda x, y: drape.Height(

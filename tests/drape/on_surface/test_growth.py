@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from laid_plies import SYMMETRY, laid, positions, problem_of, square
 
 from skfem_textile import (
     Condition,
@@ -22,6 +21,7 @@ from skfem_textile.solve.continuation import on_grown_surface
 from skfem_textile.solve.states import NoEquilibriumError
 from skfem_textile.solve.tangent import Tangent
 from studies.formulations.drape import chebyshev
+from tests.helpers.laid_plies import SYMMETRY, laid, positions, problem_of, square
 
 
 def test_a_ply_grows_with_the_surface():

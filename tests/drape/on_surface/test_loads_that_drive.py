@@ -1,7 +1,6 @@
 """What drives a ply on a surface: its loads, or the surface."""
 
 import pytest
-from laid_plies import RADIUS, SYMMETRY, laid, problem_of, square
 
 from skfem_textile import (
     BodyForce,
@@ -15,6 +14,7 @@ from skfem_textile import (
 from skfem_textile.drape import Sphere
 from skfem_textile.scenes.space.hemisphere import hemisphere
 from skfem_textile.solve.continuation import loads_drive, moves
+from tests.helpers.laid_plies import RADIUS, SYMMETRY, laid, problem_of, square
 
 
 def weight(w):

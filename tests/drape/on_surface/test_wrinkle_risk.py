@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from laid_plies import SYMMETRY, laid, square
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -17,6 +16,7 @@ from skfem_textile import (
     equilibrium_near,
 )
 from skfem_textile.solve.states import NoEquilibriumError
+from tests.helpers.laid_plies import SYMMETRY, laid, square
 
 
 def test_wrinkle_risk_starts_at_the_shear_stiffness():

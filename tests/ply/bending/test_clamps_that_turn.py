@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from bent_plies import SIDE, D, every_formulation, square
-from helpers import wobble
 
 from skfem_textile import (
     Condition,
@@ -16,6 +14,8 @@ from skfem_textile import (
     Quadratic,
 )
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import wobble
+from tests.helpers.bent_plies import SIDE, D, every_formulation, square
 
 
 def arc(n, formulation, jitter, slope):

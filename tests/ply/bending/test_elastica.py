@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from bent_plies import SIDE, D
 from scipy.integrate import solve_bvp
 from skfem import MeshQuad
 
@@ -17,6 +16,7 @@ from skfem_textile import (
     Quadratic,
     Traction,
 )
+from tests.helpers.bent_plies import SIDE, D
 
 
 def elastica(alpha, weight=False):

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from bent_plies import SIDE, D, inclined, square
 from scipy.sparse.linalg import spsolve
 
 from skfem_textile import BodyForce, Fabric, OnePoint, Ply, Quadratic
+from tests.helpers.bent_plies import SIDE, D, inclined, square
 
 
 def bending(ply):

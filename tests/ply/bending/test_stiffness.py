@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from bent_plies import D, every_formulation, square
-from helpers import distorted, wobble
 from skfem import MeshTri
 
 from skfem_textile import BodyForce, Fabric, Full, Macro, OnePoint, Ply
 from skfem_textile.ply.refinement import refine
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import distorted, wobble
+from tests.helpers.bent_plies import D, every_formulation, square
 
 
 @every_formulation

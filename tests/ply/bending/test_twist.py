@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from bent_plies import SIDE, every_formulation, inclined, square
-from helpers import zero_modes
 from scipy.spatial.transform import Rotation
 from skfem import MeshQuad
 
 from skfem_textile import Fabric, Full, Macro, OnePoint, Ply, Quadratic
+from tests.helpers import zero_modes
+from tests.helpers.bent_plies import SIDE, every_formulation, inclined, square
 
 
 def test_twist_goes_with_elements_and_regions():

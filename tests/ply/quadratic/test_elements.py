@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import distorted, distorted_for, wobble
-from quadratic_plies import ONE, SQUARES, dofs, ply_on
 from skfem import MeshTri
 
 from skfem_textile import (
@@ -20,6 +18,8 @@ from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear.superlu import SuperLU
 from skfem_textile.solve.problem import Problem
+from tests.helpers import distorted, distorted_for, wobble
+from tests.helpers.quadratic_plies import ONE, SQUARES, dofs, ply_on
 
 
 def test_nodes_are_vertices_and_then_middles_of_edges():

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from helpers import distorted
-from quadratic_plies import SQUARES, ply_on
 from skfem import MeshQuad, MeshTri, MeshTri2
 
 from skfem_textile import MeshError
 from skfem_textile.mesh.checks import check_mesh
 from skfem_textile.mesh.splitting import cut, split
+from tests.helpers import distorted
+from tests.helpers.quadratic_plies import SQUARES, ply_on
 
 
 def moved(node, by):

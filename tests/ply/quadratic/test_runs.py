@@ -5,7 +5,6 @@ from dataclasses import replace
 import meshio
 import numpy as np
 import pytest
-from quadratic_plies import dofs, run
 
 from skfem_textile import (
     CheckpointError,
@@ -22,6 +21,7 @@ from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes import bias_extension, picture_frame, strip, trellis
 from skfem_textile.scenes.rectangle import rectangle
 from studies.stability.soundness import is_sound
+from tests.helpers.quadratic_plies import dofs, run
 
 
 @pytest.mark.parametrize(("size", "n_dofs"), [((5, 7), 330), ((5, 8), 374)])

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import values_at_rest, zero_modes
 from scipy.optimize import brentq
 from skfem import MeshQuad
 
@@ -17,6 +16,7 @@ from skfem_textile import (
     Ply,
     Traction,
 )
+from tests.helpers import values_at_rest, zero_modes
 
 
 def test_zero_modes_of_a_free_flat_patch():

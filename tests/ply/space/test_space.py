@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import assert_derivatives, derivative, distorted, one_quad, wobble
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -25,6 +24,7 @@ from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.newton import definite
 from skfem_textile.solve.problem import Problem
 from skfem_textile.solve.tangent import Tangent
+from tests.helpers import assert_derivatives, derivative, distorted, one_quad, wobble
 
 FABRICS = {
     "even": Fabric((100.0, 3.0), Sin2(0.7), warp=(2, 1), weft=(-1, 3)),

@@ -5,8 +5,6 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
-from helpers import wobble
-from sprung_plies import CONDITIONS, SPRINGS, Spring, drag, plain
 
 from skfem_textile import (
     FormTerm,
@@ -19,6 +17,8 @@ from skfem_textile import (
     Values,
 )
 from skfem_textile.solve.states import NoEquilibriumError
+from tests.helpers import wobble
+from tests.helpers.sprung_plies import CONDITIONS, SPRINGS, Spring, drag, plain
 
 WITH_PARAMETERS = {
     "macro": Macro(),

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from skfem import BilinearForm, CellBasis, MeshQuad
-from sprung_plies import ELEMENT, SPRINGS, Spring, plain
 
 from skfem_textile import Forms, FormTerm, MatrixTerm, VectorTerm
+from tests.helpers.sprung_plies import ELEMENT, SPRINGS, Spring, plain
 
 
 def test_a_tangent_that_couples_what_it_does_not_say_is_refused():

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import derivative, distorted, wobble
 from skfem import CellBasis, FacetBasis, InteriorFacetBasis
-from sprung_plies import CONDITIONS, ELEMENT, SPRINGS, Spring, plain
 
 from skfem_textile import (
     Fabric,
@@ -20,6 +18,8 @@ from skfem_textile import (
 )
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.ply.kernels.kernel import ShearKernel
+from tests.helpers import derivative, distorted, wobble
+from tests.helpers.sprung_plies import CONDITIONS, ELEMENT, SPRINGS, Spring, plain
 
 BASES = {
     "cells": lambda mesh: CellBasis(mesh, ELEMENT),

@@ -4,8 +4,9 @@ import shutil
 from pathlib import Path
 
 import pytest
-from sheared_runs import interrupted
-from strip_runs import interrupted_at
+
+from tests.helpers.sheared_runs import interrupted
+from tests.helpers.strip_runs import interrupted_at
 
 
 @pytest.fixture(scope="session")

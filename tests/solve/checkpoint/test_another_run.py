@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from helpers import Coupled, distorted
-from strip_runs import assert_same, interrupted_at, stepper
 
 from skfem_textile import (
     CheckpointError,
@@ -17,6 +15,8 @@ from skfem_textile import (
     Ply,
     Sin2,
 )
+from tests.helpers import Coupled, distorted
+from tests.helpers.strip_runs import assert_same, interrupted_at, stepper
 
 
 def test_a_law_of_both_strains_is_resumed_and_told_from_another(tmp_path):

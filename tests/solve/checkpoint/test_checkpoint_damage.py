@@ -5,10 +5,10 @@ import shutil
 
 import numpy as np
 import pytest
-from sheared_runs import interrupted, opened, stepper
 
 from skfem_textile import CheckpointError
 from skfem_textile.solve import sealed
+from tests.helpers.sheared_runs import interrupted, opened, stepper
 
 
 @pytest.fixture(scope="module")

@@ -3,10 +3,10 @@
 import os
 
 import pytest
-from sheared_runs import opened, stepper
 
 from skfem_textile import CheckpointError
 from skfem_textile.solve import sealed
+from tests.helpers.sheared_runs import opened, stepper
 
 
 def forge(folder, number, edit):

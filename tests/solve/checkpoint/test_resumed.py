@@ -10,14 +10,14 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
-import extended_runs
-import helpers
 import numpy as np
 import pytest
-from strip_runs import assert_same, interrupted_at, stepper, whole
 
 from skfem_textile import CheckpointError, Newton, StepError
 from skfem_textile.cli import main as cli
+from tests import helpers
+from tests.helpers import extended_runs
+from tests.helpers.strip_runs import assert_same, interrupted_at, stepper, whole
 
 
 @pytest.mark.parametrize("kind", ["energy", "rate"])
@@ -31,7 +31,7 @@ def test_a_resumed_run_gives_the_same_result_to_the_last_bit(tmp_path, kind, at)
 # Runs a formulation, afresh or from a checkpoint.
 IN_ANOTHER_PROCESS = """
 import pickle, sys
-from extended_runs import stepper
+from tests.helpers.extended_runs import stepper
 name, folder, target = sys.argv[1:]
 result = stepper(name, folder or None).run(resume=bool(folder))
 with open(target, "wb") as file:

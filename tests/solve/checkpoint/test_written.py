@@ -4,8 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import full_disk, place_of
-from strip_runs import assert_same, interrupted_at, stepper, whole
 
 from skfem_textile import (
     CheckpointError,
@@ -17,6 +15,8 @@ from skfem_textile import (
     StepError,
 )
 from skfem_textile.scenes import bias_extension
+from tests.helpers import full_disk, place_of
+from tests.helpers.strip_runs import assert_same, interrupted_at, stepper, whole
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_any_work(tmp_path):

@@ -4,8 +4,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers import distorted
-from pulled import pulled
 from skfem import MeshQuad
 
 from skfem_textile import (
@@ -23,6 +21,8 @@ from skfem_textile import (
 from skfem_textile.scenes import strip
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.linear import SOLVERS, superlu
+from tests.helpers import distorted
+from tests.helpers.pulled import pulled
 
 
 def test_linear_solves_include_abandoned_attempts():

@@ -4,8 +4,6 @@ import logging
 
 import numpy as np
 import pytest
-from helpers import Pretensioned
-from pulled import ShortSteps, load_factors, pulled
 from scipy.sparse import identity
 from skfem import MeshQuad
 
@@ -23,6 +21,8 @@ from skfem_textile import (
 from skfem_textile.mesh.splitting import split
 from skfem_textile.scenes import bias_extension
 from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import Pretensioned
+from tests.helpers.pulled import ShortSteps, load_factors, pulled
 
 
 def test_a_uniform_pull_is_exact():

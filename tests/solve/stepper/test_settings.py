@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from pulled import pulled
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Newton, Ply
+from tests.helpers.pulled import pulled
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import place_of
 
 from skfem_textile import (
     Fabric,
@@ -18,6 +17,7 @@ from skfem_textile import (
 )
 from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.conditions import Constraints
+from tests.helpers import place_of
 
 FORMULATIONS = {
     "macro": Macro(),

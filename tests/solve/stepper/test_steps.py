@@ -5,11 +5,11 @@ from itertools import count
 
 import numpy as np
 import pytest
-from pulled import ShortSteps, load_factors, pulled
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Newton, Ply, StepError
 from skfem_textile.solve.states import NoEquilibriumError
+from tests.helpers.pulled import ShortSteps, load_factors, pulled
 
 
 class ShyAtFirst(Newton):

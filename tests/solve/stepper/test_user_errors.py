@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from pulled import CLAMP, load_factors, pulled
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, Linear, LoadStepper, Ply, StepError
 from skfem_textile.ply.terms import Term
 from skfem_textile.solve.states import UserError
+from tests.helpers.pulled import CLAMP, load_factors, pulled
 
 
 class Failing(Term):

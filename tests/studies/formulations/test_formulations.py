@@ -3,7 +3,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from helpers import drawn_here
 
 from skfem_textile import (
     Full,
@@ -33,6 +32,7 @@ from studies.formulations.cases import (
 )
 from studies.formulations.in_words import in_words
 from studies.formulations.study import STUDY
+from tests.helpers import drawn_here
 
 ALL = list(cases.all_cases())
 

@@ -3,11 +3,11 @@
 import argparse
 
 import pytest
-from helpers import drawn_here
 
 from studies.__main__ import main
 from studies.formulations.space import problems, tables
 from studies.formulations.space.study import STUDY
+from tests.helpers import drawn_here
 
 MEASURED = {"part": "extreme strip", "formulation": "macro", "E_over_G": 1e4, "D": 1.0}
 

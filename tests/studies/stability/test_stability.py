@@ -5,7 +5,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from helpers import drawn_here
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Full, LoadStepper, Newton, OnePoint
@@ -17,6 +16,7 @@ from studies.stability import outcomes as ends
 from studies.stability import study
 from studies.stability.problems import Extreme, extremes
 from studies.stability.study import STUDY
+from tests.helpers import drawn_here
 
 SMALL = partial(strip, size=(4, 6))
 

@@ -1,7 +1,6 @@
 """A ply, and terms of one's own for it: springs, and one with parameters."""
 
 import numpy as np
-from helpers import distorted
 from scipy.sparse import csr_matrix
 from skfem import BilinearForm, ElementQuad1, ElementVector, Functional, LinearForm
 from skfem.helpers import dot
@@ -17,6 +16,7 @@ from skfem_textile import (
     TermParameters,
     Values,
 )
+from tests.helpers import distorted
 
 SPRINGS = Forms(
     Functional(lambda w: 0.5 * (1 + w["t"]) * dot(w["u"], w["u"])),

@@ -3,13 +3,13 @@
 The order in which cells list their nodes is random too.  No element is near folding.
 """
 
-import independent as plain
 import numpy as np
 from scipy.spatial import Delaunay
 from skfem import MeshQuad, MeshTri
 
 from skfem_textile import CrimpInterchange, Linear, Sin2
 from skfem_textile.mesh.splitting import split, split_cells
+from tests.helpers import independent as plain
 
 # Laws: what `Fabric` takes, and the same for the plain program
 

@@ -10,10 +10,10 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from processes import wait_until
 from threadpoolctl import threadpool_info
 
 from skfem_textile import StepError
+from tests.helpers.processes import wait_until
 
 
 def process_pool(n):

@@ -5,9 +5,9 @@ import json
 
 import numpy as np
 import pytest
-from helpers import distorted
 
 from skfem_textile import Condition, Fabric, LoadStepper, OnePoint, Ply, Sin2
+from tests.helpers import distorted
 
 
 def stepper(folder, pull=0.3, **options):

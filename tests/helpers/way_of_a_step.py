@@ -7,7 +7,7 @@ each once however often it is called.  What Python itself names with "<", such a
 lambdas and comprehensions, and what is only imported, is no such function, and a file
 in which nothing else is entered does not count.
 
-    python tests/common/way_of_a_step.py [-v]
+    python -m tests.helpers.way_of_a_step [-v]
 
 ``-v`` lists the functions by file.
 """

@@ -4,9 +4,9 @@ import json
 
 import meshio
 import numpy as np
-from helpers import graph, sphere
 
 from skfem_textile.cli import main as cli
+from tests.helpers import graph, sphere
 
 SMALL = "--size", "6x6", "--steps", "2", "--no-render"
 
