@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy import ndarray
 
+from ..fabric.law import Resistance, refuse_other_units
 from ..fabric.laws.tabulated import ANGLE, HEADING, read_lines
 from ..mesh.user_input import excerpt, number_of_text
 
@@ -95,6 +96,11 @@ def read_curve(
     if len(lines) < 2:
         raise ValueError(f"{file}: there are no points")
     rows = [_numbers(file, *line, found.values(), gaps) for line in lines[1:]]
+    for name, column in zip(found, np.transpose(rows), strict=True):
+        if COLUMNS[name] is ANGLE or COLUMNS[name] is _STRAIN:
+            of: Resistance = "shear" if COLUMNS[name] is ANGLE else "tension"
+            for (line, _), x in zip(lines[1:], column, strict=True):
+                refuse_other_units(f"{file}, row {line}: {name}", x, of)
     return dict(zip(found, np.transpose(rows), strict=True))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import CrimpInterchange, CrimpToe, Linear, Locking, Polynomial, Sin2
+from ..fabric.law import RIGHT_ANGLE
 from ..fabric.laws.tabulated import Tabulated
 
 
@@ -122,9 +123,10 @@ def locking(largest: float) -> Model:
     low = np.array([1e-12, 1.001 * largest])
 
     def start(stiffness: float) -> ndarray:
-        return np.array([0.5 * stiffness, 1.3 * largest])
+        angle = min(1.3 * largest, 0.5 * (largest + RIGHT_ANGLE))
+        return np.array([0.5 * stiffness, angle])
 
-    high = np.array([np.inf, np.inf])
+    high = np.array([np.inf, RIGHT_ANGLE])
     names = "stiffness", "angle"
     return Model("locking", names, ("N/mm", "rad"), _locking, low, high, start)
 

@@ -12,6 +12,17 @@ from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 from numpy import ndarray
 
+from ..registration import Resistance
+
+#: Largest shear angle in radians: at a right angle both families lie on one line.
+RIGHT_ANGLE = 0.5 * np.pi
+
+#: Largest strain of a fibre, which is far beyond what any fibre or crimp bears.
+LARGEST_STRAIN = 1.0
+
+# Share by which a right angle that was rounded may be larger.
+_ROUNDING = 1e-9
+
 # Strain to either side within which the stiffness of fibres is averaged: a crimped
 # fabric straightens within about that much.
 _WITHIN = 0.01
@@ -383,6 +394,42 @@ def number(name: str, value: Any, above: float | None = None) -> float:
     if not (math.isfinite(found) and large_enough):
         raise ValueError(f"{name} must be a finite number {least}, got {value!r}")
     return found
+
+
+def refuse_other_units(name: str, values: Any, of: Resistance | None) -> None:
+    """Refuse shear angles beyond a right angle, and strains beyond `LARGEST_STRAIN`.
+
+    Parameters
+    ----------
+    name
+        What the values are, for the message.
+    values
+        Shear angles in radians, or strains.
+    of
+        ``shear`` for angles, ``tension`` for strains, None for either.
+
+    Raises
+    ------
+    ValueError
+        If one is beyond; the message asks whether it is in degrees or per cent.
+    """
+    x = np.ravel(values)
+    most = LARGEST_STRAIN if of == "tension" else RIGHT_ANGLE
+    beyond = x[np.abs(x) > most * (1 + _ROUNDING)]
+    if not beyond.size:
+        return
+    angle = f"{beyond[0]:.4g} rad ({np.degrees(beyond[0]):.4g}°)"
+    raise ValueError(
+        {
+            "shear": f"{name} has {angle}, but a shear angle is at most a right angle, "
+            f"{RIGHT_ANGLE:.4g} rad: in degrees?",
+            "tension": f"{name} has {beyond[0]:.4g}, but a strain is a ratio of "
+            f"lengths and at most {LARGEST_STRAIN:g}: in per cent?",
+            None: f"{name} has {beyond[0]:.4g}, but shear angles are in radians and at "
+            f"most {RIGHT_ANGLE:.4g}, and strains are ratios of lengths: in degrees, "
+            "or in per cent?",
+        }[of]
+    )
 
 
 def pair(name: str, value: Any, above: float | None = None) -> tuple[float, float]:

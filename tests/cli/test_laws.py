@@ -27,7 +27,7 @@ def test_tables_of_linear_laws_give_the_answer_of_the_linear_laws(tmp_path):
     """The strip reaches 62.5 degrees; reactions to 1e-9."""
     linear = summary(tmp_path, "--shear-stiffness", "0.5", "--fibre-stiffness", "2e3")
     radian = 57.29577951308232
-    angles = "".join(f"{n * radian / 4!r},{n / 8}\n" for n in range(8))
+    angles = "".join(f"{n * radian / 4!r},{n / 8}\n" for n in range(7))
     strains = "".join(f"{n / 10},{200 * n}\n" for n in range(-5, 6))
     laws = (
         *("--shear-law", written(tmp_path, "shear.csv", SHEAR + angles)),
@@ -48,10 +48,6 @@ def test_tables_of_linear_laws_give_the_answer_of_the_linear_laws(tmp_path):
             *("--shear-law", "polynomial", "--shear-coefficients", "0.5,0.0"),
             *("--shear-continuation", "odd"),
         ),
-        (
-            *("--shear-law", "locking", "--shear-stiffness", "0.5"),
-            *("--shear-locking-angle", "36000"),
-        ),
     ],
 )
 def test_a_law_by_name_takes_its_parameters(tmp_path, law):
@@ -59,6 +55,14 @@ def test_a_law_by_name_takes_its_parameters(tmp_path, law):
     linear = summary(tmp_path, "--shear-stiffness", "0.5")
     found = summary(tmp_path, *law)
     assert found["energy"] == pytest.approx(linear["energy"], rel=1e-3)
+
+
+def test_a_locking_angle_is_in_degrees(tmp_path):
+    """The strip shears by 62.5 degrees, where this law has 1.9 times the moment."""
+    linear = summary(tmp_path, "--shear-stiffness", "0.5")
+    law = "--shear-law", "locking", "--shear-stiffness", "0.5"
+    found = summary(tmp_path, *law, "--shear-locking-angle", "90")
+    assert 1.1 < found["shear_energy"] / linear["shear_energy"] < 1.9
 
 
 def test_a_sine_is_another_variable_and_a_toe_another_tension(tmp_path):
@@ -142,6 +146,13 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
             "'crimp-interchange' is none of linear, sin2",
         ),
         (("--shear-law", "locking"), "locking needs --shear-locking-angle"),
+        (
+            (
+                *("--shear-law", "locking", "--shear-stiffness", "1"),
+                *("--shear-locking-angle", "120"),
+            ),
+            "locking angle has 2.094 rad (120°), but a shear angle is at most",
+        ),
         (("--tension-law", "crimp-toe"), "crimp-toe needs --fibre-toe"),
         (
             ("--shear-law", "locking", "--shear-locking-angle", "60"),

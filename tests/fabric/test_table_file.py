@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skfem_textile import Tabulated
+from skfem_textile import CrimpToe, Locking, Tabulated
 
 
 def written(tmp_path, text):
@@ -18,8 +18,8 @@ def written(tmp_path, text):
         ("shear angle (deg),moment (N mm/mm2)\n0,0\n90,1\n", [0, np.pi / 2], [0, 1]),
         ("Shear Angle (rad), shear moment ( N/mm )\n0,0\n1,1", [0, 1], [0, 1]),
         (
-            "\ufeffshear angle (°),moment (N·mm/mm²)\r\n0,0\r\n\r\n180,2",
-            [0, np.pi],
+            "\ufeffshear angle (°),moment (N·mm/mm²)\r\n0,0\r\n\r\n45,2",
+            [0, np.pi / 4],
             [0, 2],
         ),
         (
@@ -74,3 +74,24 @@ def test_a_table_of_the_other_kind_is_refused(tmp_path):
     assert Tabulated.from_csv(file, of="shear").values == (0.0, 1.0)
     with pytest.raises(ValueError, match=r"must be like 'fibre strain \(-\),tension"):
         Tabulated.from_csv(file, of="tension")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("shear angle (rad),moment (N/mm)\n0,0\n40,2\n", r"row 3 has 40 rad .*degrees"),
+        ("shear angle (deg),moment (N/mm)\n0,0\n120,2\n", r"row 3 has .* rad \(120°"),
+        ("fibre strain (-),tension (N/mm)\n0,0\n3,9\n", r"row 3 has 3, .*per cent\?"),
+    ],
+)
+def test_an_argument_in_other_units_is_refused_with_its_row(tmp_path, text, words):
+    with pytest.raises(ValueError, match=words):
+        Tabulated.from_csv(written(tmp_path, text))
+
+
+def test_laws_refuse_degrees_and_per_cent():
+    for law in (lambda: Tabulated([0, 60], [0, 1]), lambda: Locking(0.1, 40.0)):
+        with pytest.raises(ValueError, match="in degrees"):
+            law()
+    with pytest.raises(ValueError, match="in per cent"):
+        CrimpToe(1e4, toe=3, initial_stiffness=1.0)

@@ -8,7 +8,7 @@ from numpy import ndarray
 from numpy.polynomial.polynomial import polyval
 
 from ...registration import LawRegistration, Option, Resistance
-from ..law import ScalarLaw, number
+from ..law import ScalarLaw, number, refuse_other_units
 from .linear import STIFFNESS
 
 # Below this share of the toe the series of the exponential is taken, to this power:
@@ -42,7 +42,8 @@ class CrimpToe(ScalarLaw):
     Raises
     ------
     ValueError
-        If E or e₀ is not a positive finite number, or k not one >= 0.
+        If E or e₀ is not a positive finite number, or k not one >= 0, or
+        e₀ is above 1.
 
     Examples
     --------
@@ -60,6 +61,7 @@ class CrimpToe(ScalarLaw):
     def __post_init__(self) -> None:
         E = number("stiffness", self.stiffness, above=0)
         e_0 = number("toe", self.toe, above=0)
+        refuse_other_units("toe", e_0, "tension")
         k = number("initial stiffness", self.initial_stiffness)
         object.__setattr__(self, "stiffness", E)
         object.__setattr__(self, "toe", e_0)

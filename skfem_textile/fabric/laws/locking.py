@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...registration import LawRegistration, Resistance, angle
-from ..law import ScalarLaw, number
+from ..law import ScalarLaw, number, refuse_other_units
 from .linear import STIFFNESS
 
 # End of the shown range, as a share of the locking angle.
@@ -30,7 +30,7 @@ class Locking(ScalarLaw):
     Raises
     ------
     ValueError
-        If one of them is not a positive finite number.
+        If one of them is not a positive finite number, or the angle above π/2.
 
     Examples
     --------
@@ -45,6 +45,7 @@ class Locking(ScalarLaw):
     def __post_init__(self) -> None:
         G = number("stiffness", self.stiffness, above=0)
         a = number("locking angle", self.angle, above=0)
+        refuse_other_units("locking angle", a, "shear")
         object.__setattr__(self, "stiffness", G)
         object.__setattr__(self, "angle", a)
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ...mesh.user_input import excerpt, number_of_text, printable, real_numbers
 from ...registration import LawRegistration, Option, Resistance
-from ..law import ScalarLaw
+from ..law import ScalarLaw, refuse_other_units
 from .polynomial import CONTINUATION
 
 # What each column is called, and its units: how much a unit is in radians, strain, or
@@ -116,7 +116,7 @@ def read_table(
         If it cannot be read.
     """
     file, lines = read_lines(path)
-    (x_unit, y_unit), normalised = _units(file, lines[0][1], of)
+    (x_unit, y_unit), normalised, of = _units(file, lines[0][1], of)
     numbers = [_numbers(file, *line) for line in lines[1:]]
     x, y = np.reshape(numbers, (-1, 2)).T
     try:
@@ -124,6 +124,8 @@ def read_table(
     except ValueError as error:
         raise ValueError(f"{file}, {error}") from None
     x, y = x * x_unit, y * y_unit
+    for (line, _), argument in zip(lines[1:], x, strict=True):
+        refuse_other_units(f"{file}, row {line}", argument, of)
     return x, y * np.cos(x) if normalised else y
 
 
@@ -165,8 +167,8 @@ def read_lines(path: str | os.PathLike[str]) -> tuple[str, list[tuple[int, list[
 
 def _units(
     file: str, header: list[str], of: Resistance | None
-) -> tuple[tuple[float, float], bool]:
-    """How much the units of the two columns are; whether the force is normalised."""
+) -> tuple[tuple[float, float], bool, Resistance]:
+    """Factors of both columns, whether the force is normalised, and which law it is."""
     headings = [HEADING.fullmatch(cell) for cell in header]
     for kind in _COLUMNS if of is None else (of,):
         if len(headings) != 2:
@@ -177,7 +179,8 @@ def _units(
         ]
         if all(found):
             normalised = headings[1][1].lower() == _NORMALISED  # type: ignore[index]
-            return (found[0], found[1]), normalised  # type: ignore[return-value]
+            units: Any = found
+            return (units[0], units[1]), normalised, kind
     expected = " or ".join(repr(_LIKE[kind]) for kind in ([of] if of else _LIKE))
     raise ValueError(
         f"{file}, row 1: the header must be like {expected}, got "
@@ -236,8 +239,8 @@ class Tabulated(ScalarLaw):
     ------
     ValueError
         If there are fewer than two points, a point is not finite, the arguments do not
-        rise, the table leaves out 0 and is not extrapolated, or an odd law has negative
-        arguments or does not vanish at 0.
+        rise or are beyond a right angle, the table leaves out 0 and is not
+        extrapolated, or an odd law has negative arguments or does not vanish at 0.
 
     Examples
     --------
@@ -262,6 +265,7 @@ class Tabulated(ScalarLaw):
                 f"{x.shape} and {y.shape}"
             )
         refuse_bad_points(x, y, range(1, len(x) + 1), "point")
+        refuse_other_units("the table", x, None)
         if self.extrapolation not in _EXTRAPOLATIONS:
             raise ValueError(
                 f"extrapolation must be {' or '.join(_EXTRAPOLATIONS)}, got "
