@@ -46,7 +46,7 @@ from .solve.conditions import Condition
 from .solve.newton import Newton, PlainNewton
 from .solve.result import Result, StepError
 from .solve.search import equilibrium_near
-from .solve.states import Iteration, State, Verdict
+from .solve.states import Iteration, State, UserError, Verdict
 from .solve.stepper import LoadStepper
 from .solve.surface import OnSurface, Surface
 
@@ -106,6 +106,7 @@ __all__ = [
     "Term",
     "TermParameters",
     "Traction",
+    "UserError",
     "Values",
     "VectorTerm",
     "Verdict",

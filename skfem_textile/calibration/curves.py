@@ -96,12 +96,14 @@ def read_curve(
     if len(lines) < 2:
         raise ValueError(f"{file}: there are no points")
     rows = [_numbers(file, *line, found.values(), gaps) for line in lines[1:]]
-    for name, column in zip(found, np.transpose(rows), strict=True):
-        if COLUMNS[name] is ANGLE or COLUMNS[name] is _STRAIN:
-            of: Resistance = "shear" if COLUMNS[name] is ANGLE else "tension"
+    columns = dict(zip(found, np.transpose(rows), strict=True))
+    for name, column in columns.items():
+        of: Resistance = "shear" if COLUMNS[name] is ANGLE else "tension"
+        unit_is_one = found[name][1] == 1  # radians, or a ratio
+        if unit_is_one and COLUMNS[name] in (ANGLE, _STRAIN):
             for (line, _), x in zip(lines[1:], column, strict=True):
                 refuse_other_units(f"{file}, row {line}: {name}", x, of)
-    return dict(zip(found, np.transpose(rows), strict=True))
+    return columns
 
 
 def column_named(word: str) -> str:

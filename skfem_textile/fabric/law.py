@@ -396,7 +396,9 @@ def number(name: str, value: Any, above: float | None = None) -> float:
     return found
 
 
-def refuse_other_units(name: str, values: Any, of: Resistance | None) -> None:
+def refuse_other_units(
+    name: str, values: Any, of: Resistance | None, ask: bool = True
+) -> None:
     """Refuse shear angles beyond a right angle, and strains beyond `LARGEST_STRAIN`.
 
     Parameters
@@ -407,29 +409,27 @@ def refuse_other_units(name: str, values: Any, of: Resistance | None) -> None:
         Shear angles in radians, or strains.
     of
         ``shear`` for angles, ``tension`` for strains, None for either.
+    ask
+        Whether the message asks if they are in degrees or per cent.
 
     Raises
     ------
     ValueError
-        If one is beyond; the message asks whether it is in degrees or per cent.
+        If one is beyond.
     """
     x = np.ravel(values)
     most = LARGEST_STRAIN if of == "tension" else RIGHT_ANGLE
     beyond = x[np.abs(x) > most * (1 + _ROUNDING)]
     if not beyond.size:
         return
-    angle = f"{beyond[0]:.4g} rad ({np.degrees(beyond[0]):.4g}°)"
-    raise ValueError(
-        {
-            "shear": f"{name} has {angle}, but a shear angle is at most a right angle, "
-            f"{RIGHT_ANGLE:.4g} rad: in degrees?",
-            "tension": f"{name} has {beyond[0]:.4g}, but a strain is a ratio of "
-            f"lengths and at most {LARGEST_STRAIN:g}: in per cent?",
-            None: f"{name} has {beyond[0]:.4g}, but shear angles are in radians and at "
-            f"most {RIGHT_ANGLE:.4g}, and strains are ratios of lengths: in degrees, "
-            "or in per cent?",
-        }[of]
-    )
+    angles, strains = "shear angles end at a right angle", f"strains at {most:g}"
+    found, end, unit = {
+        "shear": (f"{np.degrees(beyond[0]):.4g}°", angles, "degrees"),
+        "tension": (f"{beyond[0]:.4g}", strains, "per cent"),
+        None: (f"{beyond[0]:.4g}", f"{angles}, 1.571 rad", "degrees, or in per cent"),
+    }[of]
+    question = f": in {unit}?" if ask else ""
+    raise ValueError(f"{name} has {found}, but {end}{question}")
 
 
 def pair(name: str, value: Any, above: float | None = None) -> tuple[float, float]:

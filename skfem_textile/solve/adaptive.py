@@ -246,7 +246,8 @@ class AdaptiveStepper:
             if not self.states:
                 raise
             # What was valid on the first mesh may not be on a finer one: a ValueError.
-            why = error if isinstance(error, ValueError) else UserError(error)
+            named = isinstance(error, ValueError | UserError)
+            why = error if named else UserError(error)
             where = "on a finer mesh " if first else ""
             raise self._unmet(f"{where}{why}") from error
         result = self.result

@@ -80,7 +80,7 @@ class Method(Protocol):
 
     @property
     def most(self) -> int:
-        """Iterations at most."""
+        """Iterations at most, before those downhill."""
         ...
 
     def solve(

@@ -174,7 +174,8 @@ class LoadStepper:
         ValueError
             If there is no checkpoint to resume from, or a law is not finite at rest.
         UserError
-            If a function of the user raises before there is a state.
+            If a function of the user raises anything but ValueError before there is a
+            state.
         """
         if resume and not self.checkpoint:
             raise ValueError("no checkpoint to resume from: name its folder")

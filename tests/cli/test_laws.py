@@ -151,7 +151,7 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
                 *("--shear-law", "locking", "--shear-stiffness", "1"),
                 *("--shear-locking-angle", "120"),
             ),
-            "locking angle has 2.094 rad (120°), but a shear angle is at most",
+            "locking angle has 120°, but shear angles end at a right angle",
         ),
         (("--tension-law", "crimp-toe"), "crimp-toe needs --fibre-toe"),
         (

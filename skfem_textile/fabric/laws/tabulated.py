@@ -125,7 +125,7 @@ def read_table(
         raise ValueError(f"{file}, {error}") from None
     x, y = x * x_unit, y * y_unit
     for (line, _), argument in zip(lines[1:], x, strict=True):
-        refuse_other_units(f"{file}, row {line}", argument, of)
+        refuse_other_units(f"{file}, row {line}", argument, of, x_unit == 1)
     return x, y * np.cos(x) if normalised else y
 
 
@@ -239,8 +239,8 @@ class Tabulated(ScalarLaw):
     ------
     ValueError
         If there are fewer than two points, a point is not finite, the arguments do not
-        rise or are beyond a right angle, the table leaves out 0 and is not
-        extrapolated, or an odd law has negative arguments or does not vanish at 0.
+        rise, the table is not extrapolated and goes beyond a right angle or leaves out
+        0, or an odd law has negative arguments or does not vanish at 0.
 
     Examples
     --------
@@ -265,7 +265,8 @@ class Tabulated(ScalarLaw):
                 f"{x.shape} and {y.shape}"
             )
         refuse_bad_points(x, y, range(1, len(x) + 1), "point")
-        refuse_other_units("the table", x, None)
+        if self.extrapolation == "refuse":  # decks extrapolate from anywhere
+            refuse_other_units("the table", x, None)
         if self.extrapolation not in _EXTRAPOLATIONS:
             raise ValueError(
                 f"extrapolation must be {' or '.join(_EXTRAPOLATIONS)}, got "

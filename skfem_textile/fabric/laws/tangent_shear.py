@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from ...registration import Resistance
-from ..law import ScalarLaw, number, refuse_other_units
+from ..law import ScalarLaw, number
 
 # The tangent is infinite there, and fibres of both families lie on each other.
 _CLOSED = 0.5 * np.pi
@@ -49,9 +49,11 @@ class TangentShear(ScalarLaw):
         for name in ("stiffness", "locked_stiffness"):
             object.__setattr__(self, name, number(name, getattr(self, name)))
         a = number("locking angle", self.angle, above=0)
-        refuse_other_units("locking angle", a, "shear")
         if a >= _CLOSED:
-            raise ValueError(f"locking angle must be below 90°, got {np.degrees(a):g}°")
+            question = ": in degrees?" if a > 2 * _CLOSED else ""
+            raise ValueError(
+                f"locking angle must be below 90°, got {np.degrees(a):g}°{question}"
+            )
         object.__setattr__(self, "angle", a)
 
     @property
