@@ -233,7 +233,7 @@ SOLVED_IN_THE_MOST_STEPS = "laws: strip, pretensioned, E = 1e+05, quadratic"
 @pytest.mark.long
 @pytest.mark.parametrize("problem", DRAWN, ids=STUDY.name)
 def test_no_problem_of_a_tenth_of_the_study_ends_wrong(problem):
-    """In 1 to 100 steps, against 400; and but one is solved in any of them or in none."""
+    """In 1 to 100 steps, against 400; each but one is solved in all of them or none."""
     found = set(outcomes(problem))
     assert ends.WRONG not in found
     assert (ends.MISSED in found) == (STUDY.name(problem) == SOLVED_IN_THE_MOST_STEPS)
