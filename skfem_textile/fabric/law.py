@@ -422,11 +422,11 @@ def refuse_other_units(
     beyond = x[np.abs(x) > most * (1 + _ROUNDING)]
     if not beyond.size:
         return
-    angles, strains = "shear angles end at a right angle", f"strains at {most:g}"
+    angles = f"shear angles end at a right angle, {RIGHT_ANGLE:.4g} rad"
     found, end, unit = {
         "shear": (f"{np.degrees(beyond[0]):.4g}°", angles, "degrees"),
-        "tension": (f"{beyond[0]:.4g}", strains, "per cent"),
-        None: (f"{beyond[0]:.4g}", f"{angles}, 1.571 rad", "degrees, or in per cent"),
+        "tension": (f"{beyond[0]:.4g}", f"strains end at {most:g}", "per cent"),
+        None: (f"{beyond[0]:.4g}", angles, "degrees, or in per cent"),
     }[of]
     question = f": in {unit}?" if ask else ""
     raise ValueError(f"{name} has {found}, but {end}{question}")
