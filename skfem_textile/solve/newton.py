@@ -50,7 +50,7 @@ _ON_SURFACE = (
 # Halvings of an increment until every law has a value, or the energy falls.
 _HALVINGS = 12
 
-# Iterations of a descent at most, as a multiple of the others.
+# Iterations at most with the line search, as a multiple of the ones before it.
 _DESCENT = 3
 
 # Share of the predicted fall of the energy that an increment must reach (Armijo's rule,
@@ -80,7 +80,7 @@ class Method(Protocol):
 
     @property
     def most(self) -> int:
-        """Iterations at most, before those downhill."""
+        """Iterations at most, before the line search."""
         ...
 
     def solve(
@@ -124,13 +124,14 @@ class Newton:
 
     An iteration that has not converged after ``most`` increments but has a positive
     definite tangent goes on with a line search: increments are halved until the energy
-    falls.  Where a term has a ``line_search``, all increments but the first are.
+    falls.  Where a term has a ``line_search``, this holds for every increment after
+    the first.
 
     Near the equilibrium the parameters of the terms are updated with the predicted
     tensions, until an update changes the energy by less than `SETTLED`.
 
-    An equilibrium that is not stable is left along its softest motion, and downhill,
-    unless the load path is followed, which leads around it.
+    The iteration leaves an unstable equilibrium along its softest motion, and goes on
+    with the line search.  Where it follows the load path, the path leads around it.
 
     Parameters
     ----------
@@ -316,7 +317,7 @@ class _Progress:
         return self._balanced
 
     def unfinished(self, tangent: Tangent) -> bool:
-        """Whether an iteration that has not balanced would go on downhill."""
+        """Whether the forces do not balance and the tangent is positive definite."""
         return not (self._balanced or tangent.altered)
 
     def equilibrium(self, end: _Iterate) -> Equilibrium:
