@@ -2,31 +2,34 @@
 
 import argparse
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
 from .. import __version__
+from ..cases.build import built
+from ..cases.schema import CaseFile, Stepping
+from ..cases.write import WRITTEN_FILES, WrittenCase, refuse_foreign_case, tables_of
 from ..mesh.user_input import printable
 from ..scenes.case import Case
-from ..solve.adaptive import MOST_UNKNOWNS, AdaptiveStepper
+from ..solve.adaptive import AdaptiveStepper
 from ..solve.result import Result, StepError
 from ..solve.states import ErrorEstimate
 from ..solve.stepper import LoadStepper
 from . import results
-from .case.curve import CURVE, curve_of, read_test_curve, write_curve
-from .case.written import WRITTEN_FILES, WrittenCase, refuse_foreign_case
+from .curve import CURVE, curve_of, read_test_curve, write_curve
 from .interruption import INTERRUPTED, held
 from .output import OutputError, complain, say
 from .progress import STOPPED_EARLY, load, shown
 from .result_folder import ResultFolder
 
 if TYPE_CHECKING:
-    from .case.curve import Curve
+    from .curve import Curve
     from .progress import Stepper
-    from .results import HandOver
 
 # Every picture that a run may draw.
 _PICTURES = (
@@ -35,59 +38,54 @@ _PICTURES = (
 )
 
 
-def run(
-    case: Case,
-    stepper_of: Callable[[Path | None], "Stepper"],
-    values: Mapping[str, Any],
-    written: WrittenCase,
-    hand_over: "HandOver",
-    options: argparse.Namespace,
-) -> int:
+def run(file: CaseFile, options: argparse.Namespace) -> int:
     """Load a case and write its results; returns the exit code.
 
     Parameters
     ----------
-    case
-        The case.
-    stepper_of
-        Makes its load stepper with a checkpoint, or without one.
-    values
-        Values of the options, for the summary.
-    written
-        The case file to write beside the results.
-    hand_over
-        What a ply on a tool is to hand over.
+    file
+        The declaration of the case.
     options
-        Folders of results and checkpoint, and how much is logged.
+        Folders of results and checkpoint, whether pictures are drawn, and how much is
+        logged.
 
     Raises
     ------
+    ValueError
+        If the case cannot be run.
     OutputError
         If the results cannot be written.
     """
     from .. import io
 
+    if options.no_render:
+        file = msgspec.structs.replace(
+            file, output=msgspec.structs.replace(file.output, pictures=False)
+        )
+    case = built(file)
+    hand_over = results.HandOver.read(file.output)
+    written = WrittenCase(file)
     with shown("preparing the ply"):  # nets on a tool take long
-        stepper = stepper_of(_checkpoint(options))
-    named = values["test_curve"]
+        stepper = stepper_of(case, file.stepping, _checkpoint(options))
+    named = file.output.test_curve
     test = None if named is None else read_test_curve(named)
     refuse_foreign_case(options.out)
     fields = (f"fields/{name}" for name in io.FIELDS)
     tables = ("summary.json", "history.csv", CURVE)
     drapes = *io.DRAPED, *hand_over.files
     files = (*tables, *WRITTEN_FILES, *drapes, *fields, *_PICTURES)
-    results = ResultFolder(options.out, files)
+    out = ResultFolder(options.out, files)
     code, said, refusal = load(stepper, options.resume is not None, options.verbose)
     result = stepper.result
     said_before = {
-        "inputs": {"version": __version__, **values},
+        "inputs": {"version": __version__, **tables_of(file)},
         "versions": versions(),
     }
     summary = case.summary(_without_estimate(result)) | said_before
     complete = False
     try:
         with held():
-            with results as folder:
+            with out as folder:
                 handed = hand_over.write(result, case.scene.axes, folder)
                 io.write_summary(summary | handed, folder / "summary.json")
                 io.write_history(result, folder / "history.csv")
@@ -136,24 +134,24 @@ def versions() -> dict[str, str]:
 
 
 def stepper_of(
-    case: Case, values: Mapping[str, Any], checkpoint: Path | None
+    case: Case, stepping: Stepping, checkpoint: Path | None
 ) -> LoadStepper | AdaptiveStepper:
-    """The load stepper of a case, to a tolerance if the values have one.
+    """The load stepper of a case, one to a tolerance if that is given.
 
     Raises
     ------
     ValueError
         As from the steppers, or if there is a tolerance and a checkpoint.
     """
-    if values["tolerance"] is None:
-        if values["most_unknowns"] != MOST_UNKNOWNS:
-            raise ValueError("--most-unknowns goes with --tolerance")
+    if stepping.tolerance is None:
         return case.stepper(checkpoint)
     if checkpoint:
-        raise ValueError("--tolerance cannot have a checkpoint: leave one of them out")
+        raise ValueError(
+            "stepping.tolerance cannot have a checkpoint: leave one of them out"
+        )
     return AdaptiveStepper(
-        *(case.ply(), case.scene.conditions, values["tolerance"], case.steps),
-        most_unknowns=values["most_unknowns"],
+        *(case.ply(), case.scene.conditions, stepping.tolerance, case.steps),
+        most_unknowns=stepping.most_unknowns,
         method=case.method,
         warn_only=case.warn_only,
         solver=case.solver,

@@ -1,6 +1,5 @@
-"""Problems with a known answer, each in one file: geometry, conditions, solution."""
+"""Problems with a known answer, geometry, conditions, solution."""
 
-from ..registration import SceneRegistration, registered
 from .bias_extension import bias_extension
 from .case import Case
 from .picture_frame import picture_frame
@@ -16,11 +15,7 @@ from .specimen import specimen
 from .strip import strip
 from .trellis import trellis
 
-#: The scenes by their names on the command line.
-SCENES = registered(__name__, SceneRegistration)
-
 __all__ = [
-    "SCENES",
     "Case",
     "Scene",
     "bias_extension",

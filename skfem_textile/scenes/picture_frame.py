@@ -1,13 +1,11 @@
 """Scene `picture_frame`: a square ply sheared by a hinged frame."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ..registration import SceneRegistration, angle
 from .scene import Scene
 from .shear_test import FrameTest
 from .trellis import trellis
@@ -49,18 +47,3 @@ def picture_frame(
 
 def _straight(s: ndarray, t: float) -> ndarray:
     return np.zeros(s.shape)
-
-
-def _from_options(*, shear_angle: float, **mesh: Any) -> Scene:
-    return picture_frame(shear_angle=np.radians(shear_angle), **mesh)
-
-
-REGISTRATION = SceneRegistration(
-    name="picture_frame",
-    description="a square sheared by a hinged frame, fibres along its sides",
-    build=_from_options,
-    size=(10, 10),
-    defaults={"shear-stiffness": 0.5},
-    options=(angle("shear-angle", 45.0, "shear angle at the end"),),
-    rank=2,
-)

@@ -9,7 +9,7 @@ boundary follows it; sides may be free or on inclined rollers.
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from numbers import Real
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -18,7 +18,6 @@ from skfem import Mesh
 
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..mesh.scikit_fem import with_names
-from ..registration import Option, SceneRegistration, angle
 from ..solve.conditions import Condition
 from .rectangle import rectangle
 from .scene import Scene
@@ -247,69 +246,3 @@ def _curve(
         angle = inclination + turn(start + half[:, None] * (1 + _XI), t)
         x += half * (np.stack([np.cos(angle), np.sin(angle)]) @ _WEIGHTS)
     return x
-
-
-def _from_options(
-    *,
-    warp: float,
-    weft: float,
-    shear_angle: float,
-    bend: float,
-    free: Sequence[str],
-    roller: Sequence[tuple[str, float]],
-    **mesh: Any,
-) -> Scene:
-    edges: dict[str, Edge] = dict.fromkeys(free, "free")
-    for side, inclination in roller:
-        if side in edges:
-            raise ValueError(
-                f"--roller {side}: that side is already free or on a roller"
-            )
-        edges[side] = float(np.radians(inclination))
-    warp, weft = np.radians([warp, weft])
-    turns = sheared(np.radians(shear_angle), np.radians(bend))
-    return trellis(warp=warp, weft=weft, turns=turns, edges=edges, **mesh)
-
-
-def _read_roller(word: str) -> tuple[str, float]:
-    side, _, degrees = word.partition("=")
-    try:
-        return side, float(degrees)
-    except ValueError:
-        raise ValueError(f"{word!r} is not like left=30") from None
-
-
-REGISTRATION = SceneRegistration(
-    name="trellis",
-    description="a square whose edges follow a motion that stretches no fibre",
-    build=_from_options,
-    size=(10, 10),
-    defaults={"shear-stiffness": 0.5},
-    options=(
-        angle("warp", 0.0, "inclination of the warp"),
-        angle("weft", 90.0, "inclination of the weft"),
-        angle("shear-angle", 45.0, "shear angle at the origin, at the end"),
-        angle("bend", 30.0, "by which a fibre of 100 mm bends in the end"),
-        Option(
-            name="free",
-            help=f"sides that are not held, of {', '.join(SIDES)}",
-            default=(),
-            choices=SIDES,
-            metavar="SIDE",
-            words="+",
-            repeated=True,
-        ),
-        Option(
-            name="roller",
-            help="a side on a roller that rolls along a line of this inclination; "
-            "may be repeated",
-            default=(),
-            read=_read_roller,
-            metavar="SIDE=DEG",
-            repeated=True,
-            unit="deg",
-            in_file=dict[str, float],
-        ),
-    ),
-    rank=3,
-)

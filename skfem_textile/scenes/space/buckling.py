@@ -11,7 +11,6 @@ import numpy as np
 from skfem import Mesh
 
 from ...ply.loads import BodyForce
-from ...registration import Option, SceneRegistration
 from ...solve.conditions import Condition
 from ...solve.result import Result
 from ..common.elastica import buckled
@@ -107,31 +106,3 @@ def figures(
         "force_over_exact": force / (D / length**2 * exact.force),
         "height_over_exact": height / (length * exact.height),
     }
-
-
-REGISTRATION = SceneRegistration(
-    name="buckling",
-    description="a strip in space whose ends are pushed together",
-    build=buckling,
-    size=(16, 2),
-    jitter=0.0,
-    defaults={"fibre-stiffness": 1e5, "shear-stiffness": 0.1}
-    | {"bending-warp": 6.0, "bending-weft": 6.0},
-    options=(
-        Option(
-            name="shortening",
-            help="share of the length by which the ends are nearer at the end",
-            default=0.2,
-            read=float,
-        ),
-        Option(
-            name="push",
-            help="load across the strip in N/mm2 that tells to which side it buckles",
-            default=1e-8,
-            read=float,
-            unit="N_per_mm2",
-        ),
-    ),
-    dimension=3,
-    rank=7,
-)

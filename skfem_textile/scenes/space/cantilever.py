@@ -12,7 +12,6 @@ import numpy as np
 from skfem import Mesh
 
 from ...ply.loads import BodyForce
-from ...registration import Option, SceneRegistration
 from ...solve.conditions import Condition
 from ...solve.result import Result
 from ..common.elastica import hanging, peirce
@@ -113,32 +112,3 @@ def figures(result: Result, length: float, weight: float) -> dict[str, float]:
         "exact_chord_angle_deg": float(np.degrees(exact.chord_angle)),
         "tip_error_over_length": float(off / length),
     }
-
-
-REGISTRATION = SceneRegistration(
-    name="cantilever",
-    description="a strip in space that bends under its own weight (Peirce)",
-    build=cantilever,
-    size=(16, 2),
-    jitter=0.0,
-    defaults={"fibre-stiffness": 1e4, "shear-stiffness": 0.1}
-    | {"bending-warp": 6.0, "bending-weft": 6.0, "steps": 4},
-    options=(
-        Option(
-            name="length",
-            help="length of the strip",
-            default=200.0,
-            read=float,
-            unit="mm",
-        ),
-        Option(
-            name="weight",
-            help="weight per area in N/mm2, 6e-6 for 0.6 kg/m2",
-            default=6e-6,
-            read=float,
-            unit="N_per_mm2",
-        ),
-    ),
-    dimension=3,
-    rank=6,
-)

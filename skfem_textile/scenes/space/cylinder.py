@@ -6,10 +6,8 @@ import numpy as np
 from skfem import Mesh
 
 from ...drape import Cylinder
-from ...registration import SceneRegistration
 from ..scene import Scene
-from .laid import DEFAULTS, LaidPly, from_options, laid, options
-from .laid import radius as radius_option
+from .laid import LaidPly, laid
 
 #: Radius of the cylinder and sides of the ply in mm.
 RADIUS, WIDTH, HEIGHT = 100.0, 180.0, 180.0
@@ -44,20 +42,3 @@ def cylinder(
         exact=lambda X, t: np.zeros(X.shape[1]),
         off_exact=lambda X: "",
     )
-
-
-REGISTRATION = SceneRegistration(
-    name="cylinder",
-    description="a ply on a cylinder, which shears no ply",
-    build=from_options(cylinder),
-    size=(16, 16),
-    jitter=0.0,
-    defaults=DEFAULTS,
-    options=(
-        radius_option(RADIUS, "radius of the cylinder"),
-        *options(WIDTH, HEIGHT),
-    ),
-    dimension=3,
-    on_tool=True,
-    rank=9,
-)

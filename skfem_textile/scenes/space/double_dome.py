@@ -5,9 +5,8 @@ from typing import Unpack
 from skfem import Mesh
 
 from ...drape import double_dome as tool
-from ...registration import SceneRegistration
 from ..scene import Scene
-from .laid import DEFAULTS, LaidPly, from_options, laid, options
+from .laid import LaidPly, laid
 
 #: Sides of the ply in mm.
 WIDTH, HEIGHT = 470.0, 270.0
@@ -28,17 +27,3 @@ def double_dome(mesh: str | Mesh = "irregular", **ply: Unpack[LaidPly]) -> Scene
     """
     given: LaidPly = {"size": (32, 18), "width": WIDTH, "height": HEIGHT, **ply}
     return laid("double_dome", tool(), mesh, **given)
-
-
-REGISTRATION = SceneRegistration(
-    name="double_dome",
-    description="a ply on two domes with a waist between them",
-    build=from_options(double_dome),
-    size=(32, 18),
-    jitter=0.0,
-    defaults=DEFAULTS,
-    options=options(WIDTH, HEIGHT),
-    dimension=3,
-    on_tool=True,
-    rank=10,
-)

@@ -14,10 +14,9 @@ from skfem import Mesh
 from ...drape import Axes, ToolMesh, TriangleMesh
 from ...drape.sheet import boundary_edges
 from ...mesh.contact import signed_areas
-from ...registration import Option, SceneRegistration
 from ...solve.surface import OffSurfaceError, OnSurface, onto
 from ..scene import Scene
-from .laid import DEFAULTS, LaidPly, from_options, laid, options, tell_of_net
+from .laid import LaidPly, laid, tell_of_net
 
 #: Sides of the ply in mm.
 WIDTH, HEIGHT = 180.0, 180.0
@@ -74,7 +73,7 @@ def drape(
     if tool.beyond_edges(place[:, None])[0] > 0:
         raise ValueError(
             f"drape: the tool has no triangle at {_said(place)}, where the ply is to "
-            "touch it: give another --point"
+            "touch it: give another point"
         )
     axes = Axes.at(tool, place)
     surface = tool.moved(*axes)
@@ -102,7 +101,9 @@ def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
 def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
     """The point of a tool that is nearest to one that a user gives."""
     if point.shape != (3,) or not np.isfinite(point).all():
-        raise ValueError(f"drape: --point must be three numbers, got {point.tolist()}")
+        raise ValueError(
+            f"drape: the point must be three numbers, got {point.tolist()}"
+        )
     near = tool.facets.longest_edges().max()
     try:
         with np.errstate(all="ignore"):  # what is far away is refused
@@ -111,8 +112,8 @@ def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
         place = np.full(3, np.inf)
     if not np.linalg.norm(place - point) <= near:
         raise ValueError(
-            f"drape: --point {_said(point)} is further than {near:.3g} mm, an edge of "
-            "a triangle, from the tool: give a point on it"
+            f"drape: the point {_said(point)} is further than {near:.3g} mm, an edge "
+            "of a triangle, from the tool: give a point on it"
         )
     return place
 
@@ -146,41 +147,9 @@ def _highest(tool: TriangleMesh) -> ndarray:
         return place
     raise ValueError(
         f"drape: the highest point of the tool, {_said(start)}, is at its edge or on a "
-        "slope: give --point, where the ply touches it"
+        "slope: give the point where the ply touches it"
     )
 
 
 def _said(point: ndarray) -> str:
     return " ".join(f"{x:.6g}" for x in point)
-
-
-REGISTRATION = SceneRegistration(
-    name="drape",
-    description="a ply on a tool in a file, such as STL",
-    build=from_options(drape),
-    size=(16, 16),
-    jitter=0.0,
-    defaults=DEFAULTS,
-    options=(
-        Option(
-            name="tool",
-            help="the tool: triangles of an STL file, or of another that meshio reads",
-            metavar="FILE.stl",
-            names_file=bool,
-        ),
-        Option(
-            name="point",
-            help="x, y and z of the point of the tool that the middle of the ply "
-            "touches (default: the highest point, nearest to the middle)",
-            read=float,
-            words=3,
-            metavar="MM",
-            unit="mm",
-            in_file=tuple[float, float, float],
-        ),
-        *(one for one in options(WIDTH, HEIGHT) if one.name != "part"),
-    ),
-    dimension=3,
-    on_tool=True,
-    rank=12,
-)

@@ -16,10 +16,8 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ...drape import Sphere
-from ...registration import SceneRegistration
 from ..scene import Scene
-from .laid import DEFAULTS, LaidPly, from_options, laid, options
-from .laid import radius as radius_option
+from .laid import LaidPly, laid
 
 #: Where the net folds, ω = 0.
 FOLD = 1.8616
@@ -114,20 +112,3 @@ def _off_exact(X: ndarray, fibres: float, radius: float) -> str:
     if np.abs(_threads(X, fibres, radius)).max() > FOLD:
         return "the net folds within the ply"
     return ""
-
-
-REGISTRATION = SceneRegistration(
-    name="hemisphere",
-    description="a ply on a sphere",
-    build=from_options(hemisphere),
-    size=(16, 16),
-    jitter=0.0,
-    defaults=DEFAULTS,
-    options=(
-        radius_option(RADIUS, "radius of the sphere"),
-        *options(WIDTH, HEIGHT),
-    ),
-    dimension=3,
-    on_tool=True,
-    rank=8,
-)

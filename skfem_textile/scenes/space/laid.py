@@ -16,7 +16,7 @@ of curvature is in one place, and no net lies around it.  Load steps become tiny
 import logging
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Literal, TypeAlias, TypedDict, get_args
+from typing import Literal, TypeAlias, TypedDict, get_args
 
 import numpy as np
 from numpy import ndarray
@@ -27,7 +27,6 @@ from ...drape.kinematic_net import FoldedNetError, NetError
 from ...fabric import Fabric
 from ...mesh.checks import MeshError, check_mesh, with_edges
 from ...ply.terms import Load
-from ...registration import Option, angle
 from ...solve.conditions import Condition
 from ...solve.result import Result
 from ...solve.surface import OnSurface, Surface
@@ -116,9 +115,6 @@ _SYMMETRY = {"left": (0.0, None, None), "bottom": (None, 0.0, None)}
 
 # Angle in radians, and share of the ply, that count as none.
 _OFF = 1e-6
-
-#: Values of options that are others than of other scenes: a fabric that shears easily.
-DEFAULTS = {"shear-stiffness": 0.1, "steps": 4}
 
 
 class LaidPly(TypedDict, total=False):
@@ -272,7 +268,7 @@ def _in_planes(name: str, mesh: Mesh) -> dict[str, Condition]:
     if np.abs(mesh.p.min(axis=1)).max() > _OFF * np.ptp(mesh.p):
         raise MeshError(
             f"{name}: the lower left corner of a quarter must be at the origin; of a "
-            "whole ply say --part whole"
+            "whole ply the part is 'whole'"
         )
     return {side: Condition(side, value) for side, value in _SYMMETRY.items()}
 
@@ -311,44 +307,3 @@ def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition
         "turn_left": Condition(left, moves(1), direction=y),
         "turn_right": Condition(right, moves(1), direction=y),
     }
-
-
-def options(width: float, height: float) -> tuple[Option, ...]:
-    """The options of every ply that is laid, with the sides of the ply."""
-    return (
-        angle("fibres", 0.0, "inclination of the warp; the weft is at right angles"),
-        _length("width", width, "of the whole ply along x, where its mesh is made"),
-        _length("height", height, "of the whole ply along y, where its mesh is made"),
-        Option(
-            name="tension",
-            help="tension on free edges along the fibres in N/mm; 0 for edges without",
-            default=2.0,
-            read=float,
-            unit="N_per_mm",
-        ),
-        Option(
-            name="part",
-            help="what is computed (default: quarter with fibres along the sides or at "
-            "45 degrees to them, else whole)",
-            choices=PARTS,
-        ),
-    )
-
-
-def radius(default: float, what: str) -> Option:
-    """The option of a tool's radius."""
-    return _length("radius", default, what)
-
-
-def _length(name: str, default: float, what: str) -> Option:
-    text = f"{what}, in mm"
-    return Option(name=name, help=text, default=default, read=float, unit="mm")
-
-
-def from_options(build: Callable[..., Scene]) -> Callable[..., Scene]:
-    """What builds a scene of options, whose angle is in degrees."""
-
-    def built(*, fibres: float, **others: Any) -> Scene:
-        return build(fibres=float(np.radians(fibres)), **others)
-
-    return built

@@ -7,10 +7,8 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ...drape import Height, HeightField
-from ...registration import SceneRegistration
 from ..scene import Scene
-from .laid import DEFAULTS, LaidPly, from_options, laid, options
-from .laid import radius as radius_option
+from .laid import LaidPly, laid
 
 #: Radius of curvature in the middle and sides of the ply in mm.
 RADIUS, WIDTH, HEIGHT = 150.0, 180.0, 180.0
@@ -44,20 +42,3 @@ def saddle(
         return Height(h, x / radius, -y / radius, curved, zero, -curved)
 
     return laid("saddle", HeightField(height), mesh, **ply)
-
-
-REGISTRATION = SceneRegistration(
-    name="saddle",
-    description="a ply on a saddle",
-    build=from_options(saddle),
-    size=(16, 16),
-    jitter=0.0,
-    defaults=DEFAULTS,
-    options=(
-        radius_option(RADIUS, "radius of both curvatures in the middle"),
-        *options(WIDTH, HEIGHT),
-    ),
-    dimension=3,
-    on_tool=True,
-    rank=11,
-)

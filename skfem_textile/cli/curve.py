@@ -9,10 +9,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy import ndarray
 
-from ...mesh.user_input import printable
-from ...scenes import Scene
-from ...scenes.shear_test import ShearTest
-from ...solve.result import Result
+from ..mesh.user_input import printable
+from ..scenes import Scene
+from ..scenes.shear_test import ShearTest
+from ..solve.result import Result
 
 #: Headings of the columns.
 DISPLACEMENT, FORCE = "displacement (mm)", "force (N)"
@@ -50,7 +50,7 @@ def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
     OSError
         If it cannot be read.
     """
-    from ...calibration.curves import read_curve
+    from ..calibration.curves import read_curve
 
     found = read_curve(path, gaps=True)
     curve = {
@@ -121,7 +121,7 @@ def completed(curve: Curve, test: ShearTest | None) -> dict[str, ndarray]:
 
 def write_curve(curve: dict[str, ndarray], path: Path) -> None:
     """Write the columns of a curve as CSV; see `word_of`."""
-    from ...io.file_numbers import word_of
+    from ..io.file_numbers import word_of
 
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
