@@ -107,7 +107,7 @@ class PictureFrame(PlaneScene, tag="picture_frame"):
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
         """See `Scene.build`."""
-        from ..scenes.picture_frame import picture_frame
+        from ..scenes.trellis import picture_frame
 
         angle = float(np.radians(self.shear_angle_deg))
         return picture_frame(mesh, shear_angle=angle, **generated)
@@ -248,7 +248,7 @@ class Cantilever(StripInSpace, tag="cantilever"):
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
         """See `Scene.build`."""
-        from ..scenes.space.cantilever import cantilever
+        from ..scenes.strips_in_space import cantilever
 
         return cantilever(
             mesh, length=self.length_mm, weight=self.weight_N_per_mm2, **generated
@@ -269,7 +269,7 @@ class Buckling(StripInSpace, tag="buckling"):
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
         """See `Scene.build`."""
-        from ..scenes.space.buckling import buckling
+        from ..scenes.strips_in_space import buckling
 
         return buckling(
             mesh, shortening=self.shortening, push=self.push_N_per_mm2, **generated
@@ -330,7 +330,7 @@ class Hemisphere(OnSymmetricTool, tag="hemisphere"):
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
         """See `Scene.build`."""
-        from ..scenes.space.hemisphere import hemisphere
+        from ..scenes.tools import hemisphere
 
         return hemisphere(mesh, self.radius_mm, **generated, **self.ply())
 
@@ -342,7 +342,7 @@ class Cylinder(OnSymmetricTool, tag="cylinder"):
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
         """See `Scene.build`."""
-        from ..scenes.space.cylinder import cylinder
+        from ..scenes.tools import cylinder
 
         return cylinder(mesh, self.radius_mm, **generated, **self.ply())
 
@@ -361,7 +361,7 @@ class DoubleDome(OnSymmetricTool, tag="double_dome"):
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
         """See `Scene.build`."""
-        from ..scenes.space.double_dome import double_dome
+        from ..scenes.tools import double_dome
 
         return double_dome(mesh, **generated, **self.ply())
 
@@ -375,7 +375,7 @@ class Saddle(OnSymmetricTool, tag="saddle"):
 
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
         """See `Scene.build`."""
-        from ..scenes.space.saddle import saddle
+        from ..scenes.tools import saddle
 
         return saddle(mesh, self.radius_mm, **generated, **self.ply())
 
@@ -399,7 +399,7 @@ class Drape(OnTool, tag="drape"):
     def build(self, mesh: Any, **generated: Any) -> "BuiltScene":
         """See `Scene.build`."""
         from ..io import read_surface
-        from ..scenes.space.drape import drape
+        from ..scenes.drape import drape
 
         if self.tool is None:
             raise ValueError("scene.tool is missing: name an STL file of triangles")

@@ -21,10 +21,9 @@ from ..fabric import Fabric, Law
 from ..fabric.law import mean_slope
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..solve.conditions import Condition
-from .common.zones import force_of_moments, free_length
 from .rectangle import misfit, rectangle
 from .scene import Scene
-from .shear_test import BiasTest
+from .shear_test import BiasTest, force_of_moments, free_length
 from .trellis import Motion
 
 #: Width of the ply in mm.

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skfem_textile.scenes.common.elastica import hanging, peirce
+from skfem_textile.scenes.elastica import hanging, peirce
 
 from ...common.tables import markdown_table
 from ...study import Row

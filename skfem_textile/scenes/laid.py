@@ -22,18 +22,18 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ...drape import SAME_AXES, Axes, exponential_map
-from ...drape.kinematic_net import FoldedNetError, NetError
-from ...fabric import Fabric
-from ...mesh.checks import MeshError, check_mesh, with_edges
-from ...ply.terms import Load
-from ...solve.conditions import Condition
-from ...solve.result import Result
-from ...solve.surface import OnSurface, Surface
-from ..common.on_tool import CELLS, measured_on_tool, net_over
-from ..rectangle import misfit, rectangle
-from ..scene import Scene, unknown
+from ..drape import SAME_AXES, Axes, exponential_map
+from ..drape.kinematic_net import FoldedNetError, NetError
+from ..fabric import Fabric
+from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..ply.terms import Load
+from ..solve.conditions import Condition
+from ..solve.result import Result
+from ..solve.surface import OnSurface, Surface
 from .edge_tension import EdgeTension
+from .on_tool import CELLS, measured_on_tool, net_over
+from .rectangle import misfit, rectangle
+from .scene import Scene, unknown
 
 log = logging.getLogger(__name__)
 

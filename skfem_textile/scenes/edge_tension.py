@@ -18,12 +18,12 @@ from numpy import ndarray
 from skfem import CellBasis, FacetBasis, LinearForm, asm
 from skfem.helpers import dot
 
-from ...drape import Net
-from ...fabric.law import Law
-from ...ply.parameters import Values
-from ...ply.terms import Term
-from ...solve.surface import OnSurface
-from ..common.on_tool import CELLS, net_over
+from ..drape import Net
+from ..fabric.law import Law
+from ..ply.parameters import Values
+from ..ply.terms import Term
+from ..solve.surface import OnSurface
+from .on_tool import CELLS, net_over
 
 # Cells that the net reaches beyond the ply.
 _BEYOND = 2

@@ -11,15 +11,12 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ...drape import Axes, ToolMesh, TriangleMesh
-from ...drape.sheet import boundary_edges
-from ...mesh.contact import signed_areas
-from ...solve.surface import OffSurfaceError, OnSurface, onto
-from ..scene import Scene
+from ..drape import Axes, ToolMesh, TriangleMesh
+from ..drape.sheet import boundary_edges
+from ..mesh.contact import signed_areas
+from ..solve.surface import OffSurfaceError, OnSurface, onto
 from .laid import LaidPly, laid, tell_of_net
-
-#: Sides of the ply in mm.
-WIDTH, HEIGHT = 180.0, 180.0
+from .scene import Scene
 
 # Vertices lower than the highest by this share of the tool's extent are as high.
 _AS_HIGH = 1e-6

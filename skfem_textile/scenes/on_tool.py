@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ...drape import (
+from ..drape import (
     Axes,
     Net,
     beyond_edges,
@@ -17,9 +17,9 @@ from ...drape import (
     turn_of_normal,
     wrinkle_risk,
 )
-from ...ply import Ply
-from ...solve.result import Result
-from ...solve.surface import OnSurface, Surface
+from ..ply import Ply
+from ..solve.result import Result
+from ..solve.surface import OnSurface, Surface
 
 #: Cells of a net over the longer side of the ply.  Chosen: directions of its threads at
 #: the edges are off by 1e-4.

@@ -1,11 +1,4 @@
-"""Scene `hemisphere`: a ply on a sphere, whose Chebyshev net is known.
-
-The Chebyshev net of the sphere.
-
-With two great circles through a pole as first threads, and lengths u and v along the
-threads from there, the angle ω between the families depends on z = uv/R² alone:
-z ω″ + ω′ + sin ω = 0 with ω(0) = π/2.
-"""
+"""Scenes of plies on a sphere, a cylinder, a double dome and a saddle."""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -15,9 +8,10 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
-from ...drape import Sphere
-from ..scene import Scene
+from ..drape import Cylinder, Height, HeightField, Sphere
+from ..drape import double_dome as tool
 from .laid import LaidPly, laid
+from .scene import Scene
 
 #: Where the net folds, ω = 0.
 FOLD = 1.8616
@@ -28,7 +22,7 @@ _SERIES = 1e-6
 
 @cache
 def _omega() -> Callable:
-    from scipy.integrate import solve_ivp  # takes long to load
+    from scipy.integrate import solve_ivp
 
     start = [np.pi / 2 - _SERIES, -1.0]
 
@@ -52,16 +46,13 @@ def shear_angle(z: ndarray) -> ndarray:
     return np.where(np.abs(z) < _SERIES, z, np.copysign(angle, z))
 
 
-#: Radius of the sphere and sides of the ply in mm.
-RADIUS, WIDTH, HEIGHT = 100.0, 180.0, 180.0
-
 # Share of the ply's width, and of an eighth of a turn, that counts as none.
 _OFF = 1e-6
 
 
 def hemisphere(
     mesh: str | Mesh = "irregular",
-    radius: float = RADIUS,
+    radius: float = 100.0,
     **ply: Unpack[LaidPly],
 ) -> Scene:
     """A ply on a sphere, its pole at the origin.
@@ -112,3 +103,81 @@ def _off_exact(X: ndarray, fibres: float, radius: float) -> str:
     if np.abs(_threads(X, fibres, radius)).max() > FOLD:
         return "the net folds within the ply"
     return ""
+
+
+def cylinder(
+    mesh: str | Mesh = "irregular",
+    radius: float = 100.0,
+    **ply: Unpack[LaidPly],
+) -> Scene:
+    """A ply on a cylinder, its axis along y below the origin.
+
+    The exact answer, for fibres at any angle: nothing shears.
+
+    Parameters
+    ----------
+    radius
+        Radius in mm.
+    mesh, **ply
+        As of `laid`.
+
+    Raises
+    ------
+    ValueError
+        As from `laid`, or if the radius is not positive.
+    """
+    return laid(
+        "cylinder",
+        Cylinder(radius, (0.0, 0.0, -radius)),
+        mesh,
+        **ply,
+        exact=lambda X, t: np.zeros(X.shape[1]),
+        off_exact=lambda X: "",
+    )
+
+
+def double_dome(mesh: str | Mesh = "irregular", **ply: Unpack[LaidPly]) -> Scene:
+    """A ply on `skfem_textile.drape.double_dome`, its long side along x.
+
+    Parameters
+    ----------
+    mesh, **ply
+        As of `laid`.
+
+    Raises
+    ------
+    ValueError
+        As from `laid`.
+    """
+    given: LaidPly = {"size": (32, 18), "width": 470.0, "height": 270.0, **ply}
+    return laid("double_dome", tool(), mesh, **given)
+
+
+def saddle(
+    mesh: str | Mesh = "irregular",
+    radius: float = 150.0,
+    **ply: Unpack[LaidPly],
+) -> Scene:
+    """A ply on a saddle that is hollow along x and bulges along y.
+
+    Parameters
+    ----------
+    radius
+        Radius R of both curvatures in the middle, in mm.
+    mesh, **ply
+        As of `laid`.
+
+    Raises
+    ------
+    ValueError
+        As from `laid`, or if the radius is not positive.
+    """
+    if not 0 < radius < np.inf:
+        raise ValueError(f"saddle: the radius must be positive, got {radius:g}")
+
+    def height(x: ndarray, y: ndarray) -> Height:
+        curved, zero = np.full_like(x, 1 / radius), np.zeros_like(x)
+        h = 0.5 * (x * x - y * y) / radius
+        return Height(h, x / radius, -y / radius, curved, zero, -curved)
+
+    return laid("saddle", HeightField(height), mesh, **ply)
