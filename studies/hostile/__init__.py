@@ -1,5 +1,6 @@
 """Hostile inputs: refused in one line, or read as a plain reader reads them.
 
-A trial is a seed.  A family makes an input from the seed, gives it to the library, and
-compares the answer with the right one.  Trials run in forked workers with a time limit.
+The families of inputs, and the claims about each, are property tests beside their
+subjects in ``tests``.  The study tries many inputs of each family in forked workers,
+which limit time and memory, and counts how they end.
 """

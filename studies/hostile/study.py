@@ -11,17 +11,16 @@ from typing import NamedTuple
 from ..common.tables import json_text, markdown_table
 from ..study import Row, Study
 from .families import FAMILIES
-from .trial import GOOD, OUTCOMES
-from .workers import try_seeds
+from .workers import GOOD, OUTCOMES, findings
 
 _COUNTS, _TABLE = "hostile.json", "hostile.md"
 
 
 class Trials(NamedTuple):
-    """Consecutive seeds of a family, and the number of processes that try them."""
+    """Trials of a family by their numbers, and the processes that run them."""
 
     family: str
-    seeds: range
+    numbers: range
     workers: int
 
 
@@ -37,10 +36,10 @@ class Hostile(Study[Trials]):
         add = parser.add_argument
         add("--short", action="store_true", help="the short form, for CI")
         add("--workers", type=int, default=os.cpu_count(), help="processes")
-        add("--first", type=int, default=0, help="first seed")
+        add("--first", type=int, default=0, help="first number, which seeds the inputs")
 
     def cases(self, options: argparse.Namespace) -> Sequence[Trials]:
-        """Every family, with its seeds."""
+        """Every family, with the numbers of its trials."""
         first = options.first
         return [
             Trials(family.name, range(first, first + number), options.workers)
@@ -49,21 +48,20 @@ class Hostile(Study[Trials]):
         ]
 
     def name(self, case: Trials) -> str:
-        """Family, first and last seed."""
-        return f"{case.family} {case.seeds[0]}-{case.seeds[-1]}"
+        """Family, first and last number."""
+        return f"{case.family} {case.numbers[0]}-{case.numbers[-1]}"
 
     def examine(self, case: Trials) -> list[Row]:
         """Count the trials by outcome, and list those that end badly."""
         (family,) = (family for family in FAMILIES if family.name == case.family)
-        tried = list(try_seeds(family, case.seeds, case.workers))
-        counts = Counter(trial.finding.outcome for trial in tried)
-        bad = [t for t in tried if t.finding.outcome not in GOOD]
-        bad.sort(key=lambda trial: trial.seed)
+        found = list(findings(family, case.numbers, case.workers))
+        counts = Counter(finding.outcome for finding in found)
+        bad = [finding for finding in found if finding.outcome not in GOOD]
         return [
             {
                 "family": case.family,
                 "counts": {outcome: counts[outcome] for outcome in OUTCOMES},
-                "bad": "\n".join(f"{case.family} {t.seed}: {t.finding}" for t in bad),
+                "bad": "\n".join(f"{case.family}: {finding}" for finding in bad),
             }
         ]
 
@@ -81,7 +79,7 @@ class Hostile(Study[Trials]):
         return {_COUNTS: json_text(counts), _TABLE: table}
 
     def stored(self, folder: Path) -> list[Row]:
-        """The counts of each family, whose seeds began at zero."""
+        """The counts of each family, whose numbers began at zero."""
         text = (folder / _COUNTS).read_text(encoding="utf-8")
         return [
             {

@@ -1,21 +1,34 @@
-"""Forked workers that run trials one by one, with a time limit each."""
+"""Forked workers that try the inputs of a family, with a limit of time and memory."""
 
 import contextlib
-import ctypes
 import os
 import resource
-import shutil
 import signal
-import sys
-import tempfile
-from collections.abc import Iterator, Sequence
+import traceback
+from collections import deque
+from collections.abc import Iterator
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
-from pathlib import Path
-from time import monotonic
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from .trial import DIED, HANG, Family, Finding, surprised
+import hypothesis
+
+from tests.helpers.hostile import (
+    REFUSED,
+    RIGHT,
+    Family,
+    UnclearError,
+    WrongAnswerError,
+)
+from tests.helpers.processes import end_with_parent
+
+#: Refused, but not in one clear line; accepted with a wrong answer.
+UNCLEAR, SILENT = "unclear", "silent"
+#: Other errors, trials over their time limit, and processes that ended.
+TRACEBACK, HANG, DIED = "traceback", "hang", "died"
+#: Every outcome of a trial, in the order of the table.
+OUTCOMES = (RIGHT, REFUSED, UNCLEAR, SILENT, TRACEBACK, HANG, DIED)
+GOOD = (RIGHT, REFUSED)
 
 #: Memory that a worker may take, in bytes: damaged counts may ask for any size.
 MEMORY = 6 * 2**30
@@ -25,119 +38,125 @@ _TRIALS_PER_PROCESS = 300
 
 _FORK = get_context("fork")
 
-# Option of prctl on Linux: the signal that a process gets when its parent ends.
-_PR_SET_PDEATHSIG = 1
+
+class Finding(NamedTuple):
+    """The end of a trial: one of `OUTCOMES`, the input and a message."""
+
+    outcome: str
+    hostile: str = ""
+    message: str = ""
 
 
-class Tried(NamedTuple):
-    """A seed of a family, and the finding of its trial."""
+class _Trials(NamedTuple):
+    """A number of trials of one kind of input, and the seed of Hypothesis."""
 
-    family: str
+    kind: str
+    number: int
     seed: int
-    finding: Finding
 
 
-def try_seeds(family: Family, seeds: Sequence[int], workers: int) -> Iterator[Tried]:
-    """Run the trials of these seeds of a family; they end in no order."""
-    remaining = list(reversed(seeds))
-    busy = [_Worker(family) for _ in range(min(workers, len(remaining)))]
-    for worker in busy:
-        worker.give(remaining.pop())
+def findings(family: Family, numbers: range, workers: int) -> Iterator[Finding]:
+    """Try inputs, equally many of each kind; they end in no order.
+
+    Parameters
+    ----------
+    family
+        The family of the inputs.
+    numbers
+        Numbers of the trials; the first seeds the inputs.
+    workers
+        How many processes there are at a time.
+    """
+    waiting = deque(_shared(family, numbers))
+    busy: dict[Connection, tuple[Any, _Trials]] = {}
     try:
-        while busy:
-            deadline = min(worker.deadline for worker in busy)
-            pipes = [worker.pipe for worker in busy]
-            wait(pipes, timeout=max(0.0, deadline - monotonic()))
-            for worker in list(busy):
-                if (finding := worker.answer()) is None:
-                    continue
-                yield Tried(family.name, worker.seed, finding)
-                if remaining:
-                    worker.give(remaining.pop())
+        while waiting or busy:
+            while waiting and len(busy) < workers:
+                pipe, process = _started(family, waiting[0])
+                busy[pipe] = process, waiting.popleft()
+            for pipe in wait(list(busy)):
+                process, trials = busy[pipe]
+                left = trials._replace(number=trials.number - 1)
+                try:
+                    finding = pipe.recv()
+                except EOFError:
+                    process.join()
+                    _end(process)
+                    del busy[pipe]
+                    if (code := process.exitcode) and trials.number:
+                        hung, trials = code == -signal.SIGALRM, left
+                        yield Finding(HANG if hung else DIED, "", f"exit code {code}")
+                    if trials.number:
+                        waiting.append(trials._replace(seed=trials.seed + len(numbers)))
                 else:
-                    worker.end()
-                    busy.remove(worker)
+                    busy[pipe] = process, left
+                    yield finding
     finally:
-        for worker in busy:
-            worker.end()
+        for process, _ in busy.values():
+            _end(process)
 
 
-class _Worker:
-    """A forked process; a new one takes its place when it hangs or dies."""
-
-    def __init__(self, family: Family) -> None:
-        self._family = family
-        self._start()
-
-    def _start(self) -> None:
-        self.pipe, pipe_of_process = _FORK.Pipe()
-        self._trials = 0
-        arguments = self._family, pipe_of_process, os.getpid()
-        self._process = _FORK.Process(target=_serve, args=arguments, daemon=True)
-        self._process.start()
-        pipe_of_process.close()
-
-    def give(self, seed: int) -> None:
-        """Let the process try a seed; first replace it if it has tried many."""
-        if self._trials == _TRIALS_PER_PROCESS:
-            self.end()
-            self._start()
-        self._trials += 1
-        self.seed, self.deadline = seed, monotonic() + self._family.seconds
-        self.pipe.send(seed)
-
-    def answer(self) -> Finding | None:
-        """The finding of the trial; None while it runs."""
-        if self.pipe.poll():
-            with contextlib.suppress(EOFError, OSError):
-                return self.pipe.recv()
-            outcome = DIED
-        elif monotonic() >= self.deadline:
-            outcome = HANG
-        else:
-            return None
-        self.end()
-        finding = Finding(outcome, "", f"exit code {self._process.exitcode}")
-        self._start()
-        return finding
-
-    def end(self) -> None:
-        """End the process, and those that it has started."""
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.kill()
-        self._process.join()
-        self.pipe.close()
+def _shared(family: Family, numbers: range) -> Iterator[_Trials]:
+    """The trials of each process."""
+    for i, kind in enumerate(family.inputs):
+        of_kind = numbers[i :: len(family.inputs)]
+        for begin in range(0, len(of_kind), _TRIALS_PER_PROCESS):
+            part = of_kind[begin : begin + _TRIALS_PER_PROCESS]
+            yield _Trials(kind, len(part), part[0])
 
 
-def end_with_parent(parent: int) -> None:
-    """Let Linux kill this process when its parent ends."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it has ended already
-        os._exit(1)
+def _started(family: Family, trials: _Trials) -> tuple[Connection, Any]:
+    """A process that sends its findings, and the pipe to receive them from."""
+    pipe, of_process = _FORK.Pipe(duplex=False)
+    arguments = family, trials, of_process, os.getpid()
+    process = _FORK.Process(target=_serve, args=arguments, daemon=True)
+    process.start()
+    of_process.close()
+    return pipe, process
 
 
-def _serve(family: Family, pipe: Connection, parent: int) -> None:
-    """Try seeds until the suite ends this process or ends itself."""
-    end_with_parent(parent)
+def _end(process: Any) -> None:
+    """End a process, and those that it has started."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.kill()
+    process.join()
+
+
+def _serve(family: Family, trials: _Trials, pipe: Connection, parent: int) -> None:
+    """Try inputs; the kernel ends this process when one takes too long."""
     os.setpgid(0, 0)
+    end_with_parent(parent)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    with contextlib.suppress(EOFError):
-        while True:
-            pipe.send(_tried(family, pipe.recv()))
+
+    @hypothesis.seed(trials.seed)
+    @hypothesis.settings(
+        max_examples=trials.number,
+        database=None,
+        deadline=None,
+        phases=[hypothesis.Phase.generate],
+        suppress_health_check=list(hypothesis.HealthCheck),
+    )
+    @hypothesis.given(family.inputs[trials.kind])
+    def serve(hostile: Any) -> None:
+        signal.setitimer(signal.ITIMER_REAL, family.seconds)
+        finding = _finding(family, hostile)
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        pipe.send(finding)
+
+    serve()
 
 
-def _tried(family: Family, seed: int) -> Finding:
-    """The finding of one trial, which runs in a folder of its own."""
-    folder = Path(tempfile.mkdtemp(prefix="hostile-"))
-    os.chdir(folder)
+def _finding(family: Family, hostile: Any) -> Finding:
     try:
-        return family.attempt(seed, folder)
+        return Finding(family.outcome(hostile))
+    except UnclearError as error:
+        outcome, message = UNCLEAR, str(error)
+    except WrongAnswerError as error:
+        outcome, message = SILENT, str(error)
     except BaseException as error:  # every error that the library lets out counts
-        return surprised("", error)
-    finally:
-        os.chdir("/")
-        shutil.rmtree(folder, ignore_errors=True)
+        outcome, message = TRACEBACK, "".join(traceback.format_exception(error))
+    return Finding(outcome, repr(hostile)[:1000], message)

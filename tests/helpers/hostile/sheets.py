@@ -1,78 +1,72 @@
-"""Small sound sheets in plain numpy, and ways to move and renumber them."""
+"""Small sheets in plain numpy, and ways to move and renumber them."""
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy import ndarray
-from numpy.random import Generator
 
 
 class Sheet(NamedTuple):
     """Positions, shape (2, n_nodes), and nodes of cells, shape (3 or 4, n_cells)."""
 
-    p: ndarray
-    t: ndarray
+    p: np.ndarray
+    t: np.ndarray
 
 
-def sheet(nx: int = 4, ny: int = 4, width: float = 4.0, height: float = 4.0) -> Sheet:
+def sheet(nx=4, ny=4, width=4.0, height=4.0):
     """A rectangle in equal quadrilaterals, its lower left corner at the origin."""
     x, y = np.meshgrid(np.linspace(0, width, nx + 1), np.linspace(0, height, ny + 1))
     node = np.arange(x.size).reshape(x.shape)
     corners = node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]
-    return Sheet(
-        np.stack([x.ravel(), y.ravel()]), np.stack([c.ravel() for c in corners])
-    )
+    p = np.stack([x.ravel(), y.ravel()])
+    return Sheet(p, np.stack([c.ravel() for c in corners]))
 
 
-def jittered(given: Sheet, rng: Generator) -> Sheet:
+def jittered(given, rng):
     """A rectangle of unit cells, its inner nodes moved at random by up to 0.2."""
     low, high = given.p.min(axis=1)[:, None], given.p.max(axis=1)[:, None]
     inner = ((given.p > low) & (given.p < high)).all(axis=0)
-    move = 0.2 * (2 * rng.random(given.p.shape) - 1)
-    return given._replace(p=given.p + move * inner)
+    return given._replace(p=given.p + rng.uniform(-0.2, 0.2, given.p.shape) * inner)
 
 
-def triangles(given: Sheet) -> Sheet:
+def in_triangles(given):
     """Each quadrilateral in two triangles."""
     t = given.t
     return given if len(t) == 3 else Sheet(given.p, np.hstack([t[:3], t[[0, 2, 3]]]))
 
 
-def together(first: Sheet, second: Sheet) -> Sheet:
+def together(first, second):
     """Two sheets as one; they share no node."""
     t = np.hstack([first.t, second.t + first.p.shape[1]])
     return Sheet(np.hstack([first.p, second.p]), t)
 
 
-def shifted(given: Sheet, x: float, y: float, scale: float = 1.0) -> Sheet:
+def shifted(given, x, y, scale=1.0):
     """The sheet scaled about its origin, then shifted."""
     return given._replace(p=scale * given.p + np.array([[x], [y]]))
 
 
-def opened(given: Sheet, low: float, high: float, by: float = 0.0) -> Sheet:
+def opened(given, low, high, by=0.0):
     """The sheet cut along x = 2 at its nodes with low ≤ y ≤ high.
 
     The side right of the cut is moved to the right by ``by``.
     """
     x, y = given.p
-    doubled = np.flatnonzero(
-        (abs(x - 2) < 1e-9) & (y >= low - 1e-9) & (y <= high + 1e-9)
-    )
-    right = x[given.t].mean(axis=0) > 2
-    twin = np.arange(len(x))
+    along = (abs(x - 2) < 1e-9) & (y >= low - 1e-9) & (y <= high + 1e-9)
+    doubled, twin = np.flatnonzero(along), np.arange(len(x))
     twin[doubled] = len(x) + np.arange(len(doubled))
+    right = x[given.t].mean(axis=0) > 2
     p = np.column_stack([given.p, given.p[:, doubled] + [[by], [0.0]]])
     return Sheet(p, np.where(right, twin[given.t], given.t))
 
 
-def rolled(turn: float, pitch: float, n: int = 60) -> Sheet:
+def rolled(turn, pitch, n=60):
     """A strip of width 1 rolled up by an angle; a turn adds a pitch to the radius."""
     flat = sheet(n, 1, turn, 1.0)
     angle, radius = flat.p[0], 3.0 + flat.p[1] + pitch * flat.p[0] / (2 * np.pi)
     return flat._replace(p=radius * np.stack([np.cos(angle), np.sin(angle)]))
 
 
-def fans(*sectors: tuple[float, float, float]) -> Sheet:
+def fans(*sectors):
     """Cells that share the origin, by first and last angle in degrees, and size."""
     p, t = [np.zeros((2, 1))], []
     for i, (begin, end, size) in enumerate(sectors):
@@ -83,7 +77,7 @@ def fans(*sectors: tuple[float, float, float]) -> Sheet:
     return Sheet(np.hstack(p), np.array(t).T)
 
 
-def moved(given: Sheet, rng: Generator) -> Sheet:
+def moved(given, rng):
     """Turned, shifted and perhaps mirrored."""
     a = rng.uniform(0, 2 * np.pi)
     turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
@@ -93,15 +87,12 @@ def moved(given: Sheet, rng: Generator) -> Sheet:
     return given._replace(p=p)
 
 
-def renumbered(given: Sheet, rng: Generator) -> Sheet:
+def renumbered(given, rng):
     """Other numbers of nodes and cells, and another first node of each cell."""
-    n, k = given.p.shape[1], len(given.t)
-    order = rng.permutation(n)
-    number = np.empty(n, dtype=int)
-    number[order] = np.arange(n)
-    first = rng.integers(0, k, given.t.shape[1])
+    (k, n_cells), n = given.t.shape, given.p.shape[1]
+    order, first = rng.permutation(n), rng.integers(0, k, n_cells)
     turned = np.take_along_axis(given.t, (np.arange(k)[:, None] + first) % k, axis=0)
-    backwards = rng.random(given.t.shape[1]) < rng.choice([0.0, 0.5, 1.0])
+    backwards = rng.random(n_cells) < rng.choice([0.0, 0.5, 1.0])
     turned = np.where(backwards, turned[::-1], turned)
-    cells = turned[:, rng.permutation(turned.shape[1])]
-    return Sheet(given.p[:, order], number[cells])
+    cells = turned[:, rng.permutation(n_cells)]
+    return Sheet(given.p[:, order], np.argsort(order)[cells])

@@ -1,1 +1,0 @@
-"""Trials of damaged decks with fabrics and fibre directions."""

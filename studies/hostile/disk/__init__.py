@@ -1,1 +1,0 @@
-"""Runs that are killed, and disks that are full or read-only."""

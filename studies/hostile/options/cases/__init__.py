@@ -1,1 +1,0 @@
-"""Case files and the tables that they name, damaged."""

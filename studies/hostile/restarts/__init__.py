@@ -1,1 +1,0 @@
-"""Damaged files from which runs and sweeps resume: checkpoints, files of sweeps."""

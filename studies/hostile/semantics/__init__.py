@@ -1,1 +1,0 @@
-"""Meshes, conditions, laws and settings that nobody can mean, one by one."""

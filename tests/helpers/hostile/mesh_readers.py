@@ -1,0 +1,676 @@
+"""Plain readers of mesh files, independent of the library and of meshio.
+
+They read what the writers of `mesh_files` write, and what damage makes of it.
+"""
+
+import re
+import struct
+import zlib
+from binascii import a2b_base64
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from itertools import pairwise
+from xml.dom import minidom
+from xml.parsers.expat import ExpatError
+
+_WHOLE = re.compile(rb"[+-]?\d+")
+_NUMBER = re.compile(rb"[+-]?((\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|(?i:nan|inf|infinity))")
+
+
+class MalformedError(Exception):
+    """A file that departs from its format, or holds what cannot be read."""
+
+
+@dataclass
+class MeshContent:
+    """Positions of nodes, cells as their nodes, and what has names.
+
+    ``edges`` are pairs of nodes, ``regions`` numbers of cells, ``nodes`` numbers.  The
+    outer edges of one cell whose ends are both in one of ``node_sets`` are named, too.
+    """
+
+    points: list
+    cells: list = field(default_factory=list)
+    edges: dict = field(default_factory=dict)
+    regions: dict = field(default_factory=dict)
+    nodes: dict = field(default_factory=dict)
+    node_sets: dict = field(default_factory=dict)
+
+
+def demand(holds, what=""):
+    """Raise `MalformedError` unless a condition holds."""
+    if not holds:
+        raise MalformedError(what)
+
+
+def whole(word):
+    """A whole number in decimal digits."""
+    demand(_WHOLE.fullmatch(word), f"{word!r} is no whole number")
+    return int(word)
+
+
+def number(word):
+    """A number in decimal digits."""
+    demand(_NUMBER.fullmatch(word), f"{word!r} is no number")
+    return float(word)
+
+
+# -------------------------------------------------------------------------------- Gmsh
+
+_SECTION = re.compile(
+    rb"\s*\$(?!End)([^\n]*?)[ \t\r]*\n(.*?)\$End\1[ \t\r]*(?:\n|$)", re.DOTALL
+)
+_NAME = re.compile(rb'[ \t]*(\d+)[ \t]+(\d+)[ \t]+"([^"\n]+)"[ \t\r]*')
+
+# Sections that are read; others may be there twice.
+_READ = (b"MeshFormat", b"PhysicalNames", b"Entities", b"Nodes", b"Elements")
+
+# Dimension and number of nodes by Gmsh's number of a kind of element.
+_KINDS = {15: (0, 1), 1: (1, 2), 2: (2, 3), 3: (2, 4)}
+
+
+class _Text:
+    """Words of a section, taken from its start."""
+
+    def __init__(self, body):
+        self.words = deque(body.split())
+
+    def take(self, count, code):
+        demand(0 <= count <= len(self.words), "words are missing")
+        read = number if code == "d" else whole
+        return [read(self.words.popleft()) for _ in range(count)]
+
+    def count(self):
+        return self.take(1, "i")[0]
+
+    def end(self):
+        demand(not self.words, "words are left")
+
+
+class _Bytes:
+    """Bytes of a section, taken from their start."""
+
+    def __init__(self, body):
+        self.rest = body
+
+    def take(self, count, code):
+        size = count * struct.calcsize("<" + code)
+        demand(0 <= size <= len(self.rest), "bytes are missing")
+        taken, self.rest = self.rest[:size], self.rest[size:]
+        return list(struct.unpack(f"<{count}{code}", taken))
+
+    def count(self):
+        line, _, self.rest = self.rest.partition(b"\n")
+        return whole(line.strip())
+
+    def end(self):
+        demand(self.rest in (b"", b"\n", b"\r\n"), "bytes are left")
+
+
+def gmsh(content):
+    """Read a file of Gmsh, of version 2.2 or 4.1."""
+    sections, position = {}, 0
+    while content[position:].strip():
+        section = _SECTION.match(content, position)
+        demand(section, "no section")
+        demand(section[1] not in sections or section[1] not in _READ, "a section twice")
+        sections[section[1]], position = section[2], section.end()
+    demand({b"MeshFormat", b"Nodes", b"Elements"} <= set(sections), "no such section")
+    head, _, rest = sections[b"MeshFormat"].partition(b"\n")
+    words = head.split()
+    demand(len(words) == 3 and words[2] == b"8", "format")
+    demand(words[0] in (b"2", b"2.2", b"4.1") and words[1] in (b"0", b"1"), "version")
+    binary = words[1] == b"1"
+    demand(not binary or rest[:4] == struct.pack("<i", 1), "order of bytes")
+    demand(not rest[4 * binary :].strip(), "format")
+    body = {name: (_Bytes if binary else _Text)(b) for name, b in sections.items()}
+    read = [b"Nodes", b"Elements"]
+    if words[0] == b"4.1":
+        groups = _entities(body[b"Entities"]) if b"Entities" in body else None
+        nodes, elements = (
+            _nodes_41(body[b"Nodes"]),
+            _cells_41(body[b"Elements"], groups),
+        )
+        read += [b"Entities"] * (groups is not None)
+    else:
+        nodes, elements = _nodes_22(body[b"Nodes"]), _cells_22(body[b"Elements"])
+    for name in read:
+        body[name].end()
+    return _mesh_of_gmsh(_names(sections), nodes, elements, words[0] != b"4.1")
+
+
+def _names(sections):
+    """Names by dimension and number of their group."""
+    lines = [x for x in sections.get(b"PhysicalNames", b"0").split(b"\n") if x.strip()]
+    demand(lines and lines[0].strip().isdigit(), "no count of names")
+    demand(int(lines[0]) == len(lines) - 1, "count of names")
+    names = {}
+    for line in lines[1:]:
+        words = _NAME.fullmatch(line)
+        demand(words, "name")
+        try:
+            name = words[3].decode()
+        except UnicodeDecodeError:
+            raise MalformedError("name not in UTF-8") from None
+        key = int(words[1]), int(words[2])
+        demand(key not in names and name not in names.values(), "a name twice")
+        names[key] = name
+    return names
+
+
+def _nodes_22(body):
+    count = body.count()
+    demand(count >= 0, "count")
+    return [(*body.take(1, "i"), body.take(3, "d")) for _ in range(count)]
+
+
+def _cells_22(body):
+    left, elements = body.count(), []
+    while left > 0:
+        if isinstance(body, _Bytes):
+            (kind, count, n_tags), first = body.take(3, "i"), None
+        else:
+            (first, kind, n_tags), count = body.take(3, "i"), 1
+        demand(kind in _KINDS and 0 < count <= left and n_tags >= 0, "element")
+        for _ in range(count):
+            tag = body.take(1, "i")[0] if first is None else first
+            groups = [abs(group) for group in body.take(n_tags, "i")[:1]]
+            elements.append((kind, tag, body.take(_KINDS[kind][1], "i"), groups))
+        left -= count
+    return elements
+
+
+def _entities(body):
+    """Groups by dimension and tag of an entity."""
+    groups = {}
+    for dimension, count in enumerate(body.take(4, "Q")):
+        demand(count >= 0, "count")
+        for _ in range(count):
+            (tag,) = body.take(1, "i")
+            body.take(6 if dimension else 3, "d")
+            demand((dimension, tag) not in groups, "an entity twice")
+            own = body.take(*body.take(1, "Q"), "i")
+            groups[dimension, tag] = [abs(group) for group in own]
+            if dimension:
+                body.take(*body.take(1, "Q"), "i")
+    return groups
+
+
+def _nodes_41(body):
+    n_blocks, n_nodes, _, _ = body.take(4, "Q")
+    nodes = []
+    for _ in range(n_blocks):
+        dimension, _, parametric = body.take(3, "i")
+        demand(dimension in range(4) and parametric in (0, 1), "block of nodes")
+        for tag in body.take(*body.take(1, "Q"), "Q"):
+            nodes.append((tag, body.take(3 + dimension * parametric, "d")[:3]))
+    demand(len(nodes) == n_nodes, "count of nodes")
+    return nodes
+
+
+def _cells_41(body, groups):
+    n_blocks, n_elements, _, _ = body.take(4, "Q")
+    elements = []
+    for _ in range(n_blocks):
+        dimension, entity, kind = body.take(3, "i")
+        (count,) = body.take(1, "Q")
+        demand(kind in _KINDS and _KINDS[kind][0] == dimension, "kind of element")
+        demand(groups is None or (dimension, entity) in groups, "no such entity")
+        demand(count <= 10**6, "count")
+        own = groups[dimension, entity] if groups else []
+        for _ in range(count):
+            tag, *nodes = body.take(1 + _KINDS[kind][1], "Q")
+            elements.append((kind, tag, nodes, own))
+    demand(len(elements) == n_elements, "count of elements")
+    return elements
+
+
+def _mesh_of_gmsh(names, nodes, elements, repeats):
+    """Resolve tags and groups; version 2.2 repeats a cell for each of its groups."""
+    index = {tag: i for i, (tag, _) in enumerate(nodes)}
+    demand(len(index) == len(nodes), "a node twice")
+    demand(len({tag for _, tag, _, _ in elements}) == len(elements), "an element twice")
+    mesh = MeshContent([tuple(x) for _, x in nodes])
+    merged, cell_of = set(), {}
+    for kind in (2, 3) if repeats else ():
+        cells = [(tuple(n), tuple(g)) for k, _, n, g in elements if k == kind]
+        times = Counter(corners for corners, _ in cells)
+        again = [cell for cell in cells if times[cell[0]] > 1]
+        if len(set(again)) == len(again):
+            merged |= (
+                {kind} if all(g and (2, g[0]) in names for _, g in again) else set()
+            )
+    for kind, _, tags, groups in elements:
+        demand(all(tag in index for tag in tags), "no such node")
+        corners, dimension = tuple(index[tag] for tag in tags), _KINDS[kind][0]
+        if dimension == 2 and (kind not in merged or corners not in cell_of):
+            cell_of[corners] = len(mesh.cells)
+            mesh.cells.append(corners)
+        for name in (names[dimension, g] for g in groups if (dimension, g) in names):
+            if dimension == 2:
+                mesh.regions.setdefault(name, set()).add(cell_of[corners])
+            elif dimension == 1:
+                mesh.edges.setdefault(name, set()).add(frozenset(corners))
+            else:
+                mesh.nodes.setdefault(name, set()).add(corners[0])
+    return mesh
+
+
+# ------------------------------------------------------------------------------ Abaqus
+
+# Types of elements by their number of nodes.
+_TYPES = {
+    2: "T2D2 T2D2H T3D2 T3D2H B21 B21H B31 B31H",
+    3: "CPS3 STRI3 S3 S3R S3RS R3D3 M3D3",
+    4: "CPS4 CPS4R S4 S4R S4RS S4RSW S4R5 CAX4P M3D4 M3D4R",
+}
+_CORNERS = {kind: n for n, kinds in _TYPES.items() for kind in kinds.split()}
+
+# Keywords that change the mesh, that may stand in a file once, and that are read, with
+# the parameters that they may have.
+_CHANGES = ["INCLUDE", "NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY"]
+_ONCE = ("NODE", "PART", "INSTANCE")
+_PARAMETERS = {
+    "NODE": {"NSET"},
+    "ELEMENT": {"TYPE", "ELSET"},
+    "NSET": {"NSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
+    "ELSET": {"ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
+}
+
+
+def keyword_blocks(content):
+    """Keyword, parameters by name, and lines of data of each block of a file."""
+    lines = [line.strip() for line in re.split(rb"\r\n|[\r\n]", content)]
+    lines = deque(line for line in lines if line and not line.startswith(b"**"))
+    demand(lines and lines[0].startswith(b"*"), "no keyword")
+    while lines:
+        head, data = lines.popleft(), []
+        while head.endswith(b",") and lines:
+            head += lines.popleft()
+        while lines and not lines[0].startswith(b"*"):
+            data.append(lines.popleft())
+        keyword, *parameters = head[1:].decode(errors="replace").split(",")
+        given = {}
+        for parameter in filter(str.strip, parameters):
+            key, _, value = (part.strip() for part in parameter.partition("="))
+            demand(key.upper() not in given, "a parameter twice")
+            given[key.upper()] = value
+        yield " ".join(keyword.upper().split()), given, data
+
+
+def abaqus(content):
+    """Read a file of Abaqus."""
+    nodes, elements, names, seen = {}, {}, {}, set()
+    sets, of_elements = {"NSET": {}, "ELSET": {}}, set()
+
+    def name_of(kind, given):
+        name = given.get(kind, "")
+        demand(name and "\ufffd" not in name, "name")
+        return names.setdefault((kind, name.upper()), name)  # capitals are the same
+
+    for keyword, given, lines in keyword_blocks(content):
+        demand(keyword not in _CHANGES, "keyword that changes the mesh")
+        demand(keyword not in _ONCE or keyword not in seen, f"two {keyword}")
+        seen.add(keyword)
+        demand(set(given) <= _PARAMETERS.get(keyword, set(given)), "parameter")
+        if keyword == "NODE":
+            rows = [[word.strip() for word in line.split(b",")] for line in lines]
+            nodes = {whole(tag): tuple(map(number, x)) for tag, *x in rows}
+            demand(len(nodes) == len(rows), "a node twice")
+            demand({len(x) for x in nodes.values()} in ({2}, {3}), "coordinates")
+            if "NSET" in given:
+                sets["NSET"][name_of("NSET", given)] = set(nodes)
+        elif keyword == "ELEMENT":
+            own = _elements_of_abaqus(given.get("TYPE", "").upper(), lines)
+            demand(not own.keys() & elements.keys(), "an element twice")
+            elements |= own
+            if "ELSET" in given:
+                name = name_of("ELSET", given)
+                demand(name not in sets["ELSET"] or name in of_elements, "set twice")
+                of_elements.add(name)
+                sets["ELSET"].setdefault(name, set()).update(own)
+        elif keyword in sets:
+            name = name_of(keyword, given)
+            demand(name not in sets[keyword], "set twice")
+            sets[keyword][name] = _members(lines, "GENERATE" in given)
+    index = {tag: i for i, tag in enumerate(nodes)}
+    mesh, cells = MeshContent(list(nodes.values())), {}
+    try:
+        ends = {tag: tuple(index[n] for n in own) for tag, own in elements.items()}
+        for tag, corners in ends.items():
+            if len(corners) > 2:
+                cells[tag] = len(mesh.cells)
+                mesh.cells.append(corners)
+        for name, tags in sets["ELSET"].items():
+            pairs = (ends[tag] for tag in tags if len(ends[tag]) == 2)
+            mesh.edges[name] = set(map(frozenset, pairs))
+            mesh.regions[name] = {cells[tag] for tag in tags if tag in cells}
+        for name, tags in sets["NSET"].items():
+            mesh.node_sets[name] = {index[tag] for tag in tags}
+    except KeyError:
+        raise MalformedError("it names what is not there") from None
+    return mesh
+
+
+def _elements_of_abaqus(kind, lines):
+    demand(kind in _CORNERS, "type of element")
+    elements, joined = {}, b""
+    for line in lines:
+        joined += line
+        words = [word.strip() for word in joined.split(b",")]
+        if words[-1] == b"" and len(words) - 1 < 1 + _CORNERS[kind]:
+            continue
+        tag, *nodes = map(whole, words[:-1] if words[-1] == b"" else words)
+        demand(len(nodes) == _CORNERS[kind] and tag not in elements, "element")
+        elements[tag], joined = tuple(nodes), b""
+    demand(not joined, "an element is cut off")
+    return elements
+
+
+def _members(lines, generate):
+    """Members of a set; of first, last and step if they are to be generated."""
+    rows = [[word.strip() for word in line.split(b",")] for line in lines]
+    words = [word for row in rows for word in (row if row[-1] else row[:-1])]
+    demand(all(word.isdigit() for word in words), "member")
+    numbers = [int(word) for word in words]
+    if not generate:
+        return set(numbers)
+    demand(len(numbers) == 3 and numbers[2] > 0, "GENERATE")
+    first, last, step = numbers
+    demand(last >= first and (last - first) % step == 0, "GENERATE")
+    demand((last - first) // step < 10**6, "GENERATE")
+    return set(range(first, last + 1, step))
+
+
+# ------------------------------------------------------------------------- VTK, legacy
+
+# Number of nodes by VTK's number of a cell, and codes of kinds of numbers.
+_OF_VTK = {1: 1, 3: 2, 5: 3, 9: 4}
+_LEGACY = {"int": "i", "long": "q", "vtktypeint64": "q", "float": "f", "double": "d"}
+
+
+def _mesh_of_vtk(points, types, cells, data):
+    """The mesh of points, three numbers each, cells, and scikit-fem's names in data."""
+    n = len(points) // 3
+    demand(len(points) == 3 * n and len(types) == len(cells), "counts")
+    mesh = MeshContent([tuple(points[3 * i : 3 * i + 3]) for i in range(n)])
+    for kind, cell in zip(types, cells, strict=True):
+        demand(_OF_VTK.get(kind) == len(cell), "kind of cell")
+        demand(all(0 <= node < n for node in cell), "no such node")
+        mesh.cells += [tuple(cell)] * (len(cell) > 2)
+    demand(not data or set(types) in ({5}, {9}), "names of one kind")
+    for key, values in data.items():
+        demand(len(values) == len(mesh.cells), "length of names")
+        _, kind, name = key.split(":", 2) if key.count(":") > 1 else ("", "", "")
+        for i, (value, cell) in enumerate(zip(values, mesh.cells, strict=True)):
+            most = {"s": 1, "b": 2 ** len(cell) - 1}.get(kind, -1)
+            demand(value in range(most + 1), "names")
+            if kind == "s" and value:
+                mesh.regions.setdefault(name, set()).add(i)
+            for bit, pair in enumerate(pairwise((*cell, cell[0]))):
+                if kind == "b" and int(value) >> bit & 1:
+                    mesh.edges.setdefault(name, set()).add(frozenset(pair))
+    return mesh
+
+
+def _as(code, values):
+    """Numbers as their kind can hold them."""
+    try:
+        form = f"{len(values)}{code}"
+        return list(struct.unpack(form, struct.pack(form, *values)))
+    except (struct.error, OverflowError):
+        raise MalformedError("a number is too large") from None
+
+
+class _Legacy:
+    """The rest of a legacy file."""
+
+    def __init__(self, content):
+        head, _, kind, *rest = [*content.split(b"\n", 3), b"", b""][:4]
+        words = head.split()
+        demand(b" ".join(words[:4]).lower() == b"# vtk datafile version", "header")
+        versions = b"1.0", b"2.0", b"3.0", b"4.0", b"4.1", b"4.2", b"5.1"
+        demand(len(words) == 5 and words[4] in versions, "version")
+        demand(kind.strip().upper() in (b"ASCII", b"BINARY"), "kind")
+        self.binary, self.new = kind.strip().upper() == b"BINARY", words[4] == b"5.1"
+        (self.rest,) = rest
+
+    def line(self, length=None):
+        """Words of the next line that is not blank."""
+        line, _, self.rest = self.rest.lstrip().partition(b"\n")
+        words = [word.decode(errors="replace") for word in line.split()]
+        demand(length in (None, len(words)), "words of a line")
+        return words
+
+    def numbers(self, count, kind):
+        """The next numbers of a kind."""
+        demand(kind.lower() in _LEGACY, "kind of numbers")
+        code = _LEGACY[kind.lower()]
+        demand(0 <= count <= len(self.rest), "numbers are missing")
+        if self.binary:
+            size = count * struct.calcsize(f">{code}")
+            demand(size <= len(self.rest), "numbers are missing")
+            held, self.rest = self.rest[:size], self.rest[size:]
+            return list(struct.unpack(f">{count}{code}", held))
+        words = self.rest.split(None, count)
+        demand(len(words) >= count, "numbers are missing")
+        self.rest = words[count] if len(words) > count else b""
+        values = [(number if code in "fd" else whole)(word) for word in words[:count]]
+        return _as(code, values) if code == "f" else values
+
+    def cells(self, n, size):
+        """Nodes of each cell."""
+        if self.new:
+            parts = []
+            for name, count in (("OFFSETS", n), ("CONNECTIVITY", size)):
+                keyword, kind = self.line(2)
+                demand(keyword.upper() == name, name)
+                parts.append(self.numbers(count, kind))
+            offsets, nodes = parts
+            demand(n and offsets[0] == 0 and offsets[-1] == size, "offsets")
+            demand(offsets == sorted(offsets), "offsets")
+            return [nodes[a:b] for a, b in pairwise(offsets)]
+        numbers, cells = self.numbers(size, "int"), []
+        while numbers:
+            k, *numbers = numbers
+            demand(0 <= k <= len(numbers), "size of a cell")
+            cells.append(numbers[:k])
+            numbers = numbers[k:]
+        demand(len(cells) == n, "count of cells")
+        return cells
+
+
+def vtk(content):
+    """Read a legacy file of VTK."""
+    file, parts, names, count, of_cells = _Legacy(content), {}, {}, 0, False
+
+    def keep(name, size, n, kind):
+        values = file.numbers(size * n, kind)
+        if of_cells and name.startswith("skfem:"):
+            demand(name not in names and size == 1 and n == count, "names")
+            names[name] = values
+
+    while words := file.line():
+        keyword, given = words[0].upper(), words[1:]
+        demand(keyword not in parts, f"two {keyword}")
+        lengths = {"DATASET": 1, "CELL_TYPES": 1, "POINT_DATA": 1, "CELL_DATA": 1}
+        demand(len(given) == lengths.get(keyword, len(given)), keyword)
+        if keyword == "DATASET":
+            demand(given == ["UNSTRUCTURED_GRID"], "dataset")
+        elif keyword == "SCALARS":
+            demand(len(given) in (2, 3), keyword)
+            table, _ = file.line(2)
+            demand(table.upper() == "LOOKUP_TABLE", keyword)
+            keep(given[0], *map(_count, given[2:] or "1"), count, given[1])
+        elif keyword == "FIELD":
+            demand(len(given) == 2, keyword)
+            for _ in range(_count(given[1])):
+                name, size, n, kind = file.line(4)
+                keep(name, _count(size), _count(n), kind)
+        elif keyword == "CELL_TYPES":
+            parts[keyword] = file.numbers(_count(given[0]), "int")
+        elif keyword in ("POINT_DATA", "CELL_DATA"):
+            parts[keyword] = count = _count(given[0])
+            of_cells = keyword == "CELL_DATA"
+        else:
+            demand(keyword in ("POINTS", "CELLS") and len(given) == 2, keyword)
+            if keyword == "POINTS":
+                parts[keyword] = file.numbers(3 * _count(given[0]), given[1])
+            else:
+                parts[keyword] = file.cells(*map(_count, given))
+    demand({"POINTS", "CELLS", "CELL_TYPES"} <= set(parts), "parts are missing")
+    points, cells = parts["POINTS"], parts["CELLS"]
+    demand(parts.get("POINT_DATA", len(points) // 3) == len(points) // 3, "data")
+    demand(parts.get("CELL_DATA", len(cells)) == len(cells), "data")
+    return _mesh_of_vtk(points, parts["CELL_TYPES"], cells, names)
+
+
+def _count(word):
+    count = whole(word.encode())
+    demand(count >= 0, "count")
+    return count
+
+
+# ---------------------------------------------------------------------------- VTK, XML
+
+# Codes of `struct` by type of number.
+_XML = {
+    **{"Int8": "b", "Int16": "h", "Int32": "i", "Int64": "q"},
+    **{"UInt8": "B", "UInt16": "H", "UInt32": "I", "UInt64": "Q"},
+    **{"Float32": "f", "Float64": "d"},
+}
+
+# Base64: groups of four characters, the last of which may be filled up.
+_GROUPS = re.compile(rb"([A-Za-z0-9+/]{4})*([A-Za-z0-9+/]{2}(==|[A-Za-z0-9+/]=))?")
+
+
+class _Tree:
+    """The tree of a file, and how its arrays are written."""
+
+    def __init__(self, content):
+        cut = re.search(rb"<AppendedData[^>]*>\s*_(.*)</AppendedData>", content, re.S)
+        self.appended = cut[1] if cut else b""
+        text = content[: cut.start(1)] + content[cut.end(1) :] if cut else content
+        try:
+            self.root = minidom.parseString(text).documentElement
+        except (ExpatError, ValueError, LookupError):
+            raise MalformedError("no XML") from None
+        get = self.root.getAttribute
+        demand(self.root.tagName == "VTKFile", "no VTKFile")
+        demand(get("type") == "UnstructuredGrid", "type")
+        orders = {"": "<", "LittleEndian": "<", "BigEndian": ">"}
+        self.order = orders.get(get("byte_order"), "")
+        self.head = {"UInt32": "I", "UInt64": "Q", "": "I"}.get(get("header_type"), "")
+        demand(get("version") in ("0.1", "1.0", "") and self.order, "header")
+        self.zipped = get("compressor") == "vtkZLibDataCompressor"
+        demand(self.head and (self.zipped or not get("compressor")), "header")
+        self.raw = False
+        if cut:
+            encoding = _child(self.root, "AppendedData").getAttribute("encoding")
+            demand(encoding in ("raw", "base64"), "encoding")
+            self.raw = encoding == "raw"
+
+    def array(self, element, count, wholes=False):
+        """The numbers of an array."""
+        kind, way = element.getAttribute("type"), element.getAttribute("format")
+        demand(kind in _XML and not (wholes and kind.startswith("F")), "type")
+        code = _XML[kind]
+        nodes = element.childNodes
+        text = "".join(n.data for n in nodes if n.nodeType in (3, 4)).encode()
+        if way in ("ascii", ""):
+            read = number if code in "fd" else whole
+            values = [read(word) for word in text.split()]
+            demand(len(values) == count, "count of an array")
+            return _as(code, values)
+        demand(way in ("binary", "appended"), "format")
+        raw = self.raw and way == "appended"
+        if way == "appended":
+            text = self.appended if raw else b"".join(self.appended.split())
+            text = text[whole(element.getAttribute("offset").encode()) :]
+        else:
+            text = b"".join(text.split())
+        held, left = self.held(text, raw)
+        demand(way == "appended" or not left, "an array is too long")
+        demand(len(held) == count * struct.calcsize(f"<{code}"), "size of an array")
+        return list(struct.unpack(f"{self.order}{count}{code}", held))
+
+    def held(self, text, raw):
+        """The bytes of an array, and the text after it."""
+        size = struct.calcsize(self.order + self.head)
+        start, _ = _start(text, size, raw)
+        (count,) = struct.unpack(self.order + self.head, start[:size])
+        if not self.zipped:
+            alone = -(-size // 3) * 4
+            if not raw and text[:alone].endswith(b"=" * (-size % 3)):
+                return _run(text[alone:], count, raw)
+            content, left = _run(text, size + count, raw)
+            return content[size:], left
+        demand(count < len(text), "count of blocks")
+        head, text = _run(text, size * (3 + count), raw)
+        numbers = struct.unpack(f"{self.order}{3 + count}{self.head}", head)
+        packed, left = _run(text, sum(numbers[3:]), raw)
+        content = b""
+        for i, length in enumerate(numbers[3:]):
+            due = numbers[2] or numbers[1] if i == count - 1 else numbers[1]
+            try:
+                block = zlib.decompress(packed[:length])
+            except zlib.error:
+                raise MalformedError("it cannot be unpacked") from None
+            demand(len(block) == due, "size of a block")
+            content, packed = content + block, packed[length:]
+        return content, left
+
+
+def _run(text, count, raw):
+    """A count of bytes that are encoded together, and the text after them."""
+    content, rest = _start(text, count, raw)
+    demand(len(content) == count, "length of an array")
+    return content, rest
+
+
+def _start(text, count, raw):
+    """At least a count of bytes, from whole groups, and the text after them."""
+    end = count if raw else -(-count // 3) * 4
+    demand(end <= len(text), "an array is cut off")
+    demand(raw or _GROUPS.fullmatch(text[:end]), "no base64")
+    content = text[:end] if raw else a2b_base64(text[:end])
+    demand(len(content) >= count, "an array is cut off")
+    return content, text[end:]
+
+
+def _children(parent, tag):
+    return [n for n in parent.childNodes if n.nodeType == 1 and n.tagName == tag]
+
+
+def _child(parent, tag):
+    """The only child with a tag."""
+    with_tag = _children(parent, tag)
+    demand(len(with_tag) == 1, f"one {tag}")
+    return with_tag[0]
+
+
+def vtu(content):
+    """Read an unstructured grid of VTK as XML."""
+    tree = _Tree(content)
+    piece = _child(_child(tree.root, "UnstructuredGrid"), "Piece")
+    n_points, n_cells = (
+        _count(piece.getAttribute(f"NumberOf{x}")) for x in ("Points", "Cells")
+    )
+    positions = _child(_child(piece, "Points"), "DataArray")
+    demand(_count(positions.getAttribute("NumberOfComponents")) == 3, "components")
+    points, arrays, names = tree.array(positions, 3 * n_points), {}, {}
+    for array in _children(_child(piece, "Cells"), "DataArray"):
+        demand(array.getAttribute("Name") not in arrays, "an array twice")
+        arrays[array.getAttribute("Name")] = array
+    demand({"types", "offsets", "connectivity"} <= set(arrays), "arrays of the cells")
+    types = tree.array(arrays["types"], n_cells, True)
+    offsets = [0, *tree.array(arrays["offsets"], n_cells, True)]
+    demand(offsets == sorted(offsets), "offsets")
+    nodes = tree.array(arrays["connectivity"], offsets[-1], True)
+    cells = [nodes[a:b] for a, b in pairwise(offsets)]
+    for part in _children(piece, "CellData"):
+        for array in _children(part, "DataArray"):
+            if (name := array.getAttribute("Name")).startswith("skfem:"):
+                demand(name not in names, "names twice")
+                names[name] = tree.array(array, n_cells)
+    return _mesh_of_vtk(points, types, cells, names)

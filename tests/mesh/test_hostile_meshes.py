@@ -1,0 +1,408 @@
+"""Defective meshes are refused in one line, and a ply on any other computes rightly."""
+
+import warnings
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import meshio
+import numpy as np
+from hypothesis import strategies as st
+from skfem import MeshQuad, MeshTri
+
+from skfem_textile import Fabric, Full, Macro, OnePoint, Ply, Quadratic
+from skfem_textile.io import read_mesh
+from skfem_textile.mesh.splitting import cut, split, split_cells
+from tests.helpers import independent as plain
+from tests.helpers.hostile import (
+    RIGHT,
+    Family,
+    WrongAnswerError,
+    demand_near,
+    refused,
+    seeds,
+)
+from tests.helpers.hostile.sheets import (
+    Sheet,
+    fans,
+    in_triangles,
+    jittered,
+    moved,
+    opened,
+    renumbered,
+    rolled,
+    sheet,
+    shifted,
+    together,
+)
+from tests.helpers.independent.elements import polygon
+from tests.helpers.independent.kinematics import shear_angle, strain
+
+E, G, C_S = 50.0, 2.0, 4.0
+
+# By how much an energy or a force may be off, as a share.
+TOLERANCE = 1e-6
+
+# Meshes of each defect that the study tries.
+MESHES = 20
+
+# Defects, each a function of random numbers
+
+
+def plain_sheet(rng):
+    return jittered(sheet(), rng)
+
+
+def with_inner_node(rng, change):
+    """An inner node, and perhaps its neighbour, changed."""
+    given = plain_sheet(rng)
+    change(given.p, int(rng.choice([6, 7, 8, 11, 12, 13, 16, 17, 18])), rng)
+    return given
+
+
+def with_coordinate(value):
+    def change(p, node, rng):
+        p[rng.integers(2), node] = value
+
+    return partial(with_inner_node, change=change)
+
+
+def thrown_out(p, node, rng):
+    p[:, node] += rng.choice([-1, 1]) * np.array([1.6, 0.2])
+
+
+def collapsed(gap):
+    def change(p, node, rng):
+        p[:, node + 1] = p[:, node] + [gap, 0.0]
+
+    return partial(with_inner_node, change=change)
+
+
+def with_cell(change):
+    """The nodes of a cell changed."""
+
+    def make(rng):
+        given = plain_sheet(rng)
+        change(given.t, int(rng.integers(16)), rng)
+        return given
+
+    return make
+
+
+def bow_tie(t, cell, rng):
+    t[:2, cell] = t[[1, 0], cell]
+
+
+def node_twice(t, cell, rng):
+    t[2, cell] = t[int(rng.choice([0, 1])), cell]
+
+
+def with_number(number):
+    def change(t, cell, rng):
+        t[rng.integers(4), cell] = number
+
+    return with_cell(change)
+
+
+def with_cells(rng, make):
+    """A sheet with other cells."""
+    given = plain_sheet(rng)
+    return given._replace(t=make(given.t, rng))
+
+
+def third_at_edge(rng):
+    given = plain_sheet(rng)
+    p = np.hstack([given.p, [[2.2, 2.7], [2.5, 2.4]]])
+    return Sheet(p, np.hstack([given.t, [[12], [17], [25], [26]]]))
+
+
+def with_unused_nodes(rng):
+    given = plain_sheet(rng)
+    return given._replace(p=np.hstack([given.p, rng.uniform(-9, 9, (2, 2))]))
+
+
+def hanging_nodes(rng):
+    """Fine cells beside coarse ones; they share the corners of the coarse ones."""
+    given = together(sheet(2, 2), shifted(sheet(2, 4), 4, 0))
+    _, first, number = np.unique(
+        given.p.round(6), axis=1, return_index=True, return_inverse=True
+    )
+    return Sheet(given.p[:, first], number.ravel()[given.t])
+
+
+def inclusion(rng):
+    """An inclusion; its nodes are not merged with the nodes of the sheet around it."""
+    given = sheet()
+    inside = (abs(given.p[:, given.t].mean(axis=1) - 2) < 1).all(axis=0)
+    parts = []
+    for cells in (given.t[:, inside], given.t[:, ~inside]):
+        used, t = np.unique(cells, return_inverse=True)
+        parts.append(Sheet(given.p[:, used], t.reshape(cells.shape)))
+    return together(*parts)
+
+
+def layers(turned):
+    def make(rng):
+        given = plain_sheet(rng)
+        return together(given, given._replace(t=given.t[::turned]))
+
+    return make
+
+
+def with_second(*place, first=sheet, second=sheet):
+    """A second sheet at a place, which may be scaled."""
+    return lambda rng: together(first(), shifted(second(), *place))
+
+
+def scaled(*size):
+    """Coordinates multiplied, the second one perhaps by another number."""
+
+    def make(rng):
+        given = plain_sheet(rng)
+        return given._replace(p=given.p * np.array(size)[:, None])
+
+    return make
+
+
+def whole(make):
+    return lambda rng: make()
+
+
+class Defect(NamedTuple):
+    """A defect of a mesh.
+
+    ``sound`` is True if the mesh must be accepted, None if it may be; ``cells`` are
+    "quads" if the defect needs quadrilaterals, "any" if triangles have it too.
+    """
+
+    make: Callable
+    sound: bool | None = False
+    cells: str = "any"
+
+
+CUT = partial(opened, sheet(), 1.0, 3.0)
+TURN = 2 * np.pi
+REFLEX = Sheet(np.array([[0, 2, 0.95, 0], [0, 0, 0.98, 2.0]]), np.arange(4)[:, None])
+
+DEFECTS = {
+    "none": Defect(plain_sheet, True),
+    "two layers": Defect(layers(1)),
+    "a layer turned over": Defect(layers(-1)),
+    "a layer shifted by a cell": Defect(with_second(1, 0)),
+    "a layer shifted": Defect(with_second(0.3, 1.3)),
+    "a patch on the sheet": Defect(with_second(1.3, 1.3, 0.1)),
+    "an inclusion": Defect(inclusion),
+    "a seam": Defect(with_second(4, 0)),
+    "a seam of 1e-12": Defect(with_second(4 + 4e-12, 0)),
+    "a gap of 1 %": Defect(with_second(4.01, 0), True),
+    "half a seam": Defect(whole(partial(opened, sheet(), 0, 1))),
+    "all of a seam": Defect(whole(partial(opened, sheet(), 0, 4))),
+    "a cut": Defect(whole(CUT), True),
+    "an open cut": Defect(whole(partial(CUT, by=0.05)), True),
+    "a slit from an edge": Defect(whole(partial(opened, sheet(), 0, 1, by=0.05)), True),
+    "a cut and a seam": Defect(with_second(4, 0, first=CUT)),
+    "hanging nodes": Defect(hanging_nodes),
+    "a seam between other meshes": Defect(
+        with_second(4, 0, second=partial(sheet, 3, 3))
+    ),
+    "a node in two pieces": Defect(
+        whole(partial(fans, (0, 90, 1), (180, 270, 1))), True, "quads"
+    ),
+    "corners at one place": Defect(with_second(4, 4)),
+    "fans that overlap": Defect(
+        whole(partial(fans, (0, 90, 1), (45, 135, 1))), cells="quads"
+    ),
+    "a fan in a fan": Defect(
+        whole(partial(fans, (0, 90, 1), (30, 60, 0.3))), cells="quads"
+    ),
+    "rolled onto itself": Defect(whole(partial(rolled, TURN * 1.3, 0.0))),
+    "rolled, and apart": Defect(whole(partial(rolled, TURN * 1.6, 1.4)), True),
+    "rolled into a slit": Defect(whole(partial(rolled, TURN * 0.97, 0.0)), True),
+    "rolled into a ring": Defect(whole(partial(rolled, TURN, 0.0))),
+    "a node thrown out": Defect(partial(with_inner_node, change=thrown_out)),
+    "an edge collapsed": Defect(collapsed(0.0)),
+    "an edge of 1e-12": Defect(collapsed(1e-12)),
+    "all in a line": Defect(
+        lambda rng: Sheet(plain_sheet(rng).p[0] * [[1.0], [0.3]], sheet().t)
+    ),
+    "a bow-tie": Defect(with_cell(bow_tie), cells="quads"),
+    "a cell twice": Defect(
+        partial(
+            with_cells,
+            make=lambda t, rng: np.hstack(
+                [t, t[:, rng.integers(0, 16, rng.integers(1, 4))]]
+            ),
+        )
+    ),
+    "three cells at an edge": Defect(third_at_edge),
+    "unused nodes": Defect(with_unused_nodes),
+    "a node twice in a cell": Defect(with_cell(node_twice)),
+    "a corner beyond flat": Defect(lambda rng: REFLEX, True, "quads"),
+    "not a number": Defect(with_coordinate(np.nan)),
+    "infinite": Defect(with_coordinate(-np.inf)),
+    "at 1e200": Defect(with_coordinate(1e200)),
+    "node -1": Defect(with_number(-1)),
+    "node 25": Defect(with_number(25)),
+    "node 2^30": Defect(with_number(2**30)),
+    "no nodes": Defect(lambda rng: Sheet(np.zeros((2, 0)), np.zeros((4, 0), int))),
+    "no cells": Defect(partial(with_cells, make=lambda t, rng: t[:, :0])),
+    "in units of 1e-9": Defect(scaled(1e-9, 1e-9), True),
+    "in units of 1e9": Defect(scaled(1e9, 1e9), True),
+    "in units of 1e-200": Defect(scaled(1e-200, 1e-200), None),
+    "in units of 1e90": Defect(scaled(1e90, 1e90), None),
+    "in units of 1e120": Defect(scaled(1e120, 1e120)),
+    "far away": Defect(lambda rng: shifted(sheet(), 1e6, 0), True),
+    "too far away": Defect(lambda rng: shifted(sheet(), 1e17, 0)),
+    "thin": Defect(scaled(1.0, 1e-4), True),
+    "thinner than round-off": Defect(scaled(1.0, 1e-14), None),
+}
+
+
+def defective(name, rng):
+    """A sheet with a defect, sometimes of triangles, moved and renumbered."""
+    defect = DEFECTS[name]
+    given = defect.make(rng)
+    given = Sheet(given.p.astype(float), np.array(given.t))
+    if defect.cells == "any" and given.t.size and rng.random() < 0.4:
+        given = in_triangles(given)
+    if 0.1 < np.abs(given.p).max(initial=0) < 1e3:
+        given = moved(given, rng)
+    listed = (given.t >= 0) & (given.t < given.p.shape[1])
+    return renumbered(given, rng) if listed.all() and given.t.size else given
+
+
+# Ways to give a mesh to the library
+
+
+def directly(given):
+    return (MeshTri if len(given.t) == 3 else MeshQuad)(given.p, given.t)
+
+
+def in_a_file(given):
+    kind = "triangle" if len(given.t) == 3 else "quad"
+    points = np.pad(given.p, ((0, 1), (0, 0))).T
+    meshio.Mesh(points, {kind: given.t.T}).write("mesh.vtu")
+    return read_mesh(Path("mesh.vtu"))
+
+
+def split_in_a_file(given):
+    mesh = in_a_file(given)
+    return split(mesh) if isinstance(mesh, MeshTri) else mesh
+
+
+def was_cut(given):
+    mesh = directly(given)
+    return cut(mesh) if isinstance(mesh, MeshQuad) else mesh
+
+
+WAYS = {
+    "directly": directly,
+    "in a file": in_a_file,
+    "split in a file": split_in_a_file,
+    "split": lambda given: split(directly(given)),
+    "cut": was_cut,
+    "cells": lambda given: split_cells(given.p, [given.t]),
+}
+
+
+def attempt(hostile):
+    name, way, seed = hostile
+    rng, sound = np.random.default_rng(seed), DEFECTS[name].sound
+    given = defective(name, rng)
+    angles = rng.uniform(0, np.pi) + np.array([0.0, rng.uniform(1, 2)])
+    A = np.array([np.cos(angles), np.sin(angles)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            mesh = WAYS[way](given)
+            formulations = [Quadratic(), Quadratic(20.0)]
+            if isinstance(mesh, MeshQuad):
+                formulations = [Full(), OnePoint(C_S)]
+                formulations += [Macro(C_S)] if way in ("split", "cells") else []
+            chosen = formulations[rng.integers(len(formulations))]
+            ply = Ply(mesh, Fabric(E, G, *A.T), chosen)
+        except ValueError as error:
+            if sound:
+                raise WrongAnswerError(f"a sound mesh is refused: {error}") from None
+            return refused(error)
+    if sound is False:
+        raise WrongAnswerError(f"taken: {ply}")
+    x = given.p[:, given.t]
+    with np.errstate(all="ignore"):
+        edges = np.linalg.norm(np.roll(x, 1, axis=1) - x, axis=0)
+        check_uniform_stretch(ply, A.T, rng)
+        check_forces(ply, rng, float(edges.min()))
+        check_any_displacement(ply, A.T, rng, float(edges.min()))
+    return RIGHT
+
+
+# What a ply must compute
+
+
+def check_uniform_stretch(ply, A, rng):
+    """Energies of a deformation gradient that is the same everywhere."""
+    F = np.eye(2) + 0.1 * (2 * rng.random((2, 2)) - 1)
+    middle = ply.nodes.mean(axis=1, keepdims=True)
+    u = np.empty(ply.basis.N)
+    u[ply.nodal(np.arange(ply.basis.N))] = (F - np.eye(2)) @ (ply.nodes - middle)
+    energies = ply.energies(u)
+    area = sum(polygon(ply.mesh.p[:, cell]) for cell in ply.mesh.t.T)
+    F = F[..., None]
+    tension = area * E / 2 * float(sum(strain(F, a)[0] ** 2 for a in A))
+    shear = area * G / 2 * float(shear_angle(F, A)[0]) ** 2
+    expected = {"tension": tension, "shear": shear}
+    for name, energy in energies.items():
+        demand_near(name, energy, expected.get(name, 0.0), TOLERANCE * tension)
+
+
+def check_forces(ply, rng, size):
+    """Forces have no sum and no moment, and are the derivative of the energy."""
+    u = 0.01 * size * rng.standard_normal(ply.basis.N)
+    f, x = ply.nodal(ply.residual(u)), ply.nodes + ply.nodal(u)
+    arms = x - x.mean(axis=1, keepdims=True)
+    largest = TOLERANCE * np.abs(f).max() * len(f[0])
+    demand_near("sum of the forces", f.sum(axis=1), 0.0, largest)
+    moment = (arms[0] * f[1] - arms[1] * f[0]).sum()
+    demand_near("moment of the forces", moment, 0.0, largest * np.abs(arms).max())
+    direction, step = rng.standard_normal(ply.basis.N), 1e-5 * size
+    ahead, behind = (ply.energy(u + s * step * direction) for s in (1, -1))
+    products = ply.residual(u) * direction
+    scale = 100 * TOLERANCE * (np.abs(products).max() + 1e-10 * ahead / step)
+    slope = (ahead - behind) / (2 * step)
+    demand_near("slope of the energy", slope, products.sum(), scale)
+
+
+def check_any_displacement(ply, A, rng, size):
+    """Energies where every node is displaced on its own, of quadrilaterals."""
+    rules = {"one-point": "centre", "full": "gauss"}
+    if (rule := rules.get(ply.formulation.name)) is None:
+        return
+    u = 0.02 * size * rng.standard_normal(ply.basis.N)
+    x = (ply.nodes + ply.nodal(u))[..., None]
+    law, shear = (plain.Law(lambda e, k=k: k * e**2 / 2, None, k) for k in (E, G))
+    cells = list(ply.mesh.t.T)
+    cloth = plain.Cloth(ply.nodes, cells, lambda e, X: A, (law, law), shear)
+    expected = {"tension": plain.tension(cloth, x, rule)}
+    expected["shear"] = plain.shear(cloth, x, rule)
+    if rule == "centre":
+        expected["stabilisation"] = plain.hourglass(cloth, x, C_S)
+    energies = ply.energies(u)
+    for name, energy in expected.items():
+        demand_near(name, energies[name], float(energy[0]), TOLERANCE * energy[0])
+
+
+FAMILY = Family(
+    "mesh defects",
+    {
+        name: st.tuples(st.just(name), st.sampled_from(["directly", *WAYS]), seeds)
+        for name in DEFECTS
+    },
+    attempt,
+    len(DEFECTS) * MESHES,
+    short=len(DEFECTS),
+)
+
+
+def test_a_defective_mesh_is_refused_and_a_sound_one_is_computed_rightly():
+    FAMILY.holds(40)

@@ -1,0 +1,525 @@
+"""Conditions, laws and settings that nobody can mean are refused in one line.
+
+Odd ones that are sound are taken, and give an equilibrium with the right displacements.
+"""
+
+import warnings
+from collections.abc import Callable
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+from hypothesis import strategies as st
+from skfem import MeshQuad
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Full,
+    Linear,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    PlainNewton,
+    Ply,
+    Quadratic,
+    StepError,
+    split,
+)
+from tests.helpers.hostile import (
+    RIGHT,
+    Family,
+    WrongAnswerError,
+    demand,
+    demand_near,
+    refused,
+    seeds,
+)
+from tests.helpers.hostile.sheets import jittered, sheet
+
+NAN, INF, UP = np.nan, np.inf, (0.0, 1.0)
+
+
+class Specimen:
+    """A square of 3 mm in nine cells, whose inner nodes are moved at random."""
+
+    def __init__(self, rng):
+        given = jittered(sheet(3, 3, 3.0, 3.0), rng)
+        self.mesh = MeshQuad(given.p, given.t).with_defaults()
+        self.fabric = Fabric(50.0, 2.0, (1.0, 0.2), UP)
+        self.formulation = [Full(), OnePoint(4.0)][int(rng.integers(2))]
+        self.top = np.flatnonzero(self.mesh.p[1] == 3)
+        self.bottom = np.flatnonzero(self.mesh.p[1] == 0)
+        self.clamp = Condition("bottom")
+
+    @property
+    def ply(self):
+        return Ply(self.mesh, self.fabric, self.formulation)
+
+    def run(self, conditions, **settings):
+        return LoadStepper(self.ply, conditions, **({"steps": 2} | settings)).run()
+
+    def lift(self, *condition, fabric=None, **settings):
+        """Load the specimen, its bottom held, by default with its top lifted."""
+        self.fabric = fabric or self.fabric
+        condition = Condition(*condition or ("top", 0.1, UP))
+        return self.run({"clamp": self.clamp, "c": condition}, **settings)
+
+
+class Case(NamedTuple):
+    """A use of the library.
+
+    ``names`` are words that the refusal must hold, None if it must not be refused;
+    ``moves`` are nodes, a direction, and the displacements that the nodes must have.
+    A ``loose`` case may be refused, stop, or give an equilibrium.
+    """
+
+    act: Callable
+    names: str | None
+    moves: Callable | None = None
+    loose: bool = False
+
+
+class Odd:
+    """An object of a class that no argument takes."""
+
+
+def fails(*_):
+    return 1 / 0
+
+
+def held(specimen):
+    return [(specimen.bottom, (1, 0), 0.0), (specimen.bottom, (0, 1), 0.0)]
+
+
+def lifted(specimen):
+    return [*held(specimen), (specimen.top, UP, 0.1)]
+
+
+# Conditions
+
+
+def late(bad):
+    """A value that is bad at load factor 0.5 only."""
+    return lambda X, t: np.where(t == 0.5, bad, 0.1 * t) + 0 * X[0]
+
+
+WHERE = {
+    **{repr(name): name for name in ("inside", "", "bottom\n", "Bottom")},
+    **{"None": None, "half a node": 3.5, "no number": [NAN], "nothing": []},
+    **{"node -1": [0, -1], "node 99": [15, 99], "node 2^70": [2**70], "object": Odd()},
+    **{"a set": {1, 2}, "names": ["top", "left"], "ragged lists": [[1], [2, 3]]},
+    **{"a short mask": [True, False], "a mask of none": np.zeros(16, dtype=bool)},
+    "where nothing is": lambda X: X[0] > 9,
+    "where it is a number": lambda X: X[0],
+    "where it is one bool": lambda X: True,
+    "where it is of wrong shape": lambda X: X > 1,
+    "where it is None": lambda X: None,
+    "where it fails": fails,
+    "where it takes nothing": lambda: True,
+}
+ALONG = {
+    **{"zero": (0, 0), "NaN": (NAN, 1), "infinity": (INF, 0), "three": (1, 2, 3)},
+    **{"one": 1.0, "a word": "up", "complex": (1j, 0), "ragged lists": [[1], [1, 2]]},
+    **{"an object": Odd(), "too many": np.ones((2, 7)), "what fails": fails},
+    "what is None": lambda X: None,
+    "what is zero once": lambda X: X - X[:, :1],
+    "what is too much": lambda X: np.ones((3, 3)),
+}
+BY = {
+    **{"NaN": NAN, "infinity": -INF, "complex": 1 + 2j, "a word": "far", "None": None},
+    **{"an object": Odd(), "a dict": {}, "ragged lists": [[1], [1, 2]]},
+    **{"too few": [0.1, 0.1], "a vector along a direction": np.ones((2, 4))},
+    "what fails": fails,
+    "what is None": lambda X, t: None,
+    "what is complex": lambda X, t: 1j * X[0],
+    "what is a word": lambda X, t: "far",
+    "what is of wrong shape": lambda X, t: X,
+    "what takes one": lambda X: X[0],
+    "NaN at half": late(NAN),
+    "infinity at half": late(INF),
+}
+VECTORS = {
+    **{"one number": 3.0, "three": (1.0, 2.0, 3.0), "too few": np.ones((2, 3))},
+    **{"vectors turned": np.ones((4, 2)), "vectors with NaN": (0.1, NAN)},
+    **{"complex vectors": (0.1, 1j), "words": ("a", "b")},
+    "what is a row": lambda X, t: X[0],
+}
+BOTH = {
+    "two on a node": (Condition("top", (0, 0.1)), Condition([15], (0.1, 0))),
+    "two along lines": (
+        Condition("top", 0.1, UP),
+        Condition("top", 0.2, direction=(0, -2)),
+    ),
+    "two at half alone": (
+        Condition("top", lambda X, t: t + 0 * X[0], UP),
+        Condition("top", lambda X, t: t**2 + 0 * X[0], UP),
+    ),
+}
+ALL = {
+    **{"no conditions": {}, "conditions None": None, "a word": "bottom"},
+    "a list of conditions": [Condition("bottom")],
+    "a condition": Condition("bottom"),
+    "a word for a condition": {"c\n": "bottom"},
+    "a class for a condition": {"c": Condition},
+    "None for a condition": {"c": None},
+    "an odd name": {"c\n\x1b": Condition("x\ny")},
+}
+
+
+def condition(*arguments):
+    return Case(lambda s: s.lift(*arguments), "'c'")
+
+
+CONDITIONS = {
+    **{f"on {name}": condition(where, 0.1, UP) for name, where in WHERE.items()},
+    **{f"along {name}": condition("top", 0.1, line) for name, line in ALONG.items()},
+    **{f"by {name}": condition("top", value, UP) for name, value in BY.items()},
+    **{f"moved by {name}": condition("top", by) for name, by in VECTORS.items()},
+    **{
+        name: Case(
+            lambda s, c=c, d=d: s.run({"clamp": s.clamp, "c": c, "d": d}), "'c' and 'd'"
+        )
+        for name, (c, d) in BOTH.items()
+    },
+    **{name: Case(lambda s, c=c: s.run(c), "condition") for name, c in ALL.items()},
+}
+
+
+# Odd conditions that are sound
+
+
+def right(X):
+    """The right side without its lower end."""
+    return (X[0] == 3) & (X[1] > 0)
+
+
+def on(where):
+    """A condition on the top, which is given in another way than by name."""
+    return Case(lambda s: s.lift(where(s), 0.1, UP), None, lifted)
+
+
+def rising(direction, value=0.1):
+    return Case(lambda s: s.lift("top", value, direction), None, lifted)
+
+
+SOUND_CONDITIONS = {
+    "a name": on(lambda s: "top"),
+    "numbers": on(lambda s: s.top[::-1]),
+    "numbers twice": on(lambda s: [*s.top, *s.top]),
+    "short numbers": on(lambda s: s.top.astype(np.uint8)),
+    "a mask": on(lambda s: s.mesh.p[1] == 3),
+    "a list of bools": on(lambda s: (s.mesh.p[1] == 3).tolist()),
+    "a function": on(lambda s: lambda X: X[1] > 2.9),
+    "a long direction": rising((0, 1e6)),
+    "a tiny direction": rising((0.0, 1e-300)),
+    "a list": rising([0, 2]),
+    "downwards": rising((0, -3), -0.1),
+    "a direction each": rising(lambda X: np.array([0 * X[0], 1 + X[0]])),
+    "an integer array": rising(np.array([0, 1])),
+    "a number of numpy": rising(UP, np.float64(0.1)),
+    "a number each": rising(UP, [0.1] * 4),
+    "what is one number": rising(UP, lambda X, t: 0.1 * t),
+    "twice the same": Case(
+        lambda s: s.run(
+            {
+                "clamp": s.clamp,
+                "c": Condition("top", 0.1, UP),
+                "d": Condition("top", -0.1, (0, -2)),
+            }
+        ),
+        None,
+        lifted,
+    ),
+    "all nodes": Case(
+        lambda s: s.run(
+            {"c": Condition(range(16), lambda X, t: [[0.03 * t], [0]] * X[::-1])}
+        ),
+        None,
+        lambda s: [
+            (np.arange(16), (1, 0), 0.03 * s.mesh.p[1]),
+            (np.arange(16), UP, 0.0),
+        ],
+    ),
+    "a whole vector": Case(
+        lambda s: s.lift("top", (0.05, 0.1)),
+        None,
+        lambda s: [*held(s), (s.top, (1, 0), 0.05), (s.top, UP, 0.1)],
+    ),
+    "a slope": Case(
+        lambda s: s.lift(right, 0.05, (3, 4)),
+        None,
+        lambda s: [*held(s), (np.flatnonzero(right(s.mesh.p)), (3, 4), 0.05)],
+    ),
+}
+
+
+def loose(act):
+    return Case(act, "", loose=True)
+
+
+# Plies that may move as a rigid body, and odd values.
+LOOSE = {
+    "held at a node": loose(lambda s: s.run({"c": Condition([0])})),
+    "held along x": loose(
+        lambda s: s.run({"c": Condition("bottom", direction=(1, 0))})
+    ),
+    "a roller alone": loose(
+        lambda s: s.run({"c": Condition("top", 0.1, direction=(1, 1))})
+    ),
+    "held at a node, pulled at one": loose(
+        lambda s: s.run({"c": Condition([0]), "d": Condition([15], (0.1, 0.1))})
+    ),
+    "by 1e308": loose(lambda s: s.lift("top", 1e308, UP)),
+    "by 1e30": loose(lambda s: s.lift("top", 1e30, UP)),
+    "turned inside out": loose(lambda s: s.lift("top", (0.0, -7.0), max_halvings=2)),
+    "at once at t = 0": loose(lambda s: s.lift("top", lambda X, t: 0.1 + 0 * X[0], UP)),
+    "a word of a number": loose(lambda s: s.lift("top", "0.1", UP)),
+    "true": loose(lambda s: s.lift("top", True, UP)),
+}
+
+
+# Fabrics, laws, formulations and settings
+
+
+class Law:
+    """A linear law whose parts may be replaced."""
+
+    def __init__(self, **parts):
+        vars(self).update(parts)
+
+    def energy(self, x):
+        return 5.0 * x**2
+
+    def value(self, x):
+        return 10.0 * x
+
+    def tangent(self, x):
+        return np.full(np.shape(x), 10.0)
+
+
+def overwrites(x):
+    x[...] = 0.0
+    return x
+
+
+def not_a_number(x):
+    return x * NAN
+
+
+NAN_LAW = Law(energy=not_a_number, value=not_a_number, tangent=not_a_number)
+
+STIFFNESSES: dict[str, Any] = {
+    **{"-1": -1.0, "NaN": NAN, "infinite": INF, "None": None, "a word": "stiff"},
+    **{"a number in a word": "10", "complex": 1j, "an array": np.ones(3), "a list": []},
+    **{"a fraction": Fraction(-1, 2), "a decimal": Decimal("NaN"), "a class": Linear},
+}
+WARP = {
+    **{"zero": (0, 0), "NaN": (NAN, 1), "complex": (1j, 0), "a word": "right"},
+    **{"None": None, "of three": (1, 0, 0), "ragged": [[1], [1, 2]], "fails": fails},
+    **{"of ten elements": np.ones((2, 10)) * [[1], [0]]},
+    **{"turned": np.ones((9, 2)) * [1, 0], "gives None": lambda x: None},
+    **{"gives too much": lambda x: np.ones((3, 3)), "takes nothing": lambda: (1, 0)},
+}
+LAWS = {
+    "the energy of another law": ("energy", lambda x: 7 * x**2),
+    "the value of another law": ("value", lambda x: 11 * x),
+    "the tangent of another law": ("tangent", lambda x: 9 + 0 * x),
+    "a tangent of wrong sign": ("tangent", lambda x: -10 + 0 * x),
+    "an energy that fails": ("energy", fails),
+    "a value of one number": ("value", lambda x: 3.0),
+    "a value of None": ("value", lambda x: None),
+    "a complex value": ("value", lambda x: 10 * x + 0j),
+    "a value of bools": ("value", lambda x: x > 0),
+    "a value of wrong shape": ("value", lambda x: np.ones(4)),
+    "a value that spoils": ("value", overwrites),
+    "a tangent that is no function": ("tangent", 10.0),
+    "a domain of one": ("domain", (1.0,)),
+    "a domain of words": ("domain", ("low", "high")),
+    "a domain turned": ("domain", (0.1, -0.1)),
+    "a domain of NaN": ("domain", (NAN, NAN)),
+    "a domain of one number": ("domain", 3.0),
+}
+
+
+def fabric(names, **parts):
+    return Case(
+        lambda s: Ply(s.mesh, Fabric(**({"shear": 1.0} | parts)), s.formulation), names
+    )
+
+
+FABRICS = {
+    **{f"tension {k}": fabric("tension", tension=v) for k, v in STIFFNESSES.items()},
+    **{f"shear {k}": fabric("shear", shear=v) for k, v in STIFFNESSES.items()},
+    **{f"warp {name}": fabric("warp", warp=warp) for name, warp in WARP.items()},
+    **{name: fabric("law", tension=Law(**{k: v})) for name, (k, v) in LAWS.items()},
+    "three tensions": fabric("tension", tension=(1, 2, 3)),
+    "a bad tension of two": fabric("tension", tension=(1, -2)),
+    "no stiffness": fabric("no stiffness", tension=0.0, shear=0.0),
+    "weft zero once": fabric("weft", weft=np.eye(9)[[8, 0]]),
+    "weft parallel": fabric("parallel", weft=(-2, 0)),
+    "weft parallel once": fabric("parallel", weft=lambda x: np.array([x[0], 0 * x[0]])),
+    "weft gives NaN": fabric("weft", weft=lambda x: x * NAN),
+    "NaN everywhere": Case(
+        lambda s: LoadStepper(
+            Ply(s.mesh, Fabric(NAN_LAW, 1.0), Full()), {"clamp": s.clamp}
+        ).run(),
+        "law",
+    ),
+}
+
+
+# By name: what the refusal names, and a formulation in place of a sound one.
+FORMULATIONS = {
+    "a formulation in a word": ("ormulation", lambda: "full"),
+    "a formulation's class": ("ormulation", lambda: OnePoint),
+    "no formulation": ("ormulation", lambda: None),
+    "stabilisation Auto": ("stabilisation", lambda: OnePoint("Auto")),
+    "stabilisation None": ("stabilisation", lambda: OnePoint(None)),
+    "stabilisation complex": ("stabilisation", lambda: OnePoint(1j)),
+    "stabilisation in an array": ("stabilisation", lambda: OnePoint(np.ones(2))),
+    "kind magic": ("kind", lambda: OnePoint(1.0, "magic")),
+    "kind None": ("kind", lambda: OnePoint(1.0, None)),
+    "kind in a list": ("kind", lambda: OnePoint(1.0, ["energy"])),
+    "auto with rates": ("auto", lambda: OnePoint("auto", "rate")),
+    "one deviation of macro-elements": ("deviation", lambda: Macro(deviation=3.0)),
+    "deviations in words": ("deviation", lambda: Macro(deviation=("a", "b"))),
+    "ragged deviations": ("deviation", lambda: Macro(deviation=((1, 2), 3))),
+    "deviation -1": ("deviation", lambda: Quadratic(-1.0)),
+    "deviation in a word": ("deviation", lambda: Quadratic("x")),
+}
+PLIES = {
+    **{
+        name: Case(lambda s, make=make: Ply(s.mesh, s.fabric, make()), words)
+        for name, (words, make) in FORMULATIONS.items()
+    },
+    "no mesh": Case(lambda s: Ply(None, s.fabric, Full()), "mesh"),
+    "a mesh in a word": Case(lambda s: Ply("m", s.fabric, Full()), "mesh"),
+    "a number for a fabric": Case(lambda s: Ply(s.mesh, 1.0, Full()), "abric"),
+    "a class for a fabric": Case(lambda s: Ply(s.mesh, Fabric, Full()), "abric"),
+    "macro-elements that were refined": Case(
+        lambda s: Ply(split(s.mesh).refined(), s.fabric, Macro()), "split"
+    ),
+    "quadratic triangles of what was split": Case(
+        lambda s: Ply(split(s.mesh), s.fabric, Quadratic()), "split"
+    ),
+}
+
+STEPS: tuple[Any, ...] = (
+    *(0, -1, 1.5, "3", None, NAN, INF, 10**22, 1_000_001, 1e300, [2], 2 + 1j, ()),
+    *("", b"2", 1e-320, -INF, {}, Decimal("1.5"), Fraction(1, 2)),
+)
+
+# By name: what the refusal names, and settings of a run.
+SETTINGS: dict[str, tuple[str, dict[str, Any]]] = {
+    **{f"steps {x!r}": ("steps", {"steps": x}) for x in STEPS},
+    "method magic": ("method", {"method": "magic"}),
+    "no method": ("nonlinear solver", {"method": None}),
+    "methods in a list": ("nonlinear solver", {"method": ["newton"]}),
+    "a method's class": ("nonlinear solver", {"method": PlainNewton}),
+    "a method of no iteration": ("iteration", {}),
+    "a number for a method": ("nonlinear solver", {"method": 3}),
+    "check magic": ("check", {"warn_only": ["magic"]}),
+    "a check alone": ("check", {"warn_only": "work"}),
+    "checks None": ("check", {"warn_only": None}),
+    "a number for a check": ("check", {"warn_only": [3]}),
+    "a list for a check": ("check", {"warn_only": [[]]}),
+    **{
+        f"halvings {x!r}": ("max_halvings", {"max_halvings": x})
+        for x in (-1, 1.5, NAN, "3", None, 10**6)
+    },
+    **{f"solver {x!r}": ("solver", {"solver": x}) for x in ("magic", None, ["auto"])},
+    "on_step 3": ("on_step", {"on_step": 3}),
+    "on_iteration a word": ("on_iteration", {"on_iteration": "print"}),
+    "checkpoint 3": ("checkpoint", {"checkpoint": 3}),
+    "checkpoint with a zero": ("checkpoint", {"checkpoint": "a\0b"}),
+}
+RUNS = {
+    **{
+        name: Case(lambda s, given=given: s.run({"clamp": s.clamp}, **given), words)
+        for name, (words, given) in SETTINGS.items()
+    },
+    "a method of no iteration": Case(
+        lambda s: s.run({"clamp": s.clamp}, method=PlainNewton(0)), "iteration"
+    ),
+    "resume without a checkpoint": Case(
+        lambda s: LoadStepper(s.ply, {"clamp": s.clamp}).run(resume=True), "checkpoint"
+    ),
+    "no ply": Case(lambda s: LoadStepper(None, {"clamp": s.clamp}), "ply"),
+    "a mesh for a ply": Case(lambda s: LoadStepper(s.mesh, {"clamp": s.clamp}), "ply"),
+}
+
+
+def sound(**settings):
+    return Case(lambda s: s.lift(**settings), None, lifted)
+
+
+SOUND_ARGUMENTS = {
+    "two steps as a float": sound(steps=2.0),
+    "two steps of numpy": sound(steps=np.int64(2)),
+    "checks in a set": sound(warn_only={"work"}),
+    "a method as such": sound(method=PlainNewton()),
+    "stiffness of numpy": sound(fabric=Fabric(np.float32(10), np.int64(2))),
+    "a stiffness each": sound(fabric=Fabric([10.0, 20.0], 1.0)),
+    "a law of its own": sound(fabric=Fabric(Law(), 1.0)),
+    "a wide domain": sound(fabric=Fabric(Law(domain=(-1, INF)), 1.0)),
+    "fibres of any length": sound(fabric=Fabric(10.0, 1.0, (1e-300, 0), (0, 1e150))),
+    "fibres turned over": sound(fabric=Fabric(10.0, 1.0, (0, -1), (1, 0))),
+}
+
+CASES = {
+    **(CONDITIONS | SOUND_CONDITIONS | LOOSE),
+    **(FABRICS | PLIES | RUNS | SOUND_ARGUMENTS),
+}
+
+
+def attempt(hostile):
+    name, seed = hostile
+    case, specimen = CASES[name], Specimen(np.random.default_rng(seed))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            result = case.act(specimen)
+        except StepError as stop:
+            if case.loose:
+                return refused(stop)
+            raise WrongAnswerError(f"stopped: {stop}") from None
+        except ValueError as error:
+            sought = case.names
+            demand(sought is not None and sought in str(error), f"{sought!r}: {error}")
+            return refused(error)
+    demand(case.names is None or case.loose, f"taken: {result!r}")
+    with np.errstate(all="ignore"):
+        check_equilibrium(result, case.moves(specimen) if case.moves else ())
+    return RIGHT
+
+
+def check_equilibrium(result, moves):
+    """Demand equilibrium and the displacements of the conditions."""
+    ply, state = result.ply, result.states[-1]
+    u = ply.nodal(result.u)
+    demand(np.isfinite(u).all(), "displacements that are not finite")
+    for nodes, direction, value in moves:
+        n = np.array(direction) / np.hypot(*direction)
+        demand_near("moves", n @ u[:, nodes], value, 1e-9 * (1 + np.abs(value).max()))
+    f = ply.nodal(ply.residual(state.u, state.load_factor, state.parameters))
+    largest = np.abs(f).max() + 1e-6
+    demand_near("sum of the forces", f.sum(axis=1), 0.0, 1e-9 * largest * len(f[0]))
+    if moves:
+        prescribed = np.concatenate([nodes for nodes, _, _ in moves])
+        free = np.setdiff1d(np.arange(u.shape[1]), prescribed)
+        demand_near("forces on free nodes", f[:, free], 0.0, 1e-6 * largest)
+
+
+FAMILY = Family(
+    "conditions",
+    {name: st.tuples(st.just(name), seeds) for name in CASES},
+    attempt,
+    2500,
+    short=100,
+)
+
+
+def test_an_argument_nobody_can_mean_is_refused_and_a_sound_one_taken():
+    FAMILY.holds(40)
