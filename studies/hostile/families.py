@@ -6,6 +6,8 @@ from tests.io import test_hostile_decks as decks
 from tests.io import test_hostile_mesh_files as mesh_files
 from tests.mesh import test_hostile_meshes as meshes
 from tests.solve import test_hostile_arguments as arguments
+from tests.solve.checkpoint import test_hostile_checkpoints as checkpoints
+from tests.sweep import test_hostile_files as sweeps
 
 FAMILIES: tuple[Family, ...] = (
     *mesh_files.FAMILIES,
@@ -13,4 +15,6 @@ FAMILIES: tuple[Family, ...] = (
     tables.FAMILY,
     meshes.FAMILY,
     arguments.FAMILY,
+    checkpoints.FAMILY,
+    sweeps.FAMILY,
 )

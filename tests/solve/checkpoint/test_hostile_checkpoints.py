@@ -1,0 +1,413 @@
+"""Damaged checkpoints are refused in one line, or resumed to the same end."""
+
+import io
+import json
+from contextlib import suppress
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+from hypothesis import strategies as st
+from skfem import BilinearForm, Functional, LinearForm
+from skfem.helpers import dot
+
+from skfem_textile import (
+    BodyForce,
+    CheckpointError,
+    Condition,
+    Fabric,
+    Forms,
+    FormTerm,
+    Full,
+    LoadStepper,
+    OnePoint,
+    Ply,
+    Quadratic,
+    Sin2,
+)
+from skfem_textile.mesh.splitting import cut
+from skfem_textile.scenes.rectangle import rectangle
+from studies.common.log import errors_only
+from tests.helpers.hostile import (
+    RIGHT,
+    Family,
+    UnclearError,
+    demand,
+    demand_equal,
+    demand_near,
+    folder_content,
+    refused,
+)
+from tests.helpers.hostile.damage import REPLACEMENTS, TO_BYTES, replace_file
+
+# By how much results of two runs may differ, as a share of the largest of their kind.
+TOLERANCE = 1e-9
+
+CHECKS = ("work", "stabilisation", "deviation", "corners", "surface")
+
+# Small runs
+
+
+class Settings(NamedTuple):
+    """Everything that decides the result of a run."""
+
+    formulation: str = "one-point"
+    cs: float | str = "auto"
+    kind: str = "energy"
+    shear: float = 0.5
+    shear_law: str = "sin2"
+    fibre: float = 1e3
+    steps: int = 3
+    seed: int = 1
+    size: tuple[int, int] = (3, 2)
+    moved: float = 0.0
+    pull: float = 0.2
+    clamp: str = "bottom"
+    warp: float = 0.0
+    method: str = "newton"
+    max_halvings: int = 8
+    warn_only: tuple[str, ...] = CHECKS
+    solver: str = "superlu"
+    weight: float = 0.0
+    foundation: float = 0.0
+
+
+# Runs that are interrupted; they keep different data from step to step, or none.
+BASES = (
+    Settings(),
+    Settings(cs=1.0, kind="rate", shear_law="linear"),
+    Settings("full", steps=4, pull=0.1),
+    Settings("quadratic", steps=2, size=(2, 2), pull=0.1, shear=1.0),
+    Settings(steps=2, size=(2, 2), weight=1e-3, foundation=1e-2),
+)
+
+# Settings with which a run is resumed in place of its own.
+OTHERS = (
+    *({"cs": 2.0}, {"cs": 1.0 + 1e-7}, {"kind": "rate", "cs": 1.0}, {"kind": "jumps"}),
+    *({"shear": 0.51}, {"shear_law": "linear"}, {"fibre": 1001.0}, {"steps": 5}),
+    *({"seed": 2}, {"size": (4, 2)}, {"size": (2, 3)}, {"moved": 1e-6}),
+    *({"moved": -1e-3}, {"pull": 0.15}, {"pull": 0.1 + 1e-7}, {"clamp": "left"}),
+    *({"warp": 1e-4}, {"warp": 45.0}, {"formulation": "full"}, {"max_halvings": 7}),
+    *({"formulation": "quadratic"}, {"method": "plain"}, {"warn_only": ()}),
+    *({"weight": 2e-3}, {"weight": 0.0}, {"foundation": 0.02}, {"foundation": 0.0}),
+    *({"solver": "cholmod"}, {"solver": "pardiso"}, {"moved": 1e-14}),
+)
+
+
+def stepper(s, folder, **options):
+    """The load stepper of a run, with its checkpoint in a folder or without one."""
+    mesh = rectangle(3, 2, s.size, "irregular", 0.2, s.seed)
+    p = mesh.p.copy()
+    p[0, len(p[0]) // 2] += s.moved
+    mesh = type(mesh)(p, mesh.t).with_defaults()
+    a, b = np.radians([s.warp, 90.0 + s.warp])
+    fibres = (np.cos(a), np.sin(a)), (np.cos(b), np.sin(b))
+    fabric = Fabric(
+        s.fibre, Sin2(s.shear) if s.shear_law == "sin2" else s.shear, *fibres
+    )
+    if s.formulation == "quadratic":
+        ply = Ply(cut(mesh), fabric, Quadratic())
+    else:
+        one_point = s.formulation == "one-point"
+        ply = Ply(mesh, fabric, OnePoint(s.cs, s.kind) if one_point else Full())
+    if s.weight:
+        ply = ply.with_terms(BodyForce((0.0, -s.weight)))
+    if s.foundation:
+        forms = Forms(
+            Functional(lambda w: 0.5 * s.foundation * dot(w["u"], w["u"])),
+            LinearForm(lambda v, w: s.foundation * dot(w["u"], v)),
+            BilinearForm(lambda u, v, w: s.foundation * dot(u, v)),
+        )
+        ply = ply.with_terms(FormTerm("foundation", forms, ply.basis))
+    conditions = {
+        "clamp": Condition(s.clamp),
+        "pull": Condition("top", s.pull, (1, 0)),
+        "level": Condition("top", 0.0, (0, 1)),
+    }
+    options |= {"method": s.method, "max_halvings": s.max_halvings}
+    options |= {"warn_only": s.warn_only, "solver": s.solver, "checkpoint": folder}
+    return LoadStepper(ply, conditions, s.steps, **options)
+
+
+@cache
+@errors_only()
+def undisturbed(settings):
+    """The results of every state of a run that is not interrupted."""
+    return results(stepper(settings, None).run().states)
+
+
+@cache
+@errors_only()
+def checkpoint(settings, states, number=0):
+    """Files of a run interrupted after some states; a new run for each number."""
+
+    def interrupt(state):
+        if len(run.states) == states:
+            raise KeyboardInterrupt
+
+    with TemporaryDirectory() as top:
+        run = stepper(settings, Path(top, "c"), on_step=interrupt)
+        with suppress(KeyboardInterrupt):
+            run.run()
+        return folder_content(Path(top, "c"))
+
+
+def results(states):
+    """Physical results of every state, without counts of the solution procedure."""
+
+    def components(vectors):
+        return np.concatenate([np.ravel(v) for v in vectors.values()])
+
+    return [
+        {
+            "load factor": np.array(s.load_factor),
+            "displacement": s.u,
+            "energies": np.array(list(s.energies.values())),
+            "reactions": components(s.reactions),
+            "means": components(s.displacements),
+            "det F": np.array(s.verdict.min_det_F),
+            "strains": np.array(
+                [s.verdict.max_fibre_strain, s.verdict.mesh_fibre_strain]
+            ),
+            "work": np.array(s.verdict.work),
+        }
+        for s in states
+    ]
+
+
+# Damage
+
+
+class Checkpoint(NamedTuple):
+    """A checkpoint, the settings with which it is resumed, and what was done to it.
+
+    ``replaced`` is a file and what stands in its place.
+    """
+
+    damage: str
+    settings: Settings
+    files: dict[str, bytes]
+    replaced: tuple[str, str] | None = None
+
+
+KINDS = (
+    *("changed", "changed", "emptied", "exchanged", "removed", "copied"),
+    *("renamed", "doubled", "reordered", "added"),
+)
+
+
+@st.composite
+def checkpoints(draw):
+    settings = draw(st.sampled_from(BASES))
+    states = draw(st.integers(1, settings.steps + 1))
+    files = dict(checkpoint(settings, states))
+    way = draw(st.sampled_from(["forged"] * 7 + ["damaged"] * 10 + ["other run"] * 3))
+    if way == "forged":
+        return Checkpoint(f"{states} states: {forge(draw, files)}", settings, files)
+    if way == "other run":
+        other = draw(st.sampled_from(OTHERS))
+        damage = f"{states} states, resumed with {other}"
+        return Checkpoint(damage, settings._replace(**other), files)
+    damages = [
+        change_file(draw, files, settings) for _ in range(draw(st.integers(1, 2)))
+    ]
+    replaced = None
+    if files and draw(st.integers(0, 9)) == 9:
+        replaced = (
+            draw(st.sampled_from(sorted(files))),
+            draw(st.sampled_from(REPLACEMENTS)),
+        )
+    return Checkpoint(f"{states} states: {damages}", settings, files, replaced)
+
+
+def change_file(draw, files, settings):
+    """Do something to a file of the checkpoint; returns what."""
+    if not files:
+        return "nothing"
+    name = draw(st.sampled_from(sorted(files)))
+    kind = draw(st.sampled_from(KINDS))
+    if kind == "changed":
+        files[name] = draw(st.sampled_from(TO_BYTES))(draw, files[name])
+    elif kind == "emptied":
+        files[name] = b""
+    elif kind == "exchanged":
+        other = draw(st.sampled_from(sorted(files)))
+        files[name], files[other] = files[other], files[name]
+    elif kind == "removed":
+        del files[name]
+    elif kind == "copied":  # of another run, or of the same run made again
+        other = draw(st.sampled_from((settings, *BASES)))
+        source = checkpoint(other, other.steps + 1, 1)
+        files[name] = source.get(name, source["state_000000.npz"])
+    elif kind in ("renamed", "doubled"):
+        content = files.pop(name) if kind == "renamed" else files[name]
+        files[another_name(draw)] = content
+    elif kind == "reordered":
+        states = sorted(n for n in files if n.startswith("state_"))
+        contents = draw(st.permutations([files[n] for n in states]))
+        files.update(zip(states, contents, strict=True))
+    else:
+        names = (
+            "notes.txt",
+            ".state_000009.npz",
+            ".run.npz",
+            "state_x.npz",
+            "run.npz.old",
+        )
+        files[draw(st.sampled_from(names))] = bytes(range(50))
+    return f"{name} {kind}"
+
+
+def another_name(draw):
+    number = draw(st.integers(0, 6))
+    usual = f"state_{number:06d}.npz"
+    odd = (
+        f"state_{number}.npz",
+        f"state_²{number}.npz",
+        f"state_{10**18}.npz",
+        "run.npz",
+    )
+    return draw(st.sampled_from([usual] * 4 + [*odd]))
+
+
+# Forgery: files are edited and sealed anew, as described apart from the library
+
+VALUES = (
+    *(0, -1, 1, 0.5, 1e308, 1e-300, float("nan"), float("inf"), 10**400),
+    *(None, True, "auto", "", "two\nlines \x1b[31m", "long " * 2000, [], {}, [[]]),
+    *(1 + 1e-7, [0.1, 0.2], {"a": 1}, -0.0),
+)
+
+
+def forge(draw, files):
+    """Edit one or a few things of a file; seal it anew, or all after it too."""
+    names = ["run.npz", *sorted(n for n in files if n.startswith("state_"))]
+    number = draw(st.integers(0, len(names) - 1))
+    with np.load(io.BytesIO(files[names[number]].rpartition(b"\n")[0])) as content:
+        arrays = dict(content)
+    text = json.loads(str(arrays.pop("text")))
+    edits = [edit(draw, text, arrays) for _ in range(draw(st.integers(1, 3)))]
+    body = io.BytesIO()
+    np.savez(body, text=np.array(json.dumps(text)), **arrays)
+    is_chain = draw(st.integers(0, 9)) < 7
+    for i in range(number, len(names) if is_chain else number + 1):
+        old, _, seal = files[names[i]].rpartition(b"\n")
+        run, name, _ = seal.decode().split()
+        before = files[names[i - 1]][-64:].decode() if i else ""
+        new = body.getvalue() if i == number else old
+        digest = sha256(f"{before} {run} {name} ".encode() + new).hexdigest()
+        files[names[i]] = new + f"\n{run} {name} {digest}".encode()
+    return f"{names[number]}: {edits}" + ", and all after it sealed" * is_chain
+
+
+def edit(draw, text, arrays):
+    """Change, remove or add one thing in the text, or change an array."""
+    if arrays and draw(st.integers(0, 9)) < 3:
+        return edit_array(draw, arrays)
+    *path, key = draw(st.sampled_from(places(text)))
+    inside = text
+    for step in path:
+        inside = inside[step]
+    kind, old = draw(st.integers(0, 9)), inside[key]
+    if kind == 0:
+        del inside[key]
+    elif kind == 1 and isinstance(inside, dict):
+        inside[f"{key} more"] = old
+    elif type(old) in (int, float) and kind < 6:
+        factors = 1 + 1e-6, 1.01, -1.0, 2.0, 1e-3, 1e3
+        factor = draw(st.sampled_from(factors))
+        inside[key] = old * factor if isinstance(old, float) else old + 1
+    else:
+        inside[key] = draw(st.sampled_from(VALUES))
+    return f"{path} {key}, {kind}"
+
+
+def places(value, path=()):
+    """Paths of keys to everything in a JSON value."""
+    own = [path] if path else []
+    if not isinstance(value, dict | list):
+        return own
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    return own + [p for key, item in items for p in places(item, (*path, key))]
+
+
+def with_one_changed(x, place, by):
+    changed = np.array(x)
+    if changed.size:
+        changed.flat[place % changed.size] += by
+    return changed
+
+
+def edit_array(draw, arrays):
+    """Change one array, its shape or its kind."""
+    name = draw(st.sampled_from(sorted(arrays)))
+    place, by = draw(st.integers(0, 999)), draw(st.sampled_from((1.0, -1.0, 1e-4)))
+    share = draw(st.sampled_from((1e-5, 1e-2, 1.0)))
+    changes = {
+        "moved": lambda x: x + share * (1 + np.abs(x).max()),
+        "without an entry": lambda x: x.ravel()[:-1],
+        "one axis more": lambda x: x[None],
+        "complex": lambda x: x.astype(complex),
+        "of single precision": lambda x: x.real.astype(np.float32),
+        "of the other byte order": lambda x: x.astype(x.dtype.newbyteorder()),
+        "of whole numbers": lambda x: np.rint(np.nan_to_num(x.real)).astype(int),
+        "text": lambda x: x.astype(str),
+        "not a number": lambda x: x * np.nan,
+        "empty": lambda x: x.ravel()[:0],
+        "with one entry changed": lambda x: with_one_changed(x, place, by),
+    }
+    change = draw(st.sampled_from([*changes, "removed"]))
+    if change == "removed" or arrays[name].dtype.kind not in "fiuc":
+        del arrays[name]
+        return f"{name} removed"
+    arrays[name] = changes[change](arrays[name])
+    return f"{name} {change}"
+
+
+@errors_only()
+def attempt(hostile):
+    place = Path("kept", "c").absolute()
+    place.mkdir(parents=True)
+    for name, content in hostile.files.items():
+        (place / name).write_bytes(content)
+    if hostile.replaced:
+        name, kind = hostile.replaced
+        replace_file(place / name, kind)
+    before = kept(place)
+    try:
+        run = stepper(hostile.settings, place)
+    except ValueError as error:  # no run can have these settings
+        return refused(error)
+    try:
+        result = run.run(resume=True)
+    except CheckpointError as error:
+        demand_equal("files after a refusal", kept(place), before)
+        if str(place) not in str(error):
+            raise UnclearError(error) from None
+        return refused(str(error).replace(str(place), "FOLDER"))
+    found, expected = results(result.states), undisturbed(hostile.settings)
+    demand_equal("states", len(found), len(expected))
+    for name in expected[0]:
+        scale = TOLERANCE * max(np.abs(state[name]).max() for state in expected)
+        for value, right in (
+            (a[name], b[name]) for a, b in zip(found, expected, strict=True)
+        ):
+            demand(value.shape == right.shape, f"{name}: {value}, expected {right}")
+            demand_near(name, value, right, scale)
+    return RIGHT
+
+
+def kept(place):
+    """What a refused run must leave; hidden files are remains of a killed run."""
+    content = folder_content(place)
+    return {name: content[name] for name in content if not name.startswith(".")}
+
+
+FAMILY = Family("checkpoints", {"": checkpoints()}, attempt, 2000, short=40)
+
+
+def test_a_damaged_checkpoint_is_refused_or_resumed_to_the_same_end():
+    FAMILY.holds(12)
