@@ -1,5 +1,6 @@
 """The families of hostile inputs, which are tests beside their subjects."""
 
+from tests.cli import test_disturbed_runs as disturbed_runs
 from tests.fabric import test_hostile_tables as tables
 from tests.helpers.hostile import Family
 from tests.io import test_hostile_decks as decks
@@ -17,4 +18,5 @@ FAMILIES: tuple[Family, ...] = (
     arguments.FAMILY,
     checkpoints.FAMILY,
     sweeps.FAMILY,
+    *disturbed_runs.FAMILIES,
 )
