@@ -138,7 +138,7 @@ _ALONG = (
 ON_TOOLS = (
     "hemisphere",
     "hemisphere --fibres 45",
-    "hemisphere --tension 0 --set bending.warp_N_mm=5 --set bending.weft_N_mm=5",
+    "hemisphere --tension 0 --set bending.warp_N_mm=5 bending.weft_N_mm=5",
     "cylinder --fibres 20",
     "saddle",
     "double_dome --fibres 45",

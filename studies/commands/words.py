@@ -126,7 +126,7 @@ def _half_size(case: Results) -> dict[str, str]:
 _BY_CASE: Mapping[str, Callable[[Results], dict[str, str]]] = {
     "strip": _strip,
     "on a tool: hemisphere": _hemisphere,
-    "on a tool: hemisphere --tension 0 --set bending.warp_N_mm=5 --set bending.weft_N_mm=5": (
+    "on a tool: hemisphere --tension 0 --set bending.warp_N_mm=5 bending.weft_N_mm=5": (
         _bent_hemisphere
     ),
     "hanging strip": _hanging,
