@@ -18,11 +18,6 @@ from .show import show
 if TYPE_CHECKING:
     from ..scenes.shear_test import ShearTest
 
-_STUDIES = (
-    "studies are no part of the command line: run `python -m studies NAME --out DIR` "
-    "in a checkout of the repository"
-)
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code.
@@ -54,8 +49,6 @@ def _answer(arguments: Sequence[str]) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
-    if _is_study(arguments):
-        raise ValueError(_STUDIES)
     try:
         options = command_parser(arguments).parse_args(arguments)
         if options.command == "list":
@@ -116,13 +109,3 @@ def _list() -> int:
     for name, scene in SCENES.items():
         say(f"{name:16}{summary_of(scene)}")
     return 0
-
-
-def _is_study(arguments: Sequence[str]) -> bool:
-    """Whether they ask for a study, which the command line once ran."""
-    words = list(arguments)
-    return (
-        words[:1] == ["study"]
-        or words[:2] == ["run", "two_element"]
-        or (words[:2] == ["run", "strip"] and "--paper" in words)
-    )
