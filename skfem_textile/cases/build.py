@@ -19,14 +19,13 @@ from ..ply.loads import Force
 from ..scenes.case import Case
 from ..solve.surface import OnSurface
 from .read import CaseFileError, declared, read_tables
+from .scenes import AnyScene, OnTool
 from .schema import (
     MESH_KINDS,
-    AnyScene,
     Bending,
     CaseFile,
     FabricOfFile,
     Mesh,
-    OnTool,
     Shear,
     Stepping,
     Tension,

@@ -15,20 +15,9 @@ import msgspec
 from msgspec import Struct
 
 from ..mesh.user_input import excerpt, printable
-from .schema import (
-    FILE,
-    MESH_KINDS,
-    SCENES,
-    CaseFile,
-    InCompression,
-    Region,
-    Scene,
-    Shear,
-    Tension,
-    Weft,
-    named,
-    tag_of,
-)
+from .scenes import SCENES, Scene
+from .schema import MESH_KINDS, CaseFile, InCompression, Region, Shear, Tension, Weft
+from .table import FILE, named, tag_of
 
 # Larger files are none that a person writes, and take long to read.
 _MOST_BYTES = 1_000_000

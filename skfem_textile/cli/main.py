@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..cases.read import CaseFileError, declared, read_tables
-from ..cases.schema import SCENES, summary_of
+from ..cases.scenes import SCENES
+from ..cases.table import summary_of
 from ..mesh.user_input import printable
 from .interruption import INTERRUPTED, raised
 from .output import OutputError, complain, say, silence

@@ -20,7 +20,9 @@ from typing import (
 
 from .. import __version__
 from ..cases.read import declared
-from ..cases.schema import FILE, SCENES, CaseFile, OnTool, Scene, summary_of
+from ..cases.scenes import SCENES, OnTool, Scene
+from ..cases.schema import CaseFile
+from ..cases.table import FILE, summary_of
 from ..cases.write import key_help, meaning, tables_of
 from ..mesh.user_input import printable
 from .fit import TESTS
