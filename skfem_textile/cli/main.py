@@ -14,6 +14,7 @@ from .interruption import INTERRUPTED, raised
 from .output import OutputError, complain, say, silence
 from .parser import BAD_INPUT, command_parser, is_case_file, tables_of_options
 from .progress import STOPPED_EARLY
+from .run import run
 from .show import show
 
 if TYPE_CHECKING:
@@ -73,8 +74,6 @@ def _run(arguments: Sequence[str]) -> int:
 
 def _run_case(options: argparse.Namespace) -> int:
     """Run a scene or a case file."""
-    from .run import run
-
     if not is_case_file(options.scene):
         tables: dict[str, Any] = {"scene": {"name": options.scene}}
         return run(declared(tables_of_options(tables, options)), options)
