@@ -2,61 +2,195 @@
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
-from time import perf_counter
+from typing import Any
 
 import numpy as np
-from numpy import ndarray
 
-from skfem_textile import (
-    AdaptiveStepper,
-    LoadStepper,
-    Ply,
-    Quadratic,
-    Result,
-    StepError,
-    refine,
-)
-from skfem_textile.scenes import Scene
+from skfem_textile.solve.error_estimate import LOAD_OVER_SHARE, SHEAR_ANGLE_OVER_CHANGE
 
-from ..common.tables import csv_table
-from ..study import Row, Study
-from .cases import MOST_UNKNOWNS, TOLERANCE, Case, all_cases
-from .tables import estimates, factor, in_words, kinks, tolerances
+from ..common.figures import File, figure_of, legend, style_of
+from ..common.tables import having, markdown_table, percent, span, table
+from ..study import Part, Row, Study
+from .cases import KINKS, TOLERANCE, Case, all_cases
 
-#: Load steps of the runs that are not timed.
-STEPS = 8
+#: Errors below this are small: an estimate is to stay below `_LEAST_LARGE` there.
+SMALL, _LEAST_LARGE = 0.005, 0.02
 
-# Corners are moved to this share of their distance from the middle, so that one on a
-# kink is on the side of its element.  Shear angles that differ by more than the other,
-# in radians, are of two sides of a kink.  Chosen: far above rounding.
-_INSIDE, _JUMP = 0.99, 1e-6
+#: Least and largest estimate over error that pass.
+PASSES = 0.5, 3.0
+
+#: What meshes of the comparison at equal unknowns are called.
+MESHES = {
+    "refined": "refined at kinks",
+    "known": "refined at the exact kinks",
+    "along": "along fibres, quadratic",
+}
+
+_POSITIONS = "position_error", "over_area"
+
+# Ends of the axes of load errors in per cent, and of position errors in mm.
+_ENDS, _POSITION_ENDS = (0.03, 30.0), (0.004, 1.0)
+
+
+def estimates(rows: Sequence[Row]) -> str:
+    """Ratios of estimate and error, of the cases that calibrate and that judge."""
+    lines = []
+    for task in ("calibrates", "judges"):
+        if found := having(rows, task=task):
+            costs = [row["cost"] for row in found]
+            cost = f"{np.median(costs):.0%}, {np.max(costs):.0%}"
+            lines.append([task, *_passed(found), cost])
+    head = [
+        "cases",
+        f"estimate over error from {PASSES[0]:g} to {PASSES[1]:g}",
+        f"error at most {SMALL:.1%}, estimate below {_LEAST_LARGE:.0%}",
+        "share of the run, median and most",
+    ]
+    return markdown_table(head, lines)
+
+
+def _passed(rows: Sequence[Row]) -> tuple[str, str]:
+    """How many estimates of large errors and of small errors pass."""
+    large = [row for row in rows if abs(row["error"]) > SMALL]
+    small = [row for row in rows if abs(row["error"]) <= SMALL]
+    ratios = [(row["estimate"] or 0.0) / abs(row["error"]) for row in large]
+    passed = sum(PASSES[0] <= ratio <= PASSES[1] for ratio in ratios)
+    below = sum((row["estimate"] or np.inf) < _LEAST_LARGE for row in small)
+    return f"{passed} of {len(large)}", f"{below} of {len(small)}"
+
+
+def factor(rows: Sequence[Row]) -> str:
+    """Error over what tells of it in the cases that calibrate, and what is taken."""
+    found = [row for row in having(rows, task="calibrates") if row["estimate"]]
+    large = [row for row in found if abs(row["error"]) > SMALL]
+    load = [abs(r["error"]) / r["carried"] for r in large]
+    taken = SHEAR_ANGLE_OVER_CHANGE
+    angle = [taken * r["angle_error"] / r["angle_estimate"] for r in found]
+    lines = [
+        [name, f"{np.median(x):.2f}", span(x, ".2f"), f"{now:g}"]
+        for name, x, now in (
+            ("load over the share of the energy", load, LOAD_OVER_SHARE),
+            ("shear angle over its change", angle, taken),
+        )
+        if x
+    ]
+    return markdown_table(["error", "median", "range", "taken"], lines)
+
+
+def tolerances(rows: Sequence[Row]) -> str:
+    """Runs to a tolerance against the reference."""
+    return table(
+        having(rows, task="tolerance"),
+        {
+            "case": lambda row: row["case"].removeprefix("tolerance, "),
+            "unknowns": "{unknowns}",
+            "error": "{error:.2%}",
+            "estimate": "{estimate:.2%}",
+            "reported as met": lambda row: "yes" if row["met"] else "no",
+        },
+    )
+
+
+def kinks(rows: Sequence[Row]) -> str:
+    """Position errors over those of uniform meshes, interpolated at equal unknowns."""
+    lines, found = [], having(rows, task="kinks")
+    for row in (row for row in found if row["mesh"] != "uniform"):
+        line = [f"{row['degrees']:g}°", MESHES[row["mesh"]], row["unknowns"]]
+        for key in _POSITIONS:
+            at = _uniform(found, row, key)
+            line += [f"{row[key]:.4f}", f"{at:.4f}", f"{row[key] / at:.2f}"]
+        lines.append(line)
+    head = ["fibres", "mesh", "unknowns"]
+    for what in ("nodes", "area"):
+        head += [f"{name}, {what}" for name in ("error (mm)", "uniform (mm)", "ratio")]
+    return markdown_table(head, lines)
+
+
+def _uniform(rows: Sequence[Row], row: Row, key: str) -> float:
+    """The error of uniform meshes with as many unknowns as a row has."""
+    uniform = having(rows, degrees=row["degrees"], mesh="uniform")
+    sizes = np.log([other["unknowns"] for other in uniform])
+    errors = np.log([other[key] for other in uniform])
+    return float(np.exp(np.interp(np.log(row["unknowns"]), sizes, errors)))
+
+
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """The results that pages say, by name."""
+    runs, found = having(rows, task="tolerance"), having(rows, task="kinks")
+    within = [row for row in runs if abs(row["error"]) <= TOLERANCE]
+    met = [row for row in runs if row["met"]]
+    right = [row for row in met if row in within]
+    words = {
+        "estimates": _passed(having(rows, task="judges"))[0],
+        "within": f"{len(within)} of {len(runs)}",
+        "met": f"{len(met)} of {len(runs)}",
+        "right": f"{len(right)} of {len(met)}",
+        "met_worst": percent(max(abs(row["error"]) for row in met), ".2f"),
+    }
+    for mesh in MESHES:
+        ratios = [
+            row[key] / _uniform(found, row, key)
+            for row in having(found, mesh=mesh)
+            for key in _POSITIONS
+        ]
+        words[mesh] = span(ratios, ".2f")
+    return words
+
+
+def draw_errors(rows: Sequence[Row], file: File = None) -> Any:
+    """Estimated against true errors of loads, and position errors by unknowns."""
+    with figure_of((8.0, 6.6), file, 9) as figure:
+        load, *positions = figure.subplots(2, 2).flat
+        _draw_loads(load, having(rows, task="judges"))
+        kinds = {"uniform": "uniform"} | MESHES
+        styles = {
+            label: style_of(i, markersize=4, linewidth=1.0)
+            for i, label in enumerate(kinds.values())
+        }
+        for axes, degrees in zip(positions, KINKS, strict=True):
+            for mesh, label in kinds.items():
+                own = having(rows, degrees=degrees, mesh=mesh)
+                errors = [row["position_error"] for row in own]
+                axes.loglog([row["unknowns"] for row in own], errors, **styles[label])
+            axes.set(title=f"Position, {degrees:g}°", xlabel="Unknowns")
+            axes.set(ylim=_POSITION_ENDS, ylabel="Error, rms over nodes (mm)")
+        legend(figure, styles, len(styles))
+    return figure
+
+
+def _draw_loads(axes: Any, rows: Sequence[Row]) -> None:
+    ends = np.array(_ENDS)
+    least, most = PASSES
+    axes.fill_between(ends, least * ends, most * ends, color="0.9")
+    axes.plot(ends, ends, color="grey", linewidth=0.8)
+    axes.axvline(100 * SMALL, color="grey", linewidth=0.8, linestyle=":")
+    known = [row for row in rows if row["estimate"] is not None]
+    errors = [100 * abs(row["error"]) for row in known]
+    axes.plot(errors, [100 * row["estimate"] for row in known], "o", markersize=3)
+    axes.set(title="Load", xlabel="True error (%)", ylabel="Estimated error (%)")
+    axes.set(xscale="log", yscale="log", xlim=_ENDS, ylim=_ENDS)
 
 
 class Adaptive(Study[Case]):
     """Estimates, tolerances, and position errors at equal unknowns."""
 
-    files = ("adaptive.csv", "estimates.md", "factor.md", "tolerances.md", "kinks.md")
-    pictures = ("adaptive.png",)
+    parts = (
+        Part(
+            "adaptive.csv",
+            {
+                "estimates.md": estimates,
+                "factor.md": factor,
+                "tolerances.md": tolerances,
+                "kinks.md": kinks,
+            },
+            {"adaptive.png": draw_errors},
+        ),
+    )
     sample = "judges, 45°, sheared 20°, E 100000, irregular 8"
     volatile = (*Study.volatile, "cost")
 
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
         return list(all_cases())
-
-    def name(self, case: Case) -> str:
-        return (
-            f"{case.task}, {case.degrees:g}°, sheared {case.gamma:g}°, E {case.E:g}, "
-            f"{case.mesh} {case.across}"
-        )
-
-    def examine(self, case: Case) -> list[Row]:
-        """The rows of a case; of kinks one for each mesh."""
-        row: Row = {"case": self.name(case), "task": case.task, "degrees": case.degrees}
-        scene = case.scene()
-        if case.task == "kinks":
-            return [row | found for found in _kinks(case, scene)]
-        return [row | _of_load(case, scene)]
 
     def line(self, rows: list[Row]) -> str:
         row = rows[-1]
@@ -66,112 +200,8 @@ class Adaptive(Study[Case]):
         said = "none" if estimate is None else f"{estimate:.4f}"
         return f"{row['case']}: error {row['error']:.4f}, estimate {said}"
 
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        return {
-            "adaptive.csv": csv_table(rows),
-            "estimates.md": estimates(rows),
-            "factor.md": factor(rows),
-            "tolerances.md": tolerances(rows),
-            "kinks.md": kinks(rows),
-        }
-
     def figures(self, rows: list[Row]) -> dict[str, str]:
         return in_words(rows)
-
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        from .figure import draw_errors
-
-        draw_errors(rows, folder / "adaptive.png")
-
-
-def _of_load(case: Case, scene: Scene) -> Row:
-    """Error of the load, and what was estimated."""
-    ply, met = case.ply(scene), None
-    if case.task == "tolerance":
-        stepper = AdaptiveStepper(
-            *(ply, scene.conditions, TOLERANCE, STEPS), most_unknowns=MOST_UNKNOWNS
-        )
-        result: Result = _best(stepper)
-        met = result.summary()["tolerance_met"]
-    else:
-        result = LoadStepper(ply, scene.conditions).run()
-    began = perf_counter()
-    estimate = result.estimated_error
-    cost = (perf_counter() - began) / result.wall_time_s
-    angle = estimate.shear_angle
-    return {
-        "unknowns": result.ply.basis.N,
-        "error": scene.reaction(result.states[-1])[1] / case.reference(scene) - 1,
-        "estimate": estimate.load,
-        "carried": sum(result.states[-1].shares["energy"].values()),
-        "cost": cost,
-        "angle_error": scene.errors(result)["shear_angle_error_rms_deg"],
-        "angle_estimate": None if angle is None else float(np.degrees(angle)),
-        "met": met,
-        "seconds": result.wall_time_s,
-    }
-
-
-def _kinks(case: Case, scene: Scene) -> list[Row]:
-    """Position errors of uniform meshes, and of those that are finer at kinks."""
-    rows, ply = [], case.ply(scene)
-    while ply.basis.N <= MOST_UNKNOWNS:
-        rows.append(_position(scene, ply, _end(scene, ply)) | {"mesh": "uniform"})
-        ply = refine(ply, np.arange(ply.users_mesh.nelements)).ply
-    most = max(row["unknowns"] for row in rows)
-    fine = _best(
-        AdaptiveStepper(
-            case.ply(scene), scene.conditions, 1e-6, STEPS, most_unknowns=most
-        )
-    )
-    rows.append(_position(scene, fine.ply, fine.u) | {"mesh": "refined"})
-    band = _band(case.ply(scene), scene, most)
-    rows.append(_position(scene, band, _end(scene, band)) | {"mesh": "known"})
-    along = case.scene_along_fibres()
-    ply = case.ply(along, Quadratic())
-    rows.append(_position(along, ply, _end(along, ply)) | {"mesh": "along"})
-    return rows
-
-
-def _band(ply: Ply, scene: Scene, most: int) -> Ply:
-    """A ply that is refined only in elements that kinks of the exact motion cross."""
-    while True:
-        corners = ply.users_mesh.p[:, ply.users_mesh.t]
-        middle = corners.mean(axis=1, keepdims=True)
-        inside = middle + _INSIDE * (corners - middle)
-        angles = scene.shear_angle(inside.reshape(2, -1), 1.0).reshape(3, -1)
-        area = ply.on_users_elements(ply.basis.dx.sum(axis=1))
-        crossed = np.ptp(angles, axis=0) > _JUMP
-        large = area > area[crossed].max() / 2
-        finer = refine(ply, crossed & large).ply
-        if most < finer.basis.N:
-            return ply
-        ply = finer
-
-
-def _end(scene: Scene, ply: Ply) -> ndarray:
-    """The displacement under the whole load."""
-    return LoadStepper(ply, scene.conditions, STEPS).run().u
-
-
-def _best(stepper: AdaptiveStepper) -> Result:
-    """The result, be the tolerance met or not."""
-    try:
-        return stepper.run()
-    except StepError as error:
-        return error.result
-
-
-def _position(scene: Scene, ply: Ply, u: ndarray) -> Row:
-    """Position errors in mm, over nodes and over the area."""
-    off = ply.nodal(u) - scene.displacement(ply.nodes, 1.0)
-    square = (off**2).sum(axis=0)
-    in_elements = square[ply.mesh.t].mean(axis=0)
-    return {
-        "unknowns": ply.basis.N,
-        "position_error": np.sqrt(square.mean()),
-        "over_area": np.sqrt(np.average(in_elements, weights=ply.basis.dx.sum(axis=1))),
-    }
 
 
 STUDY = Adaptive()

@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..study import Row
-from .reference import CODE, Load, converged
-from .timed_codes import GIVEN_UP, ThisLibrary
+from ..common.tables import Row
+from .cases import CODE, GIVEN_UP, Load, ThisLibrary, converged
 
 #: Sets of linear solvers: what rows of a set have as their solver.
 SETS = {"SciPy": ("SciPy", "MUMPS"), "fastest": ("fastest", "MUMPS")}

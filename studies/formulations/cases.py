@@ -8,14 +8,21 @@ from itertools import product
 import numpy as np
 from skfem import Mesh
 
+from skfem_textile import Condition
 from skfem_textile.fabric import Fabric, Law, Linear, Sin2
 from skfem_textile.mesh.splitting import split
+from skfem_textile.ply import Ply
 from skfem_textile.ply.formulations import Full, Kind, Macro, OnePoint, Quadratic
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension, picture_frame, strip, trellis
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.strip import HEIGHT, WIDTH
 from skfem_textile.scenes.trellis import SIDE
+from skfem_textile.solve.result import Result, StepError
+from skfem_textile.solve.stepper import LoadStepper
+
+from ..common.running import errors_only
+from ..common.tables import Row
 
 #: Shear stiffness of the bias extension in N/mm, and its shear angles in degrees.
 G, ANGLES = 0.5, (10, 20, 30, 40, 50)
@@ -175,6 +182,10 @@ class Case:
     across: int
     seed: int
 
+    def __str__(self) -> str:
+        names = f"{self.group}: {self.problem.name}, {self.method.name}"
+        return f"{names}, {self.across} across, {self.seed}"
+
     def scene(self) -> Scene:
         """The scene, on the mesh of the method."""
         method, formulation = self.method, self.method.formulation(1.0)
@@ -182,6 +193,77 @@ class Case:
         if method.parts == 2 and not isinstance(formulation, Quadratic):
             mesh = split(mesh)
         return self.problem.scene(mesh)
+
+    @errors_only()
+    def rows(self) -> list[Row]:
+        """Run the case; its row has nan for numbers that it does not reach."""
+        problem, scene, refused = self.problem, self.scene(), ""
+        formulation = self.method.formulation(problem.stabilisation)
+        ply = Ply(scene.mesh, problem.fabric(scene), formulation)
+        try:
+            result = LoadStepper(ply, scene.conditions, problem.steps).run()
+        except StepError as error:
+            result, refused = error.result, str(error)
+        row = {
+            "group": self.group,
+            "problem": problem.name,
+            "method": self.method.name,
+            "across": self.across,
+            "seed": self.seed,
+            "elements": ply.mesh.nelements,
+            "unknowns": ply.basis.N,
+            **_figures(scene, result, problem.last / problem.steps),
+            **_loads(scene, result, problem.steps),
+            "seconds": result.wall_time_s,
+            "refused": refused,
+        }
+        return [row]
+
+
+_FIGURES = (
+    *("load", "position", "angle", "strain", "mesh_fibre_strain", "min_det_F"),
+    *("negative_pivots", "stabilisation_share", "linear_solves"),
+)
+
+
+def _figures(scene: Scene, result: Result, t: float) -> Row:
+    """Figures of the state at the load factor t."""
+    reached = [s for s in result.states if s.load_factor <= t + 1e-9]
+    if reached[-1].load_factor < t - 1e-9:
+        return dict.fromkeys(_FIGURES, np.nan)
+    summary: Row = scene.summary(replace(result, states=reached))
+    driven = scene.conditions[scene.driven]
+    assert isinstance(driven, Condition)
+    led = driven.direction  # the force is whole where there is none
+    force = np.array([summary["reaction_x"], summary["reaction_y"]])
+    values = (
+        float(np.linalg.norm(force if led is None else force @ np.asarray(led)))
+        if scene.load is None
+        else summary["load_over_exact"],
+        summary["displacement_error_rms"],
+        summary["shear_angle_error_rms_deg"],
+        summary["max_fibre_strain"],
+        summary["mesh_fibre_strain"],
+        summary["min_det_F"],
+        summary["negative_pivots"],
+        summary["stabilisation_energy"] / summary["energy"],
+        sum(state.linear_solves for state in reached),
+    )
+    return dict(zip(_FIGURES, values, strict=True))
+
+
+def _loads(scene: Scene, result: Result, steps: int) -> dict[str, float]:
+    """The load over the exact one at each of the shear angles, where it is known."""
+    ratios = {f"load_{angle}": np.nan for angle in ANGLES}
+    if scene.load is None:
+        return ratios
+    for state in result.states[1:]:
+        step = state.load_factor * steps
+        if abs(step - round(step)) < 1e-9:
+            exact = scene.load(result.ply.fabric.shear_law, state.load_factor)
+            angle = ANGLES[round(step) - 1]
+            ratios[f"load_{angle}"] = scene.reaction(state)[1] / exact
+    return ratios
 
 
 def all_cases() -> Iterator[Case]:

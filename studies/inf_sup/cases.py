@@ -15,7 +15,9 @@ from skfem_textile.ply.formulations import Full, Macro, OnePoint, Quadratic
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes.rectangle import rectangle
 
-from .constraints import Constraints
+from ..common.tables import Row
+from .constraints import Constraints, spectrum
+from .motions import KINKED, SMOOTH, distances, stiffness
 
 #: Stiffness of fibres and of shear in N/mm, of real fabrics at the upper end.
 E, G = 1e6, 1.0
@@ -69,9 +71,7 @@ class Layout:
     angle: int
     regular: bool = True
 
-    @property
-    def name(self) -> str:
-        """What to call it."""
+    def __str__(self) -> str:
         return f"{self.angle}°" if self.regular else f"{self.angle}°, irregular"
 
 
@@ -88,6 +88,11 @@ class Case:
     across: int
     shear: int = 0
     refined: int = REFINED
+
+    def __str__(self) -> str:
+        state = f", sheared {self.shear}°" if self.shear else ""
+        mesh = f"{self.across} across, refined {self.refined}"
+        return f"{self.method.name}, {self.layout}{state}, {mesh}"
 
     def mesh(self) -> Mesh:
         """The user's mesh; triangles of a regular one are squares cut in two."""
@@ -111,6 +116,33 @@ class Case:
         mesh = self.method.formulation.working_mesh(self.mesh())
         fabric = Fabric(E, G, *A.T)
         return Constraints(mesh, fabric, self.method.formulation, A @ closer @ A.T)
+
+    def rows(self) -> list[Row]:
+        """Singular values, kernel and distances; of flat plies the stiffness too."""
+        asked = self.constraints()
+        found = spectrum(asked, self.refined)
+        row: Row = {
+            "method": self.method.name,
+            "layout": str(self.layout),
+            "shear": self.shear,
+            "refined": self.refined,
+            "across": self.across,
+            "unknowns": asked.basis.N,
+            "constraints": asked.matrix.shape[0],
+            "rank": len(found.values),
+            "kernel": found.kernel.shape[1],
+            "inf_sup": found.inf_sup,
+            "inf_sup_in_l2": found.in_l2,
+            "largest": float(found.values[-1]),
+            "largest_zero": found.largest_zero,
+        }
+        for kind, profiles in (("smooth", SMOOTH), ("kinked", KINKED)):
+            from_mesh, from_kernel = distances(asked, found.kernel, profiles)
+            row[f"{kind}_from_mesh"] = from_mesh
+            row[f"{kind}_from_kernel"] = from_kernel
+            if not self.shear:
+                row[f"{kind}_stiffness"] = stiffness(asked, profiles)
+        return [row]
 
 
 def all_cases() -> Iterator[Case]:

@@ -9,23 +9,27 @@ import numpy as np
 from skfem import Mesh
 
 from skfem_textile.fabric import CrimpToe, Fabric, Law, Linear, Tabulated, TensionOnly
+from skfem_textile.ply import Ply
 from skfem_textile.ply.formulations import Full, OnePoint, Quadratic
 from skfem_textile.ply.ply import DEFAULT
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension
 from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve.result import StepError
+from skfem_textile.solve.stepper import LoadStepper
 
-from ..angles.aligned_mesh import graded_mesh
 from ..angles.cases import (
     ACROSS,
     ANGLES,
-    GRADING,
     JITTER,
     JUDGING,
     STEPS,
     G,
     Specimen,
+    graded_mesh,
 )
+from ..common.running import warnings_collected
+from ..common.tables import Row
 
 #: The specimen of the study of angles with the linear law: its meshes, references and
 #: limits are those of this study.
@@ -91,7 +95,7 @@ def _irregular(kind: str, parts: int, across: int, seed: int) -> Mesh:
 
 
 def _along_fibres(cells: int, seed: int) -> Mesh:
-    return graded_mesh(np.pi / 4, SIDES[0], cells, GRADING)
+    return graded_mesh(np.pi / 4, cells)
 
 
 #: The methods that are judged, and one beside them.
@@ -131,10 +135,40 @@ class Case:
     across: int
     seed: int
 
+    def __str__(self) -> str:
+        seed = f", {self.seed}" if self.seed else ""
+        return f"{self.material.name}: {self.method.name}, {self.across} across{seed}"
+
     def scene(self) -> Scene:
         """The scene, on the mesh of the method."""
         mesh = self.method.mesh(self.across, self.seed)
         return bias_extension(mesh, shear_angle=ANGLE)
+
+    def rows(self) -> list[Row]:
+        """Run the case; the load of a run that is refused is nan."""
+        method, scene, refused = self.method, self.scene(), ""
+        ply = Ply(scene.mesh, self.material.fabric(scene), method.formulation)
+        with warnings_collected() as warnings:
+            try:
+                result = LoadStepper(ply, scene.conditions, method.steps).run()
+                load = float(scene.reaction(result.states[-1])[1])
+            except StepError as error:
+                result, refused, load = error.result, str(error), np.nan
+        row = {
+            "group": self.group,
+            "material": self.material.name,
+            "method": method.name,
+            "across": self.across,
+            "seed": self.seed,
+            "steps": method.steps,
+            "unknowns": ply.basis.N,
+            "load": load,
+            "linear_solves": result.linear_solves,
+            "seconds": result.wall_time_s,
+            "warnings": " | ".join(warnings),
+            "refused": refused,
+        }
+        return [row]
 
 
 def all_cases() -> Iterator[Case]:

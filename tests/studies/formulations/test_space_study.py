@@ -5,11 +5,11 @@ import argparse
 import pytest
 
 from studies.__main__ import main
-from studies.formulations.space import problems, tables
+from studies.formulations.space import problems, study
 from studies.formulations.space.study import STUDY
 from tests.helpers import drawn_here
 
-MEASURED = {"part": "extreme strip", "formulation": "macro", "E_over_G": 1e4, "D": 1.0}
+MEASURED = {"case": "it", "part": "extreme strip", "formulation": "macro", "E_over_G": 1e4, "D": 1.0}
 
 
 def test_every_case_has_a_name_of_its_own_and_a_problem():
@@ -24,10 +24,10 @@ def test_an_answer_that_is_off_is_wrong_and_a_refusal_is_not():
     right = MEASURED | {"outcome": "converged", "off_x": 0.001, "off_z": -0.01}
     off = right | {"off_z": -0.03}
     refused = MEASURED | {"outcome": "refused", "said": "no"}
-    assert tables.wrong([right, off, refused]) == [off]
+    assert study.wrong([right, off, refused]) == [off]
     assert "1 wrong" in STUDY.complaint([right, off, refused])
     assert STUDY.complaint([right, refused]) == ""
-    line = tables.extremes([right, off, refused]).splitlines()[-1]
+    line = study.extremes([right, off, refused]).splitlines()[-1]
     assert line == "| strip | 1e+04 | 3 | 1 | 1 | 1 | 3.00 % |"
 
 
@@ -41,7 +41,7 @@ def test_words_are_of_quadrilaterals_and_count_every_extreme_run():
     right = MEASURED | {"outcome": "converged", "off_x": 0.001, "off_z": -0.01}
     refused = MEASURED | {"outcome": "refused", "off_x": None, "off_z": None}
     rows = [tip, other, coarse, bent, soft, right, right | {"off_z": 0.1}, refused]
-    words = tables.in_words(rows)
+    words = study.in_words(rows)
     assert words["tip"] == "0.2 %"
     assert (words["buckling"], words["buckling_soft"]) == ("0.5 %", "1.1 %")
     counts = [words[name] for name in ("extremes", "right", "refused", "wrong")]

@@ -5,8 +5,7 @@ import pytest
 
 from skfem_textile import Fabric, Linear, Macro, OnePoint, Quadratic
 from studies.stability import study
-from studies.stability.laws import SHEARS, TENSIONS
-from studies.stability.problems import extremes
+from studies.stability.problems import SHEARS, TENSIONS, extremes
 from studies.stability.study import STUDY
 
 
