@@ -5,14 +5,17 @@ import pytest
 
 from skfem_textile import Linear, refine
 from skfem_textile.mesh.bases import node_dofs
-from studies.adaptive.cases import Case, all_cases, band_at_kinks, position
 from studies.adaptive.study import (
     MESHES,
     STUDY,
+    Case,
+    all_cases,
+    band_at_kinks,
     estimates,
     factor,
     in_words,
     kinks,
+    position,
     tolerances,
 )
 from studies.angles.cases import G

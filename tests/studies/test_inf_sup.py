@@ -9,8 +9,10 @@ from skfem_textile import Ply
 from skfem_textile.fabric import kinematics as kin
 from studies.__main__ import main
 from studies.common.provenance import FILE
-from studies.inf_sup import cases, study
-from studies.inf_sup.cases import (
+from studies.inf_sup import study
+from studies.inf_sup.constraints import spectrum
+from studies.inf_sup.motions import KINKED, SMOOTH, distances, stiffness, unstretched
+from studies.inf_sup.study import (
     IRREGULAR,
     LAYOUTS,
     MACRO,
@@ -20,13 +22,12 @@ from studies.inf_sup.cases import (
     QUADRATIC,
     QUADRATIC_MEAN,
     SHEARED,
+    STUDY,
     TWO_BY_TWO,
     Case,
     Layout,
+    in_words,
 )
-from studies.inf_sup.constraints import spectrum
-from studies.inf_sup.motions import KINKED, SMOOTH, distances, stiffness, unstretched
-from studies.inf_sup.study import STUDY, in_words
 from tests.helpers import derivative, drawn_here, wobble
 
 ALONG, ACROSS_MESH = Layout(0), Layout(30)
@@ -50,7 +51,7 @@ def homogeneous(basis, gradient):
 
 
 def test_no_two_cases_have_one_name():
-    names = [STUDY.name(case) for case in cases.all_cases()]
+    names = [STUDY.name(case) for case in study.all_cases()]
     assert len(set(names)) == len(names)
 
 
@@ -231,7 +232,7 @@ def test_words_are_of_the_finest_meshes_and_of_what_differs_most():
             **dict.fromkeys(("smooth_from_mesh", "kinked_from_mesh"), 0.2),
             **dict.fromkeys(("smooth_from_kernel", "kinked_from_kernel"), 0.2),
         }
-        for c in cases.all_cases()
+        for c in study.all_cases()
     ]
     assert in_words(rows) == {
         **{"means": "0.80", "means_fall": "0.0 %", "means_distance": "0 %"},

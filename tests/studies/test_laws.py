@@ -11,8 +11,8 @@ from studies.angles import study as angles
 from studies.angles.cases import ACROSS, ANGLES, STEPS
 from studies.common import provenance
 from studies.common.running import warnings_collected
-from studies.laws import cases, study
-from studies.laws.cases import (
+from studies.laws import study
+from studies.laws.study import (
     FULL,
     LINEAR,
     MATERIALS,
@@ -22,14 +22,14 @@ from studies.laws.cases import (
     REFERENCES,
     SPECIMEN,
     STEEP_SHEAR,
+    STUDY,
     TRIANGLES,
     Case,
     judged_methods,
 )
-from studies.laws.study import STUDY
 from tests.helpers import cells, drawn_here
 
-ALL = list(cases.all_cases())
+ALL = list(study.all_cases())
 
 
 PUBLISHED = Path(__file__).parents[2] / "docs"
@@ -159,12 +159,12 @@ def test_warnings_are_collected_and_not_logged(caplog):
 
 def test_a_refused_case_has_no_load(monkeypatch):
     """Two iterations of Newton's method do not get there."""
-    stepper = cases.LoadStepper
+    stepper = study.LoadStepper
 
     def balks(ply, conditions, steps):
         return stepper(ply, conditions, 1, method=PlainNewton(most=2), max_halvings=0)
 
-    monkeypatch.setattr(cases, "LoadStepper", balks)
+    monkeypatch.setattr(study, "LoadStepper", balks)
     (found,) = STUDY.examine(Case("judged", LINEAR, QUADS, 8, 1))
     assert np.isnan(found["load"])
     assert "stopped at load factor 0" in found["refused"]
