@@ -22,7 +22,7 @@ from ..common.figures import (
     plain_numbers,
     style_of,
 )
-from ..common.tables import csv_table, grouped, having, markdown_table, percent
+from ..common.tables import cell, csv_table, grouped, having, markdown_table, percent
 from ..study import Part, Row, Study
 from .cases import (
     CELLS,
@@ -557,7 +557,12 @@ class ErrorTime(Study[Timed | Reference]):
         return all_cases()
 
     def line(self, rows: list[Row]) -> str:
-        return "\n".join(map(_line, rows))
+        result = "{seconds:.3g} s, load {load:.5g} N"
+        return "\n".join(
+            f"{row['case']}, {row['across']} across: "
+            f"{row.get('note') or cell(row, result)}"
+            for row in rows
+        )
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         """Results in words.
@@ -572,15 +577,3 @@ class ErrorTime(Study[Timed | Reference]):
 
 
 STUDY = ErrorTime()
-
-
-def _line(row: Row) -> str:
-    """One result, on one line."""
-    words = (row.get(key) for key in ("scene", "code", "element", "solver", "seed"))
-    name = ", ".join(str(word) for word in words if word is not None)
-    text = f"{name}, {row['across']} across: "
-    if row.get("note"):
-        return text + row["note"]
-    angle = "" if row.get("angle") is None else f", {row['angle']:.3g}°"
-    seconds = "" if row.get("seconds") is None else f"{row['seconds']:.3g} s, "
-    return f"{text}{seconds}load {row['load']:.5g} N{angle}"

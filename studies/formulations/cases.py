@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 from skfem import Mesh
@@ -41,47 +41,39 @@ class Method:
     """An element on a kind of mesh.
 
     ``mesh`` is ``quads`` or ``triangles``.  ``parts`` is the number of parts into which
-    an edge is split, 2 for quadratic triangles.  ``formulation`` takes C, eight
-    times the shear stiffness at rest.
+    an edge is split, 2 for quadratic triangles.  The stabilisation of a method that is
+    ``scaled`` is a multiple of C, eight times the shear stiffness at rest.
     """
 
     name: str
     mesh: str
     parts: int
-    formulation: Callable[[float], Formulation]
+    unscaled: Any
+    scaled: bool = False
 
-
-def _as_is(formulation: Formulation, C: float) -> Formulation:
-    return formulation
-
-
-def _one_point(k: float, kind: Kind, C: float) -> Formulation:
-    return OnePoint(k * C, kind)
-
-
-def _macro(k: float, C: float) -> Formulation:
-    return Macro(k * C)
-
-
-def _method(name: str, mesh: str, parts: int, formulation: Formulation) -> Method:
-    return Method(name, mesh, parts, partial(_as_is, formulation))
+    def formulation(self, C: float) -> Formulation:
+        """The formulation."""
+        made: Formulation = self.unscaled
+        if self.scaled:
+            made = replace(self.unscaled, stabilisation=C * self.unscaled.stabilisation)
+        return made
 
 
 def _scaled(name: str, k: float, kind: Kind = "energy") -> Method:
-    return Method(name, "quads", 1, partial(_one_point, k, kind))
+    return Method(name, "quads", 1, OnePoint(k, kind), scaled=True)
 
 
-MACRO = _method("macro, quads", "quads", 2, Macro())
-MACRO_TRIANGLES = _method("macro, triangles", "triangles", 2, Macro())
-AUTO = _method("one point, auto", "quads", 1, OnePoint())
-PAPER = _method("one point, C_s = 1", "quads", 1, OnePoint(1.0))
-MEAN_QUADRATIC = _method(
+MACRO = Method("macro, quads", "quads", 2, Macro())
+MACRO_TRIANGLES = Method("macro, triangles", "triangles", 2, Macro())
+AUTO = Method("one point, auto", "quads", 1, OnePoint())
+PAPER = Method("one point, C_s = 1", "quads", 1, OnePoint(1.0))
+MEAN_QUADRATIC = Method(
     "quadratic, mean stretch", "triangles", 2, Quadratic(deviation=80.0)
 )
 
-QUADRATIC = _method("quadratic", "triangles", 2, Quadratic())
-SPLIT_ONE_POINT = _method("one point, triangles", "triangles", 2, OnePoint())
-FULL = _method("2×2 points", "quads", 1, Full())
+QUADRATIC = Method("quadratic", "triangles", 2, Quadratic())
+SPLIT_ONE_POINT = Method("one point, triangles", "triangles", 2, OnePoint())
+FULL = Method("2×2 points", "quads", 1, Full())
 
 #: Methods that lock where the shear angle jumps, at any E/G.
 LOCKING = QUADRATIC, FULL
@@ -89,7 +81,7 @@ LOCKING = QUADRATIC, FULL
 #: One or two methods of each formulation, those with nothing to tune first.
 METHODS = (
     *(MACRO, MACRO_TRIANGLES, AUTO, SPLIT_ONE_POINT, MEAN_QUADRATIC, QUADRATIC),
-    *(PAPER, _method("rates, C_s = 1", "quads", 1, OnePoint(1.0, "rate"))),
+    *(PAPER, Method("rates, C_s = 1", "quads", 1, OnePoint(1.0, "rate"))),
     _scaled("continuity, C_j = C", 1.0, "continuity"),
     _scaled("isotropic, κ = C", 1.0, "isotropic"),
     _scaled("isotropic, κ = C/8", 1 / 8, "isotropic"),
@@ -100,12 +92,12 @@ METHODS = (
 STABILISATIONS = (
     *(_scaled(f"C_s = {k:g} C", k) for k in (1 / 32, 1 / 8, 1 / 4, 1 / 2, 2, 4, 8, 32)),
     *(
-        Method(f"macro, C_s = {k:g} C", "quads", 2, partial(_macro, k))
+        Method(f"macro, C_s = {k:g} C", "quads", 2, Macro(k), scaled=True)
         for k in (1 / 8, 1 / 4, 1 / 2, 2, 4, 8)
     ),
 )
 DEVIATIONS = tuple(
-    _method(f"{mesh}, {c:g}", mesh, 2, Macro(deviation=(c, c)))
+    Method(f"{mesh}, {c:g}", mesh, 2, Macro(deviation=(c, c)))
     for mesh, chosen in zip(("triangles", "quads"), Macro().deviation, strict=True)
     for c in (chosen / 4, chosen / 2, chosen * 2, chosen * 4)
 )

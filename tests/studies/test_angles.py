@@ -1,6 +1,4 @@
-import csv
 import json
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +20,7 @@ from studies.angles.cases import (
 )
 from studies.angles.study import STUDY
 from studies.common import provenance
-from tests.helpers import cells, drawn_here
+from tests.helpers import cells
 
 AT_30, AT_60 = (Specimen(theta, "linear", 2e5) for theta in (30.0, 60.0))
 STORED = cases.stored()
@@ -94,11 +92,10 @@ def test_no_cell_of_a_graded_mesh_lies_across_a_fibre_from_a_corner(ply):
     assert widest > 50 * narrowest
 
 
-def test_no_two_cases_have_one_name_and_none_judges_what_it_has_chosen():
+def test_none_judges_what_it_has_chosen():
     judging, choosing = (list(cases.judged(*part)) for part in (JUDGING, CHOOSING))
     assert len(judging) == 5 * 2 * 3 * 2 * 2 * 5
     assert len(choosing) == 3 * 2 * 3 * 2 * 2 * 3
-    assert len({STUDY.name(case) for case in judging + choosing}) == 600 + 216
     assert {case.seed for case in judging}.isdisjoint(case.seed for case in choosing)
 
 
@@ -155,18 +152,6 @@ def test_medians_of_loads_that_are_known_are_judged():
     assert (words["quads_16"], words["triangles_32"]) == ("4.5 %", "7.5 %")
 
 
-def test_stored_results_give_the_same_tables_and_words_of_both_parts():
-    rows = STUDY.stored(PUBLISHED)
-    texts = STUDY.tables(rows)
-    assert set(texts) == {*STUDY.files}
-    for name in set(texts) - {"angles.csv"}:
-        assert texts[name] == (PUBLISHED / name).read_text(encoding="utf-8")
-    words = STUDY.figures(rows)
-    assert words["limit_16"] == f"{100 * cases.LIMITS[16]:g} %"
-    most = max(1 - row["load"] for row in STORED.values())
-    assert words["lost_most"] == f"{100 * most:.0f} %"
-
-
 def test_references_that_do_not_agree_are_told():
     good = STORED[AT_30, 40]
     bad = good | {"apart": -0.0051}
@@ -174,22 +159,6 @@ def test_references_that_do_not_agree_are_told():
     assert "1 load(s) are not converged, first: 30°" in STUDY.complaint([good, bad])
     assert cells(study.agreements([good]), *AT_30.names)[-3] == "yes"
     assert cells(study.agreements([bad]), *AT_30.names)[-3] == "no"
-
-
-def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
-    some = [Judged(AT_30, *mesh) for mesh in product(cases.MESHES, [8], [1, 2])]
-    monkeypatch.setattr("studies.angles.study.judged", lambda *_: iter(some))
-    monkeypatch.setattr(study, "KINDS", (("quads", 8), ("triangles", 8)))
-    monkeypatch.setitem(cases.LIMITS, 8, 0.15)
-    words = ["angles", "--out", str(tmp_path)]
-    assert main([*words, "--case", "*quads*"]) == 0
-    with open(tmp_path / "angles.csv") as file:
-        assert len(list(csv.DictReader(file))) == 2 * len(ANGLES)
-    names = {path.name for path in tmp_path.iterdir()}
-    written = {"angles.csv", "summary.md", provenance.FILE, *drawn_here(STUDY)}
-    assert names == written
-    assert "4 of 4 within 15 %" in cells((tmp_path / "summary.md").read_text(), "30°")
-    assert "30°, linear, E/G = 2e5, quads, 8 across, seed 1" in capsys.readouterr().out
 
 
 def test_references_are_written_beside_what_is_judged(tmp_path, monkeypatch):

@@ -50,11 +50,6 @@ def homogeneous(basis, gradient):
     return u
 
 
-def test_no_two_cases_have_one_name():
-    names = [STUDY.name(case) for case in study.all_cases()]
-    assert len(set(names)) == len(names)
-
-
 @each_method
 def test_constraints_are_the_derivative_of_the_strain_that_the_law_sees(method):
     asked = Case(method, IRREGULAR, 4, SHEARED).constraints()

@@ -147,9 +147,3 @@ def test_results_are_in_words(stored, results):
     assert text["iteration_elements"] == "60 000"
     assert text["machines"].startswith("Machine: ")
     assert STUDY.figures([]) == {"machines": ""}
-
-
-def test_the_waterfall_is_drawn(tmp_path, stored):
-    pytest.importorskip("matplotlib")
-    STUDY.draw(stored, tmp_path)
-    assert {file.name for file in tmp_path.iterdir()} == set(STUDY.pictures)

@@ -41,9 +41,7 @@ from .rival import (
     QUAD9,
     QUAD9_REDUCED,
     TRIANGLE6,
-    InProcess,
     Rival,
-    Shape,
     Task,
 )
 
@@ -51,7 +49,7 @@ _CHILD = Path(__file__).with_name("dolfinx_child.py")
 
 
 @dataclass(frozen=True, eq=False)
-class Plain(InProcess):
+class Plain(Rival):
     """The element and stabilisation of a straightforward script.
 
     It has scikit-fem's own assembly of readable forms, `condense` and `solve`.  ``C_s``
@@ -99,7 +97,7 @@ def _stock(
     return LinearForm(forms.residual.form), BilinearForm(forms.tangent.form), basis
 
 
-class FElupe(InProcess):
+class FElupe(Rival):
     """FElupe on one thread: the same energy as a user material, on its assembly."""
 
     packages: ClassVar[dict[str, str]] = {"felupe": "felupe"}
@@ -163,7 +161,7 @@ def _corrected(gradient: Callable, rs: ndarray) -> ndarray:
     return dh
 
 
-class Native(InProcess):
+class Native(Rival):
     """scikit-fem-native on one thread: assembly in C++ of forms as scikit-fem has them.
 
     It takes no tensor of fourth order as a coefficient of vector fields.  The blocks of
@@ -239,16 +237,15 @@ class DolfinxError(RuntimeError):
 
 
 @dataclass(frozen=True, eq=False)
-class Dolfinx:
+class Dolfinx(Rival):
     """DOLFINx 0.5 on one thread: the same energy in UFL, with MUMPS' LDLᵀ.
 
     Mesh, space and compiled forms are made before the clock starts.  ``shape`` is
     `QUAD4` or `TRIANGLE6`.
     """
 
-    shape: Shape
+    solver: str = "MUMPS"
     code: ClassVar[str] = "DOLFINx"
-    solver: ClassVar[str] = "MUMPS"
 
     def missing(self) -> str:
         """DOLFINx, if no interpreter can import it."""

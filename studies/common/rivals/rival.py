@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 from numpy import ndarray
@@ -152,27 +152,36 @@ def _outer(S: ndarray, T: ndarray) -> ndarray:
     return np.einsum("iJ...,kL...->iJkL...", S, T)
 
 
-class Rival(Protocol):
-    """A code with an element and a solver, that loads a ply by plain Newton."""
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A code with an element and a linear solver, that loads a ply by plain Newton.
 
-    @property
-    def code(self) -> str:
-        """The code, and the solver if there is a choice."""
-        ...
+    Attributes
+    ----------
+    shape
+        The element.
+    solver
+        A name of `linear.solver_of`, or that of the code's own solver.
+    code
+        The code.
+    packages
+        Packages beside this library: how to import and to install them.
+    """
 
-    @property
-    def solver(self) -> str:
-        """The linear solver."""
-        ...
-
-    @property
-    def shape(self) -> Shape:
-        """The element."""
-        ...
+    shape: Shape
+    solver: str = "SciPy"
+    code: ClassVar[str] = ""
+    packages: ClassVar[dict[str, str]] = {}
 
     def missing(self) -> str:
         """Packages to install first; empty if nothing is missing."""
-        ...
+        pardiso = {"pypardiso": "pypardiso"} if self.solver == "pypardiso" else {}
+        needed = (self.packages | pardiso).items()
+        return ", ".join(name for module, name in needed if find_spec(module) is None)
+
+    def system(self, task: Task) -> RivalSystem:
+        """The discretised ply, of a code that runs in this process."""
+        raise NotImplementedError
 
     def run(self, task: Task, steps: int, repeats: int) -> Run:
         """Load a ply in equal steps, once to warm up, then with a clock.
@@ -191,50 +200,10 @@ class Rival(Protocol):
         NotConvergedError
             If a step does not converge.
         """
-        ...
-
-    def iterations(
-        self, task: Task, u: ndarray, repeats: int
-    ) -> list[tuple[float, float]]:
-        """Seconds of assembly and of solution in Newton iterations at ``u``."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class InProcess:
-    """A rival that runs in this process.
-
-    Attributes
-    ----------
-    shape
-        The element.
-    solver
-        A name of `linear.solver_of`.
-    packages
-        Packages beside this library: how to import and to install them.
-    """
-
-    shape: Shape
-    solver: str = "SciPy"
-    code: ClassVar[str] = ""
-    packages: ClassVar[dict[str, str]] = {}
-
-    def missing(self) -> str:
-        """Packages that are not installed."""
-        pardiso = {"pypardiso": "pypardiso"} if self.solver == "pypardiso" else {}
-        needed = (self.packages | pardiso).items()
-        return ", ".join(name for module, name in needed if find_spec(module) is None)
-
-    def system(self, task: Task) -> RivalSystem:
-        """The discretised ply."""
-        raise NotImplementedError
-
-    def run(self, task: Task, steps: int, repeats: int) -> Run:
-        """Load a ply in equal steps; see `Rival`."""
         return timed(lambda: self.system(task), task.values(steps), repeats)
 
     def iterations(
         self, task: Task, u: ndarray, repeats: int
     ) -> list[tuple[float, float]]:
-        """Time Newton iterations; see `Rival`."""
+        """Seconds of assembly and of solution in Newton iterations at ``u``."""
         return iterations(self.system(task), u, repeats)

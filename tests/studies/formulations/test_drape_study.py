@@ -1,6 +1,5 @@
 """The study of drapes: its surfaces, its judgement, its parts."""
 
-from argparse import Namespace
 from dataclasses import replace
 
 import numpy as np
@@ -37,11 +36,6 @@ def test_derivatives_of_surfaces_are_those_of_differences(name, mirrored):
     np.testing.assert_allclose(surface.gradient(x), slope, atol=1e-7)
     np.testing.assert_allclose(surface.hessian(x), bend.swapaxes(0, 1), atol=1e-7)
     assert surface.level(np.zeros((3, 1))) == pytest.approx(0)
-
-
-def test_every_case_has_a_name_of_its_own():
-    names = [STUDY.name(case) for case in STUDY.cases(Namespace())]
-    assert len(set(names)) == len(names)
 
 
 def test_a_right_drape_is_right_and_its_mirror_image_too():

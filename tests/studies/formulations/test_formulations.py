@@ -13,8 +13,6 @@ from skfem_textile import (
     Ply,
     Quadratic,
 )
-from studies.__main__ import main
-from studies.common.provenance import FILE
 from studies.formulations import cases, study
 from studies.formulations.cases import (
     AUTO,
@@ -25,13 +23,11 @@ from studies.formulations.cases import (
     MACRO_TRIANGLES,
     MEAN_QUADRATIC,
     METHODS,
-    PAPER,
     STRIP,
     TRELLIS,
     Case,
 )
 from studies.formulations.study import STUDY, in_words
-from tests.helpers import drawn_here
 
 ALL = list(cases.all_cases())
 
@@ -50,10 +46,6 @@ def test_the_study_covers_every_formulation_and_scene():
     assert {c.seed for c in methods} == {1, 2, 3, 4, 5}
     assert {c.across for c in methods} == {8, 16, 32}
     assert {c.problem.E / 0.5 for c in methods if c.problem in BIAS} == {2e4, 2e5, 2e6}
-
-
-def test_no_two_cases_have_one_name():
-    assert len({STUDY.name(c) for c in ALL}) == len(ALL)
 
 
 def test_it_covers_ten_triangulations_of_400_to_4000_triangles():
@@ -142,33 +134,6 @@ def test_a_figure_that_some_seeds_miss_says_how_many_have_it():
     rows = [{"load": x} for x in (1.0, np.nan, 3.0)]
     assert study._cell(rows, "load") == "2 (2 of 3)"
     assert study._cell(rows[1:2], "load") == "-"
-
-
-def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
-    some = [
-        *(case(p, m, 8) for p in (STRIP, BIAS[0]) for m in (MACRO, PAPER, AUTO)),
-        case(
-            replace(STRIP, name="strip, E = 1e4"),
-            *(MACRO_TRIANGLES, 8, 1, "triangulations"),
-        ),
-        case(BIAS[0], MEAN_QUADRATIC, 8),
-    ]
-    monkeypatch.setattr(study, "all_cases", lambda: some)
-    monkeypatch.setattr(study, "ACROSS", (4, 8, 16))
-    out = tmp_path / "out"
-    assert main(["formulations", "--out", str(out)]) == 0
-    names = {p.name for p in out.iterdir()}
-    assert names == {*STUDY.files, *drawn_here(STUDY), FILE}
-    rows = STUDY.stored(out)
-    texts = {name: (out / name).read_bytes().decode() for name in STUDY.files}
-    assert STUDY.tables(rows) == texts
-    assert [row["method"] for row in rows[:3]] == [m.name for m in (MACRO, PAPER, AUTO)]
-    assert rows[0]["position"] < rows[1]["position"]
-    macro = next(
-        x for x in (out / "methods.md").read_text().splitlines() if "macro" in x
-    )
-    assert macro.startswith("| macro, quads | 234 |")
-    assert "strip, macro, quads, 8 across, 1: load" in capsys.readouterr().out
 
 
 def test_words_are_ratios_of_medians_and_loads_that_are_furthest_off():

@@ -4,19 +4,15 @@ import argparse
 
 import pytest
 
-from studies.__main__ import main
 from studies.formulations.space import study
 from studies.formulations.space.study import STUDY
-from tests.helpers import drawn_here
 
 MEASURED = {"case": "it", "part": "extreme strip", "formulation": "macro"}
 MEASURED |= {"E_over_G": 1e4, "D": 1.0}
 
 
-def test_every_case_has_a_name_of_its_own_and_a_problem():
-    cases = STUDY.cases(argparse.Namespace(quick=False))
-    names = [STUDY.name(case) for case in cases]
-    assert len(set(names)) == len(names) > 350
+def test_a_quick_run_has_no_extreme_stiffnesses():
+    assert len(STUDY.cases(argparse.Namespace(quick=False))) > 350
     quick = STUDY.cases(argparse.Namespace(quick=True))
     assert not any(case.part.startswith("extreme") for case in quick)
 
@@ -65,10 +61,3 @@ def test_each_problem_meets_its_exact_answer():
         0.0, abs=5e-3
     )
     assert study.zero_modes("one point", 1.0)["modes"] == 6
-
-
-def test_the_study_writes_its_files(tmp_path):
-    arguments = ["space", "--quick", "--out", str(tmp_path), "--case", "modes*"]
-    assert main(arguments) == 0
-    written = {file.name for file in tmp_path.iterdir()}
-    assert {*STUDY.files, *drawn_here(STUDY)} <= written

@@ -42,14 +42,9 @@ def use(monkeypatch, rival):
     monkeypatch.setattr(study, "RIVALS", ((rival, Full()),))
 
 
-def test_tables_are_made_of_the_results(stored):
-    assert STUDY.tables(stored)["grid.md"] == (DOCS / "grid.md").read_text()
-
-
 def test_every_case_is_stored(stored):
     names = [STUDY.name(case) for case in STUDY.cases(Namespace())]
     assert sorted(row["case"] for row in stored) == sorted(names)
-    assert STUDY.sample in names
     for code, of_code in study.cells(stored).items():
         assert len(of_code) == len(study.RATIOS) * len(study.DISTORTIONS), code
 
@@ -171,9 +166,3 @@ def test_stored_results_are_right_up_to_these_ratios(stored):
         "FElupe, Q4, 2×2": set(),
         "DOLFINx, P2, 3 points": {1e2},
     }
-
-
-def test_the_grid_is_drawn(tmp_path, stored):
-    pytest.importorskip("matplotlib")
-    STUDY.draw(stored, tmp_path)
-    assert {file.name for file in tmp_path.iterdir()} == set(STUDY.pictures)
