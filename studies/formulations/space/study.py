@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 from scipy.sparse.linalg import spsolve
-from skfem import Mesh
 
 from skfem_textile import (
     BodyForce,
@@ -65,28 +64,16 @@ _SPAN, _WEIGHT = 0.8, 1e-3
 _HALVINGS = 16
 
 
-def strip(n: int, jitter: float, formulation: str) -> tuple[Mesh, Any]:
-    """A mesh with n element edges along a strip after any split, and a formulation."""
-    chosen, halves = FORMULATIONS[formulation]
-    size = n // halves, max(n // 16, 2) // halves
-    return rectangle(LENGTH, WIDTH, size, "irregular", jitter, 1), chosen
-
-
-def cantilever(
-    load: str, n: int, jitter: float, formulation: str, D: float, E_over_G: float
-) -> dict[str, Any]:
+def cantilever(load: str, **given: Any) -> Row:
     """The tip of a cantilever in one load step, off by shares of its length."""
-    force, weight = CANTILEVERS[load]
-    mesh, chosen = strip(n, jitter, formulation)
+    (force, weight), D = CANTILEVERS[load], given["D"]
     loads: list[Any] = []
     if force:
         loads.append(Traction("right", (0.0, 0.0, -force * D / LENGTH**2)))
     if weight:
         loads.append(BodyForce((0.0, 0.0, -weight * D / LENGTH**3)))
-    fabric = Fabric(_FIBRES, _FIBRES / E_over_G, bending=(D, D))
-    ends: Any = {"left": "clamped"}
-    ply = Ply(mesh, fabric, chosen, loads, dimension=3, fibre_ends=ends)
-    found, result = _run(ply, {"left": Condition("left")}, 1)
+    conditions, ends = {"left": Condition("left")}, {"left": "clamped"}
+    found, ply, result = _loaded(loads, conditions, 1, ends, **given)
     if result is None:
         return found
     tip = ply.nodes[0] > LENGTH - 1e-6
@@ -98,19 +85,12 @@ def cantilever(
     }
 
 
-def shortened(
-    n: int, jitter: float, formulation: str, D: float, E_over_G: float
-) -> dict[str, Any]:
+def shortened(**given: Any) -> Row:
     """Force and height of a strip that buckles, off by shares of the exact ones."""
-    mesh, chosen = strip(n, jitter, formulation)
+    D, moved = given["D"], (-_SHORTENING * LENGTH, 0.0, 0.0)
     push = BodyForce((0.0, 0.0, 1e-3 * D / LENGTH**3), factor=1.0)
-    fabric = Fabric(_FIBRES, _FIBRES / E_over_G, bending=(D, D))
-    ply = Ply(mesh, fabric, chosen, [push], dimension=3)
-    conditions = {
-        "left": Condition("left"),
-        "right": Condition("right", (-_SHORTENING * LENGTH, 0.0, 0.0)),
-    }
-    found, result = _run(ply, conditions, 4)
+    conditions = {"left": Condition("left"), "right": Condition("right", moved)}
+    found, ply, result = _loaded([push], conditions, 4, {}, **given)
     if result is None:
         return found
     exact = buckled(_SHORTENING)
@@ -124,19 +104,12 @@ def shortened(
     }
 
 
-def hanging_sheet(
-    n: int, jitter: float, formulation: str, D: float, E_over_G: float
-) -> dict[str, Any]:
+def hanging_sheet(**given: Any) -> Row:
     """Sag and pull of a sheet without bending stiffness between two edges."""
-    mesh, chosen = strip(n, jitter, formulation)
     load = BodyForce((0.0, 0.0, -_WEIGHT), factor=1.0)
-    fabric = Fabric(_FIBRES, _FIBRES / E_over_G, bending=(D, D))
-    ply = Ply(mesh, fabric, chosen, [load], dimension=3)
-    conditions = {
-        "left": Condition("left"),
-        "right": Condition("right", ((_SPAN - 1) * LENGTH, 0.0, 0.0)),
-    }
-    found, result = _run(ply, conditions, 4)
+    moved = ((_SPAN - 1) * LENGTH, 0.0, 0.0)
+    conditions = {"left": Condition("left"), "right": Condition("right", moved)}
+    found, ply, result = _loaded([load], conditions, 4, {}, **given)
     if result is None:
         return found
     c = brentq(lambda c: 2 * c * np.sinh(_SPAN / 2 / c) - 1, 0.05, 10.0)
@@ -148,24 +121,41 @@ def hanging_sheet(
     }
 
 
-def _run(
-    ply: Ply, conditions: dict[str, Condition], steps: int
-) -> tuple[dict[str, Any], Any]:
-    """What a run tells, and its result; None where it is refused."""
+def _loaded(
+    loads: list[Any],
+    conditions: dict[str, Condition],
+    steps: int,
+    ends: Any,
+    *,
+    n: int,
+    jitter: float,
+    formulation: str,
+    D: float,
+    E_over_G: float,
+) -> tuple[Row, Ply, Any]:
+    """What a run of a strip tells, its ply and its result; None where it is refused.
+
+    The strip has n element edges along it after any split.
+    """
+    chosen, halves = FORMULATIONS[formulation]
+    size = n // halves, max(n // 16, 2) // halves
+    mesh = rectangle(LENGTH, WIDTH, size, "irregular", jitter, 1)
+    fabric = Fabric(_FIBRES, _FIBRES / E_over_G, bending=(D, D))
+    ply = Ply(mesh, fabric, chosen, loads, dimension=3, fibre_ends=ends)
     try:
         result = LoadStepper(ply, conditions, steps, solver="superlu").run()
     except StepError as error:
-        return {"outcome": "refused", "said": str(error)}, None
+        return {"outcome": "refused", "said": str(error)}, ply, None
     told = {
         "outcome": "converged",
         "linear_solves": result.linear_solves,
         "load_steps": len(result.states) - 1,
         "path_resolved": result.path_resolved,
     }
-    return told, result
+    return told, ply, result
 
 
-def plate(degrees: float, n: int, jitter: float, formulation: str) -> dict[str, Any]:
+def plate(degrees: float, n: int, jitter: float, formulation: str) -> Row:
     """Largest error of the deflection of a simply supported square, over its largest.
 
     Under p sin(πx/L) sin(πy/L), w = p/(c D (π/L)⁴) sin sin with c = 2 for fibres along
@@ -190,7 +180,7 @@ def plate(degrees: float, n: int, jitter: float, formulation: str) -> dict[str, 
     return {"off_z": float(np.abs(w * share * k**4 - pressure(X)[2]).max())}
 
 
-def critical(where: str, n: int, formulation: str, D: float) -> dict[str, Any]:
+def critical(where: str, n: int, formulation: str, D: float) -> Row:
     """The tension at which fibres along x, compressed evenly, are no more stable.
 
     ``in plane``: ends held and z held, T = −(G + D (π/L)²).  ``out of plane``: all
@@ -220,7 +210,7 @@ def critical(where: str, n: int, formulation: str, D: float) -> dict[str, Any]:
     return {"exact": exact, "off_x": float(high / exact - 1)}
 
 
-def zero_modes(formulation: str, D: float) -> dict[str, Any]:
+def zero_modes(formulation: str, D: float) -> Row:
     """Motions of a free flat patch of 4×4 elements that no stiffness meets."""
     chosen = {"one point, C_s = 0": OnePoint(0.0), "full": Full()}
     made: Any = chosen.get(formulation) or FORMULATIONS[formulation][0]
