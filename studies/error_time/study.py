@@ -124,7 +124,7 @@ def elements(rows: Sequence[Row]) -> str:
     An element that does not reach it has its finest mesh.
     """
     lines = [
-        [_bold(code), element, *cells.values()]
+        [f"**{code}**" if code == ThisLibrary.code else code, element, *cells.values()]
         for (code, element), cells in _to_errors(rows).items()
     ]
     head = [f"{c.label}: {c.text(c.levels[1])}" for c in CRITERIA.values()]
@@ -314,20 +314,11 @@ def _point(point: Point | None, criterion: Criterion, named: bool = False) -> st
     if point is None:
         return "none"
     code = f"{point.code}, " if named else ""
-    return (
-        f"{code}{point.element}, {point.mesh}: "
-        f"{_of_seeds(point.error, criterion)}, {_seconds(point.seconds)}"
-    )
-
-
-def _of_seeds(error: Spread, criterion: Criterion) -> str:
-    least, most = (criterion.number(one) for one in error[1:])
-    return f"{criterion.text(error.median)} ({least} to {most})"
-
-
-def _seconds(seconds: Spread) -> str:
-    median, least, most = (f"{one:.2g}" for one in seconds)
-    return f"{median} s ({least} to {most})"
+    least, most = (criterion.number(one) for one in point.error[1:])
+    error = f"{criterion.text(point.error.median)} ({least} to {most})"
+    median, least, most = (f"{one:.2g}" for one in point.seconds)
+    seconds = f"{median} s ({least} to {most})"
+    return f"{code}{point.element}, {point.mesh}: {error}, {seconds}"
 
 
 def _to_the_error(series: Sequence[Point] | None, criterion: Criterion) -> str:
@@ -347,10 +338,6 @@ def _factor(value: float | None) -> str:
     if value is None:
         return "-"
     return f"{value:.0f}" if value >= 100 else f"{value:.2g}"
-
-
-def _bold(code: str) -> str:
-    return f"**{code}**" if code == ThisLibrary.code else code
 
 
 def _key(text: str) -> str:

@@ -103,12 +103,9 @@ class PrintedSystem(NamedTuple):
         Rank of the coefficients.
     solution
         The two unknowns; None if the equations leave one of them free.
-    equations
-        The paper's numbers of the rows.
-    printed
-        The rows as the paper prints them; empty if it prints none.
-    conclusion
-        What the paper says about rank and solution.
+    equations, printed, conclusion
+        Of `Printed`: the paper's numbers of the rows, the rows as it prints them, and
+        what it says about rank and solution.
     """
 
     mesh: str
@@ -134,11 +131,8 @@ class PrintedSystem(NamedTuple):
     @property
     def difference(self) -> ndarray:
         """Printed rows minus the computed rows times this factor."""
-        return (
-            self.printed - self.factor * self.rows
-            if self.printed.size
-            else self.printed
-        )
+        known = self.printed.size
+        return self.printed - self.factor * self.rows if known else self.printed
 
 
 def systems() -> list[PrintedSystem]:
@@ -154,48 +148,32 @@ def systems() -> list[PrintedSystem]:
 
 def _both_elements(mesh: str, points: str, direction: str) -> list[PrintedSystem]:
     """Element A, and element B given what element A leaves free."""
-    case = mesh, points
     a, b = _coefficients(mesh, points)[:, "xy".index(direction)]
     velocity, ratio = {"x": ("u", "w"), "y": ("v", "z")}[direction]
+
+    def system(element: str, symbol: str, matrix: ndarray, right: ndarray) -> Any:
+        rank = int(np.linalg.matrix_rank(matrix, tol=1e-9))
+        key = mesh, points, element, direction
+        printed = PRINTED.get(key, _NOT_PRINTED)
+        one, two = (3, 4) if element == "A" else (5, 6)
+        return PrintedSystem(
+            *key,
+            (f"{symbol}{one}", f"{symbol}{two}"),
+            np.column_stack([matrix, right]),
+            rank,
+            np.linalg.lstsq(matrix, right)[0] if rank == 2 else None,
+            printed.equations,
+            np.array(printed.rows),
+            printed.conclusion,
+        )
+
     node3, node4, node5, node6 = 2, 3, 3, 2  # places in the elements' lists of nodes
-    below = _system(
-        *case, "A", direction, velocity, a[:, [node3, node4]], np.zeros(len(a))
-    )
-    if below.solution is not None:  # nodes 3 and 4 are held
-        right = np.zeros(len(b))
-    else:
+    below = system("A", velocity, a[:, [node3, node4]], np.zeros(len(a)))
+    right = np.zeros(len(b))
+    if below.solution is None:  # nodes 3 and 4 are not held
         velocity, of_node3, of_node4 = ratio, 1.0, -below.rows[0, 0] / below.rows[0, 1]
         right = -(b[:, 1] * of_node3 + b[:, 0] * of_node4)
-    above = _system(*case, "B", direction, velocity, b[:, [node5, node6]], right)
-    return [below, above]
-
-
-def _system(
-    mesh: str,
-    points: str,
-    element: str,
-    direction: str,
-    symbol: str,
-    matrix: ndarray,
-    right: ndarray,
-) -> PrintedSystem:
-    rank = int(np.linalg.matrix_rank(matrix, tol=1e-9))
-    solution = np.linalg.lstsq(matrix, right)[0] if rank == 2 else None
-    nodes = (3, 4) if element == "A" else (5, 6)
-    printed = PRINTED.get((mesh, points, element, direction), _NOT_PRINTED)
-    return PrintedSystem(
-        mesh,
-        points,
-        element,
-        direction,
-        (f"{symbol}{nodes[0]}", f"{symbol}{nodes[1]}"),
-        np.column_stack([matrix, right]),
-        rank,
-        solution,
-        printed.equations,
-        np.array(printed.rows),
-        printed.conclusion,
-    )
+    return [below, system("B", velocity, b[:, [node5, node6]], right)]
 
 
 def _coefficients(mesh: str, points: str) -> ndarray:

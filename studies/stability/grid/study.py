@@ -12,7 +12,7 @@ equilibrium; `soundness` judges every end.
 """
 
 import argparse
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -34,7 +34,7 @@ from skfem_textile.solve.result import StepError
 from skfem_textile.solve.stepper import LoadStepper
 
 from ...angles.cases import Specimen
-from ...common.figures import File, figure_of
+from ...common.figures import File, panels_of
 from ...common.rivals.codes import Dolfinx, FElupe
 from ...common.rivals.newton import STEPS, NotConvergedError
 from ...common.rivals.rival import QUAD4, TRIANGLE6, Rival, Task
@@ -361,65 +361,43 @@ def _largest_error(loads: Iterable[float | None]) -> str:
 
 def draw_grid(cells: Cells, file: File = None) -> Any:
     """A panel for each code; the colour is the load, the number the linear solves."""
+    import matplotlib as mpl
+    from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
+
     ratios = sorted({at[0] for of_code in cells.values() for at in of_code})
     distortions = sorted({at[1] for of_code in cells.values() for at in of_code})
-    import matplotlib as mpl
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
     colours = ListedColormap(list(_COLOURS))
     norm = BoundaryNorm(_BOUNDS, len(_COLOURS))
-    with figure_of(_SIZE, file, 8) as figure:
-        panels = figure.subplots(1, len(cells), sharey=True, squeeze=False)[0]
-        for axes, (code, of_code) in zip(panels, cells.items(), strict=True):
-            _panel(axes, of_code, ratios, distortions, colours, norm)
-            axes.set_title(code.replace(", ", "\n", 1), fontsize=9)
-        panels[0].set_yticks(range(len(ratios)), map(scientific, ratios))
-        panels[0].set_ylabel("E/G")
-        panels[len(panels) // 2].set_xlabel("Largest move of a node / spacing")
+    names = [code.replace(", ", "\n", 1) for code in cells]
+    with panels_of(_SIZE, file, 8, names, ["E/G"], sharey=True) as (figure, grid):
+        for axes, name, of_code in zip(grid[0], names, cells.values(), strict=True):
+            axes.set_title(name, fontsize=9)
+            pixels = np.ones((len(ratios), len(distortions), 3))
+            for i, j in np.ndindex(pixels.shape[:2]):
+                cell = of_code.get((ratios[i], distortions[j]), Cell())
+                colour = _NO_RESULT if cell.load is None else colours(norm(cell.load))
+                pixels[i, j] = to_rgb(colour)
+                dark = np.dot(pixels[i, j], (0.299, 0.587, 0.114)) < _DARK
+                text = "–" if cell.solves is None else f"{cell.solves:.0f}"
+                place = {"ha": "center", "va": "center"}
+                axes.text(j, i, text, color=_ON_DARK if dark else _ON_LIGHT, **place)
+            axes.imshow(pixels, aspect="auto", origin="lower")
+            axes.set_xticks(
+                range(len(distortions)), [f"{x:g}"[-3:] for x in distortions]
+            )
+            axes.set_xticks(np.arange(0.5, len(distortions) - 1), minor=True)
+            axes.set_yticks(np.arange(0.5, len(ratios) - 1), minor=True)
+            axes.grid(which="minor", color="white", linewidth=0.8)
+            axes.spines[:].set_visible(False)
+            axes.tick_params(which="both", length=0)
+        grid[0, 0].set_yticks(range(len(ratios)), map(scientific, ratios))
+        grid[0, len(cells) // 2].set_xlabel("Largest move of a node / spacing")
         scale = mpl.cm.ScalarMappable(norm, colours)
-        bar = figure.colorbar(scale, ax=list(panels), pad=0.01, spacing="uniform")
+        bar = figure.colorbar(scale, ax=list(grid[0]), pad=0.01, spacing="uniform")
         labels = f"{1 - LIMIT:g}", f"{1 + LIMIT:g}", "2", "10", "100", "10⁴"
         bar.set_ticks(_BOUNDS[1:-1], labels=labels)
         bar.set_label("Load / converged load")
     return figure
-
-
-def _panel(
-    axes: Any,
-    of_code: Mapping[tuple[float, float], Cell],
-    ratios: list[float],
-    distortions: list[float],
-    colours: Any,
-    norm: Any,
-) -> None:
-    """The cells of one code."""
-    from matplotlib.colors import to_rgb
-
-    every = [
-        (i, j, of_code.get((ratio, distortion), Cell()))
-        for i, ratio in enumerate(ratios)
-        for j, distortion in enumerate(distortions)
-    ]
-    pixels = np.ones((len(ratios), len(distortions), 3))
-    for i, j, cell in every:
-        name = _NO_RESULT if cell.load is None else colours(norm(cell.load))
-        pixels[i, j] = colour = to_rgb(name)
-        dark = np.dot(colour, (0.299, 0.587, 0.114)) < _DARK
-        axes.text(
-            j,
-            i,
-            "–" if cell.solves is None else f"{cell.solves:.0f}",
-            color=_ON_DARK if dark else _ON_LIGHT,
-            ha="center",
-            va="center",
-        )
-    axes.imshow(pixels, aspect="auto", origin="lower")
-    axes.set_xticks(range(len(distortions)), [f"{x:g}"[-3:] for x in distortions])
-    axes.set_xticks(np.arange(0.5, len(distortions) - 1), minor=True)
-    axes.set_yticks(np.arange(0.5, len(ratios) - 1), minor=True)
-    axes.grid(which="minor", color="white", linewidth=0.8)
-    axes.spines[:].set_visible(False)
-    axes.tick_params(which="both", length=0)
 
 
 class Grid(Study[Case]):
