@@ -17,7 +17,6 @@ from skfem_textile import (
     Ply,
     Quadratic,
     Result,
-    StepError,
     refine,
 )
 from skfem_textile.ply.ply import DEFAULT
@@ -27,6 +26,7 @@ from skfem_textile.solve.error_estimate import LOAD_OVER_SHARE, SHEAR_ANGLE_OVER
 
 from ..angles.cases import G, Specimen, stored
 from ..common.figures import File, figure_of, legend, style_of
+from ..common.running import run
 from ..common.tables import having, markdown_table, percent, span, table
 from ..study import Part, Row, Study
 
@@ -140,10 +140,7 @@ def _of_load(case: Case, scene: Scene) -> Row:
     """Error of the load, and what was estimated."""
     ply, met = case.ply(scene), None
     if case.task == "tolerance":
-        stepper = AdaptiveStepper(
-            *(ply, scene.conditions, TOLERANCE, STEPS), most_unknowns=MOST_UNKNOWNS
-        )
-        result: Result = _best(stepper)
+        result = _refined(ply, scene, TOLERANCE, MOST_UNKNOWNS)
         met = result.summary()["tolerance_met"]
     else:
         result = LoadStepper(ply, scene.conditions).run()
@@ -171,11 +168,7 @@ def _kinks(case: Case, scene: Scene) -> list[Row]:
         rows.append(position(scene, ply, _end(scene, ply)) | {"mesh": "uniform"})
         ply = refine(ply, np.arange(ply.users_mesh.nelements)).ply
     most = max(row["unknowns"] for row in rows)
-    fine = _best(
-        AdaptiveStepper(
-            case.ply(scene), scene.conditions, 1e-6, STEPS, most_unknowns=most
-        )
-    )
+    fine = _refined(case.ply(scene), scene, 1e-6, most)
     rows.append(position(scene, fine.ply, fine.u) | {"mesh": "refined"})
     band = band_at_kinks(case.ply(scene), scene, most)
     rows.append(position(scene, band, _end(scene, band)) | {"mesh": "known"})
@@ -206,12 +199,10 @@ def _end(scene: Scene, ply: Ply) -> ndarray:
     return LoadStepper(ply, scene.conditions, STEPS).run().u
 
 
-def _best(stepper: AdaptiveStepper) -> Result:
-    """The result, be the tolerance met or not."""
-    try:
-        return stepper.run()
-    except StepError as error:
-        return error.result
+def _refined(ply: Ply, scene: Scene, tolerance: float, most: int) -> Result:
+    """The result on the last mesh, be the tolerance met or not."""
+    given = ply, scene.conditions, tolerance, STEPS
+    return run(AdaptiveStepper(*given, most_unknowns=most))[0]
 
 
 def position(scene: Scene, ply: Ply, u: ndarray) -> Row:

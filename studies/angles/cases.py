@@ -28,10 +28,10 @@ from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension
 from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve.result import Result, StepError
+from skfem_textile.solve.result import Result
 from skfem_textile.solve.stepper import LoadStepper
 
-from ..common.running import errors_only, warnings_collected
+from ..common.running import errors_only, run, warnings_collected
 from ..common.tables import Row
 
 #: Inclinations of the warp in degrees, and shear angles in degrees.
@@ -279,13 +279,10 @@ class Judged:
 
     def rows(self) -> list[Row]:
         """A row for each shear angle; loads that a run does not reach are nan."""
-        specimen, refused = self.specimen, ""
+        specimen = self.specimen
         scene = specimen.scene(self.mesh())
         with warnings_collected() as warnings:
-            try:
-                result = specimen.stepper(scene, self.formulation).run()
-            except StepError as error:
-                result, refused = error.result, str(error)
+            result, refused = run(specimen.stepper(scene, self.formulation))
         return [
             {
                 **specimen.row,

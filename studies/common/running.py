@@ -6,6 +6,9 @@ from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from typing import Any
 
+from skfem_textile.solve.adaptive import AdaptiveStepper
+from skfem_textile.solve.result import Result, StepError
+from skfem_textile.solve.stepper import LoadStepper
 from skfem_textile.solve.sweep import WorkerProcesses
 
 #: Variables that give libraries of linear algebra one thread.
@@ -40,6 +43,14 @@ def in_new_process(function: Callable[..., Any], *arguments: Any) -> Any:
     """The result of a function, called in a new process."""
     with WorkerProcesses(1) as workers:
         return workers.submit(function, *arguments).result()
+
+
+def run(stepper: LoadStepper | AdaptiveStepper) -> tuple[Result, str]:
+    """The result as far as a run goes, and why it stopped early; empty if not."""
+    try:
+        return stepper.run(), ""
+    except StepError as error:
+        return error.result, str(error)
 
 
 @contextmanager

@@ -18,10 +18,10 @@ from skfem_textile.scenes import Scene, bias_extension, picture_frame, strip, tr
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.strip import HEIGHT, WIDTH
 from skfem_textile.scenes.trellis import SIDE
-from skfem_textile.solve.result import Result, StepError
+from skfem_textile.solve.result import Result
 from skfem_textile.solve.stepper import LoadStepper
 
-from ..common.running import errors_only
+from ..common.running import errors_only, run
 from ..common.tables import Row
 
 #: Shear stiffness of the bias extension in N/mm, and its shear angles in degrees.
@@ -189,13 +189,10 @@ class Case:
     @errors_only()
     def rows(self) -> list[Row]:
         """Run the case; its row has nan for numbers that it does not reach."""
-        problem, scene, refused = self.problem, self.scene(), ""
+        problem, scene = self.problem, self.scene()
         formulation = self.method.formulation(problem.stabilisation)
         ply = Ply(scene.mesh, problem.fabric(scene), formulation)
-        try:
-            result = LoadStepper(ply, scene.conditions, problem.steps).run()
-        except StepError as error:
-            result, refused = error.result, str(error)
+        result, refused = run(LoadStepper(ply, scene.conditions, problem.steps))
         row = {
             "group": self.group,
             "problem": problem.name,

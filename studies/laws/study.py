@@ -22,7 +22,6 @@ from skfem_textile.ply.ply import DEFAULT
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve.result import StepError
 from skfem_textile.solve.stepper import LoadStepper
 
 from ..angles.cases import (
@@ -38,7 +37,7 @@ from ..angles.cases import (
     graded_mesh,
 )
 from ..common.figures import File, legend, panels_of, style_of
-from ..common.running import warnings_collected
+from ..common.running import run, warnings_collected
 from ..common.tables import furthest, having, markdown_table, median, percent
 from ..study import Part, Row, Study
 
@@ -157,14 +156,11 @@ class Case:
 
     def rows(self) -> list[Row]:
         """Run the case; the load of a run that is refused is nan."""
-        method, scene, refused = self.method, self.scene(), ""
+        method, scene = self.method, self.scene()
         ply = Ply(scene.mesh, self.material.fabric(scene), method.formulation)
         with warnings_collected() as warnings:
-            try:
-                result = LoadStepper(ply, scene.conditions, method.steps).run()
-                load = float(scene.reaction(result.states[-1])[1])
-            except StepError as error:
-                result, refused, load = error.result, str(error), np.nan
+            result, refused = run(LoadStepper(ply, scene.conditions, method.steps))
+        load = float(scene.reaction(result.states[-1])[1])
         row = {
             "group": self.group,
             "material": self.material.name,
@@ -173,7 +169,7 @@ class Case:
             "seed": self.seed,
             "steps": method.steps,
             "unknowns": ply.basis.N,
-            "load": load,
+            "load": np.nan if refused else load,
             "linear_solves": result.linear_solves,
             "seconds": result.wall_time_s,
             "warnings": " | ".join(warnings),

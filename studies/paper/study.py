@@ -16,10 +16,9 @@ from skfem_textile.fabric import Fabric
 from skfem_textile.ply import Ply
 from skfem_textile.ply.formulations import Full, Kind, OnePoint
 from skfem_textile.scenes import strip
-from skfem_textile.solve.result import StepError
 from skfem_textile.solve.stepper import LoadStepper
 
-from ..common.running import errors_only
+from ..common.running import errors_only, run
 from ..common.tables import markdown_table
 from ..study import Part, Row, Study
 from . import two_element
@@ -96,10 +95,8 @@ def examined(case: Strip) -> Row:
     that edge, the last load factor and the last displacement.
     """
     scene, ply, outcome = strip(case.mesh), case.ply(), "stable"
-    try:
-        result = LoadStepper(ply, scene.conditions, _STEPS).run()
-    except StepError as error:
-        result = error.result
+    result, refused = run(LoadStepper(ply, scene.conditions, _STEPS))
+    if refused:
         t = result.states[-1].load_factor
         outcome = f"no acceptable state beyond load factor {t:.3f}; figures at that"
     summary = scene.summary(result)

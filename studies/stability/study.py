@@ -26,11 +26,10 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from skfem_textile.solve.result import StepError
 from skfem_textile.solve.stepper import LoadStepper
 
 from ..common.figures import File, figure_of
-from ..common.running import errors_only
+from ..common.running import errors_only, run
 from ..common.tables import grouped, having, markdown_table, percent, span
 from ..study import Part, Row, Study
 from .problems import Extreme, extremes
@@ -200,11 +199,8 @@ def _run(problem: Extreme, steps: int, method: str = "newton") -> tuple[End, Row
     scene = problem.scene()
     ply = problem.ply(scene)
     stepper = LoadStepper(ply, scene.conditions, steps, method=method)
-    message, start = "", perf_counter()
-    try:
-        result = stepper.run()
-    except StepError as error:
-        result, message = error.result, str(error)
+    start = perf_counter()
+    result, message = run(stepper)
     seconds = perf_counter() - start
     summed_up = scene.summary(result)
     size = float(np.ptp(scene.mesh.p, axis=1).max())

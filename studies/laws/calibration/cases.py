@@ -29,10 +29,9 @@ from skfem_textile.scenes import Scene, bias_extension, picture_frame
 from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.trellis import SIDE
-from skfem_textile.solve.result import Result, StepError
 
 from ...angles.cases import graded_mesh
-from ...common.running import errors_only
+from ...common.running import errors_only, run
 from ...common.tables import Row
 
 #: Noise of forces over the largest, and points of a curve.
@@ -327,17 +326,14 @@ class RoundTrip:
         strips = TESTS[f"bias {self.degrees:g}°"]
         law = model.build(truth)
         data = specimens(strips, *_curves(strips, law), 1, NOISE)
-        strip, found, refused = bias(self.degrees), fit_shear(data).fit.law, ""
+        strip, found = bias(self.degrees), fit_shear(data).fit.law
         W, H, theta = strip.width, strip.height, strip.inclination
         mesh = rectangle(W, H, (8, round(8 * H / W)), "irregular", _JITTER, 1)
         scene = bias_extension(mesh, warp=theta, weft=np.pi - theta, shear_angle=_HELD)
         ply = Ply(mesh, Fabric(STIFF, found, scene.warp, scene.weft))
         stepper = AdaptiveStepper(ply, scene.conditions, _TOLERANCE, _STEPS)
         with errors_only():
-            try:
-                result: Result = stepper.run()
-            except StepError as error:  # the tolerance is not met, and it is judged
-                result, refused = error.result, str(error)
+            result, refused = run(stepper)
         angles = [state.load_factor * _HELD for state in result.states]
         forces = [scene.reaction(state)[1] for state in result.states]
         curve, at = CubicSpline(angles, forces), np.radians(ANGLES)

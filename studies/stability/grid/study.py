@@ -30,7 +30,6 @@ from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension
 from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve.result import StepError
 from skfem_textile.solve.stepper import LoadStepper
 
 from ...angles.cases import Specimen
@@ -38,7 +37,7 @@ from ...common.figures import File, panels_of
 from ...common.rivals.codes import Dolfinx, FElupe
 from ...common.rivals.newton import STEPS, NotConvergedError
 from ...common.rivals.rival import QUAD4, TRIANGLE6, Rival, Task
-from ...common.running import errors_only
+from ...common.running import errors_only, run
 from ...common.tables import markdown_table, percent, scientific
 from ...study import Part, Row, Study
 from ..soundness import is_sound
@@ -127,10 +126,7 @@ class Ours:
         """Load, linear solves with those of abandoned steps, and soundness."""
         scene = _scene("irregular", ACROSS // 2, self.distortion, self.seed)
         ply = _ply(scene, self.ratio, Macro())
-        try:
-            result, note = LoadStepper(ply, scene.conditions, 1).run(), ""
-        except StepError as error:
-            result, note = error.result, str(error)
+        result, note = run(LoadStepper(ply, scene.conditions, 1))
         last = result.states[-1]
         sound = is_sound(ply, scene, last.u, last.parameters)
         row = {
@@ -177,16 +173,16 @@ class Theirs:
         note = ""
         for steps in STEPS:
             try:
-                run = rival.run(task, steps, repeats=0)
+                end = rival.run(task, steps, repeats=0)
             except NotConvergedError as error:
                 note = note or str(error)
                 continue
             row = {
-                "load": _load(scene, task.reaction(run.f)),
+                "load": _load(scene, task.reaction(end.f)),
                 "steps": steps,
-                "linear_solves": run.linear_solves,
+                "linear_solves": end.linear_solves,
             }
-            if is_sound(ply, scene, run.u):
+            if is_sound(ply, scene, end.u):
                 return row | {"sound": True, "note": ""}
             note = "not stable, or folded"
         return row | {"sound": False, "note": note}
