@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from time import process_time
 
-from skfem_textile.cli.case import case_from_file
+from skfem_textile.cases import case_from_file
 from skfem_textile.scenes import Case
 
 CASE = Path(__file__).with_name("hole.toml")

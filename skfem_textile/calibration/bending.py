@@ -15,7 +15,7 @@ import numpy as np
 from numpy import ndarray
 from scipy import special
 
-from ..scenes.common.elastica import hanging, peirce
+from ..scenes.elastica import hanging, peirce
 from .curves import read_curve
 from .regression import CONFIDENCE
 

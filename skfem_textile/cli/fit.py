@@ -1,10 +1,9 @@
 """The command ``fit``: laws of a fabric from its tests."""
 
 import argparse
-import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -19,164 +18,156 @@ from ..calibration.shear import ShearFit, Specimen, fit_shear, read_specimen
 from ..fabric import Fabric
 from ..fabric.files import write_law
 from ..mesh.user_input import printable
-from ..registration import Option, angle
 from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
+from . import words
 from .interruption import held
 from .output import say
 from .result_folder import ResultFolder
 
-
-def _bound(word: str) -> tuple[str, tuple[float, float]]:
-    name, _, ends = word.partition("=")
-    try:
-        low, high = (float(end) for end in ends.split(","))
-    except ValueError:
-        low = high = math.nan
-    if not (name and low < high):
-        raise ValueError(f"{word!r} is not like c1=0,1")
-    return name, (low, high)
+# The options of a command: keywords of `argparse`, by flag.
+_Options: TypeAlias = dict[str, dict[str, Any]]
 
 
-def _unit(word: str) -> tuple[str, str]:
-    name, _, unit = word.partition("=")
-    if not (name and unit):
-        raise ValueError(f"{word!r} is not like force=kN")
-    return name, unit
-
-
-def _size(name: str, help: str) -> Option:  # noqa: A002
+def _size(what: str) -> dict[str, Any]:
     """A size of specimens: one for all, or one for each file."""
-    said = f"{help}, in mm: one for all files or one for each"
-    return Option(name=name, help=said, read=float, words="+", metavar="MM")
+    said = f"{what}, in mm: one for all files or one for each"
+    return {"help": said, "type": float, "nargs": "+", "metavar": "MM"}
 
 
-_COMMON = (
-    Option(
-        name="unit",
-        help="unit of a column, where the first row of a file does not tell it; may be "
-        "repeated",
-        default=(),
-        read=_unit,
-        repeated=True,
-        metavar="COLUMN=UNIT",
-    ),
-    Option(
-        name="bound",
-        help="least and largest value of a parameter; may be repeated",
-        default=(),
-        read=_bound,
-        repeated=True,
-        metavar="NAME=LOW,HIGH",
-    ),
-    Option(
-        name="fabric",
-        help="a fabric.json of another fit, whose other laws are kept",
-        metavar="FILE",
-    ),
-    Option(
-        name="points",
-        help="points of a table beside 0",
-        default=8,
-        read=int,
-        metavar="N",
-    ),
-    Option(
-        name="extrapolation",
-        help="of a table beyond the data: refuse every state, which is the default, or "
-        "go on in a straight line",
-        choices=("refuse", "linear"),
-    ),
-)
+def _angle(default: float | None, what: str) -> dict[str, Any]:
+    shown = "" if default is None else " (default: %(default)s)"
+    return {
+        "help": f"{what}{shown}",
+        "default": default,
+        "type": words.degrees,
+        "metavar": "DEG",
+    }
 
-_SHEAR = (
-    Option(
-        name="law",
-        help="polynomial of odd powers, linear, sin2, locking or tabulated",
-        default="polynomial",
-        metavar="LAW",
-    ),
-    Option(
-        name="degree",
-        help="highest power of the polynomial, odd",
-        default=5,
-        read=int,
-        metavar="N",
-    ),
-    angle(
-        "up-to",
+
+_UNIT: _Options = {
+    "--unit": {
+        "help": "unit of a column, where the first row of a file does not tell it; may "
+        "be repeated",
+        "type": words.unit,
+        "action": "append",
+        "default": [],
+        "metavar": "COLUMN=UNIT",
+    }
+}
+
+_FABRIC: _Options = {
+    "--fabric": {
+        "help": "a fabric.json of another fit, whose other laws are kept",
+        "metavar": "FILE",
+    }
+}
+
+_COMMON: _Options = {
+    **_UNIT,
+    **_FABRIC,
+    "--bound": {
+        "help": "least and largest value of a parameter; may be repeated",
+        "type": words.bound,
+        "action": "append",
+        "default": [],
+        "metavar": "NAME=LOW,HIGH",
+    },
+    "--points": {
+        "help": "points of a table beside 0 (default: %(default)s)",
+        "default": 8,
+        "type": int,
+        "metavar": "N",
+    },
+    "--extrapolation": {
+        "help": "of a table beyond the data: refuse every state, which is the default, "
+        "or go on in a straight line",
+        "choices": ("refuse", "linear"),
+    },
+}
+
+_SHEAR: _Options = {
+    "--law": {
+        "help": "polynomial of odd powers, linear, sin2, locking or tabulated "
+        "(default: %(default)s)",
+        "default": "polynomial",
+        "metavar": "LAW",
+    },
+    "--degree": {
+        "help": "highest power of the polynomial, odd (default: %(default)s)",
+        "default": 5,
+        "type": int,
+        "metavar": "N",
+    },
+    "--up-to": _angle(
         None,
         "shear angle up to which points are taken; without it up to 40 where the angle "
         "is theoretical, and all where it is measured or the tests are simulated",
     ),
-    Option(
-        name="fibre-stiffness",
-        help="of fabric.json, and of simulated tests, in N/mm (default: 1e5, or that "
-        "of --fabric)",
-        read=float,
-        metavar="E",
-    ),
-    *_COMMON,
-)
+    "--fibre-stiffness": {
+        "help": "of fabric.json, and of simulated tests, in N/mm (default: 1e5, or "
+        "that of --fabric)",
+        "type": float,
+        "metavar": "E",
+    },
+    **_COMMON,
+}
 
-#: The options of each kind of test.
-TESTS: dict[str, tuple[str, tuple[Option, ...]]] = {
+#: What each kind of test fits, and its options.
+TESTS: dict[str, tuple[str, _Options]] = {
     "picture-frame": (
         "a shear law from picture-frame tests",
-        (
-            _size("frame-side", "side of the frame from hinge to hinge"),
-            _size("fabric-side", "side of the square of fabric that is sheared"),
-            *_SHEAR,
-        ),
+        {
+            "--frame-side": _size("side of the frame from hinge to hinge"),
+            "--fabric-side": _size("side of the square of fabric that is sheared"),
+            **_SHEAR,
+        },
     ),
     "bias-extension": (
         "a shear law from bias-extension tests",
-        (
-            _size("width", "width of the specimen"),
-            _size("height", "height of the specimen between the clamps"),
-            angle("warp", 45.0, "angle between fibres and clamps"),
-            *_SHEAR,
-            Option(
-                name="simulate",
-                help="fit simulated tests, with so many element edges across the width",
-                read=int,
-                metavar="N",
-            ),
-        ),
+        {
+            "--width": _size("width of the specimen"),
+            "--height": _size("height of the specimen between the clamps"),
+            "--warp": _angle(45.0, "angle between fibres and clamps"),
+            **_SHEAR,
+            "--simulate": {
+                "help": "fit simulated tests, with so many element edges across the "
+                "width",
+                "type": int,
+                "metavar": "N",
+            },
+        },
     ),
     "cantilever": (
         "a bending stiffness from cantilever tests, by the elastica (Peirce)",
-        (
-            Option(
-                name="weight",
-                help="weight per area in N/mm2, 6e-6 for 0.6 kg/m2",
-                read=float,
-                metavar="W",
-            ),
-            Option(
-                name="family",
-                help="whose fibres lie along the strips",
-                default="warp",
-                choices=("warp", "weft"),
-            ),
-            angle("chord-angle", None, "of files without that column, such as 41.5"),
-            *_COMMON[:1],
-            _COMMON[2],
-        ),
+        {
+            "--weight": {
+                "help": "weight per area in N/mm2, 6e-6 for 0.6 kg/m2",
+                "type": float,
+                "metavar": "W",
+            },
+            "--family": {
+                "help": "whose fibres lie along the strips (default: %(default)s)",
+                "default": "warp",
+                "choices": ("warp", "weft"),
+            },
+            "--chord-angle": _angle(None, "of files without that column, such as 41.5"),
+            **_UNIT,
+            **_FABRIC,
+        },
     ),
     "biaxial": (
         "tension laws from biaxial tests, one file for each ratio of the strains",
-        (
-            Option(
-                name="law",
-                help="crimp-toe, linear or tabulated for each family, or "
-                "crimp-interchange",
-                default="crimp-toe",
-                metavar="LAW",
-            ),
-            _size("warp-width", "width across the pull of the warp"),
-            _size("weft-width", "width across the pull of the weft"),
-            *_COMMON,
-        ),
+        {
+            "--law": {
+                "help": "crimp-toe, linear or tabulated for each family, or "
+                "crimp-interchange (default: %(default)s)",
+                "default": "crimp-toe",
+                "metavar": "LAW",
+            },
+            "--warp-width": _size("width across the pull of the warp"),
+            "--weft-width": _size("width across the pull of the weft"),
+            **_COMMON,
+        },
     ),
 }
 

@@ -3,32 +3,21 @@
 import argparse
 import sys
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from ..cases.read import CaseFileError, declared, read_tables
+from ..cases.scenes import SCENES
+from ..cases.table import summary_of
 from ..mesh.user_input import printable
-from ..registration import Option
-from ..scenes import SCENES
-from ..scenes.shear_test import ShearTest
-from .case.build import case_of, completed
-from .case.file import CaseFileError, in_file_words, read_case_file
-from .case.laws import IN_COMPRESSION, OF_WEFT
-from .case.options import options_of, tables_of
-from .case.text import case_text
-from .case.written import WrittenCase
-from .fibres import show
 from .interruption import INTERRUPTED, raised
 from .output import OutputError, complain, say, silence
-from .parser import BAD_INPUT, command_parser, is_case_file
+from .parser import BAD_INPUT, command_parser, is_case_file, tables_of_options
 from .progress import STOPPED_EARLY
-from .results import HandOver
-from .run import run, stepper_of
+from .show import show
 
-_STUDIES = (
-    "studies are no part of the command line: run `python -m studies NAME --out DIR` "
-    "in a checkout of the repository"
-)
+if TYPE_CHECKING:
+    from ..scenes.shear_test import ShearTest
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -43,12 +32,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         complain("interrupted")
         return INTERRUPTED
-
-
-def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """The parser of the command line, as for `command_parser`."""
-    own = {name: options_of(scene) for name, scene in SCENES.items()}
-    return command_parser(own, arguments)
 
 
 def _answer(arguments: Sequence[str]) -> int:
@@ -67,10 +50,8 @@ def _answer(arguments: Sequence[str]) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
-    if _is_study(arguments):
-        raise ValueError(_STUDIES)
     try:
-        options = parser(arguments).parse_args(arguments)
+        options = command_parser(arguments).parse_args(arguments)
         if options.command == "list":
             return _list()
         if options.command == "show":
@@ -85,56 +66,40 @@ def _run(arguments: Sequence[str]) -> int:
             from .report import write_report
 
             return write_report(options.folder, options.test_curve, _shear_test)
-        if is_case_file(options.scene):
-            return _run_file(Path(options.scene), options)
-        given = {o.key: _given(o, options) for o in options_of(SCENES[options.scene])}
-        said = {"scene": options.scene, "regions": {}, "pictures": True}
-        parts = dict.fromkeys((OF_WEFT, IN_COMPRESSION))
-        return _run_case(given | parts | said, options)
+        return _run_case(options)
     finally:
         say("", end="")  # flushes what argparse printed
 
 
-def _run_file(path: Path, options: argparse.Namespace) -> int:
-    """Run a case file; what is wrong with it is told in its own words."""
-    every = {name: tables_of(scene) for name, scene in SCENES.items()}
-    values = read_case_file(path, every)
+def _run_case(options: argparse.Namespace) -> int:
+    """Run a scene or a case file."""
+    from .run import run
+
+    if not is_case_file(options.scene):
+        tables: dict[str, Any] = {"scene": {"name": options.scene}}
+        return run(declared(tables_of_options(tables, options)), options)
+    path = Path(options.scene)
+    tables = read_tables(path)
     try:
-        return _run_case(values, options)
+        case = declared(tables_of_options(tables, options), path.parent)
+        return run(case, options)
     except ValueError as error:
-        said = in_file_words(str(error), every[values["scene"]])
-        raise CaseFileError(f"{printable(path)}: {said}") from None
+        raise CaseFileError(f"{printable(path)}: {error}") from None
 
 
-def _shear_test(path: Path) -> ShearTest | None:
+def _shear_test(path: Path) -> "ShearTest | None":
     """The test of shear that the case of a file is."""
-    every = {name: tables_of(scene) for name, scene in SCENES.items()}
-    return case_of(read_case_file(path, every))[0].scene.shear_test
+    from ..cases import case_from_file
 
-
-def _run_case(values: dict[str, Any], options: argparse.Namespace) -> int:
-    values["pictures"] = values["pictures"] and not options.no_render
-    case, values = case_of(values)
-    tables = tables_of(SCENES[values["scene"]])
-    hand_over = HandOver.read(values)
-    written = WrittenCase(partial(case_text, tables, values))
-    make = partial(stepper_of, case, values)
-    return run(case, make, values, written, hand_over, options)
-
-
-def _given(option: Option, options: argparse.Namespace) -> Any:
-    """The value of an option; one that may be repeated and is not has its default."""
-    value = getattr(options, option.key)
-    return list(option.default) if option.repeated and not value else value
+    return case_from_file(path).scene.shear_test
 
 
 def _init(scene: str, file: Path) -> int:
     """Write a case file of a scene, with all defaults and comments."""
-    tables = tables_of(SCENES[scene])
-    values = {key: value for t in tables for key, value in t.nothing.items()}
-    values = completed({**values, "scene": scene, "regions": {}}, SCENES[scene])
+    from ..cases.write import case_text
+
     head = f"# A case: skfem-textile run {file.name} --out results"
-    text = case_text(tables, values, head)
+    text = case_text(declared({"scene": {"name": scene}}), head)
     with open(file, "x", encoding="utf-8") as opened:
         opened.write(text)
     say(f"{printable(file)}: a case of the scene {scene}")
@@ -143,15 +108,5 @@ def _init(scene: str, file: Path) -> int:
 
 def _list() -> int:
     for name, scene in SCENES.items():
-        say(f"{name:16}{scene.description}")
+        say(f"{name:16}{summary_of(scene)}")
     return 0
-
-
-def _is_study(arguments: Sequence[str]) -> bool:
-    """Whether they ask for a study, which the command line once ran."""
-    words = list(arguments)
-    return (
-        words[:1] == ["study"]
-        or words[:2] == ["run", "two_element"]
-        or (words[:2] == ["run", "strip"] and "--paper" in words)
-    )

@@ -1,18 +1,33 @@
-"""The parser of the command line, built from all registrations."""
+"""The parser of the command line, built from the declaration of a case."""
 
 import argparse
+import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+import tomllib
+from argparse import ArgumentTypeError
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from types import NoneType
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NoReturn,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from .. import __version__
-from ..registration import Option
-from ..scenes import SCENES
-from .fibres import add_show
+from ..cases.read import declared
+from ..cases.scenes import SCENES, OnTool, Scene
+from ..cases.schema import CaseFile
+from ..cases.table import FILE, summary_of
+from ..cases.write import key_help, meaning, tables_of
+from ..mesh.user_input import printable
 from .fit import TESTS
-from .output import complain
+from .output import complain, say
+from .show import add_show
 
 #: Exit code of bad input.
 BAD_INPUT = 2
@@ -21,6 +36,34 @@ BAD_INPUT = 2
 _SUFFIX = ".toml"
 
 _CASE_FILE = f"CASE{_SUFFIX}"
+
+# Keys that have an option of their own, beside those of the scene.
+_OPTIONS = {
+    "mesh": ("mesh.source", "a file, or a kind of mesh to make"),
+    "size": ("mesh.size", "elements along x and y of a mesh to make, such as 8x16"),
+    "directions": ("mesh.directions", "a file of the fibre directions of elements"),
+    "fabric": ("fabric.file", "a file of all laws"),
+    "tension-law": ("tension.law", "a name, or a .csv or .json file"),
+    "fibre-stiffness": ("tension.stiffness_N_per_mm", "tension stiffness in N/mm"),
+    "shear-law": ("shear.law", "a name, or a .csv or .json file"),
+    "shear-stiffness": ("shear.stiffness_N_per_mm", "shear stiffness in N/mm"),
+    "formulation": ("formulation.name", "the elements"),
+    "force": ("loads.force_N", "a force in N on a boundary; may be repeated"),
+    "steps": ("stepping.steps", "load steps"),
+    "tolerance": ("stepping.tolerance", "refine until the load has this error"),
+    "solver": ("stepping.solver", "linear solver"),
+    "test-curve": ("output.test_curve", "a CSV file of a test to draw beside the run"),
+}
+_OPTIONS_ON_TOOL = {
+    "part-mesh": ("output.part_mesh", "a mesh of the part, which gets the fibres"),
+    "trim": ("output.trim", "a CSV file of the curve that trims the flat pattern"),
+}
+
+# Keys that are the name of a mesh or of a law, or that of a file.
+_NAME_OR_FILE = ("mesh.source", "tension.law", "shear.law")
+
+# The option of a key of a scene that is not its name without the unit.
+_RENAMED = {"warp_deg": "fibres"}
 
 _EXIT_CODES = (
     "exit code: 0, every step converged; 1, stopped early and the last good state "
@@ -49,15 +92,13 @@ def is_case_file(word: str) -> bool:
     return word.lower().endswith(_SUFFIX)
 
 
-def command_parser(
-    options: Mapping[str, Sequence[Option]], arguments: Sequence[str] = ()
-) -> argparse.ArgumentParser:
+def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     """The parser; it sets ``command``, and for the command ``run`` also ``scene``.
+
+    Values of keys of a case are set by the path of the key, see `tables_of_options`.
 
     Parameters
     ----------
-    options
-        The options that describe a case, for each scene by its name.
     arguments
         What is to be parsed: the name of a case file may stand for a scene.
     """
@@ -74,17 +115,9 @@ def command_parser(
     )
     scenes = run.add_subparsers(dest="scene", required=True)
     for name, scene in SCENES.items():
-        one = scenes.add_parser(name, help=scene.description, epilog=_EXIT_CODES)
-        _add_outputs(one)
-        for option in options[name]:
-            _add(one, option)
-        _add_course(one)
+        _add_scene(scenes, name, summary_of(scene), scene)
     files = [word for word in arguments[1:2] if is_case_file(word)]
-    file = scenes.add_parser(
-        _CASE_FILE, aliases=files, help="a case in a file", epilog=_EXIT_CODES
-    )
-    _add_outputs(file)
-    _add_course(file)
+    _add_scene(scenes, _CASE_FILE, "a case in a file", None, aliases=files)
     _add_fits(commands)
     _add_init(commands)
     _add_report(commands)
@@ -117,7 +150,7 @@ def _add_report(commands: Any) -> None:
 
 def _case_file(text: str) -> Path:
     if not is_case_file(text):
-        raise argparse.ArgumentTypeError(f"{text!r} must end with {_SUFFIX}")
+        raise ArgumentTypeError(f"{text!r} must end with {_SUFFIX}")
     return Path(text)
 
 
@@ -129,39 +162,201 @@ def _add_fits(commands: Any) -> None:
         one = tests.add_parser(name, help=description, description=description)
         one.add_argument("data", type=Path, nargs="+", metavar="DATA.csv")
         _add_outputs(one)
-        for option in options:
-            _add(one, option)
+        for flag, keywords in options.items():
+            one.add_argument(flag, **keywords)
 
 
-def _add(parser: argparse.ArgumentParser, option: Option) -> None:
-    """Add an option; the help shows its default if there is one."""
-    given: dict[str, Any] = {"default": option.default, "help": option.help}
-    if option.default not in (None, ()) and not option.repeated:
-        given["help"] += " (default: %(default)s)"
-    if option.repeated:
-        given |= {"action": "extend" if option.words else "append", "default": []}
-    if option.read is not str:
-        given["type"] = _reader(option.read)
-    for key, value in (
-        ("nargs", option.words),
-        ("choices", option.choices),
-        ("metavar", option.metavar),
-    ):
-        if value:
-            given[key] = value
-    parser.add_argument(f"--{option.name}", **given)
+def _add_scene(
+    scenes: Any, name: str, about: str, scene: type[Scene] | None, **settings: Any
+) -> None:
+    """Add a scene, or a case file in its place, with the keys that have options."""
+    parser = scenes.add_parser(
+        name,
+        help=about,
+        epilog=_EXIT_CODES,
+        add_help=False,
+        usage="%(prog)s --out DIR [option ...] [--set KEY=VALUE ...]",
+        formatter_class=_Formatter,
+        **settings,
+    )
+    parser.add_argument(
+        *("-h", "--help"),
+        nargs="?",
+        choices=("all",),
+        action=_Help,
+        help="show this help; `--help all`: also every key for --set",
+    )
+    _add_outputs(parser)
+    if scene is not None:
+        defaults = tables_of(declared({"scene": {"name": name}}))
+        of_scene = parser.add_argument_group(name.replace("_", " "))
+        for key, hint in get_type_hints(scene, include_extras=True).items():
+            if key in scene.__struct_fields__:
+                flag = _RENAMED.get(key, _without_unit(key)).replace("_", "-")
+                said = meaning(hint) + _default(defaults["scene"].get(key))
+                _add_key(of_scene, flag, f"scene.{key}", hint, said)
+        options = _OPTIONS | (_OPTIONS_ON_TOOL if issubclass(scene, OnTool) else {})
+        group = parser.add_argument_group("mesh, laws, elements and load steps")
+        for flag, (path, about) in options.items():
+            table, key = path.split(".")
+            said = about + _default(defaults[table].get(key))
+            _add_key(group, flag, path, _type_of(path), said)
+    parser.add_argument(
+        "--set",
+        action="extend",
+        nargs="+",
+        default=[],
+        type=_setting,
+        metavar="KEY=VALUE",
+        help="any key of a case file, such as stepping.method=plain",
+    )
+    _add_course(parser)
 
 
-def _reader(read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """A reader for argparse, which words errors of types but not of functions."""
-    return read if isinstance(read, type) else partial(_told, read)
+def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
+    """Add the option of a key; argparse reads words as its type says."""
+    given: dict[str, Any] = {"dest": path, "default": argparse.SUPPRESS, "help": about}
+    kind = hint
+    while get_origin(kind) is Annotated or NoneType in get_args(kind):
+        kind = next(one for one in get_args(kind) if one is not NoneType)
+    if path == "mesh.size":
+        given |= {"type": _size, "metavar": "NXxNY"}
+    elif get_origin(kind) is Literal:
+        given["choices"] = get_args(kind)
+    elif get_origin(kind) is tuple:
+        first, *others = get_args(kind)
+        given |= {"nargs": "+" if ... in others else len(others) + 1}
+        given |= {"choices": get_args(first)} if get_args(first) else {"type": first}
+        given["metavar"] = flag.upper()
+    elif get_origin(kind) is dict:
+        given |= {"type": _pair, "metavar": "NAME=VALUE"}
+        given |= {"action": "append"}
+    elif isinstance(kind, type):
+        metavar = {float: "X", int: "N", str: "NAME"}[kind]
+        if FILE in get_args(hint) or path.endswith(".law"):
+            metavar = "NAME|FILE" if path in _NAME_OR_FILE else "FILE"
+        given |= {"type": kind, "metavar": "DEG" if path.endswith("_deg") else metavar}
+    parser.add_argument(f"--{flag}", **given)
 
 
-def _told(read: Callable[[str], Any], word: str) -> Any:
+def _default(value: Any) -> str:
+    """The default of a key, as the end of its help."""
+    if value in (None, (), {}) or isinstance(value, dict):
+        return ""
+    shown = "x".join(map(str, value)) if isinstance(value, tuple) else value
+    return f" (default: {shown})"
+
+
+def _type_of(path: str) -> Any:
+    """The type of a key that has an option."""
+    table, key = path.split(".")
+    hint = get_type_hints(CaseFile, include_extras=True)[table]
+    if key == "name":
+        return Literal[tuple(one.__struct_config__.tag for one in get_args(hint))]
+    if table in ("tension", "shear"):
+        return float if key.endswith("N_per_mm") else str
+    return get_type_hints(hint, include_extras=True)[key]
+
+
+def _without_unit(key: str) -> str:
+    return re.sub(r"_(deg|mm|N|N_per_mm2?)$", "", key)
+
+
+def tables_of_options(
+    tables: Mapping[str, Any], options: argparse.Namespace
+) -> dict[str, Any]:
+    """The tables of a case with what the options say in their place.
+
+    Raises
+    ------
+    ValueError
+        If a path leads through a key that is no table, or a name is given twice.
+    """
+    found = {name: _copied(own) for name, own in tables.items()}
+    settings = [(path, _joined(v)) for path, v in vars(options).items() if "." in path]
+    for path, value in [*settings, *getattr(options, "set", ())]:
+        *around, key = path.split(".")
+        table: Any = found
+        for name in around:
+            table = table.setdefault(name, {})
+            if not isinstance(table, dict):
+                raise ValueError(f"--set {path}: {name} is a value, not a table")
+        table[key] = value
+    return found
+
+
+def _joined(value: Any) -> Any:
+    """The table of pairs of names and values; another value as it is."""
+    if not (isinstance(value, list) and isinstance(value[0], tuple)):
+        return value
+    names = [name for name, _ in value]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"{printable(name)} is given twice")
+    return dict(value)
+
+
+def _copied(value: Any) -> Any:
+    """A copy of nested tables."""
+    if isinstance(value, dict):
+        return {key: _copied(one) for key, one in value.items()}
+    return value
+
+
+def _setting(word: str) -> tuple[str, Any]:
+    """The path and the value of ``path.to.key=value``, the value as in a case file."""
+    path, equals, value = word.partition("=")
+    if not equals or "." not in path or not all(path.split(".")):
+        raise ArgumentTypeError(f"{word!r} is not like stepping.steps=5")
+    return path, _value(value)
+
+
+def _pair(word: str) -> tuple[str, Any]:
+    """The name and the value of ``NAME=VALUE``, several values with commas."""
+    name, _, value = word.partition("=")
+    if not (name and value):
+        raise ArgumentTypeError(f"{word!r} is not like top=0,40")
+    parts = [_value(part) for part in value.split(",")]
+    return name, parts if len(parts) > 1 else parts[0]
+
+
+def _value(word: str) -> Any:
+    """A value as TOML has it, numbers with commas as an array, or else the word."""
+    for text in (word, f"[{word}]"):
+        try:
+            return tomllib.loads(f"x = {text}")["x"]
+        except (ValueError, RecursionError):
+            continue
+    return word
+
+
+def _size(word: str) -> list[int]:
+    """Elements along x and y of ``NXxNY``."""
     try:
-        return read(word)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+        nx, ny = (int(n) for n in word.split("x"))
+    except ValueError:
+        raise ArgumentTypeError(f"{word!r} is not like 10x15") from None
+    return [nx, ny]
+
+
+class _Formatter(argparse.HelpFormatter):
+    """Options whose help stands on the same line."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, max_help_position=32, width=88)
+
+
+class _Help(argparse.Action):
+    """Print the help, and with the word ``all`` every key of a case file."""
+
+    def __call__(
+        self, parser: Any, namespace: Any, values: Any, option_string: Any = None
+    ) -> None:
+        """Print and exit."""
+        say(parser.format_help(), end="")
+        if values == "all":
+            say(key_help(parser.prog.split()[-1]), end="")
+        parser.exit()
 
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
@@ -199,7 +394,7 @@ def _add_course(parser: argparse.ArgumentParser) -> None:
 
 def _folder(text: str) -> Path:
     if not text:
-        raise argparse.ArgumentTypeError("a folder must have a name")
+        raise ArgumentTypeError("a folder must have a name")
     if text.startswith("--"):  # argparse does not know it as an option
-        raise argparse.ArgumentTypeError(f"{text!r} is no option; a folder is ./{text}")
+        raise ArgumentTypeError(f"{text!r} is no option; a folder is ./{text}")
     return Path(text)

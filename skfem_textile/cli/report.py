@@ -12,10 +12,10 @@ from string import Template
 from typing import Any, TypeAlias
 
 from .. import __version__
+from ..cases.write import CASE
 from ..mesh.user_input import printable
 from ..scenes.shear_test import ShearTest
-from .case.curve import CURVE, completed, read_test_curve
-from .case.written import CASE
+from .curve import CURVE, completed, read_test_curve
 from .output import say
 from .result_folder import ResultFolder
 from .results import CURVES, draw_curves

@@ -9,12 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy import ndarray
 
+from ..cases.schema import Output
 from ..drape import Axes, Sheet, ToolMesh, fibres_on_tool, flat_pattern
 from ..mesh.checks import MeshError
 from ..mesh.user_input import printable
 from ..scenes import Scene
 from ..solve.result import Result, StepError
-from .case.curve import (
+from .curve import (
     ANGLE,
     DISPLACEMENT,
     FORCE,
@@ -134,15 +135,15 @@ class HandOver:
     files: ClassVar[tuple[str, ...]] = (*_PART, *_PATTERN)
 
     @classmethod
-    def read(cls, values: Mapping[str, Any]) -> "HandOver":
-        """What the values of a case ask for, nothing where the ply is on no tool.
+    def read(cls, output: Output) -> "HandOver":
+        """What a case asks for.
 
         Raises
         ------
         ValueError
             If a file is refused.
         """
-        part, curve = values.get("part_mesh"), values.get("trim")
+        part, curve = output.part_mesh, output.trim
         if part is None and curve is None:
             return cls()
         from .. import io

@@ -2,31 +2,33 @@
 
 import argparse
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
 from .. import __version__
+from ..cases.build import built
+from ..cases.schema import CaseFile, Stepping
+from ..cases.write import WRITTEN_FILES, WrittenCase, refuse_foreign_case, tables_of
 from ..mesh.user_input import printable
 from ..scenes.case import Case
-from ..solve.adaptive import MOST_UNKNOWNS, AdaptiveStepper
+from ..solve.adaptive import AdaptiveStepper
 from ..solve.result import Result, StepError
 from ..solve.states import ErrorEstimate
-from ..solve.stepper import LoadStepper
 from . import results
-from .case.curve import CURVE, curve_of, read_test_curve, write_curve
-from .case.written import WRITTEN_FILES, WrittenCase, refuse_foreign_case
+from .curve import CURVE, curve_of, read_test_curve, write_curve
 from .interruption import INTERRUPTED, held
 from .output import OutputError, complain, say
 from .progress import STOPPED_EARLY, load, shown
 from .result_folder import ResultFolder
 
 if TYPE_CHECKING:
-    from .case.curve import Curve
+    from .curve import Curve
     from .progress import Stepper
-    from .results import HandOver
 
 # Every picture that a run may draw.
 _PICTURES = (
@@ -35,59 +37,58 @@ _PICTURES = (
 )
 
 
-def run(
-    case: Case,
-    stepper_of: Callable[[Path | None], "Stepper"],
-    values: Mapping[str, Any],
-    written: WrittenCase,
-    hand_over: "HandOver",
-    options: argparse.Namespace,
-) -> int:
+def run(file: CaseFile, options: argparse.Namespace) -> int:
     """Load a case and write its results; returns the exit code.
 
     Parameters
     ----------
-    case
-        The case.
-    stepper_of
-        Makes its load stepper with a checkpoint, or without one.
-    values
-        Values of the options, for the summary.
-    written
-        The case file to write beside the results.
-    hand_over
-        What a ply on a tool is to hand over.
+    file
+        The declaration of the case.
     options
-        Folders of results and checkpoint, and how much is logged.
+        Folders of results and checkpoint, whether pictures are drawn, and how much is
+        logged.
 
     Raises
     ------
+    ValueError
+        If the case cannot be run.
     OutputError
         If the results cannot be written.
     """
     from .. import io
 
+    if options.no_render:
+        file = msgspec.structs.replace(
+            file, output=msgspec.structs.replace(file.output, pictures=False)
+        )
+    case = built(file)
+    hand_over = results.HandOver.read(file.output)
+    written = WrittenCase(file)
     with shown("preparing the ply"):  # nets on a tool take long
-        stepper = stepper_of(_checkpoint(options))
-    named = values["test_curve"]
+        checkpoint = _checkpoint(options.out, options.checkpoint, options.resume)
+        if file.stepping.tolerance is None:
+            stepper: Stepper = case.stepper(checkpoint)
+        else:
+            stepper = _adaptive(case, file.stepping, checkpoint)
+    named = file.output.test_curve
     test = None if named is None else read_test_curve(named)
     refuse_foreign_case(options.out)
     fields = (f"fields/{name}" for name in io.FIELDS)
     tables = ("summary.json", "history.csv", CURVE)
     drapes = *io.DRAPED, *hand_over.files
     files = (*tables, *WRITTEN_FILES, *drapes, *fields, *_PICTURES)
-    results = ResultFolder(options.out, files)
+    out = ResultFolder(options.out, files)
     code, said, refusal = load(stepper, options.resume is not None, options.verbose)
     result = stepper.result
     said_before = {
-        "inputs": {"version": __version__, **values},
+        "inputs": {"version": __version__, **tables_of(file)},
         "versions": versions(),
     }
     summary = case.summary(_without_estimate(result)) | said_before
     complete = False
     try:
         with held():
-            with results as folder:
+            with out as folder:
                 handed = hand_over.write(result, case.scene.axes, folder)
                 io.write_summary(summary | handed, folder / "summary.json")
                 io.write_history(result, folder / "history.csv")
@@ -135,25 +136,23 @@ def versions() -> dict[str, str]:
     }
 
 
-def stepper_of(
-    case: Case, values: Mapping[str, Any], checkpoint: Path | None
-) -> LoadStepper | AdaptiveStepper:
-    """The load stepper of a case, to a tolerance if the values have one.
+def _adaptive(
+    case: Case, stepping: Stepping, checkpoint: Path | None
+) -> AdaptiveStepper:
+    """The load stepper of a case to a tolerance.
 
     Raises
     ------
     ValueError
-        As from the steppers, or if there is a tolerance and a checkpoint.
+        As from the stepper, or if there is a checkpoint.
     """
-    if values["tolerance"] is None:
-        if values["most_unknowns"] != MOST_UNKNOWNS:
-            raise ValueError("--most-unknowns goes with --tolerance")
-        return case.stepper(checkpoint)
-    if checkpoint:
-        raise ValueError("--tolerance cannot have a checkpoint: leave one of them out")
+    if checkpoint or stepping.tolerance is None:
+        raise ValueError(
+            "stepping.tolerance cannot have a checkpoint: leave one of them out"
+        )
     return AdaptiveStepper(
-        *(case.ply(), case.scene.conditions, values["tolerance"], case.steps),
-        most_unknowns=values["most_unknowns"],
+        *(case.ply(), case.scene.conditions, stepping.tolerance, case.steps),
+        most_unknowns=stepping.most_unknowns,
         method=case.method,
         warn_only=case.warn_only,
         solver=case.solver,
@@ -202,14 +201,16 @@ def _draw(case: Case, run: Result | StepError, test: "Curve | None", out: Path) 
     return True
 
 
-def _checkpoint(options: argparse.Namespace) -> Path | None:
+def _checkpoint(
+    out: Path, checkpoint: Path | bool | None, resume: Path | bool | None
+) -> Path | None:
     """The folder of --checkpoint or --resume, by default one in the output folder."""
-    named = {f for f in (options.checkpoint, options.resume) if f not in (None, True)}
+    named = {folder for folder in (checkpoint, resume) if isinstance(folder, Path)}
     if len(named) > 1:
         raise ValueError("--checkpoint and --resume name different folders")
-    if options.checkpoint is None and options.resume is None:
+    if checkpoint is None and resume is None:
         return None
-    return named.pop() if named else options.out / "checkpoint"
+    return named.pop() if named else out / "checkpoint"
 
 
 def _kept(stepper: "Stepper") -> str:

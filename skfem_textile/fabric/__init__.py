@@ -2,16 +2,11 @@
 
 from .fabric import Direction, Fabric, Family, unit_vectors
 from .law import BiaxialLaw, Law, Linear, Slopes, TwoLaws, is_zero
-from .laws.crimp_interchange import CrimpInterchange
-from .laws.crimp_toe import CrimpToe
-from .laws.crimped_yarns import CrimpedYarns, Softening
-from .laws.locking import Locking
-from .laws.one_sided import Asymmetric, TensionOnly
+from .laws.biaxial import CrimpedYarns, CrimpInterchange, Softening
 from .laws.polynomial import Polynomial
-from .laws.pretensioned import Pretensioned
-from .laws.sin2 import Sin2
+from .laws.shear import Locking, Sin2, TangentShear
 from .laws.tabulated import Tabulated
-from .laws.tangent_shear import TangentShear
+from .laws.tension import Asymmetric, CrimpToe, Pretensioned, TensionOnly
 from .meshing import mesh_along_fibres
 
 __all__ = [

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from ..mesh.splitting import original_elements
-from ..registration import MOST_DEGREES
+from ..mesh.user_input import MOST_DEGREES
 from .fabric import Fabric, unit_vectors
 from .kinematics import rotated
 from .regions import fabric_on

@@ -7,12 +7,22 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self, TypeVar
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    NamedTuple,
+    Protocol,
+    Self,
+    TypeAlias,
+    TypeVar,
+)
 
 import numpy as np
 from numpy import ndarray
 
-from ..registration import Resistance
+#: Quantities of a law.
+Resistance: TypeAlias = Literal["tension", "shear"]
 
 #: Largest shear angle in radians: at a right angle both families lie on one line.
 RIGHT_ANGLE = 0.5 * np.pi
@@ -502,7 +512,7 @@ def refuse_force_at_rest(name: str, law: Law, strain: float) -> None:
 _QUANTITIES = "warp_strain", "weft_strain", "shear_angle"
 
 # What is said where a law of shear ends at rest.
-_GO_ON = " (a table from 0 on needs odd=True, --shear-continuation odd)"
+_GO_ON = " (a table from 0 on needs odd=True, shear.continuation = 'odd')"
 
 # Share of where a law ends by which elements are as close to it as one.  Chosen:
 # half a degree at 50°, which a colour cannot tell.

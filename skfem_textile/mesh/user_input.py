@@ -6,6 +6,9 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+#: Largest angle in degrees, a hundred turns: beyond, its decimals are lost.
+MOST_DEGREES = 36_000.0
+
 # Characters of a value or of foreign text in a message.  Chosen: two lines in all.
 _LONGEST_TEXT = 60
 

@@ -1,26 +1,16 @@
-"""Problems with a known answer, each in one file: geometry, conditions, solution."""
+"""Problems with a known answer, geometry, conditions, solution."""
 
-from ..registration import SceneRegistration, registered
 from .bias_extension import bias_extension
 from .case import Case
-from .picture_frame import picture_frame
+from .drape import drape
 from .scene import Scene
-from .space.buckling import buckling
-from .space.cantilever import cantilever
-from .space.cylinder import cylinder
-from .space.double_dome import double_dome
-from .space.drape import drape
-from .space.hemisphere import hemisphere
-from .space.saddle import saddle
 from .specimen import specimen
 from .strip import strip
-from .trellis import trellis
-
-#: The scenes by their names on the command line.
-SCENES = registered(__name__, SceneRegistration)
+from .strips_in_space import buckling, cantilever
+from .tools import cylinder, double_dome, hemisphere, saddle
+from .trellis import picture_frame, trellis
 
 __all__ = [
-    "SCENES",
     "Case",
     "Scene",
     "bias_extension",

@@ -11,7 +11,7 @@ minimum with a slightly smaller force.
 """
 
 from functools import partial
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy import ndarray
@@ -20,12 +20,10 @@ from skfem import Mesh
 from ..fabric import Fabric, Law
 from ..fabric.law import mean_slope
 from ..mesh.checks import MeshError, check_mesh, with_edges
-from ..registration import Option, SceneRegistration, angle
 from ..solve.conditions import Condition
-from .common.zones import force_of_moments, free_length
 from .rectangle import misfit, rectangle
 from .scene import Scene
-from .shear_test import BiasTest
+from .shear_test import BiasTest, force_of_moments, free_length
 from .trellis import Motion
 
 #: Width of the ply in mm.
@@ -240,34 +238,3 @@ def _sides(mesh: Mesh, theta: float, share: float) -> tuple[float, float]:
             f"high, not {H:g} mm"
         )
     return W, H
-
-
-def _from_options(
-    *, warp: float, weft: float, shear_angle: float, part: Part, **mesh: Any
-) -> Scene:
-    warp, weft, shear_angle = np.radians([warp, weft, shear_angle])
-    return bias_extension(
-        warp=warp, weft=weft, shear_angle=shear_angle, part=part, **mesh
-    )
-
-
-REGISTRATION = SceneRegistration(
-    name="bias_extension",
-    description="a rectangle pulled along the bisector of its fibres",
-    build=_from_options,
-    size=(8, 16),
-    jitter=0.25,
-    defaults={"fibre-stiffness": 1e5, "shear-stiffness": 0.5},
-    options=(
-        angle("warp", 45.0, "inclination of the warp, below 90"),
-        angle("weft", 135.0, "inclination of the weft, 180 less the warp's"),
-        angle("shear-angle", 40.0, "shear angle of the middle at the end"),
-        Option(
-            name="part",
-            help="half: on a roller along the axis of symmetry",
-            default="whole",
-            choices=PARTS,
-        ),
-    ),
-    rank=4,
-)

@@ -1,20 +1,43 @@
-"""Shear tests of fibres that do not stretch: what machines measure, and what it tells.
-
-Both tests give the force as a sum of shear moments C(γ) per area, each times a length.
-The picture frame is after Cao et al. (2008, Composites A 39:1037), F_n = F_s
-L_frame/L_fabric² and C = F_n cos γ; the bias extension after their Eq. 16, for any
-fibre angle.
-"""
+"""Shear tests of fibres that do not stretch: their zones, and what machines measure."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy import ndarray
 
 from ..fabric import Law
 from ..fabric.law import number
-from .common.zones import force_of_moments, free_length
+
+Angle = TypeVar("Angle", float, ndarray)
+
+
+def force_of_moments(
+    gamma: Angle, width: float, height: float, inclination: float = np.pi / 4
+) -> tuple[Angle, Angle]:
+    """What C(γ) and C(γ/2) are multiplied by in the force at the clamps, in mm.
+
+    These are the areas of the zones over the rate dδ/dγ of the elongation.
+
+    Parameters
+    ----------
+    gamma
+        Shear angle of the middle in radians, a number or an array.
+    width, height
+        Sides W and H of the ply in mm, H ≥ 2W tan θ.
+    inclination
+        Angle θ between warp and clamps in radians.
+    """
+    W, H, tan = width, height, np.tan(inclination)
+    rate = free_length(W, H, inclination) * np.cos(inclination + gamma / 2)
+    return W * (H - 1.5 * W * tan) / rate, 0.5 * W**2 * tan / rate
+
+
+def free_length(width: float, height: float, inclination: float) -> float:
+    """Length L in mm of the fibres that meet no clamp."""
+    return float((height / np.sin(inclination) - width / np.cos(inclination)) / 2)
+
 
 # Angle in radians up to which a ply is at rest: rounding.
 _AT_REST = 1e-9

@@ -1,8 +1,7 @@
 """Scene `specimen`: a ply of which the user says what is held and what moves."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -11,15 +10,19 @@ from skfem import Mesh
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..mesh.selection import named_nodes
 from ..mesh.user_input import printable
-from ..registration import Option, SceneRegistration, angle
 from ..solve.conditions import Condition
-from .common.edge_vectors import FREE, MOVES, Component
 from .rectangle import rectangle
 from .scene import Scene
 from .shear_test import BiasTest
 
 #: Sides of a ply to make in mm.
 WIDTH, HEIGHT = 50.0, 100.0
+
+#: A component of a displacement in mm, or `FREE`.
+Component: TypeAlias = float | str
+
+#: A component that is not prescribed.
+FREE = "free"
 
 # What moves if nothing is said, by x and y in mm.
 _MOVES = (("bottom", (0.0, 0.0)), ("top", (0.0, 10.0)))
@@ -183,49 +186,3 @@ def _unknown_displacement(X: ndarray, t: float) -> ndarray:
 
 def _unknown_shear_angle(X: ndarray, t: float) -> ndarray:
     return np.full(X.shape[1], np.nan)
-
-
-def _from_options(
-    *,
-    warp: float,
-    weft: float,
-    move: Sequence[tuple[str, tuple[Component, Component]]],
-    **others: Any,
-) -> Scene:
-    warp, weft = np.radians([warp, weft])
-    return specimen(warp=warp, weft=weft, moves=move, **others)
-
-
-REGISTRATION = SceneRegistration(
-    name="specimen",
-    description="a ply of which you say what is held and what moves",
-    build=_from_options,
-    size=(8, 16),
-    jitter=0.25,
-    defaults={"fibre-stiffness": 1e5, "shear-stiffness": 0.5},
-    options=(
-        Option(
-            name="width",
-            help="of a mesh to make, in mm",
-            default=WIDTH,
-            read=float,
-            unit="mm",
-        ),
-        Option(
-            name="height",
-            help="of a mesh to make, in mm",
-            default=HEIGHT,
-            read=float,
-            unit="mm",
-        ),
-        angle("warp", 45.0, "inclination of the warp"),
-        angle("weft", 135.0, "inclination of the weft"),
-        replace(MOVES, default=_MOVES),
-        Option(
-            name="driven",
-            help="boundary whose reaction is reported, or else what moves furthest",
-            metavar="NAME",
-        ),
-    ),
-    rank=5,
-)

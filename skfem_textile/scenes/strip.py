@@ -11,7 +11,6 @@ from numpy import ndarray
 from skfem import Mesh
 
 from ..mesh.checks import MeshError, check_mesh, with_edges
-from ..registration import SceneRegistration
 from ..solve.conditions import Condition
 from .rectangle import misfit, rectangle
 from .scene import Scene
@@ -88,13 +87,3 @@ def _laid_out(mesh: Mesh) -> Mesh:
             f"{RADIUS * np.pi / 2:.1f} mm the shear angle would pass 90 degrees"
         )
     return mesh
-
-
-REGISTRATION = SceneRegistration(
-    name="strip",
-    description="a strip laid on a circle, fibres along its sides, clamped at the "
-    "bottom",
-    build=strip,
-    size=(10, 15),
-    rank=1,
-)

@@ -7,9 +7,10 @@ boundary follows it; sides may be free or on inclined rollers.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from numbers import Real
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -18,10 +19,10 @@ from skfem import Mesh
 
 from ..mesh.checks import MeshError, check_mesh, with_edges
 from ..mesh.scikit_fem import with_names
-from ..registration import Option, SceneRegistration, angle
 from ..solve.conditions import Condition
 from .rectangle import rectangle
 from .scene import Scene
+from .shear_test import FrameTest
 
 #: Side of the ply in mm.
 SIDE = 100.0
@@ -249,67 +250,39 @@ def _curve(
     return x
 
 
-def _from_options(
-    *,
-    warp: float,
-    weft: float,
-    shear_angle: float,
-    bend: float,
-    free: Sequence[str],
-    roller: Sequence[tuple[str, float]],
-    **mesh: Any,
+def picture_frame(
+    mesh: str | Mesh = "irregular",
+    size: tuple[int, int] = (10, 10),
+    jitter: float = 0.3,
+    seed: int = 1,
+    shear_angle: float = np.pi / 4,
 ) -> Scene:
-    edges: dict[str, Edge] = dict.fromkeys(free, "free")
-    for side, inclination in roller:
-        if side in edges:
-            raise ValueError(
-                f"--roller {side}: that side is already free or on a roller"
-            )
-        edges[side] = float(np.radians(inclination))
-    warp, weft = np.radians([warp, weft])
-    turns = sheared(np.radians(shear_angle), np.radians(bend))
-    return trellis(warp=warp, weft=weft, turns=turns, edges=edges, **mesh)
+    """A square ply in a hinged frame, fibres along its sides.
+
+    The bottom bar stays where it is and the side bars turn: at the load factor t the
+    shear angle is γ = t·shear_angle everywhere.  With sides of length L the force on
+    the top bar is L·C(γ)·(cos γ, −sin γ), where C is the shear moment per area; a
+    machine that pulls two corners apart would need F = L·C(γ)/sin(π/4 − γ/2).  The
+    nodes at the ends of the top bar also carry half an element of each side bar.  These
+    two parts cancel if the elements are equally high.
+
+    Parameters
+    ----------
+    mesh, size, jitter, seed
+        As for `trellis`.
+    shear_angle
+        Shear angle at the end in radians.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid, or the frame would close.
+    """
+    turns = (_straight, lambda s, t: np.full(s.shape, -t * shear_angle))
+    scene = trellis(mesh, size, jitter, seed, turns=turns)
+    side = float(np.ptp(scene.mesh.p[1]))
+    return replace(scene, name="picture_frame", shear_test=FrameTest(side, side))
 
 
-def _read_roller(word: str) -> tuple[str, float]:
-    side, _, degrees = word.partition("=")
-    try:
-        return side, float(degrees)
-    except ValueError:
-        raise ValueError(f"{word!r} is not like left=30") from None
-
-
-REGISTRATION = SceneRegistration(
-    name="trellis",
-    description="a square whose edges follow a motion that stretches no fibre",
-    build=_from_options,
-    size=(10, 10),
-    defaults={"shear-stiffness": 0.5},
-    options=(
-        angle("warp", 0.0, "inclination of the warp"),
-        angle("weft", 90.0, "inclination of the weft"),
-        angle("shear-angle", 45.0, "shear angle at the origin, at the end"),
-        angle("bend", 30.0, "by which a fibre of 100 mm bends in the end"),
-        Option(
-            name="free",
-            help=f"sides that are not held, of {', '.join(SIDES)}",
-            default=(),
-            choices=SIDES,
-            metavar="SIDE",
-            words="+",
-            repeated=True,
-        ),
-        Option(
-            name="roller",
-            help="a side on a roller that rolls along a line of this inclination; "
-            "may be repeated",
-            default=(),
-            read=_read_roller,
-            metavar="SIDE=DEG",
-            repeated=True,
-            unit="deg",
-            in_file=dict[str, float],
-        ),
-    ),
-    rank=3,
-)
+def _straight(s: ndarray, t: float) -> ndarray:
+    return np.zeros(s.shape)

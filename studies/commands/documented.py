@@ -182,7 +182,7 @@ _ALONG = (
 ON_TOOLS = (
     "hemisphere",
     "hemisphere --fibres 45",
-    "hemisphere --tension 0 --bending-warp 5 --bending-weft 5",
+    "hemisphere --tension 0 --set bending.warp_N_mm=5 bending.weft_N_mm=5",
     "cylinder --fibres 20",
     "saddle",
     "double_dome --fibres 45",
@@ -237,7 +237,8 @@ DOCUMENTED: Mapping[str, Documented] = {
     },
     "hanging strip": Documented(
         "docs/how-to/in-space.md",
-        "skfem-textile run cantilever --out hanging --bending-warp 6 --weight 6e-6",
+        "skfem-textile run cantilever --out hanging --set bending.warp_N_mm=6 "
+        "--weight 6e-6",
         of_summary("tip_z_mm", "exact_tip_z_mm", out="hanging"),
     ),
     "tutorial": Documented(

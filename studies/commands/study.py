@@ -182,7 +182,7 @@ _WORDS: Mapping[str, Mapping[str, Column] | Callable[[Results], dict[str, str]]]
         "hemisphere_estimate": "{estimated_shear_angle_error_deg:.2f}°",
         "hemisphere_error": "{shear_angle_error_rms_deg:.3f}°",
     },
-    "on a tool: hemisphere --tension 0 --bending-warp 5 --bending-weft 5": {
+    "on a tool: hemisphere --tension 0 --set bending.warp_N_mm=5 bending.weft_N_mm=5": {
         "hemisphere_at_risk": percent_of("wrinkle_risk_share_of_area", ".0f")
     },
     "hanging strip": {

@@ -8,7 +8,7 @@ import pytest
 from skfem_textile.calibration import CantileverTest, fit_bending, read_cantilever
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_fabric
-from skfem_textile.scenes.common.elastica import buckled, hanging, peirce
+from skfem_textile.scenes.elastica import buckled, hanging, peirce
 
 
 def test_the_elastica_bends_as_it_is_known_to():

@@ -70,7 +70,15 @@ def test_a_run_tells_what_a_deck_has_and_it_cannot_take_over(tmp_path, caplog):
     deck = tmp_path / "cloth.inp"
     write_fabric(deck, Fabric(1e5, 0.5), 0.3)
     deck.write_text(deck.read_text().replace("*FABRIC", "*DENSITY\n1e-9,\n*FABRIC"))
-    run(tmp_path / "out", "--size", "3x6", "--fabric", deck, "--thickness", "0.3")
+    run(
+        tmp_path / "out",
+        "--size",
+        "3x6",
+        "--fabric",
+        deck,
+        "--set",
+        "fabric.thickness_mm=0.3",
+    )
     assert "not taken over: *DENSITY" in caplog.text
 
 
@@ -80,7 +88,7 @@ def test_what_a_run_takes_of_its_mesh_file_is_not_told_as_not_read(tmp_path, cap
     write_fabric(tmp_path / "cloth.inp", Fabric(1e5, 0.5), 0.3)
     deck.write_text(deck.read_text() + (tmp_path / "cloth.inp").read_text() + "*STEP\n")
     line = ("--mesh", deck, "--directions", deck, "--fabric", deck)
-    run(tmp_path / "all", *line, "--thickness", "0.3")
+    run(tmp_path / "all", *line, "--set", "fabric.thickness_mm=0.3")
     assert [m for m in caplog.messages if "not read" in m] == [
         f"{deck}: not read: *STEP"
     ]
@@ -111,7 +119,7 @@ def test_a_run_tells_that_directions_of_a_fabric_are_not_taken(
         write_directions(cloth, PULL.mesh, own)
         cloth.write_text(cloth.read_text() + law)
     line = ["--mesh", mesh, "--fabric", cloth]
-    line += ["--thickness", "0.3"] if suffix == ".inp" else []
+    line += ["--set", "fabric.thickness_mm=0.3"] if suffix == ".inp" else []
     run(tmp_path / "scenes", *line)
     said = f"{cloth}: its fibre directions are not taken, the scene's are: "
     assert said in caplog.text
@@ -128,7 +136,13 @@ def test_a_fabric_without_directions_or_with_those_of_the_scene_tells_nothing(
     same = Fabric(1e5, 0.5, warp=(1, 1), weft=(1, -1))
     write_fabric(tmp_path / "same.json", same)
     line = ("--size", "3x6", "--fabric")
-    run(tmp_path / "laws", *line, tmp_path / "laws.inp", "--thickness", "0.3")
+    run(
+        tmp_path / "laws",
+        *line,
+        tmp_path / "laws.inp",
+        "--set",
+        "fabric.thickness_mm=0.3",
+    )
     run(tmp_path / "same", *line, tmp_path / "same.json")
     assert "directions are not taken" not in caplog.text
 
@@ -136,9 +150,12 @@ def test_a_fabric_without_directions_or_with_those_of_the_scene_tells_nothing(
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (("--thickness", "0.3"), "--thickness goes with --fabric"),
+        (
+            ("--set", "fabric.thickness_mm=0.3"),
+            "thickness_mm, units and material go with fabric.file",
+        ),
         (("--fabric", "none.json"), "none.json"),
-        (("--fabric", "cloth.json", "--fibre-stiffness", "1"), "--fibre-stiffness"),
+        (("--fabric", "cloth.json", "--fibre-stiffness", "1"), "[tension] has a law"),
         (("--directions", "ply.vtu"), "32 directions for 18 elements"),
         (("--directions", "cloth.json"), "are read from"),
     ],
@@ -190,7 +207,7 @@ def test_show_takes_angles_for_a_mesh_without_directions(tmp_path):
         (("none.vtu",), "no such file"),
         (("ply.vtu", "--warp", "0"), "go together"),
         (("ply.vtu", "--warp", "0", "--weft", "180"), "parallel"),
-        (("ply.vtu", "--warp", "east", "--weft", "90"), "no finite number"),
+        (("ply.vtu", "--warp", "east", "--weft", "90"), "'east' is no angle"),
         (("ply.vtu", "--warp", "0", "--weft", "90", "--directions", "x"), "leave one"),
         (("ply.vtu", "--directions", "other.csv"), "other.csv: 1 directions for 32"),
     ],

@@ -7,7 +7,15 @@ import pytest
 from tests.helpers.command_line import refused, run
 
 # Without a shear stiffness, which does not go with every law of shear.
-QUICK = ["--size", "3x4", "--steps", "3", "--cs", "10", "--no-render"]
+QUICK = [
+    "--size",
+    "3x4",
+    "--steps",
+    "3",
+    "--set",
+    "formulation.cs_N_per_mm=10",
+    "--no-render",
+]
 
 SHEAR = "shear angle (deg),moment (N mm/mm2)\n"
 TENSION = "fibre strain (-),tension (N/mm)\n"
@@ -31,11 +39,11 @@ def test_tables_of_linear_laws_give_the_answer_of_the_linear_laws(tmp_path):
     strains = "".join(f"{n / 10},{200 * n}\n" for n in range(-5, 6))
     laws = (
         *("--shear-law", written(tmp_path, "shear.csv", SHEAR + angles)),
-        *("--shear-continuation", "odd"),
+        *("--set", "shear.continuation=odd"),
         *("--tension-law", written(tmp_path, "tension.CSV", TENSION + strains)),
     )
     found = summary(tmp_path, *laws)
-    assert found["inputs"]["shear_law"] == laws[1]
+    assert found["inputs"]["shear"]["law"] == laws[1]
     for key in ("energy", "reaction_x", "reaction_y", "max_fibre_tension"):
         assert found[key] == pytest.approx(linear[key], rel=1e-9)
 
@@ -43,10 +51,15 @@ def test_tables_of_linear_laws_give_the_answer_of_the_linear_laws(tmp_path):
 @pytest.mark.parametrize(
     "law",
     [
-        ("--shear-law", "polynomial", "--shear-coefficients", "0.5"),
+        ("--shear-law", "polynomial", "--set", "shear.coefficients_N_per_mm=[0.5]"),
         (
-            *("--shear-law", "polynomial", "--shear-coefficients", "0.5,0.0"),
-            *("--shear-continuation", "odd"),
+            *(
+                "--shear-law",
+                "polynomial",
+                "--set",
+                "shear.coefficients_N_per_mm=0.5,0.0",
+            ),
+            *("--set", "shear.continuation=odd"),
         ),
     ],
 )
@@ -61,18 +74,23 @@ def test_a_locking_angle_is_in_degrees(tmp_path):
     """The strip shears by 62.5 degrees, where this law has 1.9 times the moment."""
     linear = summary(tmp_path, "--shear-stiffness", "0.5")
     law = "--shear-law", "locking", "--shear-stiffness", "0.5"
-    found = summary(tmp_path, *law, "--shear-locking-angle", "90")
+    found = summary(tmp_path, *law, "--set", "shear.locking_angle_deg=90")
     assert 1.1 < found["shear_energy"] / linear["shear_energy"] < 1.9
 
 
 def test_a_sine_is_another_variable_and_a_toe_another_tension(tmp_path):
-    sine = ("--shear-law", "polynomial", "--shear-coefficients", "0.5")
+    sine = ("--shear-law", "polynomial", "--set", "shear.coefficients_N_per_mm=[0.5]")
     energies = [
         summary(tmp_path, *sine, *more)["shear_energy"]
-        for more in ((), ("--shear-variable", "sine"))
+        for more in ((), ("--set", "shear.variable=sine"))
     ]
     assert energies[1] < 0.96 * energies[0]
-    toe = ("--fibre-toe", "0.004", "--fibre-initial-stiffness", "100")
+    toe = (
+        "--set",
+        "tension.toe=0.004",
+        "--set",
+        "tension.initial_stiffness_N_per_mm=100",
+    )
     crimped = ("--tension-law", "crimp-toe", *toe)
     strains = [
         summary(tmp_path, "--shear-stiffness", "0.5", *more)["max_fibre_strain"]
@@ -82,16 +100,33 @@ def test_a_sine_is_another_variable_and_a_toe_another_tension(tmp_path):
 
 
 CRIMPED = (
-    *("--tension-law", "crimp-interchange", "--fibre-toe", "0.004"),
-    *("--fibre-initial-stiffness", "100", "--fibre-bending", "1"),
+    *("--tension-law", "crimp-interchange", "--set", "tension.toe=0.004"),
+    *(
+        "--set",
+        "tension.initial_stiffness_N_per_mm=100",
+        "--set",
+        "tension.bending_N_per_mm=1",
+    ),
 )
 
 
 def test_without_crimp_an_interchange_is_a_toe_and_with_crimp_another_tension(tmp_path):
-    toe = ("--fibre-toe", "0.004", "--fibre-initial-stiffness", "100")
+    toe = (
+        "--set",
+        "tension.toe=0.004",
+        "--set",
+        "tension.initial_stiffness_N_per_mm=100",
+    )
     alone = summary(tmp_path, "--tension-law", "crimp-toe", *toe)
     found = [
-        summary(tmp_path, *CRIMPED, "--fibre-warp-crimp", c, "--fibre-weft-crimp", "0")
+        summary(
+            tmp_path,
+            *CRIMPED,
+            "--set",
+            f"tension.warp_crimp={c}",
+            "--set",
+            "tension.weft_crimp=0",
+        )
         for c in ("0", "0.01")
     ]
     assert found[0]["energy"] == pytest.approx(alone["energy"], rel=1e-9)
@@ -100,8 +135,8 @@ def test_without_crimp_an_interchange_is_a_toe_and_with_crimp_another_tension(tm
 
 def test_a_run_beyond_its_table_goes_on_with_one_warning_if_asked(tmp_path, capsys):
     file = written(tmp_path, "law.csv", SHEAR + "0,0\n20,0.2\n40,0.5\n")
-    law = ("--shear-law", file, "--shear-continuation", "odd")
-    assert run(tmp_path, *QUICK, *law, "--shear-extrapolation", "linear") == 0
+    law = ("--shear-law", file, "--set", "shear.continuation=odd")
+    assert run(tmp_path, *QUICK, *law, "--set", "shear.extrapolation=linear") == 0
     said = capsys.readouterr().err
     assert said.count("extrapolated in a straight line") == 1
 
@@ -109,7 +144,7 @@ def test_a_run_beyond_its_table_goes_on_with_one_warning_if_asked(tmp_path, caps
 def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
     folder = str(tmp_path / "c")
     file = written(tmp_path, "law.csv", SHEAR + "0,0\n90,1\n")
-    law = ("--shear-law", file, "--shear-continuation", "odd")
+    law = ("--shear-law", file, "--set", "shear.continuation=odd")
     assert run(tmp_path, *QUICK, *law, "--checkpoint", folder) == 0
     assert run(tmp_path, *QUICK, *law, "--resume", folder) == 0
     written(tmp_path, "law.csv", SHEAR + "0,0\n90,1.01\n")
@@ -124,51 +159,63 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
     [
         (
             ("--shear-law", "sin"),
-            "--shear-law: 'sin' is none of linear, sin2, FILE.csv",
+            "shear.law is 'sin', which is none of linear, sin2, FILE.csv",
         ),
-        (("--shear-law", "no.csv"), "--shear-law: 'no.csv': there is no such file"),
-        (("--shear-law", "FILE.csv"), "'FILE.csv': there is no such file"),
+        (("--shear-law", "no.csv"), "shear.law no.csv: No such file"),
+        (("--shear-law", "FILE.csv"), "shear.law FILE.csv: No such file"),
         (
             ("--tension-law", "sin2"),
-            "'sin2' is none of linear, FILE.csv, crimp-interchange, crimp-toe",
+            "'sin2', which is none of linear, FILE.csv, crimp-toe, crimp-interchange",
         ),
-        (CRIMPED, "crimp-interchange needs --fibre-warp-crimp"),
+        (CRIMPED, "tension.warp_crimp is missing"),
         (
-            (*CRIMPED, "--fibre-warp-crimp", "-1", "--fibre-weft-crimp", "0"),
+            (
+                *CRIMPED,
+                "--set",
+                "tension.warp_crimp=-1",
+                "--set",
+                "tension.weft_crimp=0",
+            ),
             "tension crimp must be a finite number >= 0, got -1.0",
         ),
         (
-            (*CRIMPED, "--fibre-warp-crimp", "1", "--fibre-weft-crimp", "0"),
+            (
+                *CRIMPED,
+                "--set",
+                "tension.warp_crimp=1",
+                "--set",
+                "tension.weft_crimp=0",
+            ),
             "tension crimp must be a ratio of at most 0.5, like 0.01 for 1 %",
         ),
         (
             ("--shear-law", "crimp-interchange"),
-            "'crimp-interchange' is none of linear, sin2",
+            "'crimp-interchange', which is none of linear, sin2",
         ),
-        (("--shear-law", "locking"), "locking needs --shear-locking-angle"),
+        (("--shear-law", "locking"), "shear.locking_angle_deg is missing"),
         (
             (
                 *("--shear-law", "locking", "--shear-stiffness", "1"),
-                *("--shear-locking-angle", "120"),
+                *("--set", "shear.locking_angle_deg=120"),
             ),
             "locking angle has 120°, but shear angles end at a right angle",
         ),
-        (("--tension-law", "crimp-toe"), "crimp-toe needs --fibre-toe"),
+        (("--tension-law", "crimp-toe"), "tension.toe is missing"),
         (
-            ("--shear-law", "locking", "--shear-locking-angle", "60"),
+            ("--shear-law", "locking", "--set", "shear.locking_angle_deg=60"),
             "shear stiffness must be a finite number > 0, got 0.0",
         ),
         (
-            ("--shear-law", "polynomial", "--shear-coefficients", "1,a"),
-            "'1,a' is not like 0.5,0,1.2",
+            ("--shear-law", "polynomial", "--set", "shear.coefficients_N_per_mm=1,a"),
+            "shear.coefficients_N_per_mm must be array, got str",
         ),
         (
-            ("--shear-law", "sin2", "--shear-locking-angle", "60"),
-            "--shear-locking-angle goes with --shear-law locking",
+            ("--shear-law", "sin2", "--set", "shear.locking_angle_deg=60"),
+            "shear.locking_angle_deg goes with shear.law locking",
         ),
         (
-            ("--fibre-extrapolation", "linear"),
-            "--fibre-extrapolation goes with --tension-law FILE.csv",
+            ("--set", "tension.extrapolation=linear"),
+            "tension.extrapolation goes with tension.law FILE.csv",
         ),
     ],
 )
@@ -187,5 +234,5 @@ def test_a_file_that_is_no_table_of_the_law_is_refused(tmp_path, capsys):
     more = ("--tension-law", file, "--fibre-stiffness", "3")
     said = refused(capsys, "run", "strip", *QUICK, *out, *more)
     assert (
-        "--fibre-stiffness goes with --tension-law linear or crimp-interchange" in said
+        "tension.stiffness_N_per_mm goes with tension.law linear or crimp-toe" in said
     )

@@ -35,7 +35,7 @@ def test_a_bad_mesh_file_is_refused(tmp_path, capsys):
     ("more", "formulation", "parts"),
     [
         ((), "macro", 4),
-        (("--cs", "4"), "macro", 4),
+        (("--set", "formulation.cs_N_per_mm=4"), "macro", 4),
         (("--formulation", "one-point"), "one-point", 1),
     ],
 )
@@ -48,8 +48,9 @@ def test_a_run_has_macro_elements_unless_another_formulation_is_named(
     assert cli.main(["run", scene, "--out", str(out), *common, *more]) == 0
     summary = json.loads((out / "summary.json").read_text())
     assert summary["n_elements"] == parts * 8
-    assert summary["formulation"] == summary["inputs"]["formulation"] == formulation
-    assert summary["inputs"]["size"] == [2, 4]
+    assert summary["formulation"] == formulation
+    assert summary["inputs"]["formulation"]["name"] == formulation
+    assert summary["inputs"]["mesh"]["size"] == [2, 4]
     assert (out / "fields" / "own_steps.pvd").exists() == (parts == 4)
 
 
@@ -159,11 +160,13 @@ def test_what_quadratic_triangles_cannot_be_made_of_is_refused(tmp_path, capsys)
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("option", ["--size=3x4", "--jitter=0.1", "--seed=2"])
+@pytest.mark.parametrize("option", ["size=[3, 4]", "jitter=0.1", "seed=2"])
 def test_options_of_a_mesh_to_make_are_refused_beside_a_file(tmp_path, capsys, option):
     out = ("--out", str(tmp_path / "o"))
-    said = refused(capsys, "run", "strip", *out, "--mesh", str(MESH), option)
-    assert f"{option.partition('=')[0]} is of a mesh to make" in said
+    said = refused(
+        capsys, "run", "strip", *out, "--mesh", str(MESH), "--set", f"mesh.{option}"
+    )
+    assert f"mesh.{option.partition('=')[0]} is of a mesh to make" in said
     assert list(tmp_path.iterdir()) == []
 
 
@@ -173,4 +176,5 @@ def test_inputs_are_those_of_the_mesh_that_is_used(tmp_path):
         size = ("--size", "2x2") if made[0] else ()
         assert run(tmp_path, *quick, "--mesh", mesh, *size) == 0
         inputs = json.loads((tmp_path / "out" / "summary.json").read_text())["inputs"]
-        assert (inputs["size"], inputs["jitter"], inputs["seed"]) == made
+        found = tuple(inputs["mesh"].get(key) for key in ("size", "jitter", "seed"))
+        assert found == made

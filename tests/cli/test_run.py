@@ -45,8 +45,8 @@ def test_a_run_writes_summary_history_and_fields(tmp_path, capsys):
             for role in ("stabilisation", "deviation")
         ),
     }
-    assert summary["inputs"]["cs"] == 10.0
-    assert summary["inputs"]["size"] == [3, 4]
+    assert summary["inputs"]["formulation"]["cs_N_per_mm"] == 10.0
+    assert summary["inputs"]["mesh"]["size"] == [3, 4]
     assert summary["scene"] == "strip"
     assert summary["formulation"] == "macro"
     assert summary["converged"] is True

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from skfem_textile.cli.case import case_from_file
+from skfem_textile.cases import case_from_file
 
 ROOT = Path(__file__).parents[2]
 SCRIPTS = sorted((ROOT / "examples").rglob("*.py"))

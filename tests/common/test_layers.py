@@ -1,9 +1,8 @@
 """The layers of the package: what may import what.
 
-What a package hands on counts as an import from the modules that define the names, and
-from those that `registered` finds in its folder.  Not seen are modules that are
-imported by a name which is put together in a running program, of which `registered`
-has the only one.
+What a package hands on counts as an import from the modules that define the names.  Not
+seen are modules that are imported by a name which is put together in a running program:
+the linear solvers, by `Offer`.
 """
 
 import ast
@@ -16,27 +15,26 @@ PACKAGE = Path(skfem_textile.__file__).parent
 
 #: Each layer, and those that it may import from.
 LAYERS = {
-    "registration": (),
     "cli.interruption": (),
     "cli.output": (),
     "mesh": (),
-    "fabric": ("mesh", "registration"),
+    "fabric": ("mesh",),
     "forms": ("fabric", "mesh"),
     "ply.kernels": ("forms", "fabric", "mesh"),
-    "ply": ("ply.kernels", "forms", "fabric", "mesh", "registration"),
+    "ply": ("ply.kernels", "forms", "fabric", "mesh"),
     "ply.refinement": ("ply", "fabric", "mesh"),
-    "solve": ("ply", "fabric", "mesh", "registration"),
+    "solve": ("ply", "fabric", "mesh"),
     "solve.adaptive": ("solve", "ply.refinement", "ply"),
     "solve.sweep": ("solve",),
     "drape": ("solve", "ply", "fabric", "mesh"),
-    "scenes": ("drape", "solve", "ply", "fabric", "mesh", "registration"),
+    "scenes": ("drape", "solve", "ply", "fabric", "mesh"),
     "io": ("drape", "solve", "ply", "fabric", "mesh"),
+    "cases": ("io", "scenes", "solve", "ply", "fabric", "mesh"),
     "plot": ("io", "drape", "solve", "ply", "fabric", "mesh"),
     "calibration": ("plot", "scenes", "solve", "ply", "fabric", "mesh"),
     "cli": (
-        *("calibration", "plot", "io", "scenes", "solve.adaptive", "solve"),
+        *("calibration", "plot", "cases", "io", "scenes", "solve.adaptive", "solve"),
         *("drape", "ply", "fabric", "mesh"),
-        "registration",
         *("cli.interruption", "cli.output"),
     ),
     "__main__": ("cli",),
@@ -84,42 +82,17 @@ def named(module):
 def origins(place, name):
     """Modules that define a name, which packages may have handed on.
 
-    Of a package, which stands for its names, and of what `registered` finds in one
-    these are several.
+    Of a package, which stands for its names, these are several.
     """
     inside = f"{place}.{name}" if place else name
     if inside in MODULES:
         return imports(inside) if hands_on(inside) else {inside}
     if not hands_on(place):
-        found = name in registries(place)
-        return {place} | (registering(place.rpartition(".")[0]) if found else set())
+        return {place}
     for other, handed in named(place):
         if handed == name and (other, handed) != (place, name):
             return origins(other, handed)
-    return registering(place) if name in registries(place) else set()
-
-
-def registries(module):
-    """Names that a module gives to what `registered` finds in its folder."""
-    return {
-        ast.unparse(node.targets)
-        for node in tree(module).body
-        if isinstance(node, ast.Assign)
-        and ast.unparse(node.value).startswith("registered(")
-    }
-
-
-def registering(package):
-    """Modules of a package's folder, and of those in it, that register something."""
-    return {
-        module
-        for module in MODULES
-        if module.startswith(f"{package}.")
-        and any(
-            isinstance(node, ast.Assign) and ast.unparse(node.targets) == "REGISTRATION"
-            for node in tree(module).body
-        )
-    }
+    return set()
 
 
 @cache

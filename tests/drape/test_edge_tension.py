@@ -5,7 +5,7 @@ import pytest
 
 from skfem_textile import OnSurface, drape
 from skfem_textile.fabric import Linear
-from skfem_textile.scenes.space.edge_tension import EdgeTension
+from skfem_textile.scenes.edge_tension import EdgeTension
 from skfem_textile.solve.surface import Grown
 from tests.helpers.laid_plies import square
 

@@ -117,7 +117,7 @@ def test_a_whole_ply_is_held_by_three_nodes_however_coarse_its_mesh(size):
 
 def test_a_ply_of_two_elements_along_x_is_laid(tmp_path):
     line = ["run", "hemisphere", "--fibres", "30", "--size", "2x8", "--tension", "0"]
-    bending = ["--bending-warp", "5", "--bending-weft", "5"]
+    bending = ["--set", "bending.warp_N_mm=5", "--set", "bending.weft_N_mm=5"]
     out = ["--no-render", "--out", str(tmp_path / "out")]
     assert cli.main([*line, *bending, *out]) == 0
 
@@ -150,15 +150,16 @@ def test_without_tension_and_bending_the_summary_says_that_it_is_no_net():
 
 def test_the_wrinkling_angle_of_a_case_is_in_the_summary(tmp_path, capsys):
     line = ["run", "hemisphere", "--size", "8x8", "--tension", "0", "--no-render"]
-    angle, shares = ["--steps", "4", "--shear-wrinkling-angle"], {}
+    angle, shares = "shear.wrinkling_angle_deg", {}
     for degrees in ("90", "15"):
         out = tmp_path / degrees
-        assert cli.main([*line, *angle, degrees, "--out", str(out)]) == 0
+        assert cli.main([*line, "--set", f"{angle}={degrees}", "--out", str(out)]) == 0
         summary = json.loads((out / "summary.json").read_text())
         shares[degrees] = summary["wrinkle_risk_share_of_area"]
     assert 0 < shares["90"] < shares["15"] < 1
-    assert cli.main([*line, *angle, "91", "--out", str(tmp_path / "91")]) != 0
-    assert "above 0 and at most 90 degrees, not 91" in capsys.readouterr().err
+    out = str(tmp_path / "91")
+    assert cli.main([*line, "--set", f"{angle}=91", "--out", out]) != 0
+    assert f"{angle} must be float <= 90" in capsys.readouterr().err
 
 
 def test_tension_on_the_edges_is_that_of_the_fibres():
@@ -197,7 +198,7 @@ def test_a_tool_is_draped_from_the_command_line(name, fibres, tmp_path):
     assert cli.main(line) == 0
     found = json.loads((out / "summary.json").read_text())
     assert found["converged"]
-    assert found["inputs"]["fibres"] == float(fibres)
+    assert found["inputs"]["scene"]["fibres_deg"] == float(fibres)
     again = tmp_path / "again"
     line = "run", str(out / "case.toml"), "--out", str(again), "--no-render"
     assert cli.main(line) == 0
@@ -265,7 +266,7 @@ def test_what_does_not_fit_a_tool_is_refused(make, reason):
     ("options", "reason"),
     [
         (("hemisphere", "--width", "-5"), "the width must be positive"),
-        (("hemisphere", "--fibres", "nan"), "'nan' is no finite number"),
+        (("hemisphere", "--fibres", "nan"), "scene.fibres_deg must be a finite number"),
         (("hemisphere", "--fibres", "20", "--part", "quarter"), "take the whole ply"),
         (("hemisphere", "--part", "half"), "invalid choice: 'half'"),
         (("hemisphere", "--width", "320", "--height", "320"), "threads fold"),
@@ -293,7 +294,7 @@ def test_directions_of_a_file_do_not_replace_those_of_a_tool(tmp_path, capsys):
     line = "run", "hemisphere", "--size", "4x4", "--directions", str(file)
     assert cli.main([*line, "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
-    assert "the fibres of the scene hemisphere are those of --fibres" in said
+    assert "those of scene.fibres_deg" in said
 
 
 def a_table_from_zero_on(scene):

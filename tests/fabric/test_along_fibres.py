@@ -251,7 +251,7 @@ def test_outlines_and_fibres_that_do_not_fit_are_refused():
 
 def test_the_command_line_makes_meshes_along_the_fibres(tmp_path):
     command = ["run", "bias_extension", "--mesh", "aligned", "--size", "3x6"]
-    command += ["--warp", "52.5", "--weft", "127.5", "--fibre-stiffness", "5e9"]
+    command += ["--fibres", "52.5", "--fibre-stiffness", "5e9"]
     command += ["--formulation", "quadratic", "--steps", "4", "--no-render"]
     assert cli.main([*command, "--out", str(tmp_path)]) == 0
     summary = json.loads((tmp_path / "summary.json").read_text())

@@ -8,7 +8,16 @@ from skfem_textile.cli import main as cli
 MESH = Path(__file__).parents[2] / "examples" / "meshes" / "strip.msh"
 
 #: A run that takes a moment and draws its pictures, which take seconds.
-DRAWN = ["--size", "3x4", "--steps", "3", "--cs", "10", "--shear-stiffness", "1"]
+DRAWN = [
+    "--size",
+    "3x4",
+    "--steps",
+    "3",
+    "--set",
+    "formulation.cs_N_per_mm=10",
+    "--shear-stiffness",
+    "1",
+]
 
 #: A run that takes a moment.
 QUICK = [*DRAWN, "--no-render"]

@@ -11,7 +11,7 @@ from tests.helpers import graph, sphere
 SMALL = "--size", "6x6", "--steps", "2", "--no-render"
 
 #: Fibres that resist bending, without tension: no net takes time.
-BENT = "--tension", "0", "--bending-warp", "5", "--bending-weft", "5"
+BENT = "--tension", "0", "--set", "bending.warp_N_mm=5", "bending.weft_N_mm=5"
 
 
 def write(file, x, triangles):

@@ -65,7 +65,7 @@ def test_a_scene_in_space_runs_from_the_command_line(name, tmp_path):
 
 def test_a_plane_ply_bends_on_the_command_line_too(tmp_path):
     line = "run", "strip", "--size", "4x6", "--steps", "2", "--no-render"
-    bending = "--bending-warp", "2", "--bending-weft", "5"
+    bending = "--set", "bending.warp_N_mm=2", "--set", "bending.weft_N_mm=5"
     assert cli.main([*line, *bending, "--out", str(tmp_path)]) == 0
     found = json.loads((tmp_path / "summary.json").read_text())
     exact = 0.5 * 5 * 40 * 60 / 55**2  # the weft lies on a circle
@@ -87,7 +87,7 @@ def test_what_does_not_fit_a_scene_in_space_is_refused(tmp_path, capsys):
         buckling(skew)
     line = "run", "cantilever", "--out", str(tmp_path), "--no-render"
     for extra, reason in (
-        (("--bending-warp", "-1"), "bending of warp"),
+        (("--set", "bending.warp_N_mm=-1"), "bending of warp"),
         (("--force", "right=0,1"), "shape (3,)"),
     ):
         assert cli.main([*line, *extra]) == 2

@@ -19,7 +19,7 @@ from skfem_textile import (
     Tabulated,
 )
 from skfem_textile.mesh.splitting import cut, split
-from skfem_textile.scenes.common.elastica import hanging
+from skfem_textile.scenes.elastica import hanging
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import Locking, Pretensioned
 

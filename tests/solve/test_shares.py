@@ -26,7 +26,7 @@ from skfem_textile import (
 )
 from skfem_textile.mesh.splitting import cut, split
 from skfem_textile.scenes import Case, bias_extension, strip, trellis
-from skfem_textile.scenes.picture_frame import picture_frame
+from skfem_textile.scenes.trellis import picture_frame
 from tests.helpers import derivative, wobble
 
 # Elements across, before quadrilaterals of macro-elements are split in four, and how

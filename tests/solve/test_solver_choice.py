@@ -8,7 +8,6 @@ from scipy.sparse import csc_matrix, identity
 from skfem import MeshQuad
 
 from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
-from skfem_textile.registration import SolverRegistration
 from skfem_textile.solve.linear import (
     SOLVERS,
     ChosenSolver,
@@ -16,6 +15,7 @@ from skfem_textile.solve.linear import (
     solver_named,
 )
 from skfem_textile.solve.linear import solver as linear
+from skfem_textile.solve.linear.solver import Offer
 from skfem_textile.solve.linear.superlu import SuperLU
 
 LARGE = linear.MEASURED_FROM
@@ -44,15 +44,10 @@ class Fakes:
                 fakes.time += seconds[min(times, len(seconds)) - 1]
                 return super().factorise(data)
 
-        fake = SolverRegistration(
-            name=name,
-            description="",
-            build=Fake,
-            module="scipy",
-            unknowns=0,
-            rival=True,
-        )
-        first = {name: fake}
+        class OfFake(Offer):
+            build = Fake
+
+        first = {name: OfFake("", "scipy", 0, True)}
         others = {k: o for k, o in linear.SOLVERS.items() if k != "superlu"}
         offers = others | first | {"superlu": SOLVERS["superlu"]}
         self._monkeypatch.setattr(linear, "SOLVERS", offers)
@@ -228,9 +223,9 @@ def test_a_run_is_resumed_whichever_solver_is_chosen(fakes, monkeypatch, tmp_pat
 
 
 def test_auto_passes_over_a_package_that_is_not_whole(monkeypatch, caplog):
-    def broken(name):
-        if name == "scipy":
-            return import_module(name)
+    def broken(name, package=None):
+        if name == "scipy" or package:
+            return import_module(name, package)
         raise ImportError(f"no {name}")
 
     monkeypatch.setattr(linear, "import_module", broken)

@@ -8,16 +8,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.polynomial.polynomial import polyval
 
-from ...registration import LawRegistration, Option
 from ..law import ScalarLaw
-
-#: What a law is for negative arguments, if it is given for positive ones.
-CONTINUATION = Option(
-    name="continuation",
-    help="odd: given for arguments >= 0, with the sign of the value turned below",
-    default="none",
-    choices=("none", "odd"),
-)
 
 
 @dataclass(frozen=True)
@@ -99,42 +90,3 @@ def _integrals(x: ndarray, n: int) -> list[ndarray]:
     for k in range(2, n + 1):
         found.append(((k - 1) * found[k - 2] - s ** (k - 1) * c) / k)
     return found[1 : n + 1]
-
-
-def _of_words(
-    coefficients: tuple[float, ...], variable: str, continuation: str
-) -> Polynomial:
-    return Polynomial(coefficients, variable == "sine", continuation == "odd")
-
-
-def _numbers(word: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(one) for one in word.split(","))
-    except ValueError:
-        raise ValueError(f"{word!r} is not like 0.5,0,1.2") from None
-
-
-REGISTRATION = LawRegistration(
-    name="polynomial",
-    description="M_s = c1 s + c2 s^2 + ..., s = gamma or sin gamma",
-    build=_of_words,
-    options=(
-        Option(
-            name="coefficients",
-            help="c1, c2, ... in N/mm",
-            read=_numbers,
-            metavar="C",
-            unit="N_per_mm",
-            in_file=tuple[float, ...],
-        ),
-        Option(
-            name="variable",
-            help="s of the polynomial: the angle in radians or its sine",
-            default="angle",
-            choices=("angle", "sine"),
-        ),
-        CONTINUATION,
-    ),
-    resists=("shear",),
-    rank=1,
-)

@@ -15,9 +15,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from ...mesh.user_input import excerpt, number_of_text, printable, real_numbers
-from ...registration import LawRegistration, Option, Resistance
-from ..law import ScalarLaw, refuse_other_units
-from .polynomial import CONTINUATION
+from ..law import Resistance, ScalarLaw, refuse_other_units
 
 # What each column is called, and its units: how much a unit is in radians, strain, or
 # N/mm.  A moment per area in N·mm/mm² is a number of N/mm.
@@ -408,25 +406,3 @@ class Tabulated(ScalarLaw):
             high,
             np.min(x) if np.min(x) < low else np.max(x),
         )
-
-
-def _from_file(path: str, of: Resistance, continuation: str, **other: Any) -> Tabulated:
-    return Tabulated.from_csv(path, of=of, odd=continuation == "odd", **other)
-
-
-REGISTRATION = LawRegistration(
-    name="FILE.csv",
-    description="a measured law, two columns under a header with units",
-    build=_from_file,
-    options=(
-        Option(
-            name="extrapolation",
-            help="beyond the table: refuse every state, or go on in a straight line",
-            default="refuse",
-            choices=_EXTRAPOLATIONS,
-        ),
-        CONTINUATION,
-    ),
-    suffix=".csv",
-    rank=1,
-)

@@ -10,7 +10,6 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import SuperLU as Decomposition
 
-from ...registration import SolverRegistration
 from .solver import SingularMatrixError, refuse_round_off
 from .superlu import OneAtATime
 
@@ -20,9 +19,6 @@ _SUPERNODAL, _SIMPLICIAL = 2, 0
 # Systems that its function ``solve`` solves with a part of the factors, as it numbers
 # them: D x = b, and x = P b with the order P of the pivots.
 _DIAGONAL, _PERMUTED = 6, 7
-
-# Unknowns from which the time to import it is repaid, see ``docs/speed.md``.
-_REPAID_FROM = 500
 
 # The options of cvxopt hold for the whole process.
 _LOCK = Lock()
@@ -132,14 +128,3 @@ class CholmodFactors:
         diagonal = self._cvxopt.matrix(self._data[self._solver.lower.indptr[:-1]])
         self._cvxopt.cholmod.solve(factors, diagonal, sys=_PERMUTED)
         refuse_round_off(pivots, np.array(diagonal).ravel())
-
-
-REGISTRATION = SolverRegistration(
-    name="cholmod",
-    description="CHOLMOD of SuiteSparse",
-    build=Cholmod,
-    module="cvxopt.cholmod",
-    unknowns=_REPAID_FROM,
-    rival=True,
-    rank=1,
-)

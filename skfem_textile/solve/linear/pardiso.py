@@ -8,7 +8,6 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU as Decomposition
 
-from ...registration import SolverRegistration
 from .solver import SingularMatrixError
 from .superlu import OneAtATime
 
@@ -22,9 +21,6 @@ _PERTURBED, _NEGATIVE = 14, 23
 
 # Number of its error where a pivot vanishes.
 _ZERO_PIVOT = -4
-
-# Unknowns from which the time to import it is repaid, see ``docs/speed.md``.
-_REPAID_FROM = 20_000
 
 
 class Pardiso(OneAtATime):
@@ -119,14 +115,3 @@ class PardisoFactors:
         """What solves an indefinite system: PARDISO pivots in blocks only."""
         self.factorisations += 1
         return self._solver.superlu.pivoted(self._data)
-
-
-REGISTRATION = SolverRegistration(
-    name="pardiso",
-    description="MKL's PARDISO",
-    build=Pardiso,
-    module="pypardiso",
-    unknowns=_REPAID_FROM,
-    rival=True,
-    rank=2,
-)

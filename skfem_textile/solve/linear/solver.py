@@ -16,8 +16,6 @@ import numpy as np
 from numpy import ndarray
 from scipy.sparse import csc_matrix
 
-from ...registration import SolverRegistration, registered
-
 log = logging.getLogger(__name__)
 
 # A pivot is round-off if it is no larger than this share of the entry that it comes
@@ -32,6 +30,49 @@ MEASURED_FROM = 100_000
 # Unknowns that are eliminated at most to measure: more would take longer and rank the
 # solvers alike.  A quarter of this tells too little: PARDISO gains as systems grow.
 _MOST_MEASURED = 200_000
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A linear solver that can be chosen by name.
+
+    Attributes
+    ----------
+    path
+        Its module in this package and its class, ``module:Class``.
+    needs
+        The module of another package that it imports when a system is to be solved.
+    unknowns
+        Number of unknowns from which the time of that import is repaid.
+    rival
+        Whether it may be the fastest for large systems.
+    """
+
+    path: str
+    needs: str
+    unknowns: int
+    rival: bool
+
+    @property
+    def package(self) -> str:
+        """The package that it needs."""
+        return self.needs.partition(".")[0]
+
+    @property
+    def build(self) -> Any:
+        """Its class."""
+        module, _, name = self.path.partition(":")
+        return getattr(import_module(f".{module}", __package__), name)
+
+
+#: The solvers by their names, the fastest known first.  SuperLU takes four times as
+#: long as the others or longer, and three times the memory: it is not worth a
+#: measurement.  Unknowns that repay an import are of ``docs/speed.md``.
+SOLVERS = {
+    "cholmod": Offer("cholmod:Cholmod", "cvxopt.cholmod", 500, True),
+    "pardiso": Offer("pardiso:Pardiso", "pypardiso", 20_000, True),
+    "superlu": Offer("superlu:SuperLU", "scipy", 0, False),
+}
 
 
 class SingularMatrixError(RuntimeError):
@@ -240,7 +281,7 @@ def _known(unknowns: int) -> str:
     for name, offer in SOLVERS.items():
         if unknowns >= offer.unknowns and find_spec(offer.package):
             try:
-                import_module(offer.module)
+                import_module(offer.needs)
             except ImportError as error:  # installed, but not whole
                 log.warning("solver %s: %s", name, error)
             else:
@@ -292,9 +333,3 @@ def _seconds(name: str, matrix: csc_matrix) -> float | None:
             return None
         factors.solve(b)
     return perf_counter() - start
-
-
-#: The solvers by their names, the fastest known first.  SuperLU takes four times as
-#: long as the others or longer, and three times the memory: it is not worth a
-#: measurement.  Found last, as the modules of the solvers import the names above.
-SOLVERS = registered(__package__, SolverRegistration)

@@ -11,7 +11,6 @@ from scipy.sparse.linalg import SuperLU as Decomposition
 from scipy.sparse.linalg import splu
 
 from ...mesh.pattern import matrix_of_slots
-from ...registration import SolverRegistration
 from .solver import SingularMatrixError, refuse_round_off
 
 
@@ -131,14 +130,3 @@ def _decomposed(A: csc_matrix, pivoting: float) -> Decomposition:
         )
     except RuntimeError:
         raise SingularMatrixError from None
-
-
-REGISTRATION = SolverRegistration(
-    name="superlu",
-    description="SciPy's SuperLU",
-    build=SuperLU,
-    module="scipy",
-    unknowns=0,
-    rival=False,
-    rank=3,
-)

@@ -17,7 +17,7 @@ from skfem import MeshQuad, MeshTri
 
 from skfem_textile import Condition, Fabric, OnSurface, Ply, Traction, drape
 from skfem_textile.ply.terms import Formulation
-from skfem_textile.scenes.space import hemisphere
+from skfem_textile.scenes import tools
 
 #: Radius of the sphere and side of the quarter ply in mm.
 RADIUS = SIDE = 100.0
@@ -32,7 +32,7 @@ _CELLS = 512
 
 def shear_angle(X: ndarray) -> ndarray:
     """Shear angle in radians of points of the flat ply, shape (2, ...)."""
-    return hemisphere.shear_angle(X[0] * X[1] / RADIUS**2)
+    return tools.shear_angle(X[0] * X[1] / RADIUS**2)
 
 
 @cache

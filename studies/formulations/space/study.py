@@ -22,7 +22,7 @@ from skfem_textile import (
     StepError,
     Traction,
 )
-from skfem_textile.scenes.common.elastica import buckled, hanging, peirce
+from skfem_textile.scenes.elastica import buckled, hanging, peirce
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named

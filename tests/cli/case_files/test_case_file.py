@@ -16,8 +16,8 @@ from skfem_textile import (
     Tabulated,
     TensionOnly,
 )
+from skfem_textile.cases import case_from_file, case_from_tables
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.case import case_from_file, case_from_tables
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers.command_line import QUICK, refused
 from tests.helpers.specimen import (
@@ -51,7 +51,7 @@ def test_the_written_case_has_every_default(tmp_path):
     assert tomllib.loads(text) == {
         "scene": {"name": "strip", "rotate_deg": 0.0},
         "mesh": {"source": "irregular", "size": [3, 4], "jitter": 0.3, "seed": 1},
-        "fabric": {},
+        "fabric": {"units": "N mm"},
         "tension": {
             "law": "linear",
             "stiffness_N_per_mm": 1e4,

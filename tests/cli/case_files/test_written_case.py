@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from skfem_textile import Fabric, Sin2
+from skfem_textile.cases import case_from_file
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.case import case_from_file
 from skfem_textile.fabric.directions import FibreDirections, directions_of
 from skfem_textile.fabric.files import write_law
 from skfem_textile.io import write_directions, write_fabric
@@ -78,7 +78,7 @@ def test_a_law_of_a_file_is_beside_the_written_case(tmp_path):
     (tmp_path / "law.json").unlink()
     assert case_from_file(tmp_path / "a" / "case.toml").fabric.shear_law == Sin2(0.3)
     assert cli.main([*line[:-2], "--out", str(tmp_path / "a")]) == 0
-    assert not (tmp_path / "a" / "case_files" / "shear_law.json").exists()
+    assert not (tmp_path / "a" / "case_files" / "shear.json").exists()
 
 
 def test_directions_and_fabric_are_of_files_beside_the_case(tmp_path):

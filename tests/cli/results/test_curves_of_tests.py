@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from skfem_textile.cli import main as cli
-from skfem_textile.cli.case.curve import read_test_curve
+from skfem_textile.cli.curve import read_test_curve
 from tests.helpers.command_line import refused
 
 OUT = ("--size", "4x8", "--steps", "2", "--no-render")

@@ -11,7 +11,7 @@ import pytest
 from skfem_textile import Fabric, Ply
 from skfem_textile.cli import main as cli
 from skfem_textile.cli import results
-from skfem_textile.cli.case.curve import DISPLACEMENT, FORCE, curve_of
+from skfem_textile.cli.curve import DISPLACEMENT, FORCE, curve_of
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes.bias_extension import WIDTH
 from tests.helpers.command_line import DRAWN, run

@@ -159,5 +159,5 @@ def test_a_message_is_one_line_without_control_characters(tmp_path, capsys):
     command = ["run", "strip", "--mesh", "a\nb\x1b[31m", "--out", str(tmp_path / "o")]
     assert cli.main(command) == 2
     said = capsys.readouterr().err
-    assert r"--mesh a\nb\x1b[31m: neither a file nor" in said
+    assert r"mesh.source a\nb\x1b[31m: neither a file nor" in said
     assert said.count("\n") == 1

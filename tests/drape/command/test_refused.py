@@ -42,7 +42,7 @@ def test_what_is_no_tool_is_refused_in_one_line(number, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (("--point", "0", "0", "nan"), "--point must be three numbers"),
+        (("--point", "0", "0", "nan"), "scene.point_mm must be a finite number"),
         (("--point", "0", "0", "90"), "from the tool: give a point on it"),
         (("--point", "0", "0", "1e306"), "from the tool: give a point on it"),
         (("--point", "130", "0", "0"), "the tool has no triangle at 129.8"),

@@ -77,4 +77,4 @@ def test_init_writes_a_case_that_asks_for_its_tool(tool, tmp_path, capsys):
     text = file.read_text()
     assert "# tool is not given" in text
     assert cli.main(["run", str(file), "--out", str(tmp_path / "out")]) == 2
-    assert "scene.tool is not given: name an STL file" in capsys.readouterr().err
+    assert "scene.tool is missing: name an STL file" in capsys.readouterr().err

@@ -8,7 +8,7 @@ import pytest
 
 from skfem_textile import Fabric, drape
 from skfem_textile.scenes import Case
-from skfem_textile.scenes.space.laid import laid
+from skfem_textile.scenes.laid import laid
 
 SIDE, TOP, CORNER, SLOPE = 140.0, 35.0, 3.0, np.tan(np.radians(50))
 

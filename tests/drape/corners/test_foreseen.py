@@ -5,10 +5,9 @@ import pytest
 
 from skfem_textile import Fabric, OnSurface, StepError, drape
 from skfem_textile.drape.kinematic_net import NetError
-from skfem_textile.scenes import Case
+from skfem_textile.scenes import Case, laid
 from skfem_textile.scenes import drape as on_tool
-from skfem_textile.scenes.common.on_tool import net_over
-from skfem_textile.scenes.space import laid
+from skfem_textile.scenes.on_tool import net_over
 
 # Half a side of the top, and the height, of a box.
 TOP, HEIGHT = 60.0, 40.0

@@ -12,7 +12,7 @@ from skfem_textile import (
     equilibrium_near,
 )
 from skfem_textile.drape import Sphere
-from skfem_textile.scenes.space.hemisphere import hemisphere
+from skfem_textile.scenes.tools import hemisphere
 from skfem_textile.solve.continuation import loads_drive, moves
 from tests.helpers.laid_plies import RADIUS, SYMMETRY, laid, problem_of, square
 

@@ -130,7 +130,14 @@ def test_a_run_killed_at_any_moment_is_resumed(tmp_path, capsys, steps, kills):
     rng = np.random.default_rng(0)
     program = sys.executable, "-m", "skfem_textile"
     command = ["run", "strip", "--no-render", "--size", "4x6", "--steps", str(steps)]
-    command += ["--formulation", "one-point", "--stabilisation", "rate", "--cs", "1"]
+    command += [
+        "--formulation",
+        "one-point",
+        "--set",
+        "formulation.stabilisation=rate",
+        "--set",
+        "formulation.cs_N_per_mm=1",
+    ]
 
     def killed(out, kill_at):
         """Exit code; the kill comes a little after so many states."""

@@ -1,0 +1,328 @@
+"""The case that a declaration describes."""
+
+import filecmp
+import logging
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..fabric import Fabric
+from ..fabric.directions import FibreDirections, directions_of, warn_of_directions
+from ..fabric.regions import fabric_of_regions
+from ..mesh.user_input import printable
+from ..ply.loads import Force
+from ..scenes.case import Case
+from ..solve.surface import OnSurface
+from .read import CaseFileError, declared, read_tables
+from .scenes import AnyScene, OnTool
+from .schema import (
+    MESH_KINDS,
+    Bending,
+    CaseFile,
+    FabricOfFile,
+    Mesh,
+    Shear,
+    Stepping,
+    Tension,
+)
+
+if TYPE_CHECKING:
+    from skfem import Mesh as SkfemMesh
+
+    from ..scenes import Scene
+
+log = logging.getLogger(__name__)
+
+# Name of the subdomain of elements that are in no region.
+_OTHERS = "elements in no region"
+
+# Sine of the angle up to which two directions are the same.  Chosen: above the six
+# digits of a deck.
+_SAME = 1e-5
+
+
+def case_from_file(path: str | os.PathLike[str]) -> Case:
+    """The case of a file.
+
+    Parameters
+    ----------
+    path
+        A case file, in TOML.
+
+    Raises
+    ------
+    CaseFileError
+        If it is no such file; one line says what is wrong with which key.
+    OSError
+        If it cannot be read.
+    """
+    path = Path(path)
+    tables = read_tables(path)
+    try:
+        return case_from_tables(tables, path.parent)
+    except CaseFileError as error:
+        raise CaseFileError(f"{printable(path)}: {error}") from None
+
+
+def case_from_tables(
+    tables: Mapping[str, Any], folder: str | os.PathLike[str] = "."
+) -> Case:
+    """The case that tables describe, with the keys and values of a case file.
+
+    Parameters
+    ----------
+    tables
+        The tables of a case file, as dictionaries, lists, strings and numbers.
+        Functions, which no file can hold, are refused: `Case` takes them.
+    folder
+        Folder from which names of files are taken.
+
+    Raises
+    ------
+    CaseFileError
+        If they describe no case.
+
+    Examples
+    --------
+    >>> case = case_from_tables({"scene": {"name": "strip"}, "stepping": {"steps": 3}})
+    >>> case.steps, case.scene.mesh.nelements
+    (3, 150)
+    >>> case_from_tables({"scene": {"name": "strip"}, "stepping": {"steps": max}})
+    Traceback (most recent call last):
+    skfem_textile.cases.read.CaseFileError: stepping.steps is a function, ...
+    """
+    try:
+        return built(declared(tables, folder))
+    except ValueError as error:
+        raise CaseFileError(str(error)) from None
+
+
+def built(file: CaseFile) -> Case:
+    """The case of a declaration.
+
+    Raises
+    ------
+    ValueError
+        If the declaration describes no case.
+    OSError
+        If a file that it names cannot be read.
+    """
+    _refuse_contradictions(file)
+    scene = _scene(file.scene, file.mesh, file.fabric.file)
+    if file.fabric.file is None:
+        laws = file.tension, file.shear, file.bending
+        fabric = _fabric(*laws, (scene.warp, scene.weft))
+        stated = None
+    else:
+        stated = _fabric_of_file(file.fabric.file, file.fabric)
+        fabric = replace(stated, warp=scene.warp, weft=scene.weft)
+    if file.mesh.directions is not None:
+        scene, fabric = _with_directions(file.mesh.directions, scene, fabric)
+    if stated is not None and _has_other_directions(stated, scene, fabric):
+        _warn_of_other_directions(file)
+    if file.regions:
+        fabric = _with_regions(scene, fabric, file)
+        scene = replace(scene, misfit="the fabric differs from region to region")
+    return Case(
+        scene=scene,
+        fabric=fabric,
+        loads=tuple(
+            Force(name, scene.turn @ total if len(total) == 2 else total)
+            for name, total in file.loads.force_N.items()
+        ),
+        formulation=file.formulation.build(),
+        steps=file.stepping.steps,
+        method=file.stepping.method,
+        warn_only=file.stepping.warn_only,
+        solver=file.stepping.solver,
+        pictures=file.output.pictures,
+    )
+
+
+def _refuse_contradictions(file: CaseFile) -> None:
+    """Refuse keys that contradict each other."""
+    of_deck = file.fabric.thickness_mm, file.fabric.units, file.fabric.material
+    if file.fabric.file is None and of_deck != (None, "N mm", None):
+        raise ValueError(
+            "fabric.thickness_mm, units and material go with fabric.file: name it"
+        )
+    for key, named in (
+        ("fabric.file", file.fabric.file),
+        ("mesh.directions", file.mesh.directions),
+    ):
+        if named is not None and file.regions:
+            raise ValueError(
+                f"{key} is of the whole ply, but regions have their own: leave one of "
+                "them out"
+            )
+    for key in ("part_mesh", "trim"):
+        if getattr(file.output, key) and not isinstance(file.scene, OnTool):
+            raise ValueError(f"output.{key} goes with the scene of a ply on a tool")
+    most = file.stepping.most_unknowns
+    if file.stepping.tolerance is None and most != Stepping().most_unknowns:
+        raise ValueError("stepping.most_unknowns goes with stepping.tolerance")
+
+
+def _scene(scene: AnyScene, own: Mesh, fabric: str | None) -> "Scene":
+    """The scene on its mesh, turned."""
+    generated = {"size": own.size, "jitter": own.jitter, "seed": own.seed}
+    generated = {key: value for key, value in generated.items() if value is not None}
+    mesh: str | SkfemMesh = own.source
+    if own.source not in MESH_KINDS:
+        if not Path(own.source).is_file():
+            raise ValueError(
+                f"mesh.source {printable(own.source)}: neither a file nor one of "
+                f"{', '.join(MESH_KINDS)}"
+            )
+        if generated:
+            raise ValueError(
+                f"mesh.{next(iter(generated))} is of a mesh to make, but mesh.source "
+                "names a file: leave one of them out"
+            )
+        mesh = _read(own.source, own.directions, fabric)
+    built = scene.build(mesh, **generated)
+    return built.rotated(np.radians(getattr(scene, "rotate_deg", 0.0)))
+
+
+def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":
+    """The mesh of a file, which may hold directions and the fabric too."""
+    from ..io import OF_DIRECTIONS, OF_FABRICS, read_mesh
+
+    others = [
+        *(OF_DIRECTIONS * _is_copy(directions, source)),
+        *(OF_FABRICS * _is_copy(fabric, source)),
+    ]
+    return read_mesh(source, others)
+
+
+def _is_copy(named: str | None, file: str) -> bool:
+    """Whether a file is another or a copy of it, as a written case has them."""
+    try:
+        return named is not None and filecmp.cmp(named, file, shallow=False)
+    except (OSError, ValueError):  # its reader reports it
+        return False
+
+
+def _fabric(
+    tension: Tension, shear: Shear, bending: Bending, fibres: tuple[Any, Any]
+) -> Fabric:
+    """The fabric of laws; an error names the table."""
+    warp = _named("tension", tension.build)
+    weft = None if tension.weft is None else _named("tension weft", tension.weft.build)
+    return Fabric(
+        warp if weft is None else (warp, weft),
+        _named("shear", partial(shear.law.build, "shear")),
+        *fibres,
+        (bending.warp_N_mm, bending.weft_N_mm),
+        bending.twist_N_mm,
+        np.radians(shear.wrinkling_angle_deg),
+    )
+
+
+def _named(table: str, build: Callable[[], Any]) -> Any:
+    """The law of a table, which an error names."""
+    try:
+        return build()
+    except OSError as error:
+        file = printable(error.filename)
+        raise ValueError(f"{table}.law {file}: {error.strerror}") from None
+    except ValueError as error:
+        raise ValueError(f"{table} {printable(error)}") from None
+
+
+def _fabric_of_file(file: str, own: FabricOfFile) -> Fabric:
+    from ..io import read_fabric
+
+    return read_fabric(file, own.thickness_mm, own.units, own.material).fabric
+
+
+def _with_directions(
+    file: str, scene: "Scene", fabric: Fabric
+) -> tuple["Scene", Fabric]:
+    """The scene and its fabric, with the fibre directions of a file."""
+    from ..io import read_directions
+
+    if any(isinstance(one, OnSurface) for one in scene.conditions.values()):
+        raise ValueError(
+            f"mesh.directions: the fibres of the scene {scene.name} are those of "
+            "scene.fibres_deg"
+        )
+    given = read_directions(file)
+    turned = FibreDirections(scene.turn @ given.warp, scene.turn @ given.weft)
+    try:
+        warn_of_directions(scene.mesh, turned)
+    except ValueError as error:
+        raise ValueError(f"mesh.directions {printable(file)}: {error}") from None
+    misfit = scene.misfit or f"fibre directions are those of {printable(file)}"
+    return replace(scene, misfit=misfit), turned.on(fabric)
+
+
+def _has_other_directions(stated: Fabric, scene: "Scene", taken: Fabric) -> bool:
+    """Whether a file states directions that are not those of a run."""
+    if stated.warp is Fabric.warp and stated.weft is Fabric.weft:
+        return False  # a deck without orientations states none
+    try:
+        own, used = (directions_of(scene.mesh, one) for one in (stated, taken))
+    except ValueError:  # of another number of elements
+        return True
+    for A, B in (own.warp, used.warp), (own.weft, used.weft):
+        x, y = scene.turn @ A
+        if np.abs(x * B[1] - y * B[0]).max() > _SAME:
+            return True
+    return False
+
+
+def _warn_of_other_directions(file: CaseFile) -> None:
+    fabric, other = str(file.fabric.file), file.mesh.directions
+    source = "the scene's" if other is None else f"those of {printable(other)}"
+    how = (
+        "write_directions makes a file of them for mesh.directions"
+        if Path(fabric).suffix.lower() == ".json"
+        else "to take them give the file as mesh.directions too"
+    )
+    log.warning(
+        "%s: its fibre directions are not taken, %s are: %s",
+        printable(fabric),
+        source,
+        how,
+    )
+
+
+def _with_regions(scene: "Scene", fabric: Fabric, file: CaseFile) -> Fabric:
+    """The fabrics of the regions, and that of the ply elsewhere."""
+    mesh, fabrics = scene.mesh, {}
+    for name, own in file.regions.items():
+        fibres = [
+            plain if degrees is None else scene.turn @ _direction(degrees)
+            for plain, degrees in (
+                (scene.warp, own.warp_deg),
+                (scene.weft, own.weft_deg),
+            )
+        ]
+        try:
+            fabrics[name] = _fabric(
+                own.tension or file.tension,
+                own.shear or file.shear,
+                own.bending or file.bending,
+                (fibres[0], fibres[1]),
+            )
+        except ValueError as error:
+            raise ValueError(f"region {name!r}: {error}") from None
+    named = [
+        cells for name, cells in (mesh.subdomains or {}).items() if name in fabrics
+    ]
+    elsewhere = np.setdiff1d(np.arange(mesh.nelements), np.concatenate([[], *named]))
+    if elsewhere.size and len(named) == len(fabrics):
+        mesh = mesh.with_subdomains({_OTHERS: elsewhere})
+        fabrics[_OTHERS] = fabric
+    return fabric_of_regions(mesh, fabrics)
+
+
+def _direction(degrees: float) -> np.ndarray:
+    angle = np.radians(degrees)
+    return np.array([np.cos(angle), np.sin(angle)])

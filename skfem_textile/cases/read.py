@@ -1,0 +1,348 @@
+"""The declaration of a case from a file or from plain values, checked key by key."""
+
+import datetime
+import math
+import os
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+from msgspec import Struct
+
+from ..mesh.user_input import excerpt, printable
+from .scenes import SCENES, Scene
+from .schema import MESH_KINDS, CaseFile, InCompression, Region, Shear, Tension, Weft
+from .table import FILE, named, tag_of
+
+# Larger files are none that a person writes, and take long to read.
+_MOST_BYTES = 1_000_000
+
+# Laws that stand for the ending of the name of a file.
+_OF_FILES = {".csv": "FILE.csv", ".json": "FILE.json"}
+
+
+class CaseFileError(ValueError):
+    """A case file that cannot be read, or describes no case."""
+
+
+def read_tables(path: Path) -> dict[str, Any]:
+    """The content of a case file.
+
+    Raises
+    ------
+    CaseFileError
+        If it is no TOML.
+    OSError
+        If it cannot be read.
+    """
+    with open(path, "rb") as file:
+        data = file.read(_MOST_BYTES + 1)
+    try:
+        if len(data) > _MOST_BYTES:
+            raise ValueError(f"more than {_MOST_BYTES} bytes are no case")
+        return _toml(data)
+    except ValueError as error:
+        raise CaseFileError(f"{printable(path)}: {error}") from None
+
+
+def _toml(data: bytes) -> dict[str, Any]:
+    try:
+        return tomllib.loads(data.decode("utf-8-sig"))
+    except UnicodeDecodeError:
+        raise ValueError("no text in UTF-8") from None
+    except RecursionError:
+        raise ValueError("arrays or tables are nested too deeply") from None
+    except ValueError as error:
+        raise ValueError(f"no TOML: {printable(error)}") from None
+
+
+def declared(
+    tables: Mapping[str, Any], folder: str | os.PathLike[str] = "."
+) -> CaseFile:
+    """The declaration of a case.
+
+    Parameters
+    ----------
+    tables
+        The tables of a case file; keys that are missing have their defaults.
+    folder
+        Folder from which names of files are taken.
+
+    Raises
+    ------
+    CaseFileError
+        If a key is unknown or missing, or a value is not one of its type; one line
+        names the key.
+    """
+    try:
+        _refuse_values("", tables)
+        scene = _scene_of(tables)
+        regions = tables.get("regions", {})
+        if not isinstance(regions, dict):
+            raise ValueError(f"regions must be a table, not {_shown(regions)}")
+        found = _converted(
+            "", {**_with_defaults(tables, scene), "regions": {}}, CaseFile
+        )
+        found = msgspec.structs.replace(
+            found,
+            regions={
+                name: _converted(
+                    f"regions.{printable(name)}", _laws_nested(region, scene), Region
+                )
+                for name, region in regions.items()
+            },
+        )
+    except ValueError as error:
+        raise CaseFileError(str(error)) from None
+    return with_files(found, lambda path, name: str(Path(folder) / name))
+
+
+def with_files(table: Any, place: Callable[[str, str], str], where: str = "") -> Any:
+    """A table with other names of files.
+
+    Parameters
+    ----------
+    table
+        A table of a case, or the whole.
+    place
+        The new name, of the path of the key with dots and the old name.
+    where
+        The path of the table.
+    """
+    changed: dict[str, Any] = {}
+    hints = get_type_hints(type(table), include_extras=True)
+    for name in table.__struct_fields__:
+        value = getattr(table, name)
+        path = f"{where}.{name}" if where and name != "law" else where or name
+        if isinstance(value, Struct):
+            changed[name] = with_files(value, place, path)
+        elif name == "regions":
+            changed[name] = {
+                region: with_files(own, place, f"region_{number}")
+                for number, (region, own) in enumerate(value.items(), 1)
+            }
+        elif FILE in get_args(hints[name]) and value not in (None, *MESH_KINDS):
+            changed[name] = place(path, value)
+    return msgspec.structs.replace(table, **changed)
+
+
+def _refuse_values(where: str, value: Any) -> None:
+    """Refuse functions, which only Python can hold, and numbers that are not finite."""
+    if callable(value):
+        raise ValueError(
+            f"{where} is a function, which a case file cannot hold: make a Case in "
+            "Python"
+        )
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{where} must be a finite number, got {value}")
+    if isinstance(value, Mapping):
+        for key, part in value.items():
+            _refuse_values(f"{where}.{printable(key)}".lstrip("."), part)
+    elif isinstance(value, list | tuple):
+        for part in value:
+            _refuse_values(where, part)
+
+
+def _scene_of(tables: Mapping[str, Any]) -> type[Scene]:
+    given = tables.get("scene", {})
+    if not isinstance(given, dict):
+        raise ValueError(f"scene must be a table, not {_shown(given)}")
+    name = given.get("name")
+    if not isinstance(name, str) or name not in SCENES:
+        said = "is missing" if name is None else f"is {_shown(name)}"
+        raise ValueError(f"scene.name {said}: it must be one of {', '.join(SCENES)}")
+    return SCENES[name]
+
+
+# ---------------------------------------------------------------------------- defaults
+
+
+def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, Any]:
+    """All tables, with the defaults of the scene for keys that are missing."""
+    found = {name: tables.get(name, {}) for name in CaseFile.__struct_fields__}
+    found |= tables
+    if isinstance(found["fabric"], dict) and found["fabric"].get("file") is not None:
+        for name in ("tension", "shear", "bending"):
+            if found[name]:
+                raise ValueError(
+                    f"[{name}] has a law, but fabric.file names a file that has all: "
+                    "leave one of them out"
+                )
+    of_mesh = {"size": scene.size, "jitter": scene.jitter, "seed": 1}
+    bending = dict.fromkeys(("warp_N_mm", "weft_N_mm"), scene.bending)
+    for name, defaults in (
+        ("mesh", of_mesh if _is_made(found["mesh"]) else {}),
+        ("bending", bending),
+        ("formulation", {"name": "macro"}),
+        ("stepping", {"steps": scene.steps}),
+    ):
+        if isinstance(found[name], dict):
+            found[name] = {**defaults, **found[name]}
+    return _laws_nested({"tension": {}, "shear": {}, **found}, scene)
+
+
+def _is_made(mesh: Any) -> bool:
+    return isinstance(mesh, dict) and mesh.get("source", "irregular") in MESH_KINDS
+
+
+def _laws_nested(tables: Any, scene: type[Scene]) -> Any:
+    """Tables with the keys of each law apart from those beside it."""
+    if not isinstance(tables, dict):
+        return tables
+    nested: dict[str, tuple[type[Struct], float]] = {
+        "tension": (Tension, scene.fibre_stiffness),
+        "shear": (Shear, scene.shear_stiffness),
+    }
+    return {
+        name: _law_nested(value, *nested[name]) if name in nested else value
+        for name, value in tables.items()
+    }
+
+
+def _law_nested(table: Any, kind: type[Struct], stiffness: float) -> Any:
+    if not isinstance(table, dict):
+        return table
+    beside = {key: v for key, v in table.items() if key in _beside(kind)}
+    for part, own in (("in_compression", InCompression), ("weft", Weft)):
+        if part in beside:
+            beside[part] = _law_nested(beside[part], own, stiffness)
+    law: dict[str, Any] = {"law": "linear"}
+    law |= {key: value for key, value in table.items() if key not in beside}
+    if isinstance(word := law["law"], str):
+        if name := _OF_FILES.get(Path(word).suffix.lower()):
+            law |= {"law": name, "file": word}
+        known = named(get_type_hints(kind)["law"]).get(law["law"])
+        if known and "stiffness_N_per_mm" in known.__struct_fields__:
+            law.setdefault("stiffness_N_per_mm", stiffness)
+    return {**beside, "law": law}
+
+
+def _beside(kind: type[Struct]) -> set[str]:
+    return {name for name in kind.__struct_fields__ if name != "law"}
+
+
+# ------------------------------------------------------------------------------ checks
+
+
+def _converted(where: str, given: Any, kind: type[Any]) -> Any:
+    """A table, checked; an error names the path of the key."""
+    try:
+        return msgspec.convert(given, kind)
+    except (msgspec.ValidationError, OverflowError) as error:
+        raise ValueError(_worded(where, str(error), given, kind)) from None
+
+
+def _worded(where: str, message: str, given: Any, kind: type[Any]) -> str:
+    """A message of msgspec in the words of the file, the path first."""
+    said, _, place = message.partition(" - at ")
+    keys = re.findall(r"\.(\w+)", place)
+    table, beside = _followed(keys, given, kind)
+    # The key of a law is written in the table that has the law.
+    shown = [k for i, k in enumerate(keys) if k != "law" or "law" in keys[:i]]
+    path = ".".join([where, *shown] if where else shown)
+    if unknown := re.match(r"Object contains unknown field `(.*)`", said, re.DOTALL):
+        return _unknown(path, unknown[1], table, beside)
+    if missing := re.match(r"Object missing required field `(.*)`", said):
+        return f"{path}.{missing[1]} is missing"
+    if said.startswith("Invalid "):
+        known = [*dict.fromkeys(_choices(table))]
+        word = re.findall(r"Invalid (?:enum )?value (.*)", said, re.DOTALL)[0]
+        return (
+            f"{path} is {excerpt(word)}, which is none of {', '.join(known)}"
+            f"{_nearest(word.strip(chr(39)), known)}"
+        )
+    said = said.replace("`", "").replace(" | null", "").replace("Expected", "must be")
+    said = said.replace("object", "a table")
+    return printable(f"{path} {said}".strip())
+
+
+def _followed(keys: list[str], given: Any, kind: Any) -> tuple[Any, list[Any]]:
+    """The type of a path, and of a table those that may stand in its place.
+
+    Beside the table of a law stands the one in which its keys are written.
+    """
+    kind, beside = _table_of(kind, given)
+    for key in keys:
+        if not _is_table(kind):
+            break
+        if key == kind.__struct_config__.tag_field:
+            names = [tag_of(one) for one in beside if _tag_field(one)]
+            return Literal[tuple(names)], []
+        around = [kind] if key == "law" else []
+        given = given.get(key) if isinstance(given, dict) else None
+        kind, beside = _table_of(get_type_hints(kind).get(key), given)
+        beside = [*around, *beside]
+    return kind, beside
+
+
+def _is_table(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Struct)
+
+
+def _table_of(kind: Any, given: Any) -> tuple[Any, list[Any]]:
+    """The table that is chosen of a union, and all of them."""
+    union = get_origin(kind) in (Union, UnionType)
+    tables = [*filter(_is_table, get_args(kind) if union else (kind,))]
+    if not tables:
+        return kind, []
+    name = given.get(_tag_field(tables[0])) if isinstance(given, dict) else None
+    chosen = [table for table in tables if tag_of(table) == name]
+    return (chosen or tables)[0], tables
+
+
+def _tag_field(table: type[Struct]) -> str | None:
+    return table.__struct_config__.tag_field
+
+
+def _unknown(path: str, key: str, table: type[Struct], beside: list[Any]) -> str:
+    """An unknown key, with what is known; the key may belong to another choice."""
+    tag = _tag_field(table)
+    others = [tag_of(one) for one in beside if tag and key in one.__struct_fields__]
+    if others:
+        return f"{path}.{key} goes with {path}.{tag} {' or '.join(others)}"
+    around = [one for one in beside if _tag_field(one) is None]
+    tables = dict.fromkeys([table, *around])
+    known = [
+        *([tag] if tag else []),
+        *(f for one in tables for f in one.__struct_fields__),
+    ]
+    known = [*dict.fromkeys(known)]
+    near = _nearest(key, known) or f" (it has: {', '.join(known)})"
+    place = f"{path} has no key" if path else "there is no table"
+    return f"{place} '{excerpt(key)}'{near}"
+
+
+def _choices(kind: Any) -> Iterator[str]:
+    """The words that a type allows, and what else it takes."""
+    if get_origin(kind) is Literal:
+        yield from map(str, get_args(kind))
+    elif kind is float:
+        yield "a number"
+    elif get_origin(kind) is Annotated:
+        yield from _choices(get_args(kind)[0])
+    else:
+        for part in get_args(kind):
+            yield from _choices(part)
+
+
+def _nearest(word: str, known: Iterable[str]) -> str:
+    """The known word that is nearest, as the end of a message; empty if none is."""
+    known = list(known)
+    longer = [name for name in known if word and name.startswith(f"{word}_")]
+    near = longer or get_close_matches(word[:100], known, n=1)
+    return f"; the nearest is {near[0]!r}" if near else ""
+
+
+def _shown(value: Any) -> str:
+    """A value of a file in a message, or its kind where it is long."""
+    for kind, name in ((dict, "a table"), (list, "an array")):
+        if isinstance(value, kind):
+            return name
+    if isinstance(value, datetime.datetime | datetime.date | datetime.time):
+        return "a date or time"
+    return f"'{excerpt(value)}'" if isinstance(value, str) else excerpt(str(value))

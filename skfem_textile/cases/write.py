@@ -1,0 +1,350 @@
+"""A case as tables, as the text of a case file, and the reference of its keys."""
+
+import os
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+from msgspec import NODEFAULT, Meta, Struct, structs
+
+from .read import with_files
+from .scenes import SCENES
+from .schema import CaseFile, Region
+from .table import FILE, named, summary_of
+
+#: The first line of a case file that a run has written.
+WRITTEN = "# The case of this folder, with every default, written by skfem-textile."
+
+#: Name of the case file, and of the folder of the files that it names.
+CASE, FILES = "case.toml", "case_files"
+
+_LAW_ENDINGS = (".csv", ".json")
+
+# Meshes are copied where one file holds the whole mesh.
+_OF_MESH = ("mesh", "tool", "part_mesh")
+_WHOLE = (".msh", ".inp", ".vtu", ".vtk", ".stl", ".obj", ".ply", ".off")
+
+#: Files that `WrittenCase.write` may write.
+WRITTEN_FILES = (
+    CASE,
+    *(f"{FILES}/{law}{end}" for law in ("*tension*", "*shear") for end in _LAW_ENDINGS),
+    *(f"{FILES}/{key}{end}" for key in _OF_MESH for end in _WHOLE),
+    *(f"{FILES}/fabric{end}" for end in (".json", ".inp", ".rad")),
+    *(f"{FILES}/directions{end}" for end in (".vtu", ".csv", ".inp")),
+    *(f"{FILES}/{key}.csv" for key in ("test_curve", "trim")),
+)
+
+_UNITS = "# Lengths are in mm, forces in N and angles in degrees, as the keys say."
+
+_WIDTH = 88
+
+
+class _Key(NamedTuple):
+    """A key of a table, its value and what it means."""
+
+    name: str
+    value: Any
+    about: str
+
+
+def tables_of(table: Struct) -> dict[str, Any]:
+    """A declaration as the tables of a case file, without keys that are not given."""
+    found: dict[str, Any] = {}
+    for name, value, _ in _keys(table):
+        if isinstance(value, Struct):
+            found[name] = tables_of(value)
+        elif name == "regions":
+            found[name] = {region: tables_of(own) for region, own in value.items()}
+        elif value is not None:
+            found[name] = value
+    return found
+
+
+def case_text(case: CaseFile, head: str) -> str:
+    """The text of a case file, with every default and a comment for each key.
+
+    Parameters
+    ----------
+    case
+        The case.
+    head
+        The first line, a comment.
+    """
+    parts, hints = [f"{head}\n{_UNITS}\n"], get_type_hints(CaseFile)
+    for name, value, _ in _keys(case):
+        if name in ("tension", "shear", "bending") and case.fabric.file is not None:
+            continue  # the file of the fabric has all laws
+        if name == "regions":
+            for region, own in value.items():
+                parts.append(_block(f"regions.{_toml_key(region)}", own))
+        else:
+            parts.append(_block(name, value, _described(hints[name])))
+    return "\n".join(parts)
+
+
+class WrittenCase:
+    """The case of a run as it is at the start, to be written at the end.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Raises
+    ------
+    OSError
+        If a file that it names cannot be read.
+    """
+
+    def __init__(self, case: CaseFile) -> None:
+        self._files: dict[str, bytes] = {}
+        self.text = case_text(with_files(case, self._keep), WRITTEN)
+
+    def write(self, folder: Path) -> None:
+        """Write ``case.toml`` and the files that it names into a folder."""
+        (folder / CASE).write_text(self.text, encoding="utf-8")
+        for name, content in self._files.items():
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_bytes(content)
+
+    def _keep(self, path: str, name: str) -> str:
+        """Keep the content of a file; returns its name beside the results."""
+        *tables, key = path.split(".")
+        if key in ("file", "source"):
+            key = "_".join(tables)
+        ending = Path(name).suffix
+        if key in _OF_MESH and ending.lower() not in _WHOLE:
+            return os.path.abspath(name)
+        kept = f"{FILES}/{key}{ending.lower()}"
+        self._files[kept] = Path(name).read_bytes()
+        return kept
+
+
+def refuse_foreign_case(folder: Path) -> None:
+    """Refuse a folder with a case file that no run has written.
+
+    Raises
+    ------
+    ValueError
+        If there is one.
+    """
+    file = folder / CASE
+    if not file.is_file():
+        return
+    with open(file, "rb") as opened:
+        start = opened.read(len(WRITTEN.encode()))
+    if start != WRITTEN.encode():
+        raise ValueError(
+            f"{file} was not written by a run, which would replace it: choose another "
+            "folder for --out"
+        )
+
+
+def _keys(table: Struct) -> Iterator[_Key]:
+    """The keys of a table as a file has them: its name first, a law's keys in place."""
+    hints = get_type_hints(type(table), include_extras=True)
+    config = table.__struct_config__
+    if config.tag_field and config.tag and "file" not in table.__struct_fields__:
+        yield _Key(config.tag_field, config.tag, "")
+    for name in table.__struct_fields__:
+        value = getattr(table, name)
+        if name == "law":
+            first, *rest = _keys(value)
+            choices = get_type_hints(type(table))["law"]
+            yield _Key("law", first.value, _described(choices))
+            yield from rest
+        else:
+            yield _Key(name, value, _with_words(hints[name]))
+
+
+def _block(where: str, table: Struct, choices: str = "") -> str:
+    """A table: its plain values, then the tables within it."""
+    lines, tables = [f"[{where}]"], []
+    for name, value, about in _keys(table):
+        about = about or choices
+        comment = [_comment(about)] if about else []
+        inner = f"{where}.{name}"
+        if isinstance(value, Struct):
+            said = _comment(summary_of(type(value)))
+            tables += ["", said, _block(inner, value).rstrip()]
+        elif isinstance(value, dict):
+            named = [_line(key, one) for key, one in value.items()]
+            tables += ["", *comment, f"[{inner}]", *named]
+        elif value is None:
+            lines += [*comment, f"# {name} is not given"]
+        else:
+            lines += [*comment, _line(name, value)]
+    return "\n".join([*lines, *tables, ""])
+
+
+def meaning(hint: Any) -> str:
+    """The meaning of a key."""
+    found = [one for one in get_args(hint) if isinstance(one, Meta)]
+    return "; ".join(one.description for one in found if one.description)
+
+
+def _with_words(hint: Any) -> str:
+    """The meaning of a key, with the words that it allows."""
+    text, words = meaning(hint), _words(hint)
+    if all(word in text for word in words):
+        return text
+    return f"{text}: {', '.join(words)}"
+
+
+def _words(hint: Any) -> list[str]:
+    if get_origin(hint) is Literal:
+        return [str(word) for word in get_args(hint)]
+    return [word for part in get_args(hint) for word in _words(part)]
+
+
+def _described(union: Any) -> str:
+    """The choices of a union of tables."""
+    if get_origin(union) not in (Union, UnionType):
+        return ""
+    return "; ".join(f"{name}: {summary_of(one)}" for name, one in named(union).items())
+
+
+def _comment(text: str) -> str:
+    return textwrap.fill(
+        text,
+        _WIDTH,
+        initial_indent="# ",
+        subsequent_indent="# ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _line(key: str, value: Any) -> str:
+    if isinstance(value, tuple | list):  # on one line
+        inner = ", ".join(_line("x", one).partition(" = ")[2] for one in value)
+        return f"{_toml_key(key)} = [{inner}]"
+    import tomli_w  # not needed but for a case file
+
+    return tomli_w.dumps({key: value}).rstrip("\n")
+
+
+def _toml_key(name: str) -> str:
+    """A key as TOML has it, in quotes where it needs them."""
+    import tomli_w
+
+    return tomli_w.dumps({name: 0}).rpartition(" = ")[0]
+
+
+class Entry(NamedTuple):
+    """A key of the reference.
+
+    Attributes
+    ----------
+    table
+        Path of its table.
+    choice
+        The name that the table must have for this key; empty if any.
+    key, kind, default, about
+        The key, its type, its default in words, and its meaning.
+    """
+
+    table: str
+    choice: str
+    key: str
+    kind: str
+    default: str
+    about: str
+
+
+def reference() -> Iterator[Entry]:
+    """Every key of a case file."""
+    for name, hint in get_type_hints(CaseFile, include_extras=True).items():
+        if name == "regions":
+            yield from _entries("regions.NAME", Region)
+        else:
+            yield from _entries(name, hint)
+
+
+def key_help(scene: str) -> str:
+    """The keys of a case of a scene, as text for a terminal.
+
+    Parameters
+    ----------
+    scene
+        The name of a scene; another word stands for all of them.
+    """
+    lines, table = ["", "keys of a case file, for --set table.key=value:"], ""
+    for own in reference():
+        if own.table == "scene" and own.choice not in ("", scene) and scene in SCENES:
+            continue
+        if own.table != table:
+            table = own.table
+            lines += ["", f"[{table}]"]
+        only = f" (of {own.choice})" if own.choice and own.table != "scene" else ""
+        default = f", default {own.default}" if own.default else ""
+        for text, indent in (
+            (f"{own.key}: {own.kind}{default}{only}", 2),
+            (own.about, 6),
+        ):
+            space = " " * indent
+            lines += textwrap.wrap(
+                text, _WIDTH, initial_indent=space, subsequent_indent=" " * 6
+            )
+    return "\n".join([*lines, ""])
+
+
+def _entries(where: str, hint: Any, choice: str = "") -> Iterator[Entry]:
+    if get_origin(hint) in (Union, UnionType):
+        choices = named(hint)
+        tag = next(iter(choices.values())).__struct_config__.tag_field
+        words = " | ".join(choices)
+        yield Entry(where, "", str(tag), words, "", _described(hint))
+        for name, table in choices.items():
+            yield from _entries(where, table, name)
+        return
+    hints = get_type_hints(hint, include_extras=True)
+    for one in structs.fields(hint):
+        own = hints[one.name]
+        parts = [part for part in get_args(own) if part is not NoneType]
+        inner = parts[0] if parts and NoneType in get_args(own) else own
+        if one.name == "law":
+            yield from _entries(where, own, choice)
+        elif isinstance(inner, type) and issubclass(inner, Struct):
+            said = summary_of(inner)
+            yield Entry(where, choice, one.name, f"[{where}.{one.name}]", "", said)
+        elif one.name != "file" or not choice:
+            kind = "file" if FILE in get_args(own) else _kind(own)
+            yield Entry(where, choice, one.name, kind, _default(one), meaning(own))
+
+
+def _kind(hint: Any) -> str:
+    """A type in words."""
+    plain = {float: "number", int: "integer", str: "text", bool: "true or false"}
+    if hint in plain:
+        return plain[hint]
+    parts = [part for part in get_args(hint) if part is not NoneType]
+    origin = get_origin(hint)
+    if origin is Annotated:
+        return _kind(parts[0])
+    if origin is Literal:
+        return " | ".join(map(str, parts))
+    if origin is tuple and get_origin(parts[0]) is Literal:
+        return f"[some of {_kind(parts[0]).replace(' |', ',')}]"
+    if origin is tuple:
+        return f"[{', '.join('...' if p is ... else _kind(p) for p in parts)}]"
+    if origin is dict:
+        return f"NAME = {_kind(parts[1])}"
+    return " | ".join(map(_kind, parts))
+
+
+def _default(key: structs.FieldInfo) -> str:
+    if key.default in (None, NODEFAULT, ()):
+        return ""
+    return _line("x", key.default).removeprefix("x = ")

@@ -1,0 +1,130 @@
+"""The curve that a machine would measure, from the states of a run."""
+
+import csv
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy import ndarray
+
+from ..mesh.user_input import printable
+from ..scenes import Scene
+from ..scenes.shear_test import ShearTest
+from ..solve.result import Result
+
+#: Headings of the columns.
+DISPLACEMENT, FORCE = "displacement (mm)", "force (N)"
+ANGLE, NORMALISED = "angle (deg)", "normalised shear force (N/mm)"
+
+# What heads a column of `read_curve`, and how much its unit is in that of the heading.
+_HEADINGS = {
+    "displacement": (DISPLACEMENT, 1.0),
+    "shear angle": (ANGLE, 180 / np.pi),
+    "force": (FORCE, 1.0),
+    "normalised shear force": (NORMALISED, 1.0),
+}
+
+
+def read_test_curve(path: str | os.PathLike[str]) -> dict[str, ndarray]:
+    """Columns of the curve of a test by their headings.
+
+    The first row names the columns, as for `calibration.curves.read_curve`: at least a
+    displacement or an angle, and at least one force.  Cells may be empty.
+
+    Parameters
+    ----------
+    path
+        The file, in UTF-8.
+
+    Returns
+    -------
+    dict
+        For each column that is there its numbers, shape (n,); NaN for empty cells.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file; one line names the file and the row.
+    OSError
+        If it cannot be read.
+    """
+    from ..calibration.curves import read_curve
+
+    found = read_curve(path, gaps=True)
+    curve = {
+        heading: found[name] * factor
+        for name, (heading, factor) in _HEADINGS.items()
+        if name in found
+    }
+    if not ({DISPLACEMENT, ANGLE} & set(curve) and {FORCE, NORMALISED} & set(curve)):
+        raise ValueError(
+            f"{printable(path)}, row 1: the header must name a displacement or an "
+            f"angle, and a force, like {', '.join(map(repr, (DISPLACEMENT, FORCE)))}"
+        )
+    if len(next(iter(curve.values()))) < 2:
+        raise ValueError(
+            f"{printable(path)}: a curve needs at least two rows of numbers"
+        )
+    return curve
+
+
+#: Columns of a curve by their headings.
+Curve: TypeAlias = Mapping[str, ndarray]
+
+#: The file of the curve.
+CURVE = "curve.csv"
+
+
+def curve_of(scene: Scene, result: Result) -> dict[str, ndarray]:
+    """Columns of the curve by their headings, a row for each state.
+
+    Of a shear test the displacement and force of its machine, the shear angle in
+    degrees that the displacement means if no fibre stretches, and the shear force per
+    length.  Of another scene the mean displacement and the force of the driven edge
+    along the axis along which it moves further.
+
+    A force is 0 where it is below what nodes in balance may leave of it.
+    """
+    moved = np.array([scene.driven_displacement(state) for state in result.states])
+    force = np.array([scene.reaction(state) for state in result.states])
+    left = np.array([state.tolerance for state in result.states])
+    force[np.abs(force) <= result.ply.nodes.shape[1] * left[:, None]] = 0.0
+    if scene.shear_test is None:
+        axis = np.abs(moved).max(axis=0).argmax()
+        return {DISPLACEMENT: moved[:, axis], FORCE: force[:, axis]}
+    displacement, pull = scene.shear_test.measured(moved, force)
+    return completed({DISPLACEMENT: displacement, FORCE: pull}, scene.shear_test)
+
+
+def completed(curve: Curve, test: ShearTest | None) -> dict[str, ndarray]:
+    """A curve with the columns that follow from others, where it lacks them.
+
+    Parameters
+    ----------
+    curve
+        Columns by their headings.
+    test
+        The test that it is of; None if it is of none.
+    """
+    curve = dict(curve)
+    if test is None:
+        return curve
+    if ANGLE not in curve and DISPLACEMENT in curve:
+        curve[ANGLE] = np.degrees(test.shear_angle(curve[DISPLACEMENT]))
+    if NORMALISED not in curve and FORCE in curve:
+        angle = np.radians(curve[ANGLE])
+        curve[NORMALISED] = test.normalised(angle, curve[FORCE])
+    return curve
+
+
+def write_curve(curve: dict[str, ndarray], path: Path) -> None:
+    """Write the columns of a curve as CSV; see `word_of`."""
+    from ..io.file_numbers import word_of
+
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(curve)
+        for row in zip(*(column.tolist() for column in curve.values()), strict=True):
+            writer.writerow(map(word_of, row))

@@ -1,0 +1,106 @@
+"""The command ``show``: a mesh and its fibres."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..fabric.directions import FibreDirections, warn_of_directions
+from ..mesh.splitting import original_elements
+from ..mesh.user_input import printable
+from . import words
+from .interruption import held
+from .output import complain, say
+from .result_folder import ResultFolder
+
+_DIRECTIONS = "fibre directions of each element, as for `run` (default: those of MESH)"
+
+
+def add_show(commands: Any) -> None:
+    """Add the command to those of a parser."""
+    show = commands.add_parser(
+        "show", help="draw a mesh and its fibres, and write the directions to files"
+    )
+    add = show.add_argument
+    add("mesh", metavar="MESH", help="a file of quadrilaterals or triangles")
+    add("--out", type=Path, required=True, metavar="DIR", help="where files go")
+    add("--no-render", action="store_true", help="write no picture")
+    add("--directions", metavar="FILE", help=_DIRECTIONS)
+    for name in ("warp", "weft"):
+        said = f"angle of the {name} to the x axis in every element"
+        add(f"--{name}", type=words.degrees, metavar="DEG", help=said)
+
+
+_PICTURE = "mesh_and_fibres.png"
+_FILES = ("directions.vtu", "directions.csv", "directions.inp")
+
+
+def show(options: argparse.Namespace) -> int:
+    """Draw a mesh and its fibres, and write the directions; returns the exit code.
+
+    Raises
+    ------
+    ValueError
+        If a file is refused, or options contradict each other.
+    OSError, OutputError
+        If the folder cannot be written.
+    """
+    from ..io import OF_DIRECTIONS, read_mesh, write_directions
+
+    own = options.warp is None and options.directions in (None, options.mesh)
+    mesh = read_mesh(options.mesh, OF_DIRECTIONS if own else ())
+    directions = _directions(
+        options, sum(c.shape[1] for c in original_elements(mesh)[0])
+    )
+    warn_of_directions(mesh, directions)
+    results = ResultFolder(options.out, (*_FILES, _PICTURE))
+    with held(), results as folder:
+        for name in _FILES:
+            write_directions(folder / name, mesh, directions)
+    if not options.no_render:
+        _draw(mesh, directions, options.out)
+    _tell(mesh, directions)
+    say(f"directions in {printable(options.out)}")
+    return 0
+
+
+def _directions(options: argparse.Namespace, n_elements: int) -> FibreDirections:
+    from ..io import read_directions
+
+    angles = options.warp, options.weft
+    if (angles[0] is None) != (angles[1] is None):
+        raise ValueError("--warp and --weft go together")
+    if angles[0] is not None and options.directions is not None:
+        raise ValueError("--warp and --directions: leave one of them out")
+    if angles[0] is not None:
+        return FibreDirections.of_angles(*(np.full(n_elements, a) for a in angles))
+    file = options.directions or options.mesh
+    found = read_directions(file)
+    if (n := found.warp.shape[1]) != n_elements:
+        raise ValueError(f"{printable(file)}: {n} directions for {n_elements} elements")
+    return found
+
+
+def _draw(mesh: Any, directions: FibreDirections, out: Path) -> None:
+    """Draw the picture, or print in one line why not: the files are already written."""
+    try:
+        with held(), ResultFolder(out, (_PICTURE,)) as folder:
+            from ..plot import mesh_and_fibres
+
+            mesh_and_fibres(mesh, directions, filename=folder / _PICTURE)
+    except Exception as error:
+        complain(f"no picture: {printable(error)}")
+
+
+def _tell(mesh: Any, directions: FibreDirections) -> None:
+    warp, weft = directions.angles_deg()
+    between = np.abs((weft - warp + 90) % 180 - 90)
+    for name, shown in (
+        ("elements", f"{len(warp)}"),
+        ("warp_angle_deg", f"{warp.min():.6g} to {warp.max():.6g}"),
+        ("weft_angle_deg", f"{weft.min():.6g} to {weft.max():.6g}"),
+        ("angle_between_deg", f"{between.min():.6g} to {between.max():.6g}"),
+        ("boundaries", ", ".join(map(printable, mesh.boundaries or {})) or "none"),
+    ):
+        say(f"{name:34}{shown}")

@@ -1,0 +1,480 @@
+"""Biaxial laws of fibres that exchange crimp.
+
+`CrimpInterchange` has the energy of saw-teeth.  `CrimpedYarns` is a cell of two yarns
+that press on each other where they cross, the model of OpenRadioss's ``/MAT/LAW58`` and
+``/MAT/LAW158`` (``sigeps58c.F``, ``sigeps158c.F``), without damping.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+from ..law import BiaxialLaw, Law, ScalarLaw, inner_law, number, pair
+from .tension import CrimpToe
+
+# Newton steps are taken until they are this share of the range of the amplitude, which
+# leaves an error of round-off, as they converge quadratically.
+_STEP = 1e-12
+
+# More iterations than halvings of the range to that share, each of which may cost two.
+_MOST_ITERATIONS = 100
+
+
+# Largest crimp: teeth of a slope of 1, beyond which the second order in slopes is no
+# approximation.  It also tells a crimp in percent from a ratio.
+_MOST_CRIMP = 0.5
+
+
+class _Yarns(NamedTuple):
+    """Yarns of warp and weft at an amplitude w, arrays of shape (2, ...).
+
+    Attributes
+    ----------
+    strain, slope
+        e, and its derivative r = ∂e/∂w.  Its second derivative is 1.
+    tension, stiffness
+        T = φ′(e) and S = φ″(e) in N/mm.
+    """
+
+    strain: ndarray
+    slope: ndarray
+    tension: ndarray
+    stiffness: ndarray
+
+
+@dataclass(frozen=True)
+class CrimpInterchange(BiaxialLaw):
+    """Tensions of a weave in which one family straightens by crimping the other.
+
+    Yarns are saw-teeth that touch where they cross (Kawabata, Niwa & Kawai 1973).  The
+    slope of the teeth is η = √(2c) at rest, where c is the crimp.  As the slope of the
+    warp falls by w that of the weft grows by w, and the yarns are strained by
+
+        e₁ = ε₁ − η₁ w + ½ w²,   e₂ = ε₂ + η₂ w + ½ w²,
+
+    to second order in the slopes.  The amplitude w is that of least energy (King,
+    Jearanaisilawong & Socrate 2005),
+
+        ψ(ε₁, ε₂) = min_w [φ₁(e₁) + φ₂(e₂) + ½ K w²] + ½ k (ε₁² + ε₂²),
+
+    with the energy φ of a `CrimpToe` without initial stiffness: yarns do not push.  The
+    energy is convex, and its second derivatives are continuous.  Without crimp the law
+    is that of two `CrimpToe`, of the initial stiffness k.
+
+    Parameters
+    ----------
+    stiffness
+        E of the yarns in N/mm: a number, or a pair (warp, weft).
+    crimp
+        c, length of a yarn over that of the fabric less one: a number, or a pair.  The
+        spacings of warp and weft are taken as equal.
+    bending
+        K in N/mm, the resistance to another shape of the yarns.
+    toe
+        e₀ of the yarns, the strain within which they take up load.
+    initial_stiffness
+        k in N/mm, at rest and in compression.
+
+    Raises
+    ------
+    ValueError
+        If E, K or e₀ is not a positive finite number, c or k not one >= 0, or c more
+        than 0.5.
+
+    Examples
+    --------
+    Warp that is pulled by 1 %, with the weft held and with a weft that contracts:
+
+    >>> law = CrimpInterchange(1e4, 0.01, bending=1.0, toe=1e-3, initial_stiffness=1.0)
+    >>> law.value(np.array([[0.01, 0.01], [0.0, -0.004]])).round(1).tolist()
+    [[53.4, 38.6], [35.1, 20.4]]
+    """
+
+    stiffness: float | Sequence[float]
+    crimp: float | Sequence[float]
+    bending: float
+    toe: float
+    initial_stiffness: float
+
+    def __post_init__(self) -> None:
+        for name, value in (
+            ("stiffness", pair("stiffness", self.stiffness, above=0)),
+            ("crimp", pair("crimp", self.crimp)),
+            ("bending", number("bending", self.bending, above=0)),
+            ("toe", number("toe", self.toe, above=0)),
+            ("initial_stiffness", number("initial stiffness", self.initial_stiffness)),
+        ):
+            object.__setattr__(self, name, value)
+        if max(self._crimps) > _MOST_CRIMP:
+            raise ValueError(
+                f"crimp must be a ratio of at most {_MOST_CRIMP}, like 0.01 for 1 %, "
+                f"got {self.crimp}"
+            )
+
+    @property
+    def shown(self) -> tuple[float, float]:
+        """From some compression to where the yarns of a free weft are straight."""
+        straight = sum(self._crimps) + 4 * self.toe
+        return -0.5 * straight, 2 * straight
+
+    def energy(self, strain: ndarray) -> ndarray:
+        """The least energy of all amplitudes."""
+        w = self._amplitude(strain)
+        e = self._yarns(strain, w).strain
+        stored = sum(law.energy(x) for law, x in zip(self._laws, e, strict=True))
+        held = self.initial_stiffness * np.square(strain).sum(axis=0)
+        return stored + 0.5 * self.bending * np.square(w) + 0.5 * held
+
+    def value(self, strain: ndarray) -> ndarray:
+        """The tensions of the yarns, and k ε_α."""
+        yarns = self._yarns(strain, self._amplitude(strain))
+        return yarns.tension + self.initial_stiffness * strain
+
+    def tangent(self, strain: ndarray) -> ndarray:
+        """∂T_α/∂ε_β while w follows.
+
+        S₁ (R + S₂ r₂²)/H + k and −S₁ S₂ r₁ r₂/H, where R = K + T₁ + T₂, and
+        H = R + S₁ r₁² + S₂ r₂² is the second derivative of the energy by w.
+        """
+        yarns = self._yarns(strain, self._amplitude(strain))
+        S, r = yarns.stiffness, yarns.slope
+        R, H = self._resistance(yarns), self._second_derivative(yarns)
+        own = S * (R + (S * r**2)[::-1]) / H + self.initial_stiffness
+        cross = -S[0] * S[1] * r[0] * r[1] / H
+        return np.array([[own[0], cross], [cross, own[1]]])
+
+    def _amplitude(self, strain: ndarray) -> ndarray:
+        """The w of least energy: Newton's method, bisection where that is slow."""
+        given = strain.reshape(2, -1)
+        eta_1, eta_2 = self._slopes_at_rest
+        tolerance = _STEP * (eta_1 + eta_2)
+        found = np.zeros(given.shape[1])
+        w, low, high = found.copy(), found - eta_2, found + eta_1
+        last, left = np.full_like(w, np.inf), np.arange(w.size)
+        with np.errstate(all="ignore"):  # of strains that are not finite
+            for _ in range(_MOST_ITERATIONS):
+                yarns = self._yarns(given[:, left], w)
+                force = (yarns.tension * yarns.slope).sum(axis=0) + self.bending * w
+                low, high = np.where(force < 0, w, low), np.where(force > 0, w, high)
+                newton = np.clip(w - force / self._second_derivative(yarns), low, high)
+                step = np.abs(newton - w)
+                quick = (step <= 0.5 * last) | (step <= tolerance)
+                new = np.where(quick, newton, 0.5 * (low + high))
+                last, w = np.abs(new - w), new
+                found[left] = w
+                going = last > tolerance
+                if not going.any():
+                    break
+                left, last, w = left[going], last[going], w[going]
+                low, high = low[going], high[going]
+        return found.reshape(strain.shape[1:])
+
+    def _yarns(self, strain: ndarray, w: ndarray) -> _Yarns:
+        eta_1, eta_2 = self._slopes_at_rest
+        e = strain + np.array([w * (0.5 * w - eta_1), w * (0.5 * w + eta_2)])
+        slope = np.array([w - eta_1, w + eta_2])
+        T = np.array([law.value(x) for law, x in zip(self._laws, e, strict=True)])
+        S = np.array([law.tangent(x) for law, x in zip(self._laws, e, strict=True)])
+        return _Yarns(e, slope, T, S)
+
+    def _resistance(self, yarns: _Yarns) -> ndarray:
+        """R = K + T₁ + T₂."""
+        return self.bending + yarns.tension.sum(axis=0)
+
+    def _second_derivative(self, yarns: _Yarns) -> ndarray:
+        """H."""
+        stretch = yarns.stiffness * yarns.slope**2
+        return self._resistance(yarns) + stretch.sum(axis=0)
+
+    @cached_property
+    def _laws(self) -> tuple[CrimpToe, CrimpToe]:
+        """Those of the yarns."""
+        E: Any = self.stiffness
+        return CrimpToe(E[0], self.toe, 0.0), CrimpToe(E[1], self.toe, 0.0)
+
+    @property
+    def _crimps(self) -> tuple[float, float]:
+        both: Any = self.crimp
+        return both
+
+    @cached_property
+    def _slopes_at_rest(self) -> ndarray:
+        """η = √(2c) of warp and weft."""
+        return np.sqrt(2 * np.array(self._crimps))
+
+
+# Newton steps end where they are this share of the heights of the crimp.
+_CELL_STEP = 1e-13
+
+# Rounding of an energy, as a share of it.
+_ROUNDING = 1e-15
+
+# Share of the heights below which a step is taken even if rounding hides that the
+# energy falls.  Chosen: Newton's method converges quadratically there.
+_NEAR = 1e-6
+
+# More iterations than any state needed: the steepest table takes 30.
+_CELL_ITERATIONS = 200
+
+# Largest crimp.  It tells a crimp in percent from a ratio.
+_CELL_CRIMP = 1.0
+
+# Shortest height of a crimp over that at rest, where its spring is logarithmic.
+_SHORTEST = 1e-9
+
+
+@dataclass(frozen=True)
+class Softening(ScalarLaw):
+    """A yarn of force (K − ½ B d) d at the elongation d, constant past d = K/B.
+
+    Parameters
+    ----------
+    stiffness
+        K in N/mm.
+    softening
+        B in N/mm; without it the yarn is linear.
+
+    Raises
+    ------
+    ValueError
+        If K is not a positive finite number or B not one >= 0.
+    """
+
+    stiffness: float
+    softening: float = 0.0
+
+    def __post_init__(self) -> None:
+        K = number("stiffness", self.stiffness, above=0)
+        object.__setattr__(self, "stiffness", K)
+        object.__setattr__(self, "softening", number("softening", self.softening))
+
+    def energy(self, x: ndarray) -> ndarray:
+        """The integral of the force from 0."""
+        d, past = self._split(x)
+        return (0.5 * self.stiffness - self.softening * d / 6) * d**2 + past * (
+            self.stiffness - 0.5 * self.softening * d
+        ) * d
+
+    def value(self, x: ndarray) -> ndarray:
+        """The force."""
+        d, _ = self._split(x)
+        return (self.stiffness - 0.5 * self.softening * d) * d
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """Its slope."""
+        d, _ = self._split(x)
+        return self.stiffness - self.softening * d
+
+    def _split(self, x: ndarray) -> tuple[ndarray, ndarray]:
+        """The elongation as far as the force grows, and what is past it."""
+        x = np.asarray(x, dtype=float)
+        end = self.stiffness / self.softening if self.softening else np.inf
+        d = np.minimum(x, end)
+        return d, x - d
+
+
+class _Cell(NamedTuple):
+    """The yarns at elongations y of the springs, arrays of shape (2, ...).
+
+    Attributes
+    ----------
+    pull, slope
+        ∂W/∂L and ∂²W/∂L² at constant y.
+    push, stiffness
+        ∂W/∂y and ∂²W/∂y² of yarn and spring.
+    cross
+        ∂²W/∂L∂y.
+    """
+
+    pull: ndarray
+    slope: ndarray
+    push: ndarray
+    stiffness: ndarray
+    cross: ndarray
+
+
+@dataclass(frozen=True)
+class CrimpedYarns(BiaxialLaw):
+    """Tensions of two yarns in a cell of side 1, each the hypotenuse of its crimp.
+
+    A yarn over the side L = exp ε has the length D = √(L² + (H + y)²), where
+    H = √((1 + s)² − 1) is the height of its crimp at rest, and bears the force
+    F(D − D₀).  A spring holds y back.  Without a ``coupling`` the yarns touch and
+    cannot pass through each other, y₁ + y₂ >= 0.  With one, ½ C (y₁ + y₂)²/(H₁ + H₂) is
+    part of the energy and springs are logarithmic.  The elongations y are those of
+    least energy, and the tensions T = L ∂W/∂L.
+
+    Parameters
+    ----------
+    yarns
+        The laws F(d) in N/mm of warp and weft, of the elongation d of a yarn over a
+        cell of side 1.
+    crimp
+        s, length of a yarn over that of the cell less one: a number, or a pair.
+    springs
+        Their stiffness in N/mm: a number, or a pair.
+    coupling
+        C in N/mm; None for yarns that touch.
+
+    Raises
+    ------
+    ValueError
+        If a stiffness or a crimp is not a positive finite number, a crimp more than 1,
+        or a yarn no law.
+
+    Examples
+    --------
+    >>> law = CrimpedYarns((Softening(100.0), Softening(100.0)), 0.05, 0.1)
+    >>> law.value(np.array([[0.03, 0.03], [0.0, -0.03]])).round(2).tolist()
+    [[1.75, 0.62], [1.25, 0.27]]
+    """
+
+    yarns: tuple[Law, Law]
+    crimp: Any
+    springs: Any
+    coupling: float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.yarns, tuple | list) or len(self.yarns) != 2:
+            raise ValueError("yarns must be a pair of laws (warp, weft)")
+        yarns = tuple(inner_law("yarn", yarn) for yarn in self.yarns)
+        object.__setattr__(self, "yarns", yarns)
+        object.__setattr__(self, "crimp", pair("crimp", self.crimp, above=0))
+        if max(self.crimp) > _CELL_CRIMP:
+            raise ValueError(
+                f"crimp must be a ratio of at most {_CELL_CRIMP:g}, like 0.1 for 10 %, "
+                f"got {self.crimp}"
+            )
+        object.__setattr__(self, "springs", pair("springs", self.springs, above=0))
+        if self.coupling is not None:
+            object.__setattr__(self, "coupling", number("coupling", self.coupling))
+
+    @property
+    def shown(self) -> tuple[float, float]:
+        """From half of the larger crimp in compression to one and a half of it."""
+        crimp = max(self.crimp)
+        return -0.5 * crimp, 1.5 * crimp
+
+    def energy(self, strain: ndarray) -> ndarray:
+        """W at the elongations of least energy."""
+        L = np.exp(strain)
+        y, _ = self._balanced(L)
+        return self._energy(L, y)
+
+    def value(self, strain: ndarray) -> ndarray:
+        """L ∂W/∂L, shape (2, ...)."""
+        L = np.exp(strain)
+        return L * self._cell(L, self._balanced(L)[0]).pull
+
+    def tangent(self, strain: ndarray) -> ndarray:
+        """∂T_α/∂ε_β with the elongations that follow, shape (2, 2, ...)."""
+        L = np.exp(strain)
+        y, touching = self._balanced(L)
+        cell = self._cell(L, y)
+        inverse = self._inverse(cell.stiffness, touching)
+        D = -cell.cross[:, None] * inverse * cell.cross
+        D[0, 0] += cell.slope[0]
+        D[1, 1] += cell.slope[1]
+        D = L[:, None] * D * L
+        D[0, 0] += L[0] * cell.pull[0]
+        D[1, 1] += L[1] * cell.pull[1]
+        return D
+
+    @property
+    def _heights(self) -> ndarray:
+        """H of both crimps at rest."""
+        return np.sqrt(np.square(np.add(self.crimp, 1.0)) - 1.0)
+
+    @property
+    def _stiff(self) -> float:
+        """Second derivative of the coupling's energy."""
+        return 0.0 if self.coupling is None else self.coupling / self._heights.sum()
+
+    def _balanced(self, L: ndarray) -> tuple[ndarray, ndarray]:
+        """Elongations of least energy, shape (2, ...), and where yarns touch."""
+        L = np.asarray(L, dtype=float)
+        nowhere = np.zeros(L.shape[1:], dtype=bool)
+        if self.coupling is not None:
+            return self._least(L, nowhere), nowhere
+        apart = self._least(L, nowhere)
+        touching = apart.sum(axis=0) < 0
+        if not touching.any():
+            return apart, touching
+        return np.where(touching, self._least(L, touching), apart), touching
+
+    def _least(self, L: ndarray, touching: ndarray) -> ndarray:
+        """Elongations of least energy by Newton's method, with steps that descend.
+
+        NaN where they are not found, which no state of a run may be.
+        """
+        H = _columns(self._heights, L)
+        lowest = -(1 - _SHORTEST) * H
+        y, W = np.zeros(L.shape), self._energy(L, np.zeros(L.shape))
+        share, moves = np.ones(L.shape[1:]), np.ones(L.shape[1:], dtype=bool)
+        for _ in range(_CELL_ITERATIONS):
+            cell = self._cell(L, y)
+            push = cell.push + self._stiff * y.sum(axis=0)
+            inverse = self._inverse(np.abs(cell.stiffness), touching)
+            step = -(inverse * push).sum(axis=1)
+            far = share * (np.abs(step) / H).max(axis=0)
+            moves = far > _CELL_STEP
+            if not moves.any():
+                break
+            new = np.maximum(y + share * step, lowest)
+            new[1] = np.where(touching, -new[0], new[1])
+            W_new = self._energy(L, new)
+            better = (W_new <= W + _ROUNDING * np.abs(W)) | (far < _NEAR)
+            share = np.where(better, np.minimum(1.0, 2 * share), 0.5 * share)
+            y, W = np.where(better, new, y), np.where(better, W_new, W)
+        return np.where(moves, np.nan, y)
+
+    def _inverse(self, stiffness: ndarray, touching: ndarray) -> ndarray:
+        """Inverse of ∂²W/∂y², on y₁ + y₂ = 0 where yarns touch; shape (2, 2, ...)."""
+        h_1, h_2 = stiffness + self._stiff
+        C = self._stiff
+        tied = 1 / (stiffness[0] + stiffness[1])
+        free = np.array([[h_2, 0 * h_1 - C], [0 * h_1 - C, h_1]]) / (h_1 * h_2 - C**2)
+        both = np.array([[tied, -tied], [-tied, tied]])
+        return np.where(touching, both, free)
+
+    def _energy(self, L: ndarray, y: ndarray) -> ndarray:
+        """W per reference area."""
+        H = _columns(self._heights, L)
+        d = np.hypot(L, H + y) - _columns(np.add(self.crimp, 1.0), L)
+        k = _columns(np.asarray(self.springs), L)
+        if self.coupling is None:
+            springs = 0.5 * k * y**2
+        else:
+            e = y / H
+            springs = k * H * ((1 + e) * np.log1p(e) - e)
+        yarns = sum(law.energy(own) for law, own in zip(self.yarns, d, strict=True))
+        return yarns + springs.sum(axis=0) + 0.5 * self._stiff * y.sum(axis=0) ** 2
+
+    def _cell(self, L: ndarray, y: ndarray) -> _Cell:
+        H, k = _columns(self._heights, L), _columns(np.asarray(self.springs), L)
+        height = H + y
+        D = np.hypot(L, height)
+        d = D - _columns(np.add(self.crimp, 1.0), L)
+        F = np.stack([law.value(own) for law, own in zip(self.yarns, d, strict=True)])
+        S = np.stack([law.tangent(own) for law, own in zip(self.yarns, d, strict=True)])
+        c, s = L / D, height / D
+        if self.coupling is None:
+            spring, stiffness = k * y, k + 0 * y
+        else:
+            spring, stiffness = k * np.log1p(y / H), k / height
+        return _Cell(
+            pull=F * c,
+            slope=S * c**2 + F * s**2 / D,
+            push=F * s + spring,
+            stiffness=S * s**2 + F * c**2 / D + stiffness,
+            cross=(S - F / D) * c * s,
+        )
+
+
+def _columns(pair_of_numbers: ndarray, like: ndarray) -> ndarray:
+    """Two numbers as an array that broadcasts with one of shape (2, ...)."""
+    return np.reshape(pair_of_numbers, (2,) + (1,) * (like.ndim - 1))

@@ -1,0 +1,377 @@
+"""Tension laws: with a crimp toe, other in compression, and with pretension."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from numpy.polynomial.polynomial import polyval
+
+from ..law import (
+    Law,
+    Resistance,
+    ScalarLaw,
+    domain_of,
+    inner_law,
+    number,
+    refuse_force_at_rest,
+    refuse_other_units,
+)
+
+# Below this share of the toe the series of the exponential is taken, to this power:
+# z^15/15! is 10⁻²⁷ there, and differences of numbers near z lose no digits.
+_SERIES_BELOW, _POWERS = 0.1, 15
+
+# e^(-z) - 1 + z from z², and z²/2 less that from z³.
+_SIGNS = (-1.0) ** np.arange(_POWERS)
+_SERIES = _SIGNS / np.cumprod([1.0, *range(1, _POWERS)])
+_VALUE_SERIES = np.where(np.arange(_POWERS) < 2, 0.0, _SERIES)
+_ENERGY_SERIES = np.where(np.arange(_POWERS) < 3, 0.0, -_SERIES)
+
+
+@dataclass(frozen=True)
+class CrimpToe(ScalarLaw):
+    """The tension T = E (ε − e₀ (1 − exp(−ε/e₀))) + k ε of fibres with crimp.
+
+    The stiffness is k at rest and tends to E + k, with a toe as wide as e₀.  That
+    holds for ε >= 0.  In compression T = k ε: the exponential would grow there
+    without bound.  Value and tangent are continuous at 0, and the energy is convex.
+
+    Parameters
+    ----------
+    stiffness
+        E in N/mm.
+    toe
+        e₀, a strain.
+    initial_stiffness
+        k in N/mm, at rest and in compression.
+
+    Raises
+    ------
+    ValueError
+        If E or e₀ is not a positive finite number, or k not one >= 0, or
+        e₀ is above 1.
+
+    Examples
+    --------
+    >>> law = CrimpToe(1e5, toe=0.004, initial_stiffness=10.0)
+    >>> law.tangent(np.array([-0.01, 0.0, 0.001])).astype(int)
+    array([   10,    10, 22129])
+    """
+
+    stiffness: float
+    toe: float
+    initial_stiffness: float
+    domain: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
+    of: ClassVar[Resistance] = "tension"
+
+    def __post_init__(self) -> None:
+        E = number("stiffness", self.stiffness, above=0)
+        e_0 = number("toe", self.toe, above=0)
+        refuse_other_units("toe", e_0, "tension")
+        k = number("initial stiffness", self.initial_stiffness)
+        object.__setattr__(self, "stiffness", E)
+        object.__setattr__(self, "toe", e_0)
+        object.__setattr__(self, "initial_stiffness", k)
+
+    @property
+    def shown(self) -> tuple[float, float]:
+        """From some compression to where the toe is past."""
+        return -self.toe, 4 * self.toe
+
+    def energy(self, x: ndarray) -> ndarray:
+        """E (ε²/2 − e₀ ε + e₀² (1 − exp(−ε/e₀))) + ½ k ε²."""
+        z, k = self._toes(x), self.initial_stiffness
+        toe = np.where(
+            z < _SERIES_BELOW,
+            polyval(np.minimum(z, _SERIES_BELOW), _ENERGY_SERIES),
+            0.5 * z**2 - (np.expm1(-z) + z),
+        )
+        return self.stiffness * self.toe**2 * toe + 0.5 * k * np.square(x)
+
+    def value(self, x: ndarray) -> ndarray:
+        """E (ε − e₀ (1 − exp(−ε/e₀))) + k ε."""
+        z = self._toes(x)
+        toe = np.where(
+            z < _SERIES_BELOW,
+            polyval(np.minimum(z, _SERIES_BELOW), _VALUE_SERIES),
+            np.expm1(-z) + z,
+        )
+        return self.stiffness * self.toe * toe + self.initial_stiffness * x
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """E (1 − exp(−ε/e₀)) + k."""
+        return self.initial_stiffness - self.stiffness * np.expm1(-self._toes(x))
+
+    def _toes(self, x: ndarray) -> ndarray:
+        """ε/e₀, and 0 in compression."""
+        return np.maximum(x, 0.0) / self.toe
+
+
+# Strain from 0 within which a law goes over into the other.  A wider switch leaves more
+# of the small strains softer than the law.  A narrower one changes the tangent faster,
+# so that an iteration is more likely to step across it.
+_WIDTH = 1e-4
+
+
+@dataclass(frozen=True)
+class TensionOnly(ScalarLaw):
+    """A law that vanishes in compression, with a smooth switch.
+
+    The tension is T(r) r′ of a strain r(ε): r = 0 below −width, r = ε above width, and
+    between them r′ is a polynomial of degree five.  The tension is the given one above
+    the width and exactly zero below −width.  Value and tangent are continuous, and
+    so is the second derivative of the value if that of the given law is.  The value
+    rises if the given one does.  The tangent at rest is 0.40 of the given one's.
+
+    Parameters
+    ----------
+    law
+        The law of tension, zero at rest.  It is asked for r >= 0 only.
+    width
+        Strain at which the switch ends.
+
+    Raises
+    ------
+    ValueError
+        If the law does not vanish at rest, ends before the width, or differs from
+        element to element; or the width is not a positive finite number.
+
+    Examples
+    --------
+    >>> from skfem_textile import Linear
+    >>> TensionOnly(Linear(1e4)).value(np.array([-0.01, 0.01]))
+    array([  0., 100.])
+    """
+
+    law: Law
+    width: float = _WIDTH
+    of: ClassVar[Resistance] = "tension"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "width", number("width", self.width, above=0))
+        refuse_force_at_rest("law", inner_law("law", self.law), self.width)
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """As far as the law's, and all of compression."""
+        return -np.inf, domain_of(self.law)[1]
+
+    @property
+    def shown(self) -> tuple[float, float] | None:
+        """What the law shows of tension, and a tenth of that of compression."""
+        shown = getattr(self.law, "shown", None)
+        return None if shown is None else (-0.1 * shown[1], shown[1])
+
+    def energy(self, x: ndarray) -> ndarray:
+        """The energy of r, less that at rest."""
+        ramp, rest = _ramp(x, self.width), _ramp(np.zeros(1), self.width)
+        return self.law.energy(ramp.strain) - self.law.energy(rest.strain)[0]
+
+    def value(self, x: ndarray) -> ndarray:
+        """T(r) r′."""
+        ramp = _ramp(x, self.width)
+        return self.law.value(ramp.strain) * ramp.slope
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """T′(r) r′² + T(r) r″."""
+        return _tangent(self.law, _ramp(x, self.width), 1.0)
+
+
+@dataclass(frozen=True)
+class Asymmetric(ScalarLaw):
+    """One law in tension and another in compression, with a smooth switch.
+
+    Each is switched as in `TensionOnly`, and their tensions are added.  Above the width
+    the tension is exactly the one, below −width the other.  Of two laws of the same
+    stiffness the tangent at rest is 0.79 of that.
+
+    Parameters
+    ----------
+    tension, compression
+        The laws for positive and for negative strain, each zero at rest.
+    width
+        Strain at which the switch ends on either side.
+
+    Raises
+    ------
+    ValueError
+        As of `TensionOnly`, of either law.
+
+    Examples
+    --------
+    >>> from skfem_textile import Linear
+    >>> Asymmetric(Linear(1e4), Linear(10.0)).value(np.array([-0.01, 0.01]))
+    array([ -0.1, 100. ])
+    """
+
+    tension: Law
+    compression: Law
+    width: float = _WIDTH
+    of: ClassVar[Resistance] = "tension"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "width", number("width", self.width, above=0))
+        for name, sign in (("tension", 1), ("compression", -1)):
+            law = inner_law(name, getattr(self, name))
+            refuse_force_at_rest(name, law, sign * self.width)
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """From the end of the law in compression to that in tension."""
+        return domain_of(self.compression)[0], domain_of(self.tension)[1]
+
+    @property
+    def shown(self) -> tuple[float, float] | None:
+        """What each law shows on its side, if both tell."""
+        below, above = (
+            getattr(law, "shown", None) for law in (self.compression, self.tension)
+        )
+        if below is None or above is None:
+            return None
+        return below[0], above[1]
+
+    def energy(self, x: ndarray) -> ndarray:
+        """The sum of both, each of its own r, less that at rest."""
+        return self._energy(x) - self._energy(np.zeros(1))[0]
+
+    def _energy(self, x: ndarray) -> ndarray:
+        ramp, other = self._ramps(x)
+        return self.tension.energy(ramp.strain) + self.compression.energy(-other.strain)
+
+    def value(self, x: ndarray) -> ndarray:
+        """The sum of both."""
+        ramp, other = self._ramps(x)
+        above = self.tension.value(ramp.strain) * ramp.slope
+        return above + self.compression.value(-other.strain) * other.slope
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """The sum of both."""
+        ramp, other = self._ramps(x)
+        above = _tangent(self.tension, ramp, 1.0)
+        return above + _tangent(self.compression, other, -1.0)
+
+    def _ramps(self, x: ndarray) -> tuple["_Ramp", "_Ramp"]:
+        return _ramp(x, self.width), _ramp(-x, self.width)
+
+
+class _Ramp(NamedTuple):
+    """A strain that is 0 in compression, and its first two derivatives."""
+
+    strain: ndarray
+    slope: ndarray
+    bend: ndarray
+
+
+def _ramp(x: ndarray, width: float) -> _Ramp:
+    s = np.clip((x + width) / (2 * width), 0.0, 1.0)
+    curved = 2 * width * s**4 * (s * (s - 3) + 2.5)
+    slope = s**3 * (s * (6 * s - 15) + 10)
+    bend = 15 / width * (s * (1 - s)) ** 2
+    return _Ramp(np.where(x >= width, x, curved), slope, bend)
+
+
+def _tangent(law: Law, ramp: _Ramp, sign: float) -> ndarray:
+    """The derivative of a law's value, switched on one side."""
+    x = sign * ramp.strain
+    return law.tangent(x) * ramp.slope**2 + sign * law.value(x) * ramp.bend
+
+
+# Largest strain at which the tension is looked for, and the first.
+_LARGEST, _FIRST = 10.0, 1e-6
+
+
+@dataclass(frozen=True)
+class Pretensioned(ScalarLaw):
+    """A law of fibres that were stretched before, up to a tension.
+
+    The tension is T(ε + ε₀), where T(ε₀) is the given one.  Fibres with crimp have
+    less of it then, and those of `TensionOnly` go slack where they have shortened by
+    ε₀.  Of a linear law that is T₀ + E ε.
+
+    Parameters
+    ----------
+    law
+        The law of the fibres without pretension; it rises.
+    tension
+        T₀ in N/mm.
+
+    Raises
+    ------
+    ValueError
+        If the tension is not a finite number >= 0, or the law does not reach it or
+        differs from element to element.
+
+    Examples
+    --------
+    >>> from skfem_textile import Linear
+    >>> Pretensioned(Linear(1e3), 5.0).value(np.array([-0.005, 0.0, 0.001])).round(9)
+    array([0., 5., 6.])
+    """
+
+    law: Law
+    tension: float
+    of: ClassVar[Resistance] = "tension"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tension", number("pretension", self.tension))
+        inner_law("law", self.law)
+        _ = self.strain_before
+
+    @cached_property
+    def strain_before(self) -> float:
+        """ε₀, by bisection down to neighbouring numbers."""
+        low, high = 0.0, _FIRST
+        if (at_rest := self._at(low)) > self.tension:
+            raise ValueError(
+                f"the law has {at_rest:.4g} N/mm at rest, more than the pretension "
+                f"{self.tension:g}"
+            )
+        if at_rest == self.tension:
+            return low
+        end = min(float(domain_of(self.law)[1]), _LARGEST)
+        while self._at(min(high, end)) < self.tension:
+            if high >= end:
+                raise ValueError(
+                    f"the law has only {self._at(end):.4g} N/mm at a strain of "
+                    f"{end:.4g}, less than the pretension {self.tension:g}"
+                )
+            low, high = high, 2 * high
+        high = min(high, end)
+        while low < (middle := 0.5 * (low + high)) < high:
+            if self._at(middle) < self.tension:
+                low = middle
+            else:
+                high = middle
+        return high
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """That of the law, from the strain before."""
+        low, high = domain_of(self.law)
+        return low - self.strain_before, high - self.strain_before
+
+    @property
+    def shown(self) -> tuple[float, float] | None:
+        """What the law shows."""
+        shown = getattr(self.law, "shown", None)
+        if shown is None:
+            return None
+        return shown[0] - self.strain_before, shown[1] - self.strain_before
+
+    def energy(self, x: ndarray) -> ndarray:
+        """The law's energy, less that at rest."""
+        at_rest = self.law.energy(np.array([self.strain_before]))[0]
+        return self.law.energy(x + self.strain_before) - at_rest
+
+    def value(self, x: ndarray) -> ndarray:
+        """T(ε + ε₀)."""
+        return self.law.value(x + self.strain_before)
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """T′(ε + ε₀)."""
+        return self.law.tangent(x + self.strain_before)
+
+    def _at(self, strain: float) -> float:
+        return float(self.law.value(np.array([strain]))[0])

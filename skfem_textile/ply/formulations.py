@@ -1,0 +1,450 @@
+"""Formulations: on which element, at which points, and what stabilises it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from numbers import Real
+from typing import Any, ClassVar, Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy import ndarray
+from skfem import CellBasis, ElementQuad1, ElementTriP1, Mesh
+
+from .. import forms
+from ..fabric import Fabric
+from ..mesh.bases import (
+    CENTRE,
+    GAUSS,
+    SIX,
+    HourglassBasis,
+    JumpBasis,
+    MacroBasis,
+    MeanBasis,
+    components,
+    quad_basis,
+    triangle_basis,
+)
+from ..mesh.checks import MeshError, check_mesh
+from ..mesh.splitting import SplitMesh, cut, split, was_split
+from .kernels.kernel import HourglassKernel, MeanTensionKernel, TensionKernel
+from .kernels.out_of_plane import OutOfPlaneKernel
+from .parameters import (
+    NO_VALUES,
+    AccumulatedMoment,
+    HeldDeviation,
+    HeldStabilisation,
+    TermParameters,
+    Values,
+)
+from .terms import FormTerm, TensionTerm, Term
+
+# Twist is held with this share of the smaller bending stiffness, where both families
+# have one: fibres that bend one by one leave the ply no other motion without stiffness
+# than z = xy.  Chosen: it adds 0.1 % to the load under which a square plate buckles.
+_TWIST_OVER_BENDING = 0.002
+
+
+class Pointwise:
+    """Every point has the tension of its own fibre strain, and nothing is added."""
+
+    def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
+        """The tension T(ε) at every point."""
+        definition, kernel = forms.tension(fabric), TensionKernel(fabric)
+        return TensionTerm("tension", definition, basis, kernel)
+
+    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
+        """None."""
+        return []
+
+
+class Quadrilaterals(Pointwise):
+    """Bilinear quadrilaterals, judged at the 2×2 points."""
+
+    rule: ClassVar[tuple[ndarray, ndarray]]
+    centre: ClassVar[ndarray] = CENTRE[0]
+    fine_points: ClassVar[ndarray] = GAUSS[0]
+
+    def working_mesh(self, mesh: Mesh) -> Mesh:
+        """Quadrilaterals as they are, triangles split."""
+        if getattr(mesh, "elem", None) is not ElementTriP1:
+            return mesh
+        check_mesh(mesh)
+        return split(mesh)
+
+    def basis(self, mesh: Mesh, dimension: int = 2) -> CellBasis:
+        """Basis of the displacement."""
+        check_mesh(mesh)
+        return quad_basis(mesh, self.rule, dimension)
+
+
+def mean_tension_term(
+    fabric: Fabric, deviation: float | ndarray, basis: MeanBasis
+) -> TensionTerm:
+    """The term of fibres that meet their whole stiffness in mean stretches alone."""
+    return TensionTerm(
+        "tension",
+        forms.mean_tension(fabric),
+        basis,
+        MeanTensionKernel(fabric),
+        parameters=HeldDeviation(fabric, deviation, basis),
+        of_means=Values({"E_d": np.zeros((2, basis.nelems, 1))}),
+    )
+
+
+def refuse_stiffness(name: str, value: float | str, also: str = "") -> None:
+    """Refuse what is no stiffness, nor ``auto`` where that may be."""
+    if also and isinstance(value, str) and value == "auto":
+        return
+    if not isinstance(value, Real) or not (np.isfinite(value) and value >= 0):
+        raise ValueError(f"{name} must be a finite number >= 0{also}, got {value}")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OutOfPlane(FormTerm):
+    """The term of `out_of_plane`, with the numbers of its kernel.
+
+    Parameters
+    ----------
+    C_s
+        Stiffness in N/mm, one for each element, shape (n_elements, 1); with parameters
+        an upper limit of their ``C_s``.
+    """
+
+    C_s: ndarray
+
+    def energy(self, u: ndarray, t: float, p: Values = NO_VALUES) -> float:
+        """See `OutOfPlaneKernel`."""
+        return self._numbers.energy(u, self._stiffness(p))
+
+    def residual(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """See `OutOfPlaneKernel`."""
+        return self._numbers.forces(u, self._stiffness(p))
+
+    def matrices(self, u: ndarray, t: float, p: Values = NO_VALUES) -> ndarray:
+        """See `OutOfPlaneKernel`."""
+        return self._numbers.matrices(u, self._stiffness(p))
+
+    def _given(self, t: float, p: Values) -> dict[str, Any]:
+        return {**super()._given(t, p), "C_s": self._stiffness(p)}
+
+    def _stiffness(self, p: Values) -> ndarray:
+        return np.minimum(p.get("C_s", np.inf), self.C_s)
+
+    @cached_property
+    def _numbers(self) -> OutOfPlaneKernel:
+        return OutOfPlaneKernel(self.basis)
+
+
+def hourglass_terms(
+    stabilisation: float | str, basis: CellBasis, fabric: Fabric
+) -> list[Term]:
+    """The terms of a number C_s or ``auto``, none if it is zero.
+
+    The hourglass term, and in space `OutOfPlane`.
+    """
+    if stabilisation == 0:
+        return []
+    C_s = None if stabilisation == "auto" else float(stabilisation)
+    corners = hourglass_basis(basis)
+    definition, kernel = forms.hourglass(fabric, C_s), HourglassKernel(fabric, C_s)
+    held = _automatic(basis, fabric) if C_s is None else None
+    terms: list[Term] = [stabilising_term(definition, corners, kernel, held)]
+    if components(basis) == 3:
+        out_of_plane = OutOfPlane(
+            "out_of_plane",
+            forms.out_of_plane(),
+            corners,
+            C_s=_most_against_twist(np.inf if C_s is None else C_s, fabric, corners),
+            role="stabilisation",
+            parameters=_automatic(basis, fabric, across=True) if C_s is None else None,
+        )
+        terms.append(out_of_plane)
+    return terms
+
+
+def _most_against_twist(C_s: float, fabric: Fabric, basis: HourglassBasis) -> ndarray:
+    """The largest C_s out of the plane, shape (n_elements, 1).
+
+    Where fibres resist bending, elements resist twist with a share of that at most.
+    A bending stiffness D resists a curvature κ with ½ D κ² per area; C_s resists a
+    twist κ of a square of area A with ½ C_s A/6 κ².
+    """
+    least = np.minimum(*fabric.bending)
+    D = np.broadcast_to(least, basis.dx[:, 0].shape)[:, None]
+    most = _TWIST_OVER_BENDING * 6 * D / basis.dx.sum(axis=1, keepdims=True)
+    return np.where(D > 0, np.minimum(C_s, most), C_s)
+
+
+def hourglass_basis(basis: CellBasis) -> HourglassBasis:
+    """The `HourglassBasis` of the same displacement."""
+    d = components(basis)
+    return HourglassBasis(basis.mesh, d, mapping=basis.mapping, dofs=basis.dofs)
+
+
+def _automatic(
+    basis: CellBasis, fabric: Fabric, across: bool = False
+) -> HeldStabilisation:
+    """C_s of each element in the plane, or across it, where grip does not count.
+
+    The tension at a single point is not that of the fabric.
+    """
+    if isinstance(basis, MeanBasis):
+        return HeldStabilisation(fabric, basis, by_tension=True, by_grip=not across)
+    points = MeanBasis(
+        basis.mesh,
+        basis.elem,
+        mapping=basis.mapping,
+        dofs=basis.dofs,
+        quadrature=CENTRE,
+    )
+    return HeldStabilisation(fabric, points, by_tension=False, by_grip=not across)
+
+
+def stabilising_term(
+    forms: forms.Forms,
+    basis: CellBasis | JumpBasis,
+    kernel: HourglassKernel | None = None,
+    parameters: TermParameters | None = None,
+) -> FormTerm:
+    """The term of a stabilisation."""
+    return FormTerm(
+        "stabilisation",
+        forms,
+        basis,
+        kernel,
+        role="stabilisation",
+        parameters=parameters,
+    )
+
+
+@dataclass(frozen=True)
+class Full(Quadrilaterals):
+    """2×2 points and no stabilisation: locks unless a mesh follows the fibres."""
+
+    name: ClassVar[str] = "full"
+    title: ClassVar[str] = "2×2 points"
+    rule: ClassVar[tuple[ndarray, ndarray]] = GAUSS
+
+
+Kind: TypeAlias = Literal["energy", "rate", "continuity", "isotropic"]
+
+
+@dataclass(frozen=True)
+class OnePoint(Quadrilaterals):
+    """One point at the centre, stabilised on the non-constant shear angle alone.
+
+    Parameters
+    ----------
+    stabilisation
+        Stabilisation stiffness C_s in N/mm (Hamila & Boisse 2013, §3.2), or ``auto``:
+        in each element by its shear stiffness and the angle between its fibres
+        (`stabilisation_stiffness`, without tension).
+    kind
+        ``energy``: independent of the path, with an exact tangent.  ``rate``: the
+        paper's accumulated rates, parameters that are advanced once a step.
+        For comparison, ``continuity``: against jumps of the shear angle between
+        elements; ``isotropic``: against hourglass motions of all directions.
+
+    Raises
+    ------
+    ValueError
+        If the stabilisation is negative or not finite, or ``auto`` with another kind
+        than ``energy``, or the kind unknown.
+    """
+
+    stabilisation: float | Literal["auto"] = "auto"
+    kind: Kind = "energy"
+
+    name: ClassVar[str] = "one-point"
+    rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise ValueError(
+                f"kind must be one of {', '.join(get_args(Kind))}, got {self.kind!r}"
+            )
+        refuse_stiffness("stabilisation", self.stabilisation, " or 'auto'")
+        if self.stabilisation == "auto" and self.kind != "energy":
+            raise ValueError(
+                f"stabilisation auto goes with kind energy, not {self.kind}: give a "
+                "number"
+            )
+
+    @property
+    def title(self) -> str:
+        """What to call it in a picture."""
+        kind = "" if self.kind == "energy" else f", {self.kind}"
+        C_s = self.stabilisation
+        return f"one point, Cs = {C_s if C_s == 'auto' else f'{C_s:g}'}{kind}"
+
+    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
+        """The hourglass term, unless C_s is zero, or jumps are of no edge."""
+        if self.kind == "energy":
+            return hourglass_terms(self.stabilisation, basis, fabric)
+        if components(basis) == 3 and self.kind != "isotropic":
+            raise ValueError(
+                f"stabilisation of kind {self.kind} is of a ply in the plane: take "
+                "energy or isotropic in space"
+            )
+        if (C_s := float(self.stabilisation)) == 0:
+            return []
+        if self.kind == "continuity":
+            if basis.mesh.f2t[1].max() < 0:
+                return []
+            edges = JumpBasis(basis.mesh, mapping=basis.mapping, dofs=basis.dofs)
+            return [stabilising_term(forms.shear_continuity(fabric, C_s), edges)]
+        corners = hourglass_basis(basis)
+        if self.kind == "isotropic":
+            return [stabilising_term(forms.isotropic_hourglass(C_s), corners)]
+        moment = AccumulatedMoment(fabric, C_s, corners)
+        rate = forms.hourglass_rate(fabric, C_s)
+        return [stabilising_term(rate, corners, parameters=moment)]
+
+
+@dataclass(frozen=True)
+class Macro(Quadrilaterals):
+    """Quadrilaterals and triangles split in parts of one point each, nothing to tune.
+
+    The elements are split (`split`).  They are macro-elements, whose fibres meet their
+    whole stiffness in the mean stretch alone (`mean_tension`); each of the parts is
+    stabilised as by `OnePoint`.
+
+    Parameters
+    ----------
+    stabilisation
+        As of `OnePoint`, but that it grows with the tension too.
+    deviation
+        Stiffness that meets deviations from the mean stretch, as a multiple of shear
+        stiffness and tension (`deviation_stiffness`), in what was a triangle and a
+        quadrilateral.  Measured on bias extensions at 30°, 45° and 60°:
+        `python -m studies angles --part choosing`.
+
+    Raises
+    ------
+    ValueError
+        If one of them is negative or not finite.
+    """
+
+    stabilisation: float | Literal["auto"] = "auto"
+    deviation: tuple[float, float] = (370.0, 700.0)
+
+    name: ClassVar[str] = "macro"
+    rule: ClassVar[tuple[ndarray, ndarray]] = CENTRE
+
+    def __post_init__(self) -> None:
+        refuse_stiffness("stabilisation", self.stabilisation, " or 'auto'")
+        if np.shape(np.asarray(self.deviation, dtype=object)) != (2,):
+            raise ValueError(
+                "deviation must be a pair (triangles, quadrilaterals), got "
+                f"{self.deviation}"
+            )
+        for deviation in self.deviation:
+            refuse_stiffness("deviation", deviation)
+
+    @property
+    def title(self) -> str:
+        """What to call it in a picture."""
+        C_s, own = self.stabilisation, self.deviation == Macro.deviation
+        return (
+            "macro-elements"
+            + ("" if C_s == "auto" else f", Cs = {C_s:g}")
+            + ("" if own else ", {:g} and {:g}".format(*self.deviation))
+        )
+
+    def working_mesh(self, mesh: Mesh) -> Mesh:
+        """The mesh split, unless it was split already."""
+        if was_split(mesh):
+            return mesh
+        if isinstance(mesh, SplitMesh):
+            raise MeshError(
+                "the mesh was split, and refined, cut out or renumbered since: do that "
+                "to the mesh before it is split, or give its elements as a new MeshQuad"
+            )
+        check_mesh(mesh)
+        return split(mesh)
+
+    def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
+        """The tension of the mean stretch of each macro-element."""
+        mesh: Any = basis.mesh
+        d = components(basis)
+        macro = MacroBasis(mesh, d, mapping=basis.mapping, dofs=basis.dofs)
+        of_triangles, of_quadrilaterals = self.deviation
+        four = (macro.parts >= 0).sum(axis=1) == 4
+        deviation = np.where(four, of_quadrilaterals, of_triangles)
+        return mean_tension_term(fabric, deviation[:, None], macro)
+
+    def stabilising_terms(self, basis: CellBasis, fabric: Fabric) -> list[Term]:
+        """The hourglass term, unless C_s is zero."""
+        return hourglass_terms(self.stabilisation, basis, fabric)
+
+
+@dataclass(frozen=True)
+class Quadratic(Pointwise):
+    """Quadratic triangles with three points and no stabilisation.
+
+    The element is `skfem.ElementTriP2` on triangles, in which quadrilaterals are cut
+    (`cut`): nodes at vertices and at the middles of edges.  Judged at six points, exact
+    to degree 4.
+
+    Parameters
+    ----------
+    deviation
+        If given, fibres meet their whole stiffness in the mean stretch of a triangle
+        alone, and deviations from it this multiple of shear stiffness and tension
+        (`deviation_stiffness`).
+
+    Raises
+    ------
+    ValueError
+        If it is negative or not finite.
+    """
+
+    deviation: float | None = None
+
+    name: ClassVar[str] = "quadratic"
+    centre: ClassVar[ndarray] = np.array([[1 / 3], [1 / 3]])
+    fine_points: ClassVar[ndarray] = SIX[0]
+
+    def __post_init__(self) -> None:
+        if self.deviation is not None:
+            refuse_stiffness("deviation", self.deviation)
+
+    @property
+    def title(self) -> str:
+        """What to call it in a picture."""
+        C_d = self.deviation
+        return "quadratic triangles" + ("" if C_d is None else f", mean, {C_d:g}")
+
+    def working_mesh(self, mesh: Mesh) -> Mesh:
+        """Triangles as they are, quadrilaterals cut."""
+        if isinstance(mesh, SplitMesh):
+            raise MeshError(
+                "quadratic triangles take no mesh that was split, as that of a file "
+                "with both triangles and quadrilaterals is: give one of either"
+            )
+        if getattr(mesh, "elem", None) is not ElementQuad1:
+            return mesh
+        check_mesh(mesh)
+        quads: Any = mesh
+        return cut(quads)
+
+    def basis(self, mesh: Mesh, dimension: int = 2) -> CellBasis:
+        """Basis of the displacement."""
+        check_mesh(mesh)
+        return triangle_basis(mesh, dimension)
+
+    def tension_term(self, basis: CellBasis, fabric: Fabric) -> TensionTerm:
+        """The tension at each of the points, or of their mean stretch."""
+        if self.deviation is None:
+            return super().tension_term(basis, fabric)
+        means = MeanBasis(
+            basis.mesh,
+            basis.elem,
+            mapping=basis.mapping,
+            dofs=basis.dofs,
+            quadrature=basis.quadrature,
+        )
+        return mean_tension_term(fabric, self.deviation, means)
+
+
+#: The formulation where none is given.
+DEFAULT = Macro()

@@ -1,0 +1,152 @@
+"""Scene `drape`: a ply on a tool of triangles, which a file holds.
+
+The ply touches the tool at one point.  The axes of the scene have their origin there
+and z along the normal of the tool, so that the surface grows out of the ply's plane.
+"""
+
+from collections.abc import Sequence
+from typing import Unpack
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh
+
+from ..drape import Axes, ToolMesh, TriangleMesh
+from ..drape.sheet import boundary_edges
+from ..mesh.contact import signed_areas
+from ..solve.surface import OffSurfaceError, OnSurface, onto
+from .laid import LaidPly, laid, tell_of_net
+from .scene import Scene
+
+# Vertices lower than the highest by this share of the tool's extent are as high.
+_AS_HIGH = 1e-6
+
+# Area of a ply over that of its tool from which it is refused: one that shears by 60°
+# needs half of its area.
+_MOST_AREA = 2.0
+
+# The same below which one of them is in other units.  Chosen: a patch of 100 mm on a
+# tool of 10 m has 1e-4; a tool in micrometres makes it a millionth at most.
+_LEAST_AREA = 1e-5
+
+# Iterations at most to where the tool is level, the step over the longest edge that
+# ends them, and that edge over the radius of a curve that counts as straight.  Chosen:
+# above what a mesh is rounded to.
+_MOST, _SETTLED, _STRAIGHT = 50, 1e-9, 1e-3
+
+# Slope up to which a plane is level.
+_LEVEL = 0.02
+
+
+def drape(
+    tool: TriangleMesh,
+    mesh: str | Mesh = "irregular",
+    point: Sequence[float] | None = None,
+    **ply: Unpack[LaidPly],
+) -> Scene:
+    """A whole ply on a tool of triangles.
+
+    Parameters
+    ----------
+    tool
+        The tool, as of `skfem_textile.io.read_surface`.
+    mesh, **ply
+        As of `laid`, but for ``part``: the whole ply is computed.
+    point
+        Where the middle of the ply touches the tool, in mm.  If not given its highest
+        point, and of several the one nearest to its middle.
+
+    Raises
+    ------
+    ValueError
+        As from `laid`, or if the tool has no such point, is not level there, is much
+        smaller than the ply, or has triangles that are much larger.
+    """
+    facets = tool.facets
+    if point is None:
+        place = _highest(tool)
+    else:
+        place = _on_tool(tool, np.asarray(point, dtype=float))
+    if tool.beyond_edges(place[:, None])[0] > 0:
+        raise ValueError(
+            f"drape: the tool has no triangle at {_said(place)}, where the ply is to "
+            "touch it: give another point"
+        )
+    axes = Axes.at(tool, place)
+    surface = tool.moved(*axes)
+    whole: LaidPly = {**ply, "part": "whole"}
+    scene = laid("drape", surface, mesh, **whole, axes=axes)
+    _refuse_sizes(facets, scene.mesh)
+    on_tool, fibres = scene.conditions["tool"], float(ply.get("fibres", 0.0))
+    assert isinstance(on_tool, OnSurface)
+    tell_of_net(on_tool, scene.mesh.p, (fibres, fibres + np.pi / 2), axes)
+    return scene
+
+
+def _refuse_sizes(facets: ToolMesh, ply: Mesh) -> None:
+    a, b, c = facets.points[:, facets.triangles()].swapaxes(0, 1)
+    of_tool = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+    x, y = ply.p[:, ply.t]
+    of_ply = np.abs(signed_areas(x, y)).sum()
+    areas = f"drape: the ply has {of_ply:.4g} mm2, the tool {of_tool:.4g} mm2 in all"
+    if of_ply > _MOST_AREA * of_tool:
+        raise ValueError(f"{areas}: take a smaller ply, or a file in mm")
+    if of_ply < _LEAST_AREA * of_tool:
+        raise ValueError(f"{areas}: take a larger ply, or a file in mm")
+
+
+def _on_tool(tool: TriangleMesh, point: ndarray) -> ndarray:
+    """The point of a tool that is nearest to one that a user gives."""
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise ValueError(
+            f"drape: the point must be three numbers, got {point.tolist()}"
+        )
+    near = tool.facets.longest_edges().max()
+    try:
+        with np.errstate(all="ignore"):  # what is far away is refused
+            place = onto(tool, point[:, None])[:, 0]
+    except OffSurfaceError:
+        place = np.full(3, np.inf)
+    if not np.linalg.norm(place - point) <= near:
+        raise ValueError(
+            f"drape: the point {_said(point)} is further than {near:.3g} mm, an edge "
+            "of a triangle, from the tool: give a point on it"
+        )
+    return place
+
+
+def _highest(tool: TriangleMesh) -> ndarray:
+    """The highest point of a tool, where it is level, by Newton's method.
+
+    There e_z = μ∇φ and φ = 0.  Along a ridge, and on a flat top, it stays where it is.
+    """
+    facets = tool.facets
+    x, near = facets.points, facets.longest_edges().max()
+    high = np.flatnonzero(x[2] >= x[2].max() - _AS_HIGH * np.ptp(x))
+    middle = 0.5 * (x.min(axis=1) + x.max(axis=1))
+    vertex = high[np.hypot(*(x[:, high] - middle[:, None])[:2]).argmin()]
+    start = place = x[:, vertex]
+    mu, inside = 0.0, vertex not in boundary_edges(facets.cells)
+    for _ in range(_MOST):
+        at = place[:, None]
+        g, level = tool.gradient(at)[:, 0], tool.level(at)[0]
+        mu = mu or g[2] / (g @ g)
+        curved = mu * near * tool.hessian(at)[:, :, 0]
+        tangent = np.block([[curved, g[:, None]], [g[None], np.zeros((1, 1))]])
+        right = np.append(-mu * g, -level / near)
+        right[2] += 1.0
+        step = np.linalg.lstsq(tangent, right, rcond=_STRAIGHT)[0]
+        place, mu = place + near * step[:3], mu + step[3]
+        away = np.linalg.norm(place - start)
+        if np.linalg.norm(step) <= _SETTLED or away > 2 * near:
+            break
+    if inside and away <= 2 * near and np.hypot(*g[:2]) <= _LEVEL * abs(g[2]):
+        return place
+    raise ValueError(
+        f"drape: the highest point of the tool, {_said(start)}, is at its edge or on a "
+        "slope: give the point where the ply touches it"
+    )
+
+
+def _said(point: ndarray) -> str:
+    return " ".join(f"{x:.6g}" for x in point)

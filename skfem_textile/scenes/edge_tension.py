@@ -1,0 +1,167 @@
+"""Tension on the free edges of a draped ply, along the fibres that end there.
+
+Tractions keep the directions of a kinematic net, for which the ply needs no solution.
+They are those by which a larger ply would go on in the net: T e + M_s p of each family,
+e along its fibres and p = λ ∂Γ/∂a across them, times the cosine between the fibres and
+the normal of the edge at rest.
+
+As the surface grows, they follow its nets.  The surface at the load factor t is the
+tool enlarged by 1/t about the point X₀ where it touches the ply, and so is its net.
+Directions at X are those of the tool's net at X₀ + t(X − X₀): one net gives all.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy import ndarray
+from skfem import CellBasis, FacetBasis, LinearForm, asm
+from skfem.helpers import dot
+
+from ..drape import Net
+from ..fabric.law import Law
+from ..ply.parameters import Values
+from ..ply.terms import Term
+from ..solve.surface import OnSurface
+from .on_tool import CELLS, net_over
+
+# Cells that the net reaches beyond the ply.
+_BEYOND = 2
+
+# Load factors at which the net is laid around the points of the edges, at most 1.5
+# cells apart, and at which the shear law is asked before the ply is draped.
+_ON_THE_WAY = np.linspace(0.0, 1.0, CELLS + 1)
+
+# Shear angle of a net in radians that is rounding.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeTension:
+    """Tension on the edges of a ply, there from the start.
+
+    Parameters
+    ----------
+    on_tool
+        The surface on which the ply lies.
+    tension
+        T in N/mm.
+    angles
+        Inclination of warp and weft at rest in radians.
+    shear_law
+        Law of M_s; None for tractions without shear moments.
+    held
+        Names of boundaries without tension.
+    """
+
+    on_tool: OnSurface
+    tension: float
+    angles: tuple[float, float]
+    shear_law: Law | None
+    held: tuple[str, ...]
+
+    def on(self, basis: CellBasis) -> "_Tractions":
+        """The term on a basis of the displacement.
+
+        Raises
+        ------
+        ValueError
+            If the net folds or leaves the surface, or shears past what the law knows.
+        """
+        mesh = basis.mesh
+        held = [mesh.boundaries[name] for name in self.held]
+        free = np.setdiff1d(mesh.boundary_facets(), np.concatenate([[], *held]))
+        edges = FacetBasis(
+            *(mesh, basis.elem, basis.mapping), facets=free.astype(int), dofs=basis.dofs
+        )
+        X = np.asarray(edges.global_coordinates()).reshape(2, -1)
+        way = np.hstack([self._in_net(X, t) for t in _ON_THE_WAY])
+        try:
+            laid = net_over(way, self.on_tool, 1.0, self.angles, _BEYOND)
+            directions = laid.tangents(way)
+        except ValueError as error:
+            raise ValueError(
+                f"edge tension: {error}; or leave the tension out and give the fibres "
+                "a bending stiffness"
+            ) from None
+        self._moment(*_cosine_and_sine(directions))
+        return _Tractions(self, edges, laid)
+
+    def traction(self, X: ndarray, N: ndarray, laid: Net, t: float) -> ndarray:
+        """Force per reference length at points, shape (3, n_edges, n_points).
+
+        Parameters
+        ----------
+        X, N
+            Points of the edges in mm and normals there, shape (2, n_edges, n_points).
+        laid
+            The net of the tool.
+        t
+            The load factor.
+        """
+        e = laid.tangents(self._in_net(X.reshape(2, -1), t))
+        c, s = _cosine_and_sine(e)
+        moment = self._moment(c, s)
+        force = np.zeros_like(e[0])
+        for own, other, angle in zip(e, e[::-1], self.angles, strict=True):
+            across = np.cos(angle) * N[0].ravel() + np.sin(angle) * N[1].ravel()
+            force += across * (t * self.tension * own + moment * (other - c * own) / s)
+        return force.reshape(3, *X.shape[1:])
+
+    def _in_net(self, X: ndarray, t: float) -> ndarray:
+        """The points X₀ + t(X − X₀) of the net of the tool, shape (2, n)."""
+        touch = np.array(self.on_tool.touch)[:, None]
+        return touch + t * (X - touch)
+
+    def _moment(self, c: ndarray, s: ndarray) -> ndarray:
+        """M_s where fibres are at an angle of given cosine and sine to one another."""
+        if self.shear_law is None:
+            return np.zeros_like(c)
+        gamma = self.angles[1] - self.angles[0] - np.arctan2(s, c)
+        gamma = np.where(np.abs(gamma) < _ROUNDING, 0.0, gamma)
+        moment = np.asarray(self.shear_law.value(gamma))
+        if not np.isfinite(moment).all():
+            raise ValueError(
+                f"edge tension: its net shears by {np.degrees(np.abs(gamma).max()):.3g}"
+                " degrees, past what the shear law knows: leave the tension out and "
+                "give the fibres a bending stiffness"
+            )
+        return moment
+
+
+class _Tractions(Term):
+    """Forces of the tractions at a load factor; those of the last one are kept."""
+
+    name, role = "edge tension", "load"
+
+    def __init__(self, tension: EdgeTension, edges: FacetBasis, laid: Net) -> None:
+        X = np.asarray(edges.global_coordinates())
+        N = np.asarray(edges.normals)
+
+        @lru_cache(maxsize=1)
+        def at(t: float) -> ndarray:
+            return asm(_WORK, edges, force=tension.traction(X, N, laid, t))
+
+        self._at = at
+
+    def energy(self, u: ndarray, t: float, p: Values) -> float:
+        """−F(t)·u."""
+        return -float(self._at(t) @ u)
+
+    def residual(self, u: ndarray, t: float, p: Values) -> ndarray:
+        """−F(t)."""
+        return -self._at(t)
+
+    def tangent(self, u: ndarray, t: float, p: Values) -> None:
+        """None."""
+
+
+def _cosine_and_sine(e: ndarray) -> tuple[ndarray, ndarray]:
+    """Of the angles between warp and weft of given directions, shape (n,)."""
+    c = (e[0] * e[1]).sum(axis=0)
+    return c, np.linalg.norm(np.cross(e[0], e[1], axis=0), axis=0)
+
+
+@LinearForm
+def _WORK(v, w):
+    return dot(w["force"], v)

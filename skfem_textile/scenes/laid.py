@@ -1,0 +1,309 @@
+"""A ply that is laid on a tool, which grows out of its plane.
+
+The tool touches the ply at its middle, the origin.  A quarter of the ply is enough
+where tool and fibres have planes of symmetry, with fibres along the sides or at 45° to
+them.  Otherwise the whole ply is held along x at its middle, and along y at two nodes
+near its x axis, one on each side, where geodesics lay them.  On a tool that half a turn
+leaves as it is, these forces leave the ply so too.
+
+What a tool asks of a ply, told before the ply is draped.
+
+Fibres that do not stretch lie on a tool as a kinematic net does: how far it shears
+follows from the curvature of the tool.  At the corner of a box the whole right angle
+of curvature is in one place, and no net lies around it.  Load steps become tiny there.
+"""
+
+import logging
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Literal, TypeAlias, TypedDict, get_args
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh
+
+from ..drape import SAME_AXES, Axes, exponential_map
+from ..drape.kinematic_net import FoldedNetError, NetError
+from ..fabric import Fabric
+from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..ply.terms import Load
+from ..solve.conditions import Condition
+from ..solve.result import Result
+from ..solve.surface import OnSurface, Surface
+from .edge_tension import EdgeTension
+from .on_tool import CELLS, measured_on_tool, net_over
+from .rectangle import misfit, rectangle
+from .scene import Scene, unknown
+
+log = logging.getLogger(__name__)
+
+# Shear angle of a net in degrees, and its change over the length of an element, above
+# which both together are told.  Measured with 6 to 32 elements along the ply: beyond
+# the corners of boxes with walls of 45°, 67° and 78° nets shear by 21°, 52° and 72°,
+# with changes of 11° to 24°, 33° to 54° and 51° to 77°.  Under tension 16×16 elements
+# get over the second in short load steps and 8×8 do not.  Over a sphere nets shear by
+# up to 72°; where it is more than 45° changes are 28° at most.
+_MOST_SHEAR, _MOST_CHANGE = 45.0, 30.0
+
+# No tension or stiffness mends it.  Rounding a corner spreads its curvature and leaves
+# the shear beyond it as it is.
+_ADVICE = (
+    "The load steps may become tiny and the run may stop: let the ply end before that "
+    "corner, or drape it in parts"
+)
+
+
+def tell_of_net(
+    on_tool: OnSurface, X: ndarray, angles: tuple[float, float], axes: Axes
+) -> None:
+    """Warn of a tool on which a net folds, or shears far at a corner.
+
+    Parameters
+    ----------
+    on_tool
+        The tool.
+    X
+        Nodes of the flat ply in mm, shape (2, n).
+    angles
+        Inclination of warp and weft at rest in radians.
+    axes
+        Axes of the ply among those of the tool, in which places are told.
+    """
+    try:
+        net = net_over(X, on_tool, 1.0, angles)
+    except FoldedNetError as error:
+        log.warning(
+            "drape: fibres that do not stretch cannot lie on this tool: their net "
+            "folds at (%s). %s",
+            _said(axes, error.place),
+            _ADVICE,
+        )
+        return
+    except NetError:  # its first threads leave the surface, which tells of no fold
+        return
+    shear = np.degrees(net.shear_angle())
+    cell = np.ptp(X, axis=1).max() / CELLS
+    element = np.sqrt(np.ptp(X, axis=1).prod() / X.shape[1])
+    over = max(1, round(float(element / cell)))
+    change = max(
+        np.nan_to_num(np.abs(shear[over:] - shear[:-over])).max(initial=0.0),
+        np.nan_to_num(np.abs(shear[:, over:] - shear[:, :-over])).max(initial=0.0),
+    )
+    shear = np.nan_to_num(np.abs(shear))
+    if shear.max() > _MOST_SHEAR and change > _MOST_CHANGE:
+        i, j = np.unravel_index(shear.argmax(), shear.shape)
+        place = net.positions[:, i : i + 2, j : j + 2].mean(axis=(1, 2))
+        log.warning(
+            "drape: fibres that do not stretch shear by %.0f degrees at (%s), for the "
+            "curvature of this tool is at a corner. %s",
+            shear.max(),
+            _said(axes, place),
+            _ADVICE,
+        )
+
+
+def _said(axes: Axes, place: ndarray) -> str:
+    return ", ".join(f"{x:.4g}" for x in axes.of_tool(place[:, None])[:, 0])
+
+
+Part: TypeAlias = Literal["quarter", "whole"]
+
+PARTS: tuple[str, ...] = get_args(Part)
+
+#: Sides in planes of symmetry, and their normals.
+_SYMMETRY = {"left": (0.0, None, None), "bottom": (None, 0.0, None)}
+
+# Angle in radians, and share of the ply, that count as none.
+_OFF = 1e-6
+
+
+class LaidPly(TypedDict, total=False):
+    """What all plies that are laid have; `laid` says what each is."""
+
+    size: tuple[int, int]
+    jitter: float
+    seed: int
+    fibres: float
+    width: float
+    height: float
+    tension: float
+    part: Part | None
+
+
+def laid(
+    name: str,
+    surface: Surface,
+    mesh: str | Mesh,
+    *,
+    size: tuple[int, int] = (16, 16),
+    jitter: float = 0.0,
+    seed: int = 1,
+    fibres: float = 0.0,
+    width: float = 180.0,
+    height: float = 180.0,
+    tension: float = 2.0,
+    part: Part | None = None,
+    exact: Callable[[ndarray, float], ndarray] = unknown,
+    off_exact: Callable[[ndarray], str] = lambda X: "no exact answer is known",
+    axes: Axes = SAME_AXES,
+) -> Scene:
+    """The scene of a ply on a tool.
+
+    Parameters
+    ----------
+    name
+        Name of the scene.
+    surface
+        The tool, which touches the plane z = 0 at the origin.  If a quarter is computed
+        it is symmetric about the planes x = 0 and y = 0.
+    mesh
+        A mesh of the ply with its middle at the origin, or of its quarter with the
+        lower left corner there; or the kind of `rectangle` to make.
+    size, jitter, seed
+        As for `rectangle`, of what is computed.
+    fibres
+        Inclination of the warp in radians; the weft is at right angles to it.
+    width, height
+        Sides of the whole ply in mm, where its mesh is made.
+    tension
+        Tension in N/mm on free edges along the fibres, see `EdgeTension`.
+    part
+        What is computed; a quarter if not given where the fibres allow it.
+    exact
+        Exact shear angle ``(X, t) -> (n,)`` in radians, `unknown` if it is.
+    off_exact
+        Why it does not hold for a ply with given nodes, (2, n); empty if it does.
+    axes
+        Axes of the scene among those of the tool that a user gives.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid or does not fit, a number is not positive, or the part
+        does not go with the fibres.
+    """
+    _refuse_numbers(name, width, height, tension, fibres)
+    symmetric = abs(fibres / (np.pi / 4) - round(fibres / (np.pi / 4))) < _OFF
+    if part == "quarter" and not symmetric:
+        raise ValueError(
+            f"{name}: fibres at {np.degrees(fibres):g} degrees have no planes of "
+            "symmetry: take the whole ply"
+        )
+    part = part or ("quarter" if symmetric else "whole")
+    share, held = (0.5, tuple(_SYMMETRY)) if part == "quarter" else (1.0, ())
+    angles = fibres, fibres + np.pi / 2
+    on_tool = OnSurface(surface)
+    if isinstance(mesh, str):
+        sides = share * width, share * height
+        flat = rectangle(*sides, size, mesh, jitter, seed, *angles)
+        if part == "whole":
+            flat = flat.translated((-0.5 * width, -0.5 * height))
+    else:
+        check_mesh(mesh)
+        flat = with_edges(mesh)
+    held_at = _in_planes(name, flat) if held else _at_middle(name, flat, on_tool)
+
+    def edge_tension(fabric: Fabric) -> Sequence[Load]:
+        law = fabric.shear_law if fabric.at() is fabric else None
+        return [EdgeTension(on_tool, tension, angles, law, held)] if tension else []
+
+    c, s = float(np.cos(fibres)), float(np.sin(fibres))
+    return Scene(
+        name=name,
+        mesh=flat,
+        warp=(c, s),
+        weft=(-s, c),
+        conditions={"tool": on_tool, **held_at},
+        driven="tool",
+        shear_angle=exact,
+        dimension=3,
+        fibre_ends=dict.fromkeys(held, "mirror"),
+        loads_of=edge_tension,
+        figures=partial(shear_errors, exact=exact),
+        measured=partial(
+            measured_on_tool, axes=axes, holding=() if held else tuple(held_at)
+        ),
+        misfit=misfit(flat, held) or off_exact(flat.p),
+        axes=axes,
+    )
+
+
+def shear_errors(
+    result: Result, exact: Callable[[ndarray, float], ndarray]
+) -> dict[str, float]:
+    """How far shear angles at the centres of elements are from exact ones."""
+    ply, t = result.ply, result.states[-1].load_factor
+    X = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+    expected = exact(X, t)
+    off = np.degrees(ply.shear_angle(result.u, ply.centre)[:, 0] - expected)
+    area = np.abs(ply.basis.mapping.detDF(ply.centre))[:, 0]
+    return {
+        "exact_max_shear_angle_deg": float(np.degrees(np.abs(expected).max())),
+        "shear_angle_error_max_deg": float(np.abs(off).max()),
+        "shear_angle_error_rms_deg": float(np.sqrt(np.average(off**2, weights=area))),
+    }
+
+
+def _refuse_numbers(
+    name: str, width: float, height: float, tension: float, fibres: float
+) -> None:
+    for what, side in (("width", width), ("height", height)):
+        if not 0 < side < np.inf:
+            raise ValueError(f"{name}: the {what} must be positive, got {side:g}")
+    if not 0 <= tension < np.inf:
+        raise ValueError(
+            f"{name}: the edge tension must be 0 or positive, got {tension:g}"
+        )
+    if not np.isfinite(fibres):
+        raise ValueError(f"{name}: the fibres must have a finite angle, got {fibres:g}")
+
+
+def _in_planes(name: str, mesh: Mesh) -> dict[str, Condition]:
+    """Conditions of a quarter on its planes of symmetry."""
+    for side in _SYMMETRY:
+        if side not in mesh.boundaries:
+            raise MeshError(
+                f"{name}: the mesh of a quarter has no straight {side} edge"
+            )
+    if np.abs(mesh.p.min(axis=1)).max() > _OFF * np.ptp(mesh.p):
+        raise MeshError(
+            f"{name}: the lower left corner of a quarter must be at the origin; of a "
+            "whole ply the part is 'whole'"
+        )
+    return {side: Condition(side, value) for side, value in _SYMMETRY.items()}
+
+
+def _at_middle(name: str, mesh: Mesh, on_tool: OnSurface) -> dict[str, Condition]:
+    """Conditions on three nodes of a whole ply, as many as rigid motions on a plane.
+
+    The node nearest to the middle is held along x.  That nearest to the middle of the
+    right half of the x axis, and the one across from it on the left, are held along y.
+    """
+    low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
+    if (low >= 0).any() or (high <= 0).any():
+        raise MeshError(f"{name}: the origin must be inside the mesh of a whole ply")
+
+    def nearest(place: ndarray, among: ndarray) -> ndarray:
+        if not among.size:
+            raise MeshError(
+                f"{name}: a whole ply is held at its middle and at one node on either "
+                "side of it along x, and this mesh has no three such nodes: refine it"
+            )
+        away = mesh.p[:, among] - place[:, None]
+        return among[[np.hypot(*away).argmin()]]
+
+    def moves(axis: int) -> Callable[[ndarray, float], ndarray]:
+        return lambda X, t: exponential_map(on_tool.at("tool", t), X)[axis] - X[axis]
+
+    x, y = np.eye(3)[:2]
+    nodes, off = np.arange(mesh.p.shape[1]), _OFF * np.ptp(mesh.p)
+    middle = nearest(np.zeros(2), nodes)
+    others = nodes[nodes != middle]
+    half = np.array([0.5 * float(high[0]), 0.0])
+    right = nearest(half, others[mesh.p[0, others] > off])
+    left = nearest(-mesh.p[:, right[0]], others[mesh.p[0, others] < -off])
+    return {
+        "middle_x": Condition(middle, moves(0), direction=x),
+        "turn_left": Condition(left, moves(1), direction=y),
+        "turn_right": Condition(right, moves(1), direction=y),
+    }

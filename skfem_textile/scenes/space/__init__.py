@@ -1,1 +1,0 @@
-"""Scenes in space: strips, and plies that are laid on tools."""

@@ -1,0 +1,238 @@
+"""Scenes `cantilever` and `buckling`: strips in space, whose warp is an elastica."""
+
+from functools import partial
+
+import numpy as np
+from skfem import Mesh
+
+from ..mesh.checks import MeshError, check_mesh, with_edges
+from ..ply.loads import BodyForce
+from ..solve.conditions import Condition
+from ..solve.result import Result
+from .elastica import buckled, hanging, peirce
+from .rectangle import misfit, rectangle
+from .scene import Scene
+
+#: Names of its ends.
+ENDS = ("left", "right")
+
+
+def strip_with_ends(
+    scene: str,
+    mesh: str | Mesh,
+    sides: tuple[float, float],
+    size: tuple[int, int],
+    jitter: float,
+    seed: int,
+) -> Mesh:
+    """A mesh whose ends are named ``left`` and ``right``.
+
+    Parameters
+    ----------
+    scene
+        Name of the scene, for errors.
+    mesh
+        A mesh, or the kind of `rectangle` to make.
+    sides
+        Length and width in mm of one to make.
+    size, jitter, seed
+        As for `rectangle`.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid, or has no such end.
+    """
+    if isinstance(mesh, str):
+        return rectangle(*sides, size, mesh, jitter, seed)
+    check_mesh(mesh)
+    mesh = with_edges(mesh)
+    for name in ENDS:
+        if name not in mesh.boundaries:
+            raise MeshError(f"{scene}: the mesh has no straight {name} edge")
+    return mesh
+
+
+#: Width of strips in mm, that of ASTM D1388.
+WIDTH = 25.0
+
+
+def cantilever(
+    mesh: str | Mesh = "irregular",
+    size: tuple[int, int] = (16, 2),
+    jitter: float = 0.0,
+    seed: int = 1,
+    length: float = 200.0,
+    weight: float = 6e-6,
+) -> Scene:
+    """A strip that is clamped at its left edge and bends under its own weight.
+
+    Parameters
+    ----------
+    mesh
+        A mesh of the strip with its left edge on x = 0, or the kind of `rectangle` to
+        make.  The exact answer holds if the mesh fills a rectangle of which ``left``
+        and ``right`` are whole sides.
+    size, jitter, seed
+        As for `rectangle`.
+    length
+        Length L of the strip in mm, where its mesh is made.
+    weight
+        Weight per area in N/mm².
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid or does not fit, or a number is not positive.
+    """
+    for name, number in (("length", length), ("weight", weight)):
+        if not 0 < number < np.inf:
+            raise ValueError(f"the {name} must be positive, got {number:g}")
+    mesh = strip_with_ends("cantilever", mesh, (length, WIDTH), size, jitter, seed)
+    overhang = float(np.ptp(mesh.p[0]))
+    return Scene(
+        name="cantilever",
+        mesh=mesh,
+        warp=(1.0, 0.0),
+        weft=(0.0, 1.0),
+        conditions={
+            "clamp": Condition("left"),
+            "tip": Condition("right", (None, 0.0, None)),
+        },
+        driven="tip",
+        reacting="clamp",
+        dimension=3,
+        fibre_ends={"left": "clamped"},
+        loads=(BodyForce((0.0, 0.0, -weight), name="weight"),),
+        figures=partial(_cantilever_figures, length=overhang, weight=weight),
+        misfit=misfit(mesh, ENDS),
+    )
+
+
+def _cantilever_figures(
+    result: Result, length: float, weight: float
+) -> dict[str, float]:
+    """Where the tip is, and where that of the elastica is.
+
+    Parameters
+    ----------
+    result
+        Of a run of the scene.
+    length
+        Length L in mm.
+    weight
+        Weight per area in N/mm².
+    """
+    bending, t = result.ply.fabric.bending[0], result.states[-1].load_factor
+    if np.size(bending) > 1 or t == 0:
+        return {}
+    D = np.asarray(bending).item()
+    ply = result.ply
+    (x, _, z), right = ply.nodal(result.u), ply.nodes[0] > ply.nodes[0].max() - 1e-9
+    tip_x, tip_z = length + float(x[right].mean()), float(z[right].mean())
+    angle = float(np.arctan2(-tip_z, tip_x))
+    found = {
+        "tip_x_mm": tip_x,
+        "tip_z_mm": tip_z,
+        "chord_angle_deg": float(np.degrees(angle)),
+    }
+    if angle > 0:
+        found["bending_by_peirce_N_mm"] = float(peirce(length, t * weight, angle))
+    if not D:
+        return found
+    exact = hanging(t * weight * length**3 / D)
+    off = np.hypot(tip_x - length * exact.x[-1], tip_z - length * exact.z[-1])
+    return found | {
+        "exact_tip_x_mm": float(length * exact.x[-1]),
+        "exact_tip_z_mm": float(length * exact.z[-1]),
+        "exact_chord_angle_deg": float(np.degrees(exact.chord_angle)),
+        "tip_error_over_length": float(off / length),
+    }
+
+
+def buckling(
+    mesh: str | Mesh = "irregular",
+    size: tuple[int, int] = (16, 2),
+    jitter: float = 0.0,
+    seed: int = 1,
+    shortening: float = 0.2,
+    push: float = 1e-8,
+) -> Scene:
+    """A hinged strip that is pushed together, and buckles.
+
+    Parameters
+    ----------
+    mesh
+        A mesh of the strip, or the kind of `rectangle` to make.  The exact answer holds
+        if the mesh fills a rectangle of which ``left`` and ``right`` are whole sides.
+    size, jitter, seed
+        As for `rectangle`.
+    shortening
+        Share of the length by which the ends are nearer at the end.
+    push
+        Load across the strip in N/mm² that is there from the start and tells to which
+        side it buckles.  It must be small against D (π/L)⁴ times a height.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid or does not fit, the shortening is not between 0 and 1,
+        or the push is not finite.
+    """
+    if not 0 < shortening < 1:
+        raise ValueError(f"the shortening must be between 0 and 1, got {shortening:g}")
+    if not np.isfinite(push):
+        raise ValueError(f"the push must be a finite number, got {push:g}")
+    mesh = strip_with_ends("buckling", mesh, (100.0, WIDTH), size, jitter, seed)
+    length, width = np.ptp(mesh.p, axis=1).tolist()
+    return Scene(
+        name="buckling",
+        mesh=mesh,
+        warp=(1.0, 0.0),
+        weft=(0.0, 1.0),
+        conditions={
+            "left": Condition("left"),
+            "right": Condition("right", (-shortening * length, 0.0, 0.0)),
+        },
+        driven="right",
+        dimension=3,
+        loads=(BodyForce((0.0, 0.0, push), factor=1.0, name="push"),) if push else (),
+        figures=partial(
+            _buckling_figures, length=length, width=width, shortening=shortening
+        ),
+        misfit=misfit(mesh, ENDS),
+    )
+
+
+def _buckling_figures(
+    result: Result, length: float, width: float, shortening: float
+) -> dict[str, float]:
+    """Force at the ends and height of the middle, beside those of the elastica.
+
+    Parameters
+    ----------
+    result
+        Of a run of the scene.
+    length, width
+        Sides of the strip in mm.
+    shortening
+        As of `buckling`.
+    """
+    ply, state = result.ply, result.states[-1]
+    bending, t = ply.fabric.bending[0], state.load_factor
+    if np.size(bending) > 1 or t == 0:
+        return {}
+    D = np.asarray(bending).item()
+    force = -float(state.reactions["right"][0]) / width
+    height = float(np.abs(ply.nodal(result.u)[2]).max())
+    found = {"force_N_per_mm": force, "height_mm": height}
+    if not D:
+        return found
+    exact = buckled(t * shortening)
+    return found | {
+        "buckling_force_N_per_mm": float(D * (np.pi / length) ** 2),
+        "exact_force_N_per_mm": float(D / length**2 * exact.force),
+        "exact_height_mm": length * exact.height,
+        "force_over_exact": force / (D / length**2 * exact.force),
+        "height_over_exact": height / (length * exact.height),
+    }

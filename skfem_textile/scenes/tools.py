@@ -1,0 +1,183 @@
+"""Scenes of plies on a sphere, a cylinder, a double dome and a saddle."""
+
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Unpack
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh
+
+from ..drape import Cylinder, Height, HeightField, Sphere
+from ..drape import double_dome as tool
+from .laid import LaidPly, laid
+from .scene import Scene
+
+#: Where the net folds, ω = 0.
+FOLD = 1.8616
+
+# Where the series ω = π/2 − z takes over from the differential equation.
+_SERIES = 1e-6
+
+
+@cache
+def _omega() -> Callable:
+    from scipy.integrate import solve_ivp
+
+    start = [np.pi / 2 - _SERIES, -1.0]
+
+    def slope(z: float, y: ndarray) -> list[float]:
+        return [y[1], -(y[1] + np.sin(y[0])) / z]
+
+    settings = {"rtol": 1e-12, "atol": 1e-13, "dense_output": True}
+    return solve_ivp(slope, (_SERIES, 1.9), start, **settings).sol
+
+
+def shear_angle(z: ndarray) -> ndarray:
+    """Shear angle π/2 − ω in radians where uv/R² is z, an odd function of it.
+
+    Examples
+    --------
+    >>> np.degrees(shear_angle(np.array([0.25, 1.0, -1.0]))).round(4).tolist()
+    [14.2744, 54.3183, -54.3183]
+    """
+    size = np.maximum(np.abs(z), _SERIES)
+    angle = np.pi / 2 - _omega()(size.ravel())[0].reshape(z.shape)
+    return np.where(np.abs(z) < _SERIES, z, np.copysign(angle, z))
+
+
+# Share of the ply's width, and of an eighth of a turn, that counts as none.
+_OFF = 1e-6
+
+
+def hemisphere(
+    mesh: str | Mesh = "irregular",
+    radius: float = 100.0,
+    **ply: Unpack[LaidPly],
+) -> Scene:
+    """A ply on a sphere, its pole at the origin.
+
+    Where the ply is symmetric about the fibres through the pole these are great
+    circles, and the exact answer is the Chebyshev net: with fibres along the sides, or
+    at 45° to the sides of a square.
+
+    Parameters
+    ----------
+    radius
+        Radius in mm.
+    mesh, **ply
+        As of `laid`.
+
+    Raises
+    ------
+    ValueError
+        As from `laid`, or if the radius is not positive.
+    """
+    fibres = ply.get("fibres", 0.0)
+    return laid(
+        "hemisphere",
+        Sphere(radius, (0.0, 0.0, -radius)),
+        mesh,
+        **ply,
+        exact=lambda X, t: shear_angle(t * t * _threads(X, fibres, radius)),
+        off_exact=partial(_off_exact, fibres=fibres, radius=radius),
+    )
+
+
+def _threads(X: ndarray, fibres: float, radius: float) -> ndarray:
+    """uv/R² of the lengths u and v along the threads of points of the flat ply."""
+    c, s = np.cos(fibres), np.sin(fibres)
+    return (c * X[0] + s * X[1]) * (c * X[1] - s * X[0]) / radius**2
+
+
+def _off_exact(X: ndarray, fibres: float, radius: float) -> str:
+    """Why the Chebyshev net is not the answer; empty if it is."""
+    eighths = fibres / (np.pi / 4)
+    if abs(eighths - round(eighths)) > _OFF:
+        return "the net is known of fibres along the sides or at 45 degrees to them"
+    low, high, (width, height) = X.min(axis=1), X.max(axis=1), np.ptp(X, axis=1)
+    if low.min() < -_OFF * width and np.abs(low + high).max() > _OFF * width:
+        return "the net is known of a ply that touches the pole in its middle"
+    if round(eighths) % 2 and abs(width - height) > _OFF * width:
+        return "with fibres at 45 degrees to the sides the net is known of a square"
+    if np.abs(_threads(X, fibres, radius)).max() > FOLD:
+        return "the net folds within the ply"
+    return ""
+
+
+def cylinder(
+    mesh: str | Mesh = "irregular",
+    radius: float = 100.0,
+    **ply: Unpack[LaidPly],
+) -> Scene:
+    """A ply on a cylinder, its axis along y below the origin.
+
+    The exact answer, for fibres at any angle: nothing shears.
+
+    Parameters
+    ----------
+    radius
+        Radius in mm.
+    mesh, **ply
+        As of `laid`.
+
+    Raises
+    ------
+    ValueError
+        As from `laid`, or if the radius is not positive.
+    """
+    return laid(
+        "cylinder",
+        Cylinder(radius, (0.0, 0.0, -radius)),
+        mesh,
+        **ply,
+        exact=lambda X, t: np.zeros(X.shape[1]),
+        off_exact=lambda X: "",
+    )
+
+
+def double_dome(mesh: str | Mesh = "irregular", **ply: Unpack[LaidPly]) -> Scene:
+    """A ply on `skfem_textile.drape.double_dome`, its long side along x.
+
+    Parameters
+    ----------
+    mesh, **ply
+        As of `laid`.
+
+    Raises
+    ------
+    ValueError
+        As from `laid`.
+    """
+    given: LaidPly = {"size": (32, 18), "width": 470.0, "height": 270.0, **ply}
+    return laid("double_dome", tool(), mesh, **given)
+
+
+def saddle(
+    mesh: str | Mesh = "irregular",
+    radius: float = 150.0,
+    **ply: Unpack[LaidPly],
+) -> Scene:
+    """A ply on a saddle that is hollow along x and bulges along y.
+
+    Parameters
+    ----------
+    radius
+        Radius R of both curvatures in the middle, in mm.
+    mesh, **ply
+        As of `laid`.
+
+    Raises
+    ------
+    ValueError
+        As from `laid`, or if the radius is not positive.
+    """
+    if not 0 < radius < np.inf:
+        raise ValueError(f"saddle: the radius must be positive, got {radius:g}")
+
+    def height(x: ndarray, y: ndarray) -> Height:
+        curved, zero = np.full_like(x, 1 / radius), np.zeros_like(x)
+        h = 0.5 * (x * x - y * y) / radius
+        return Height(h, x / radius, -y / radius, curved, zero, -curved)
+
+    return laid("saddle", HeightField(height), mesh, **ply)
