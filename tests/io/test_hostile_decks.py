@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from skfem_textile import MeshError
 from skfem_textile.cli import main as cli
 from skfem_textile.io import read_directions, read_fabric, write_fabric
-from studies.common.log import errors_only
+from studies.common.running import errors_only
 from tests.helpers.hostile import (
     RIGHT,
     Family,

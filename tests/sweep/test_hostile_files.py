@@ -10,7 +10,7 @@ from typing import NamedTuple
 from hypothesis import strategies as st
 
 from skfem_textile.solve.sweep import sweep
-from studies.common.log import errors_only
+from studies.common.running import errors_only
 from tests.helpers.hostile import RIGHT, Family, demand, demand_equal, refused
 from tests.helpers.hostile.damage import REPLACEMENTS, TO_BYTES, replace_file
 

@@ -30,7 +30,7 @@ from skfem_textile import (
 )
 from skfem_textile.mesh.splitting import cut
 from skfem_textile.scenes.rectangle import rectangle
-from studies.common.log import errors_only
+from studies.common.running import errors_only
 from tests.helpers.hostile import (
     RIGHT,
     Family,
