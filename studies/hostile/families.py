@@ -1,6 +1,7 @@
 """The families of hostile inputs, which are tests beside their subjects."""
 
 from tests.cli import test_disturbed_runs as disturbed_runs
+from tests.cli import test_hostile_runs as runs
 from tests.fabric import test_hostile_tables as tables
 from tests.helpers.hostile import Family
 from tests.io import test_hostile_decks as decks
@@ -14,6 +15,7 @@ FAMILIES: tuple[Family, ...] = (
     *mesh_files.FAMILIES,
     *decks.FAMILIES,
     tables.FAMILY,
+    *runs.FAMILIES,
     meshes.FAMILY,
     arguments.FAMILY,
     checkpoints.FAMILY,
