@@ -501,6 +501,7 @@ def twist_matrix(
     return _matrix(basis, (A, B), D, edges, clamps(none, []), none)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a run refuses what is not finite
 def _matrix(
     basis: AbstractBasis,
     along: tuple[ndarray, ndarray],

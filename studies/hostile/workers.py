@@ -8,7 +8,7 @@ import traceback
 from collections import deque
 from collections.abc import Iterator
 from multiprocessing import get_context
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from typing import Any, NamedTuple
 
 import hypothesis
@@ -19,8 +19,8 @@ from tests.helpers.hostile import (
     Family,
     UnclearError,
     WrongAnswerError,
+    end_with_parent,
 )
-from tests.helpers.processes import end_with_parent
 
 #: Refused, but not in one clear line; accepted with a wrong answer.
 UNCLEAR, SILENT = "unclear", "silent"
@@ -68,13 +68,14 @@ def findings(family: Family, numbers: range, workers: int) -> Iterator[Finding]:
         How many processes there are at a time.
     """
     waiting = deque(_shared(family, numbers))
-    busy: dict[Connection, tuple[Any, _Trials]] = {}
+    busy: dict[Any, tuple[Any, _Trials]] = {}
     try:
         while waiting or busy:
             while waiting and len(busy) < workers:
                 pipe, process = _started(family, waiting[0])
                 busy[pipe] = process, waiting.popleft()
-            for pipe in wait(list(busy)):
+            ready: list[Any] = [*wait(list(busy))]
+            for pipe in ready:
                 process, trials = busy[pipe]
                 left = trials._replace(number=trials.number - 1)
                 try:
@@ -105,7 +106,7 @@ def _shared(family: Family, numbers: range) -> Iterator[_Trials]:
             yield _Trials(kind, len(part), part[0])
 
 
-def _started(family: Family, trials: _Trials) -> tuple[Connection, Any]:
+def _started(family: Family, trials: _Trials) -> tuple[Any, Any]:
     """A process that sends its findings, and the pipe to receive them from."""
     pipe, of_process = _FORK.Pipe(duplex=False)
     arguments = family, trials, of_process, os.getpid()
@@ -123,7 +124,7 @@ def _end(process: Any) -> None:
     process.join()
 
 
-def _serve(family: Family, trials: _Trials, pipe: Connection, parent: int) -> None:
+def _serve(family: Family, trials: _Trials, pipe: Any, parent: int) -> None:
     """Try inputs; the kernel ends this process when one takes too long."""
     os.setpgid(0, 0)
     end_with_parent(parent)

@@ -47,6 +47,7 @@ from tests.helpers.hostile import (
     demand,
     demand_equal,
     demand_near,
+    end_with_parent,
     folder_content,
     is_clear,
 )
@@ -56,7 +57,6 @@ from tests.helpers.hostile.small_disk import (
     make_read_only,
     on_small_disk,
 )
-from tests.helpers.processes import end_with_parent
 
 # Steps of the run, and of a complete run that may precede it.
 STEPS, EARLIER_STEPS = 4, 3

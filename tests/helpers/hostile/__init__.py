@@ -6,7 +6,10 @@ hostile inputs tries many and counts how they end.
 """
 
 import contextlib
+import ctypes
 import os
+import signal
+import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -17,6 +20,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 RIGHT, REFUSED = "right", "refused"
+
+# Option of prctl on Linux: the signal that a process gets when its parent ends.
+_PR_SET_PDEATHSIG = 1
 
 #: Generators of the random numbers of sound inputs, which Hypothesis does not shrink.
 seeds = st.integers(0, 2**32 - 1)
@@ -123,3 +129,11 @@ def folder_content(folder: Path) -> dict[str, bytes]:
         else:
             content[name] = f"mode {path.lstat().st_mode}".encode()
     return content
+
+
+def end_with_parent(parent: int) -> None:
+    """Let Linux kill this process when its parent ends."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it has ended already
+        os._exit(1)

@@ -6,8 +6,7 @@ import pickle
 import traceback
 from pathlib import Path
 
-from tests.helpers.hostile import RIGHT
-from tests.helpers.processes import end_with_parent
+from tests.helpers.hostile import RIGHT, end_with_parent
 
 #: Size of the disk in bytes, and of a block of it.
 SIZE, BLOCK = 2**20, 4096
