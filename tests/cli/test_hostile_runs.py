@@ -112,7 +112,6 @@ def attempt_line(line):
             )
             return refused_in_one_line(ended, before)
         demand(line.verdict != options.REFUSED, f"taken: {ended}")
-        out = Path(line.out)
         if "results in " not in ended.out:
             if ended.code or not ended.out.strip() or folder_content(Path()) != before:
                 raise UnclearError(ended)
@@ -120,13 +119,15 @@ def attempt_line(line):
         if ended.code not in (0, 1):
             raise UnclearError(ended)
         demand_clear(ended, line.is_verbose)
-        if line.says is None:
-            return RIGHT
+        out = Path(line.out)
+        if line.says is None and not (out / "case.toml").exists():
+            return RIGHT  # there is no telling where the results are
         results = Results(out)
-        compare_with_line(line, results.case)
-        folder = line.checkpoint and Path(line.checkpoint)
-        folder = out / "checkpoint" if folder == "" else folder
-        results.check(ended.code == 0, folder)
+        results.check(ended.code == 0)
+        if line.says is not None:
+            compare_with_line(line, results.case)
+            folder = line.checkpoint and Path(line.checkpoint)
+            results.check_checkpoint(out / "checkpoint" if folder == "" else folder)
         return RIGHT
 
 
@@ -264,8 +265,8 @@ FAMILIES = (
 
 
 def test_a_line_is_refused_or_runs_as_it_says():
-    FAMILIES[0].holds(25)
+    FAMILIES[0].holds(12)
 
 
 def test_a_case_file_is_refused_or_runs_as_it_says():
-    FAMILIES[1].holds(25)
+    FAMILIES[1].holds(15)

@@ -67,7 +67,7 @@ class Results:
         turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
         return turn @ x.T[:2]
 
-    def check(self, converged: bool, checkpoint: Path | None) -> None:
+    def check(self, converged: bool) -> None:
         """Demand results that agree with the case."""
         self.check_summary(converged)
         self.check_mesh()
@@ -76,13 +76,13 @@ class Results:
         demand(off <= 1e-6, f"an edge is off by {off} mm")
         self.check_energies()
         self.check_forces()
-        states = len(list(checkpoint.glob("state_*.npz"))) if checkpoint else 0
-        kept = self.summary["load_steps"] + 1 if checkpoint else 0
-        demand_equal("kept states", states, kept)
-        demand(
-            checkpoint or not (self.out / "checkpoint").exists(),
-            "there is a checkpoint",
-        )
+
+    def check_checkpoint(self, folder: Path | None) -> None:
+        """Demand a checkpoint of every state in a folder, or none."""
+        states = len(list(folder.glob("state_*.npz"))) if folder else 0
+        demand_equal("kept", states, (self.summary["load_steps"] + 1) * bool(folder))
+        is_there = (self.out / "checkpoint").exists()
+        demand(folder or not is_there, "there is a checkpoint")
 
     def check_summary(self, converged):
         """The case, load factors, conditions and pictures."""
