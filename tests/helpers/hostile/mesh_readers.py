@@ -55,6 +55,43 @@ def number(word):
     return float(word)
 
 
+class _Stream:
+    """The rest of a file or of a section, its numbers as words or as bytes.
+
+    ``order`` is that of the bytes as in `struct`, empty for words.
+    """
+
+    def __init__(self, rest, order=""):
+        self.rest, self.order = rest, order
+
+    def take(self, count, code):
+        """The next numbers of a kind, as in `struct`."""
+        demand(0 <= count <= len(self.rest), "numbers are missing")
+        if self.order:
+            size = count * struct.calcsize(self.order + code)
+            demand(size <= len(self.rest), "numbers are missing")
+            held, self.rest = self.rest[:size], self.rest[size:]
+            return list(struct.unpack(f"{self.order}{count}{code}", held))
+        words = self.rest.split(None, count)
+        demand(len(words) >= count, "numbers are missing")
+        self.rest = words[count] if len(words) > count else b""
+        return [(number if code in "fd" else whole)(word) for word in words[:count]]
+
+    def line(self):
+        """The rest of the line."""
+        line, _, self.rest = self.rest.partition(b"\n")
+        return line
+
+    def count(self):
+        """A count, which is a word or a line."""
+        return whole(self.line().strip()) if self.order else self.take(1, "i")[0]
+
+    def end(self):
+        """Demand that nothing is left."""
+        rest = self.rest if self.order else self.rest.strip()
+        demand(rest in (b"", b"\n", b"\r\n"), "something is left")
+
+
 # -------------------------------------------------------------------------------- Gmsh
 
 _SECTION = re.compile(
@@ -67,44 +104,6 @@ _READ = (b"MeshFormat", b"PhysicalNames", b"Entities", b"Nodes", b"Elements")
 
 # Dimension and number of nodes by Gmsh's number of a kind of element.
 _KINDS = {15: (0, 1), 1: (1, 2), 2: (2, 3), 3: (2, 4)}
-
-
-class _Text:
-    """Words of a section, taken from its start."""
-
-    def __init__(self, body):
-        self.words = deque(body.split())
-
-    def take(self, count, code):
-        demand(0 <= count <= len(self.words), "words are missing")
-        read = number if code == "d" else whole
-        return [read(self.words.popleft()) for _ in range(count)]
-
-    def count(self):
-        return self.take(1, "i")[0]
-
-    def end(self):
-        demand(not self.words, "words are left")
-
-
-class _Bytes:
-    """Bytes of a section, taken from their start."""
-
-    def __init__(self, body):
-        self.rest = body
-
-    def take(self, count, code):
-        size = count * struct.calcsize("<" + code)
-        demand(0 <= size <= len(self.rest), "bytes are missing")
-        taken, self.rest = self.rest[:size], self.rest[size:]
-        return list(struct.unpack(f"<{count}{code}", taken))
-
-    def count(self):
-        line, _, self.rest = self.rest.partition(b"\n")
-        return whole(line.strip())
-
-    def end(self):
-        demand(self.rest in (b"", b"\n", b"\r\n"), "bytes are left")
 
 
 def gmsh(content):
@@ -123,7 +122,7 @@ def gmsh(content):
     binary = words[1] == b"1"
     demand(not binary or rest[:4] == struct.pack("<i", 1), "order of bytes")
     demand(not rest[4 * binary :].strip(), "format")
-    body = {name: (_Bytes if binary else _Text)(b) for name, b in sections.items()}
+    body = {name: _Stream(b, "<" * binary) for name, b in sections.items()}
     read = [b"Nodes", b"Elements"]
     if words[0] == b"4.1":
         groups = _entities(body[b"Entities"]) if b"Entities" in body else None
@@ -167,7 +166,7 @@ def _nodes_22(body):
 def _cells_22(body):
     left, elements = body.count(), []
     while left > 0:
-        if isinstance(body, _Bytes):
+        if body.order:
             (kind, count, n_tags), first = body.take(3, "i"), None
         else:
             (first, kind, n_tags), count = body.take(3, "i"), 1
@@ -422,7 +421,7 @@ def _as(code, values):
         raise MalformedError("a number is too large") from None
 
 
-class _Legacy:
+class _Legacy(_Stream):
     """The rest of a legacy file."""
 
     def __init__(self, content):
@@ -432,13 +431,13 @@ class _Legacy:
         versions = b"1.0", b"2.0", b"3.0", b"4.0", b"4.1", b"4.2", b"5.1"
         demand(len(words) == 5 and words[4] in versions, "version")
         demand(kind.strip().upper() in (b"ASCII", b"BINARY"), "kind")
-        self.binary, self.new = kind.strip().upper() == b"BINARY", words[4] == b"5.1"
-        (self.rest,) = rest
+        super().__init__(*rest, ">" * (kind.strip().upper() == b"BINARY"))
+        self.new = words[4] == b"5.1"
 
-    def line(self, length=None):
+    def words(self, length=None):
         """Words of the next line that is not blank."""
-        line, _, self.rest = self.rest.lstrip().partition(b"\n")
-        words = [word.decode(errors="replace") for word in line.split()]
+        self.rest = self.rest.lstrip()
+        words = [word.decode(errors="replace") for word in self.line().split()]
         demand(length in (None, len(words)), "words of a line")
         return words
 
@@ -446,16 +445,7 @@ class _Legacy:
         """The next numbers of a kind."""
         demand(kind.lower() in _LEGACY, "kind of numbers")
         code = _LEGACY[kind.lower()]
-        demand(0 <= count <= len(self.rest), "numbers are missing")
-        if self.binary:
-            size = count * struct.calcsize(f">{code}")
-            demand(size <= len(self.rest), "numbers are missing")
-            held, self.rest = self.rest[:size], self.rest[size:]
-            return list(struct.unpack(f">{count}{code}", held))
-        words = self.rest.split(None, count)
-        demand(len(words) >= count, "numbers are missing")
-        self.rest = words[count] if len(words) > count else b""
-        values = [(number if code in "fd" else whole)(word) for word in words[:count]]
+        values = self.take(count, code)
         return _as(code, values) if code == "f" else values
 
     def cells(self, n, size):
@@ -463,7 +453,7 @@ class _Legacy:
         if self.new:
             parts = []
             for name, count in (("OFFSETS", n), ("CONNECTIVITY", size)):
-                keyword, kind = self.line(2)
+                keyword, kind = self.words(2)
                 demand(keyword.upper() == name, name)
                 parts.append(self.numbers(count, kind))
             offsets, nodes = parts
@@ -490,7 +480,7 @@ def vtk(content):
             demand(name not in names and size == 1 and n == count, "names")
             names[name] = values
 
-    while words := file.line():
+    while words := file.words():
         keyword, given = words[0].upper(), words[1:]
         demand(keyword not in parts, f"two {keyword}")
         lengths = {"DATASET": 1, "CELL_TYPES": 1, "POINT_DATA": 1, "CELL_DATA": 1}
@@ -499,13 +489,13 @@ def vtk(content):
             demand(given == ["UNSTRUCTURED_GRID"], "dataset")
         elif keyword == "SCALARS":
             demand(len(given) in (2, 3), keyword)
-            table, _ = file.line(2)
+            table, _ = file.words(2)
             demand(table.upper() == "LOOKUP_TABLE", keyword)
             keep(given[0], *map(_count, given[2:] or "1"), count, given[1])
         elif keyword == "FIELD":
             demand(len(given) == 2, keyword)
             for _ in range(_count(given[1])):
-                name, size, n, kind = file.line(4)
+                name, size, n, kind = file.words(4)
                 keep(name, _count(size), _count(n), kind)
         elif keyword == "CELL_TYPES":
             parts[keyword] = file.numbers(_count(given[0]), "int")
