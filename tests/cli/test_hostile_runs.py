@@ -166,7 +166,7 @@ def fill_folder(is_strip):
     for kind, cells in (("quad", quads), ("triangle", triangles)):
         meshio.Mesh(points, {kind: cells}).write(f"{kind}s good.vtu")
     junk = bytes(range(256)) * 4
-    for name in ("folder", "there", "blocked/summary.json", "junk", "unfinished"):
+    for name in ("folder", "there", "blocked/summary.json", "junk"):
         Path(name).mkdir(parents=True)
     for name in ("junk.msh", "junk.vtu", "junk.inp", "file", "junk/run.npz"):
         Path(name).write_bytes(junk)

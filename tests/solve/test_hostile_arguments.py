@@ -411,38 +411,31 @@ STEPS: tuple[Any, ...] = (
     *("", b"2", 1e-320, -INF, {}, Decimal("1.5"), Fraction(1, 2)),
 )
 
-# By name: what the refusal names, and settings of a run.
-SETTINGS: dict[str, tuple[str, dict[str, Any]]] = {
-    **{f"steps {x!r}": ("steps", {"steps": x}) for x in STEPS},
-    "method magic": ("method", {"method": "magic"}),
-    "no method": ("nonlinear solver", {"method": None}),
-    "methods in a list": ("nonlinear solver", {"method": ["newton"]}),
-    "a method's class": ("nonlinear solver", {"method": PlainNewton}),
-    "a method of no iteration": ("iteration", {}),
-    "a number for a method": ("nonlinear solver", {"method": 3}),
-    "check magic": ("check", {"warn_only": ["magic"]}),
-    "a check alone": ("check", {"warn_only": "work"}),
-    "checks None": ("check", {"warn_only": None}),
-    "a number for a check": ("check", {"warn_only": [3]}),
-    "a list for a check": ("check", {"warn_only": [[]]}),
-    **{
-        f"halvings {x!r}": ("max_halvings", {"max_halvings": x})
-        for x in (-1, 1.5, NAN, "3", None, 10**6)
-    },
-    **{f"solver {x!r}": ("solver", {"solver": x}) for x in ("magic", None, ["auto"])},
-    "on_step 3": ("on_step", {"on_step": 3}),
-    "on_iteration a word": ("on_iteration", {"on_iteration": "print"}),
-    "checkpoint 3": ("checkpoint", {"checkpoint": 3}),
-    "checkpoint with a zero": ("checkpoint", {"checkpoint": "a\0b"}),
-}
+# What the refusal names, and values of a setting.
+SETTINGS: tuple[tuple[str, str, tuple[Any, ...]], ...] = (
+    ("steps", "steps", STEPS),
+    ("method", "method", ("magic",)),
+    ("nonlinear solver", "method", (None, ["newton"], PlainNewton, 3)),
+    ("iteration", "method", (PlainNewton(0),)),
+    ("check", "warn_only", (["magic"], "work", None, [3], [[]])),
+    ("max_halvings", "max_halvings", (-1, 1.5, NAN, "3", None, 10**6)),
+    ("solver", "solver", ("magic", None, ["auto"])),
+    ("on_step", "on_step", (3,)),
+    ("on_iteration", "on_iteration", ("print",)),
+    ("checkpoint", "checkpoint", (3, "a\0b")),
+)
+
+
+def setting(words, key, value):
+    return Case(lambda s: s.run({"clamp": s.clamp}, **{key: value}), words)
+
+
 RUNS = {
     **{
-        name: Case(lambda s, given=given: s.run({"clamp": s.clamp}, **given), words)
-        for name, (words, given) in SETTINGS.items()
+        f"{key} {value!r}": setting(words, key, value)
+        for words, key, values in SETTINGS
+        for value in values
     },
-    "a method of no iteration": Case(
-        lambda s: s.run({"clamp": s.clamp}, method=PlainNewton(0)), "iteration"
-    ),
     "resume without a checkpoint": Case(
         lambda s: LoadStepper(s.ply, {"clamp": s.clamp}).run(resume=True), "checkpoint"
     ),

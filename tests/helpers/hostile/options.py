@@ -153,6 +153,15 @@ _known_mesh = _one_of(*MESHES, *_MESH_FILES, verdict=EITHER)
 _elements = _one_of("macro", "full", "quadratic", "one-point", verdict=EITHER)
 _kind = _one_of("energy", "rate", "continuity", "isotropic", verdict=EITHER)
 
+# Keys of laws that are not tried here.
+_OF_OTHER_LAWS = (
+    *("tension.toe", "tension.initial_stiffness_N_per_mm", "tension.warp_crimp"),
+    *("tension.bending_N_per_mm", "tension.extrapolation", "tension.continuation"),
+    *("shear.locking_angle_deg", "shear.coefficients_N_per_mm", "shear.variable"),
+    *("shear.extrapolation", "shear.continuation"),
+)
+_none = _one_of()
+
 _KEYS = (
     Key("scene.rotate_deg", "rotate", _angle, _ANGLES),
     Key("mesh.source", "mesh", _known_mesh, _FILES, str),
@@ -176,6 +185,9 @@ _KEYS = (
     Key("stepping.method", "", _one_of("newton", "plain"), "newton|plain|magic"),
     Key("stepping.warn_only", "", lambda value: EITHER, _CHECKS),
     Key("stepping.solver", "solver", _one_of(*SOLVERS), "superlu|magic|cholmod", str),
+    Key("mesh.directions", "directions", _none, _CURVES, str),
+    Key("fabric.file", "fabric", _none, _CURVES, str),
+    *(Key(path, "", _none) for path in _OF_OTHER_LAWS),
     Key("output.test_curve", "test-curve", _one_of("curve.csv"), _CURVES, str),
 )
 
@@ -215,7 +227,7 @@ def keys(scene: str) -> tuple[Key, ...]:
     return _KEYS + _OF_SCENES[scene]
 
 
-#: Folders of results, of which the first must be refused.
+# Folders of results and of checkpoints.
 _BAD_FOLDERS = (
     "file",
     "file/x",
@@ -225,6 +237,7 @@ _BAD_FOLDERS = (
     "a" * 300,
     _MESH_FILES[0],
 )
+_BAD_CHECKPOINTS = ("junk", "file", "a\0b")
 _FOLDERS = ("a/b/c", "there", ".", "x\ny", "é ü", "~", "\udcff")
 
 # ------------------------------------------------------------------------------- lines
@@ -277,10 +290,12 @@ def lines(draw, scene: str) -> Line:
     sound = [given(of[name], word) for name, word in draw(sound_words(scene))]
     is_drawn = draw(st.integers(0, 199)) == 100
     free = [] if is_drawn else [Part(["--no-render"])]
-    checkpoint = draw(st.sampled_from((None, None, None, "", "kept", "junk", "file")))
+    checkpoint = draw(
+        st.sampled_from((None, None, None, "", "kept", *_BAD_CHECKPOINTS))
+    )
     if checkpoint is not None:
         word = draw(st.sampled_from(("--checkpoint", "--resume")))
-        verdict = REFUSED if checkpoint in ("junk", "file") else TAKEN
+        verdict = REFUSED if checkpoint in _BAD_CHECKPOINTS else TAKEN
         free.append(Part([word] + [checkpoint] * bool(checkpoint), verdict))
     is_verbose = draw(st.integers(0, 9)) == 9
     free += [Part([draw(st.sampled_from(("-v", "-vv", "--verbose")))])] * is_verbose
@@ -294,7 +309,7 @@ def lines(draw, scene: str) -> Line:
     says, odd_values = _said(parts), _said(odd)
     verdicts = [part.verdict for part in parts]
     verdicts += [
-        key.limits(says[key.path]) for key in of.values() if key.path in odd_values
+        key.limits(says[key.path]) for key in keys(scene) if key.path in odd_values
     ]
     verdict = min(*verdicts, _of_all(scene, says))
     words = ["run", scene, *(word for part in parts for word in part.words)]
@@ -431,7 +446,7 @@ def odd_part(draw, scene):
     own = keys(scene)
     flags = [key.flag for key in own if key.flag]
     known = [*flags, "help", "out", "no-render", "set", "checkpoint", "resume"]
-    known += ["verbose", "directions", "fabric", "tolerance"]
+    known += ["verbose", "tolerance"]
     key, way = draw(st.sampled_from(own)), draw(st.integers(0, 99))
     word = draw(
         st.sampled_from(key.odd.split("|") if key.odd and way % 10 < 7 else ODD)
@@ -446,6 +461,8 @@ def odd_part(draw, scene):
     if way < 16:
         odd = ("steps=", "nothing", "s", "=", "paper x", "set x", "set x.y")
         return Part([f"--{draw(st.sampled_from(odd))}".replace(" ", "=")], REFUSED)
+    if way == 16:
+        return Part(["--checkpoint", "one", "--resume", "two"], REFUSED)
     if way < 20 and key.flag:
         return Part([f"--{key.flag}"], REFUSED)  # the last word, or before an option
     if way < 30 and key.flag:
