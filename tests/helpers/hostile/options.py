@@ -228,15 +228,7 @@ def keys(scene: str) -> tuple[Key, ...]:
 
 
 # Folders of results and of checkpoints.
-_BAD_FOLDERS = (
-    "file",
-    "file/x",
-    "",
-    "/proc/nothing",
-    "a\0b",
-    "a" * 300,
-    _MESH_FILES[0],
-)
+_BAD_FOLDERS = ("file", "file/x", "", "/proc/nothing", "a\0b", "a" * 300, "empty.vtu")
 _BAD_CHECKPOINTS = ("junk", "file", "a\0b")
 _FOLDERS = ("a/b/c", "there", ".", "x\ny", "é ü", "~", "\udcff")
 
@@ -335,52 +327,37 @@ def _said(parts):
 
 def _of_all(scene, says):
     """The verdict of values that may contradict one another."""
-
-    def get(path, default=None):
-        return says.get(path, default)
-
-    if get("mesh.source") in _MESH_FILES and {
-        "mesh.size",
-        "mesh.jitter",
-        "mesh.seed",
-    } & {*says}:
+    get, name = says.get, says.get("formulation.name", "macro")
+    made = {"mesh.size", "mesh.jitter", "mesh.seed"} & says.keys()
+    shear = 0.0 if scene == "strip" else 0.5
+    stiffness = (
+        get("tension.stiffness_N_per_mm", 1.0),
+        get("shear.stiffness_N_per_mm", shear),
+    )
+    contradictions = (
+        made and get("mesh.source") in _MESH_FILES,
+        name != "one-point" and "formulation.stabilisation" in says,
+        name in ("full", "quadratic") and "formulation.cs_N_per_mm" in says,
+        name in ("full", "one-point") and "formulation.deviation" in says,
+        stiffness == (0, 0),
+        {*get("scene.free", ())} & {*get("scene.roller_deg", ())},
+    )
+    if any(contradictions):
         return REFUSED
-    name = get("formulation.name", "macro")
-    if name != "one-point" and "formulation.stabilisation" in says:
-        return REFUSED
-    if name in ("full", "quadratic") and "formulation.cs_N_per_mm" in says:
-        return REFUSED
-    if name in ("full", "one-point") and "formulation.deviation" in says:
-        return REFUSED
-    default = 0.0 if scene == "strip" else 0.5
-    if (
-        get("tension.stiffness_N_per_mm")
-        == get("shear.stiffness_N_per_mm", default)
-        == 0
-    ):
-        return REFUSED
-    if {*get("scene.free", ())} & {*get("scene.roller_deg", ())}:
-        return REFUSED
-    angles = [
-        get(f"scene.{k}_deg", d)
-        for k, d in (("warp", 0.0), ("weft", 90.0), ("shear_angle", 45.0))
-    ]
-    if not all(
-        isinstance(x, int | float) and abs(x) < 1e4 for x in angles if x is not None
-    ):
-        return EITHER
-    if scene == "picture_frame" and abs(angles[2]) >= 90:
-        return REFUSED
-    if scene == "trellis" and abs(math.sin(math.radians(angles[1] - angles[0]))) < 1e-6:
-        return REFUSED
+    usual = {"warp": 0.0, "weft": 90.0, "shear_angle": 45.0}
     if scene == "bias_extension":
-        theta = get("scene.warp_deg", 45.0) % 180
-        if (
-            not 0 < theta < 90
-            or not 0 < get("scene.shear_angle_deg", 40.0) < 180 - 2 * theta
-        ):
-            return REFUSED
-    return TAKEN
+        usual |= {"warp": 45.0, "shear_angle": 40.0}
+    angles = [get(f"scene.{key}_deg", angle) for key, angle in usual.items()]
+    if not all(isinstance(x, int | float) and abs(x) < 1e4 for x in angles):
+        return EITHER
+    warp, weft, shear_angle = angles
+    is_wrong = {
+        "picture_frame": abs(shear_angle) >= 90,
+        "trellis": abs(math.sin(math.radians(weft - warp))) < 1e-6,
+        "bias_extension": not 0 < warp % 180 < 90
+        or not 0 < shear_angle < 180 - 2 * (warp % 180),
+    }
+    return REFUSED if is_wrong.get(scene) else TAKEN
 
 
 @st.composite
