@@ -86,8 +86,8 @@ class Ended(NamedTuple):
     @property
     def is_of_earlier_run(self):
         """Whether it was refused because the checkpoint is of the earlier run."""
-        told = f"steps was {EARLIER_STEPS}, is {STEPS}" in "".join(self.lines)
-        return self.code == 2 and told
+        reason = f"steps was {EARLIER_STEPS}, is {STEPS}"
+        return self.code == 2 and reason in "".join(self.lines)
 
 
 def command_of(out, steps=STEPS, *more):
@@ -238,7 +238,7 @@ def attempt_kills(hostile):
         late = moment * undisturbed()[0]
         ended = run(command, late, lambda child: os.kill(child, number))
         if not ended.is_of_earlier_run:
-            # Before the library is ready, or after its end, it says nothing.
+            # Before the library is ready, or after its end, there is no message.
             outside = INTERRUPTED if number == signal.SIGINT else -number
             clear = [x.startswith("skfem-textile: interrupted") for x in ended.lines]
             demand(clear in ([], [True]), ended)

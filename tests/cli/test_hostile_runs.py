@@ -1,4 +1,4 @@
-"""Lines and case files are refused in one line, or run as they say."""
+"""Lines and case files are refused in one line, or run as they are written."""
 
 import contextlib
 import logging
@@ -120,11 +120,11 @@ def attempt_line(line):
             raise UnclearError(ended)
         demand_clear(ended, line.is_verbose)
         out = Path(line.out)
-        if line.says is None and not (out / "case.toml").exists():
+        if line.values is None and not (out / "case.toml").exists():
             return RIGHT  # there is no telling where the results are
         results = Results(out)
         results.check(ended.code == 0)
-        if line.says is not None:
+        if line.values is not None:
             compare_with_line(line, results.case)
             folder = line.checkpoint and Path(line.checkpoint)
             results.check_checkpoint(out / "checkpoint" if folder == "" else folder)
@@ -132,13 +132,13 @@ def attempt_line(line):
 
 
 def compare_with_line(line, case):
-    """Demand that a written case has what the line says, and defaults beside it."""
-    expected, known = defaults(line.scene), set(line.says)
-    if "mesh.source" in known and line.says["mesh.source"] not in options.MESHES:
+    """Demand that a written case has the values of the line, and defaults beside them."""
+    expected, known = defaults(line.scene), set(line.values)
+    if "mesh.source" in known and line.values["mesh.source"] not in options.MESHES:
         expected["mesh"] = {}
-    if line.says.get("formulation.name", "macro") != "macro":
+    if line.values.get("formulation.name", "macro") != "macro":
         expected["formulation"] = {}
-    for path, value in line.says.items():
+    for path, value in line.values.items():
         table, key = path.split(".")
         expected[table] = expected[table] | {key: value}
     demand_equal("differences", list(differences("", expected, case)), [])
@@ -247,7 +247,7 @@ def attempt_case(hostile):
 
 
 def takes_long(content):
-    """Whether a file says numbers of steps or elements that take long."""
+    """Whether a file has numbers of steps or elements that take long."""
     try:
         case = tomllib.loads(content.decode("utf-8-sig"))
         stepping, size = case.get("stepping", {}), case.get("mesh", {}).get("size")
@@ -264,9 +264,9 @@ FAMILIES = (
 )
 
 
-def test_a_line_is_refused_or_runs_as_it_says():
+def test_a_line_is_refused_or_runs_as_it_is_written():
     FAMILIES[0].holds(12)
 
 
-def test_a_case_file_is_refused_or_runs_as_it_says():
+def test_a_case_file_is_refused_or_runs_as_it_is_written():
     FAMILIES[1].holds(15)

@@ -1,4 +1,4 @@
-"""Conditions, laws and settings that nobody can mean are refused in one line.
+"""Invalid conditions, laws and settings are refused in one line.
 
 Odd ones that are sound are taken, and give an equilibrium with the right displacements.
 """
@@ -514,5 +514,5 @@ FAMILY = Family(
 )
 
 
-def test_an_argument_nobody_can_mean_is_refused_and_a_sound_one_taken():
+def test_an_invalid_argument_is_refused_and_a_sound_one_taken():
     FAMILY.holds(40)

@@ -8,6 +8,7 @@ hostile inputs tries many and counts how they end.
 import contextlib
 import ctypes
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -71,7 +72,8 @@ class Family(NamedTuple):
         def attempt(hostile):
             self.outcome(hostile)
 
-        attempt.__name__ = self.name  # by which Hypothesis keeps what has failed
+        # Hypothesis keeps what has failed by the name.
+        attempt.__name__ = re.sub(r"\W", "_", self.name)
         tried = given(st.one_of(*self.inputs.values()))(attempt)
         few = settings(max_examples=examples, suppress_health_check=list(HealthCheck))
         few(tried)()

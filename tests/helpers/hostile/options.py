@@ -1,4 +1,4 @@
-"""Lines of ``skfem-textile run``: their words, what they say, whether they are taken.
+"""Lines of ``skfem-textile run``: their words, values of keys, whether they are taken.
 
 This is the only module of hostile inputs that lists options and keys of a case.
 """
@@ -238,13 +238,13 @@ _FOLDERS = ("a/b/c", "there", ".", "x\ny", "é ü", "~", "\udcff")
 class Line(NamedTuple):
     """A line of the command line.
 
-    ``says`` are values by the paths of their keys, None if it is not known what the
-    line says; ``checkpoint`` is a folder, empty for the one in that of the results.
+    ``values`` are by the paths of their keys, None for a line from which a word
+    was deleted; ``checkpoint`` is a folder, empty for the one in that of the results.
     """
 
     words: list[str]
     verdict: int
-    says: dict[str, Any] | None = None
+    values: dict[str, Any] | None = None
     scene: str = ""
     out: str = "out"
     checkpoint: str | None = None
@@ -298,37 +298,37 @@ def lines(draw, scene: str) -> Line:
     number = draw(st.sampled_from((0, 0, 1, 1, 1, 2, 3)))
     odd = [draw(odd_part(scene)) for _ in range(number)]
     parts = [*draw(st.permutations([*sound, *free])), *odd]
-    says, odd_values = _said(parts), _said(odd)
+    values, odd_values = _values_of(parts), _values_of(odd)
     verdicts = [part.verdict for part in parts]
     verdicts += [
-        key.limits(says[key.path]) for key in keys(scene) if key.path in odd_values
+        key.limits(values[key.path]) for key in keys(scene) if key.path in odd_values
     ]
-    verdict = min(*verdicts, _of_all(scene, says))
+    verdict = min(*verdicts, _of_all(scene, values))
     words = ["run", scene, *(word for part in parts for word in part.words)]
     if draw(st.integers(0, 24)) == 24:
         del words[draw(st.integers(0, len(words) - 1))]
         return Line(words, EITHER, None, scene, out, checkpoint, True, is_drawn)
     if not is_drawn:
-        says["output.pictures"] = False
-    return Line(words, verdict, says, scene, out, checkpoint, is_verbose, is_drawn)
+        values["output.pictures"] = False
+    return Line(words, verdict, values, scene, out, checkpoint, is_verbose, is_drawn)
 
 
-def _said(parts):
+def _values_of(parts):
     """Values by path: later ones count, those of ``--set`` last; pairs add up."""
-    says: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for part in sorted(parts, key=lambda part: part.words[0] == "--set"):
         if part.key:
             path, value = part.key.path, part.value
-            if isinstance(value, dict) and isinstance(says.get(path), dict):
-                value = says[path] | value
-            says[path] = value
-    return says
+            if isinstance(value, dict) and isinstance(values.get(path), dict):
+                value = values[path] | value
+            values[path] = value
+    return values
 
 
-def _of_all(scene, says):
+def _of_all(scene, values):
     """The verdict of values that may contradict one another."""
-    get, name = says.get, says.get("formulation.name", "macro")
-    made = {"mesh.size", "mesh.jitter", "mesh.seed"} & says.keys()
+    get, name = values.get, values.get("formulation.name", "macro")
+    made = {"mesh.size", "mesh.jitter", "mesh.seed"} & values.keys()
     shear = 0.0 if scene == "strip" else 0.5
     stiffness = (
         get("tension.stiffness_N_per_mm", 1.0),
@@ -336,9 +336,9 @@ def _of_all(scene, says):
     )
     contradictions = (
         made and get("mesh.source") in _MESH_FILES,
-        name != "one-point" and "formulation.stabilisation" in says,
-        name in ("full", "quadratic") and "formulation.cs_N_per_mm" in says,
-        name in ("full", "one-point") and "formulation.deviation" in says,
+        name != "one-point" and "formulation.stabilisation" in values,
+        name in ("full", "quadratic") and "formulation.cs_N_per_mm" in values,
+        name in ("full", "one-point") and "formulation.deviation" in values,
         stiffness == (0, 0),
         {*get("scene.free", ())} & {*get("scene.roller_deg", ())},
     )
