@@ -1,4 +1,4 @@
-"""Lines of ``skfem-textile run``: their words, values of keys, whether they are taken.
+"""Lines of ``skfem-textile run``: words, values of keys, and whether they are taken.
 
 This is the only module of hostile inputs that lists options and keys of a case.
 """
