@@ -132,7 +132,7 @@ def attempt_line(line):
 
 
 def compare_with_line(line, case):
-    """Demand that a written case has the values of the line, and defaults beside them."""
+    """Demand the values of the line in a written case, and defaults beside them."""
     expected, known = defaults(line.scene), set(line.values)
     if "mesh.source" in known and line.values["mesh.source"] not in options.MESHES:
         expected["mesh"] = {}
