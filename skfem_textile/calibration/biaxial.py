@@ -14,10 +14,9 @@ import numpy as np
 from numpy import ndarray
 
 from ..fabric import BiaxialLaw, Law
-from . import models
+from . import regression as models
 from .curves import read_curve
-from .models import Model
-from .regression import Fit, Sample, fit
+from .regression import Fit, Model, Sample, fit
 
 #: The two families.
 FAMILIES = "warp", "weft"
@@ -26,9 +25,7 @@ FAMILIES = "warp", "weft"
 TENSION_LAWS: dict[str, Callable[[float, int], Model]] = {
     "crimp-toe": lambda largest, points: models.crimp_toe(largest),
     "linear": lambda largest, points: models.linear(),
-    "tabulated": lambda largest, points: models.tabulated(
-        np.linspace(0.0, largest, points + 1)[1:]
-    ),
+    "tabulated": models.tabulated,
     "crimp-interchange": lambda largest, points: models.crimp_interchange(largest),
 }
 

@@ -1,6 +1,7 @@
 """What a fit found, as JSON has it, and notes on it in sentences."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -305,105 +306,12 @@ def _falling(found: "ShearFit") -> list[str]:
 
 def report_text(reports: Mapping[str, Mapping[str, Any]]) -> str:
     """Reports as text in Markdown, by their titles."""
-    return "\n".join(_section(title, report) for title, report in reports.items())
+    import jinja2
 
-
-def _bending_section(title: str, report: Mapping[str, Any]) -> str:
-    rows = [
-        [
-            one["name"],
-            f"{one['overhang_mm']:.4g}",
-            f"{one['chord_angle_deg']:.2f}",
-            f"{one['by_elastica_N_mm']:.4g}",
-            f"{one['by_peirce_N_mm']:.4g}",
-        ]
-        for one in report["readings"]
-    ]
-    band = ""
-    if np.isfinite(report["low_N_mm"]):
-        band = (
-            f", {_PERCENT * report['confidence']:g} % between "
-            f"{report['low_N_mm']:.4g} and {report['high_N_mm']:.4g} N·mm"
-        )
-    head = ["reading", "overhang, mm", "chord angle, deg"]
-    lines = [
-        *(f"# {title}", "", f"D = {report['bending_N_mm']:.4g} N·mm{band}.", ""),
-        *_table([*head, "D by elastica, N·mm", "D by Peirce, N·mm"], rows),
-    ]
-    for note in report["notes"]:
-        lines += ["", f"Note: {note}."]
-    return "\n".join(lines) + "\n"
-
-
-def _section(title: str, report: Mapping[str, Any]) -> str:
-    if report["of"] == "bending":
-        return _bending_section(title, report)
-    lines = [f"# {title}", ""]
-    if "compared_with" in report:
-        lines += [
-            f"Fitted up to {report['largest_angle_deg']:.1f} degrees of shear, beside "
-            f"{report['compared_with']}. The kinematics hold up to "
-            f"{report['kinematics_hold_to_deg']:.1f} degrees.",
-            "",
-        ]
-    if "largest_strain" in report:
-        reach = report["largest_strain"]
-        lines += [f"Fitted up to a strain ln λ of {reach:.4g}.", ""]
-    percent = f"{_PERCENT * report['confidence']:g} %"
-    rows = [
-        [p["name"], f"{p['value']:.5g}", _ends(p), p["unit"]]
-        for p in report["parameters"]
-    ]
-    law = report["law"]["kind"]
-    lines += [f"Law: {law}", "", *_table(["parameter", "value", percent, "unit"], rows)]
-    rows = [
-        [
-            c["name"],
-            _points(c),
-            f"{c['noise_N']:.4g} ({_share(c['noise_over_largest'])})",
-            f"{c['residual_rms_N']:.4g}",
-            f"{c['correlation_of_neighbours']:+.2f}",
-        ]
-        for c in report.get("specimens", report.get("curves", []))
-    ]
-    head = ["curve", "points", "noise, N", "residual, N", "correlation"]
-    lines += ["", *_table(head, rows)]
-    if report.get("moments"):
-        rows = [
-            [
-                f"{m['angle_deg']:g}",
-                f"{m['moment']:.4g}",
-                f"{m['low']:.4g} to {m['high']:.4g}",
-                f"{m['between_specimens']:.2g}" if "between_specimens" in m else "-",
-                ", ".join(f"{one:.4g}" for one in m["point_by_point"]) or "-",
-            ]
-            for m in report["moments"]
-        ]
-        head = ["angle, deg", "C, N·mm/mm²", percent, "between specimens"]
-        lines += ["", *_table([*head, "point by point"], rows)]
-    for note in report["notes"]:
-        lines += ["", f"Note: {note}."]
-    return "\n".join(lines) + "\n"
-
-
-def _share(noise: float) -> str:
-    """Noise over the largest force; a curve without force has none."""
-    return f"{_PERCENT * noise:.1f} %" if np.isfinite(noise) else "no force"
-
-
-def _points(curve: Mapping[str, Any]) -> str:
-    """How many points are fitted, and of how many if some are left out."""
-    points, left_out = curve["points"], curve.get("left_out", 0)
-    return f"{points} of {points + left_out}" if left_out else f"{points}"
-
-
-def _ends(parameter: Mapping[str, Any]) -> str:
-    if parameter["at_bound"]:
-        return "at a bound"
-    return f"{parameter['low']:.5g} to {parameter['high']:.5g}"
-
-
-def _table(head: Sequence[object], rows: Sequence[Sequence[object]]) -> list[str]:
-    lines = [f"| {' | '.join(map(str, line))} |" for line in (head, *rows)]
-    lines.insert(1, "|" + "---|" * len(head))
-    return lines
+    # Markdown of names and numbers: nothing is escaped, as in a page of HTML.
+    environment = jinja2.Environment(
+        autoescape=False, trim_blocks=True, keep_trailing_newline=True
+    )
+    environment.filters["g"] = lambda number, digits=4: f"{number:.{digits}g}"
+    template = files(__package__).joinpath("report.md").read_text(encoding="utf-8")
+    return environment.from_string(template).render(reports=reports)

@@ -12,9 +12,15 @@ from ..calibration import bending, biaxial, report
 from ..calibration.bending import BendingFit
 from ..calibration.biaxial import TensionFit
 from ..calibration.curves import COLUMNS, column_named
-from ..calibration.inverse import Simulation, fit_by_simulation
 from ..calibration.report import report_text
-from ..calibration.shear import ShearFit, Specimen, fit_shear, read_specimen
+from ..calibration.shear import (
+    ShearFit,
+    Simulation,
+    Specimen,
+    fit_by_simulation,
+    fit_shear,
+    read_specimen,
+)
 from ..fabric import Fabric
 from ..fabric.files import write_law
 from ..mesh.user_input import printable

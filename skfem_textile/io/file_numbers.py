@@ -1,13 +1,28 @@
 """Numbers in files, as text or binary, read with all checks of their count."""
 
 import contextlib
+from collections.abc import Iterator
 from typing import Any, NoReturn
 
 import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.user_input import excerpt
+from ..mesh.user_input import excerpt, printable
+
+
+@contextlib.contextmanager
+def errors_about(what: object) -> Iterator[None]:
+    """Raise errors as a `MeshError` that begins with what they are about."""
+    try:
+        yield
+    except OSError as error:
+        message = printable(error.strerror or error)
+    except ValueError as error:
+        message = str(error)
+    else:
+        return
+    raise MeshError(f"{printable(what)}: {message}") from None
 
 
 def word_of(x: float | None) -> str:

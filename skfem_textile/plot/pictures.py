@@ -1,7 +1,7 @@
-"""Pictures of plies: fields in colours, fibres, and what was found of states."""
+"""Pictures of plies: fields in colours, fibres, what was found of states, motions."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
@@ -13,10 +13,19 @@ from ..io.results import cell_fields, fields_on_tool
 from ..mesh.splitting import original_elements
 from ..solve.result import Result, StepError
 from ..solve.states import State
-from .fields import FIELDS, Field, field_of, reach, values_of
-from .layout import PAGE
-from .renderers.drawing import draw
-from .shapes import chosen, on_one_scale
+from .drawing import draw, pyvista_drawing
+from .fields import (
+    FIELDS,
+    Field,
+    chosen,
+    field_of,
+    on_one_scale,
+    reach,
+    shapes_of,
+    values_of,
+)
+from .layout import PAGE, lay_out
+from .picture_files import picture_path, write
 from .sheet import (
     REFUSED,
     WARP,
@@ -34,35 +43,61 @@ if TYPE_CHECKING:
     import pyvista as pv
     from matplotlib.figure import Figure
 
-
 # Names of families, and of the fields of their strains.
 _STRAINS = {"Warp": "warp_strain", "Weft": "weft_strain"}
 
+# Names and colours of families.
+_FAMILIES = [("Warp", WARP), ("Weft", WEFT)]
 
-class Options(TypedDict, total=False):
-    """What all pictures take; `field` says what each is."""
+
+class View(TypedDict, total=False):
+    """Options of every picture of results; `field` says what each is."""
 
     titles: Sequence[str]
     filename: str | os.PathLike[str] | None
     plotter: "pv.Plotter | None"
     state: int
-    cmap: Any
-    clim: Sequence[float] | None
     show_edges: bool | None
     size: float | tuple[float, float] | None
+
+
+class Options(View, total=False):
+    """Options of every picture of one scale."""
+
+    cmap: Any
+    clim: Sequence[float] | None
+
+
+#: Rows of panels and their legends, of titles, shapes and states.
+Panels = Callable[
+    [Sequence[str], list[Shape], list[State]],
+    tuple[list[list[Panel]], list[Legend]],
+]
+
+
+def _picture(
+    results: Sequence[Result],
+    panels: Panels,
+    titles: Sequence[str] = (),
+    filename: str | os.PathLike[str] | None = None,
+    plotter: "pv.Plotter | None" = None,
+    state: int = -1,
+    show_edges: bool | None = None,
+    size: float | tuple[float, float] | None = None,
+) -> "pv.Plotter | Figure":
+    """The picture of panels of results."""
+    titles, shapes, states = chosen(results, titles, state, filename)
+    rows, legends = panels(titles, shapes, states)
+    sheet = Sheet(rows, legends, extent(shapes), show_edges)
+    return draw(sheet, filename, plotter, size)
 
 
 def field(
     *results: Result,
     field: str | Field = "shear_angle",
-    titles: Sequence[str] = (),
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
     cmap: Any = None,
     clim: Sequence[float] | None = None,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
+    **options: Unpack[View],
 ) -> "pv.Plotter | Figure":
     """A field on the deformed plies, one panel per result, all on one scale.
 
@@ -126,15 +161,18 @@ def field(
     >>> figure = plot.field(result, field="displacement", filename="moved.pdf")
     ... # doctest: +SKIP
     """
-    titles, shapes, states = chosen(results, titles, state, filename)
-    shown, scale = on_one_scale(results, states, field_of(field), cmap, clim)
-    row = [
-        Panel(title or scale.label, shape, values, scale)
-        for title, shape, values in zip(titles, shapes, shown, strict=True)
-    ]
-    legend = Legend(0, len(row), scale)
-    sheet = Sheet([row], [legend], extent(shapes), show_edges)
-    return draw(sheet, filename, plotter, size)
+
+    def panels(
+        titles: Sequence[str], shapes: list[Shape], states: list[State]
+    ) -> tuple[list[list[Panel]], list[Legend]]:
+        shown, scale = on_one_scale(results, states, field_of(field), cmap, clim)
+        row = [
+            Panel(title or scale.label, shape, values, scale)
+            for title, shape, values in zip(titles, shapes, shown, strict=True)
+        ]
+        return [row], [Legend(0, len(row), scale)]
+
+    return _picture(results, panels, **options)
 
 
 def shear_angle(*results: Result, **options: Unpack[Options]) -> "pv.Plotter | Figure":
@@ -147,14 +185,9 @@ def shear_angle(*results: Result, **options: Unpack[Options]) -> "pv.Plotter | F
 
 def fibre_strain(
     *results: Result,
-    titles: Sequence[str] = (),
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
     cmap: Any = None,
     clim: Sequence[float] | None = None,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
+    **options: Unpack[View],
 ) -> "pv.Plotter | Figure":
     """Fibre strain of warp (above) and weft (below), one column per result.
 
@@ -165,56 +198,41 @@ def fibre_strain(
 
     Parameters, returned value and errors as for `field`.
     """
-    titles, shapes, states = chosen(results, titles, state, filename)
-    rows, scale = _strain_rows(results, titles, shapes, states, cmap, clim)
-    low, high = extent(shapes)
-    if len(results) == 1 and high[1] - low[1] > high[0] - low[0]:
-        rows = [[panel for row in rows for panel in row]]
-    legend = Legend(0, len(rows[0]), scale)
-    sheet = Sheet(rows, [legend], (low, high), show_edges)
-    return draw(sheet, filename, plotter, size)
+
+    def panels(
+        titles: Sequence[str], shapes: list[Shape], states: list[State]
+    ) -> tuple[list[list[Panel]], list[Legend]]:
+        rows, scale = _strain_rows(results, titles, shapes, states, cmap, clim)
+        low, high = extent(shapes)
+        if len(results) == 1 and high[1] - low[1] > high[0] - low[0]:
+            rows = [[panel for row in rows for panel in row]]
+        return rows, [Legend(0, len(rows[0]), scale)]
+
+    return _picture(results, panels, **options)
 
 
-def contact_sheet(
-    *results: Result,
-    titles: Sequence[str] = (),
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
-) -> "pv.Plotter | Figure":
+def contact_sheet(*results: Result, **options: Unpack[View]) -> "pv.Plotter | Figure":
     """Warp strain, weft strain and shear angle in columns, one row per result.
 
     Parameters, returned value and errors as for `field`.
     """
-    titles, shapes, states = chosen(results, titles, state, filename)
-    strains, strain = _strain_rows(results, titles, shapes, states)
-    angles, shear = on_one_scale(results, states, FIELDS["shear_angle"])
-    rows = [
-        [
-            warp,
-            weft,
-            Panel(
-                _titled("Shear angle", title, "shear_angle"), warp.shape, values, shear
-            ),
-        ]
-        for warp, weft, title, values in zip(*strains, titles, angles, strict=True)
-    ]
-    legends = [Legend(0, 2, strain), Legend(2, 3, shear)]
-    return draw(
-        Sheet(rows, legends, extent(shapes), show_edges), filename, plotter, size
-    )
+
+    def panels(
+        titles: Sequence[str], shapes: list[Shape], states: list[State]
+    ) -> tuple[list[list[Panel]], list[Legend]]:
+        strains, strain = _strain_rows(results, titles, shapes, states)
+        angles, shear = on_one_scale(results, states, FIELDS["shear_angle"])
+        names = [_titled("Shear angle", title, shear.label) for title in titles]
+        panels = zip(names, shapes, angles, strict=True)
+        last = [Panel(name, shape, values, shear) for name, shape, values in panels]
+        rows = [list(row) for row in zip(*strains, last, strict=True)]
+        return rows, [Legend(0, 2, strain), Legend(2, 3, shear)]
+
+    return _picture(results, panels, **options)
 
 
 def fibre_directions(
-    *results: Result,
-    titles: Sequence[str] = (),
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
+    *results: Result, **options: Unpack[View]
 ) -> "pv.Plotter | Figure":
     """Directions of warp (blue) and weft (red): a line per element and family.
 
@@ -222,28 +240,29 @@ def fibre_directions(
 
     Parameters, returned value and errors as for `field`.
     """
-    titles, shapes, states = chosen(results, titles, state, filename)
-    row = []
-    for result, title, shape, at in zip(results, titles, shapes, states, strict=True):
-        fields = cell_fields(result.ply, at.u)
-        names = "warp_direction", "weft_direction"
-        fibres = Fibres(*(shape.seen(fields[name]) for name in names))
-        row.append(Panel(title or "Fibre directions", shape, fibres=fibres))
-    legend = Legend(0, len(row), keys=[("Warp", WARP), ("Weft", WEFT)])
-    sheet = Sheet([row], [legend], extent(shapes), show_edges)
-    return draw(sheet, filename, plotter, size)
+
+    def panels(
+        titles: Sequence[str], shapes: list[Shape], states: list[State]
+    ) -> tuple[list[list[Panel]], list[Legend]]:
+        row = []
+        for result, title, shape, at in zip(
+            results, titles, shapes, states, strict=True
+        ):
+            fields = cell_fields(result.ply, at.u)
+            names = "warp_direction", "weft_direction"
+            fibres = Fibres(*(shape.seen(fields[name]) for name in names))
+            row.append(Panel(title or "Fibre directions", shape, fibres=fibres))
+        return [row], [Legend(0, len(row), keys=_FAMILIES)]
+
+    return _picture(results, panels, **options)
 
 
 def verdict(
     *runs: Result | StepError,
     field: str | Field | None = None,
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
     cmap: Any = None,
     clim: Sequence[float] | None = None,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
+    **options: Unpack[View],
 ) -> "pv.Plotter | Figure":
     """What was found of states, in words above a field; where steps were refused.
 
@@ -258,24 +277,27 @@ def verdict(
         the end of a law; else the smallest area over the initial area in each element,
         which is zero where an element folds.
 
-    Other parameters, returned value and errors as for `field`.
+    Other parameters, returned value and errors as for `field`; there are no titles.
     """
     results = [run.result if isinstance(run, StepError) else run for run in runs]
-    _, shapes, states = chosen(results, (), state, filename)
     ended = [run.quantity for run in runs if isinstance(run, StepError)]
-    field = field or next(filter(None, ended), "area_ratio")
-    shown, scale = on_one_scale(results, states, field_of(field), cmap, clim)
-    row = []
-    for run, shape, at, values in zip(runs, shapes, states, shown, strict=True):
-        refused = isinstance(run, StepError)
-        marked = run.elements if isinstance(run, StepError) else np.empty(0, dtype=int)
-        title = str(run) if refused else _words(at)
-        row.append(Panel(title, shape, values, scale, marked=marked))
-    some = any(panel.marked.size for panel in row)
-    keys = [("Elements where the step was refused", REFUSED)] if some else []
-    legend = Legend(0, len(row), scale, keys)
-    sheet = Sheet([row], [legend], extent(shapes), show_edges)
-    return draw(sheet, filename, plotter, size)
+    shown_field = field_of(field or next(filter(None, ended), "area_ratio"))
+
+    def panels(
+        titles: Sequence[str], shapes: list[Shape], states: list[State]
+    ) -> tuple[list[list[Panel]], list[Legend]]:
+        shown, scale = on_one_scale(results, states, shown_field, cmap, clim)
+        row = []
+        for run, shape, at, values in zip(runs, shapes, states, shown, strict=True):
+            panel = Panel(_words(at), shape, values, scale)
+            if isinstance(run, StepError):
+                panel = panel._replace(title=str(run), marked=run.elements)
+            row.append(panel)
+        some = any(panel.marked.size for panel in row)
+        keys = [("Elements where the step was refused", REFUSED)] if some else []
+        return [row], [Legend(0, len(row), scale, keys)]
+
+    return _picture(results, panels, (), **options)
 
 
 def _words(state: State) -> str:
@@ -292,9 +314,9 @@ def _words(state: State) -> str:
     )
 
 
-def _titled(name: str, title: str, field: str) -> str:
-    """The title of a panel: its name and the result; of one alone the field."""
-    return f"{name}, {title}" if title else FIELDS[field].label
+def _titled(name: str, title: str, alone: str) -> str:
+    """The title of a panel: its name and the result; of one result ``alone``."""
+    return f"{name}, {title}" if title else alone
 
 
 def _strain_rows(
@@ -306,17 +328,21 @@ def _strain_rows(
     clim: Sequence[float] | None = None,
 ) -> tuple[list[list[Panel]], Scale]:
     """Panels of warp and of weft, on one scale."""
-    both = [FIELDS[name] for name in _STRAINS.values()]
     pairs = list(zip(results, states, strict=True))
-    shown = [[values_of(f, r.ply, at.u) for r, at in pairs] for f in both]
+    fields = {family: FIELDS[name] for family, name in _STRAINS.items()}
+    shown = [
+        [values_of(f, result.ply, at.u) for result, at in pairs]
+        for f in fields.values()
+    ]
     found = reach([values for row in shown for values in row], symmetric=True)
-    scale = Scale.of("Fibre strain in the law (%)", found, cmap or both[0].cmap, clim)
+    colours = cmap or fields["Warp"].cmap
+    scale = Scale.of("Fibre strain in the law (%)", found, colours, clim)
     rows = [
         [
-            Panel(_titled(family, title, _STRAINS[family]), shape, values, scale)
+            Panel(_titled(family, title, f.label), shape, values, scale)
             for title, shape, values in zip(titles, shapes, row, strict=True)
         ]
-        for family, row in zip(_STRAINS, shown, strict=True)
+        for (family, f), row in zip(fields.items(), shown, strict=True)
     ]
     return rows, scale
 
@@ -359,82 +385,54 @@ def mesh_and_fibres(
     directions.refuse_other(cells)
     n = directions.warp.shape[1]
     shape = Shape(np.pad(mesh.p, ((0, 1), (0, 0))).T, cells)
-    fibres = Fibres(_unit(directions.warp), _unit(directions.weft))
+    families = directions.warp, directions.weft
+    fibres = Fibres(*(np.pad(v / np.hypot(*v), ((0, 1), (0, 0))).T for v in families))
     panel = Panel(f"Mesh and fibres, {n} elements", shape, fibres=fibres)
-    keys = [("Warp", WARP), ("Weft", WEFT)]
-    sheet = Sheet([[panel]], [Legend(0, 1, keys=keys)], extent([shape]), show_edges)
+    sheet = Sheet(
+        [[panel]], [Legend(0, 1, keys=_FAMILIES)], extent([shape]), show_edges
+    )
     return draw(sheet, filename, plotter, size)
 
 
-def _unit(vectors: ndarray) -> ndarray:
-    """Columns of plane vectors as rows of unit vectors in space."""
-    return np.pad(vectors / np.hypot(*vectors), ((0, 1), (0, 0))).T
-
-
-# What is marked is drawn in this colour, and named so.
-_RISK = [("Fibres may wrinkle", REFUSED)]
-
-
-def draped(
-    *results: Result,
-    titles: Sequence[str] = (),
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
-) -> "pv.Plotter | Figure":
+def draped(*results: Result, **options: Unpack[View]) -> "pv.Plotter | Figure":
     """Shear angle and contact pressure of plies on tools, a row for each.
 
     Elements in which fibres may wrinkle are marked on the shear angle.  A pressure
-    below zero is a pull: there the ply bridges the tool.
+    below zero is a pull: there the ply bridges the tool.  The picture is 174 mm wide if
+    no size is given.
 
-    Parameters
-    ----------
-    *results
-        Results of runs of plies that lie on tools.
-    titles, filename, plotter, state, show_edges, size
-        As for `field`; 174 mm wide if no size is given.
-
-    Returns
-    -------
-    pyvista.Plotter or matplotlib.figure.Figure
-        As `field`.
-
-    Raises
-    ------
-    ImportError, RuntimeError, FileNotFoundError
-        As `field`.
-    ValueError
-        As `field`, or if a ply is on no tool.
+    Parameters, returned value and errors as for `field`; a ply that is on no tool is a
+    `ValueError`.
     """
-    titles, shapes, states = chosen(results, titles, state, filename)
-    pairs = list(zip(results, states, strict=True))
-    found = [_found(result, at) for result, at in pairs]
-    angles, shear = on_one_scale(results, states, FIELDS["shear_angle"])
-    pressures = [pressure for pressure, _ in found]
-    label = "Contact pressure (N/mm²)"
-    scale = Scale.of(label, reach(pressures, symmetric=True), "RdBu_r", None)
-    rows = [
-        [
-            Panel(_named("Shear angle", title), shape, angle, shear, marked=at_risk),
-            Panel(_named("Contact pressure", title), shape, pressure, scale),
-        ]
+
+    def panels(
+        titles: Sequence[str], shapes: list[Shape], states: list[State]
+    ) -> tuple[list[list[Panel]], list[Legend]]:
+        pairs = zip(results, states, strict=True)
+        found = [_on_tool(result, at) for result, at in pairs]
+        angles, shear = on_one_scale(results, states, FIELDS["shear_angle"])
+        pressures = reach([pressure for pressure, _ in found], symmetric=True)
+        scale = Scale.of("Contact pressure (N/mm²)", pressures, "RdBu_r", None)
+        rows = []
         for title, shape, angle, (pressure, at_risk) in zip(
             titles, shapes, angles, found, strict=True
-        )
-    ]
-    keys = _RISK if any(at_risk.size for _, at_risk in found) else []
-    legends = [Legend(0, 1, shear, keys), Legend(1, 2, scale)]
-    sheet = Sheet(rows, legends, extent(shapes), show_edges)
-    return draw(sheet, filename, plotter, size or (None if plotter else PAGE))
+        ):
+            one, other = (
+                _titled(name, title, name)
+                for name in ("Shear angle", "Contact pressure")
+            )
+            left = Panel(one, shape, angle, shear, marked=at_risk)
+            rows.append([left, Panel(other, shape, pressure, scale)])
+        some = any(at_risk.size for _, at_risk in found)
+        keys = [("Fibres may wrinkle", REFUSED)] if some else []
+        return rows, [Legend(0, 1, shear, keys), Legend(1, 2, scale)]
+
+    if not (options.get("size") or options.get("plotter")):
+        options["size"] = PAGE
+    return _picture(results, panels, **options)
 
 
-def _named(name: str, title: str) -> str:
-    return f"{name}, {title}" if title else name
-
-
-def _found(result: Result, state: State) -> tuple[np.ndarray, np.ndarray]:
+def _on_tool(result: Result, state: State) -> tuple[ndarray, ndarray]:
     """Contact pressure of elements, and numbers of those at risk of wrinkles."""
     ply, surface = result.ply, result.tool(state.load_factor)
     if surface is None:
@@ -442,3 +440,75 @@ def _found(result: Result, state: State) -> tuple[np.ndarray, np.ndarray]:
     points, cells = fields_on_tool(ply, surface, state)
     pressure = points["contact_pressure"][ply.mesh.t].mean(axis=0)
     return pressure, np.flatnonzero(cells["wrinkle_risk"])
+
+
+# Dots per inch: of a picture for a screen.
+_DOTS = 150
+
+# Duration of a frame and of the last one, in ms.
+_FRAME, _LAST = 125, 1125
+
+
+def animation(
+    result: Result,
+    filename: str | os.PathLike[str],
+    field: str | Field = "shear_angle",
+    cmap: Any = None,
+    clim: Sequence[float] | None = None,
+    show_edges: bool | None = None,
+    size: float | tuple[float, float] | None = None,
+) -> None:
+    """Write a field on the moving ply as a GIF, one frame per state, on one scale.
+
+    Parameters
+    ----------
+    result
+        The result whose states are drawn.
+    filename
+        Where to write the GIF.
+    field, cmap, clim, show_edges, size
+        As for `field`; an mm has 6 pixels.
+
+    Raises
+    ------
+    ImportError, RuntimeError, FileNotFoundError
+        As for `field`.
+    ValueError
+        As for `field`, or if the name has another suffix than .gif.
+    """
+    from PIL import Image
+
+    path = picture_path(filename, (".gif",))
+    shown, states = field_of(field), result.states
+    shapes = shapes_of([result] * len(states), states)
+    values = [values_of(shown, result.ply, state.u) for state in states]
+    found = reach(values, shown.symmetric)
+    scale = Scale.of(shown.label, found, cmap or shown.cmap, clim)
+    sheets = [
+        Sheet(
+            [[Panel(f"Load factor {state.load_factor:.2f}", shape, each, scale)]],
+            [Legend(0, 1, scale)],
+            extent(shapes),
+            show_edges,
+        )
+        for state, shape, each in zip(states, shapes, values, strict=True)
+    ]
+    layouts = [lay_out(sheet, size) for sheet in sheets]
+    renderer, frames = pyvista_drawing(), []
+    for sheet, layout in zip(sheets, layouts, strict=True):
+        plotter = renderer.new_plotter(layout, _DOTS)  # an old one loses its text
+        renderer.draw_new(plotter, sheet, layout)
+        frames.append(Image.fromarray(plotter.screenshot(return_img=True)))
+        plotter.close()
+    first, *others = [frame.quantize(dither=Image.Dither.NONE) for frame in frames]
+    write(
+        path,
+        ".gif",
+        lambda file: first.save(
+            file,
+            save_all=True,
+            append_images=others,
+            duration=[_FRAME] * len(others) + [_LAST],
+            loop=0,
+        ),
+    )

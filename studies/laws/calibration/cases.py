@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from skfem_textile.calibration import BiasExtension, PictureFrame, ShearTest, Specimen
-from skfem_textile.calibration.models import Model
+from skfem_textile.calibration.regression import Model
 from skfem_textile.calibration.shear import SHEAR_LAWS
 
 #: Noise of forces over the largest, and points of a curve.

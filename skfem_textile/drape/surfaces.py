@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ...mesh.user_input import real_numbers
+from ..mesh.user_input import real_numbers
 
 #: Three components.
 Vector: TypeAlias = ArrayLike

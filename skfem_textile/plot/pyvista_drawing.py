@@ -1,5 +1,9 @@
 """Pictures drawn by pyvista: off screen, or into a plotter that is given."""
 
+import functools
+import os
+import subprocess
+import sys
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -7,7 +11,7 @@ import pyvista as pv
 from numpy import ndarray
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkCoordinate, vtkPolyDataMapper2D
 
-from ..layout import (
+from .layout import (
     KEY,
     POINT,
     Bar,
@@ -19,7 +23,7 @@ from ..layout import (
     font_file,
     lay_out,
 )
-from ..sheet import PLY, Legend, Panel, Sheet, lines_of
+from .sheet import PLY, Legend, Panel, Sheet, lines_of
 
 _CELLS = {3: pv.CellType.TRIANGLE, 4: pv.CellType.QUAD}
 
@@ -47,7 +51,14 @@ class Frame(NamedTuple):
 
 
 def new_plotter(layout: Layout, dots_per_inch: float) -> pv.Plotter:
-    """An empty plotter off screen with a renderer for each panel and each legend."""
+    """An empty plotter off screen with a renderer for each panel and each legend.
+
+    Raises
+    ------
+    RuntimeError
+        If nothing can be drawn off screen here.
+    """
+    require_offscreen()
     dots = dots_per_inch / 25.4
     heights = [row[0].box.height for row in layout.places]
     left = layout.height - sum(heights)
@@ -238,3 +249,51 @@ def _write(plotter: pv.Plotter, writing: Writing, frame: Frame) -> None:
     actor.prop.font_size = round(writing.size * POINT * frame.dots)
     actor.prop.justification_horizontal = writing.align
     actor.prop.justification_vertical = "center"
+
+
+_WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
+
+_DRAW = """
+import vtkmodules.vtkRenderingOpenGL2
+from vtkmodules.vtkRenderingCore import vtkRenderWindow
+window = vtkRenderWindow()
+window.SetOffScreenRendering(1)
+window.SetSize(8, 8)
+window.Render()
+"""
+
+
+@functools.cache
+def require_offscreen() -> None:
+    """Choose a kind of OpenGL window in which VTK can draw off screen.
+
+    Without one VTK ends the process with a segmentation fault, so that each kind is
+    tried in a child process.  The environment variable by which VTK chooses is
+    set to the first kind that works: EGL, then OSMesa, then the default of VTK.
+
+    Raises
+    ------
+    RuntimeError
+        If none works; the message names the package to install.
+    """
+    preset = [os.environ[_WINDOW]] if _WINDOW in os.environ else []
+    kinds = ["vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"]
+    for kind in preset + (kinds if sys.platform == "linux" else []):
+        if _can_draw({_WINDOW: kind}):
+            os.environ[_WINDOW] = kind
+            return
+    if not _can_draw({}):
+        raise RuntimeError(
+            "VTK cannot draw off screen here; "
+            "install the Debian packages libegl1 and libgl1-mesa-dri"
+        )
+
+
+def _can_draw(environment: dict[str, str]) -> bool:
+    child = subprocess.run(
+        [sys.executable, "-c", _DRAW],
+        env={**os.environ, **environment},
+        capture_output=True,
+        check=False,
+    )
+    return child.returncode == 0

@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ...mesh.checks import MeshError
-from ..sheet import boundary_edges, closest_on_triangles
-from ..tool_mesh import ToolMesh
+from ..mesh.checks import MeshError
+from .sheet import boundary_edges, closest_on_triangles
+from .tool_mesh import ToolMesh
 
 # Points to which a quadric is fitted: six coefficients, over-determined by a half where
 # the mesh is regular, of two rings of neighbours and more.
