@@ -8,14 +8,13 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from numpy import ndarray
 
 from ..fabric import BiaxialLaw, Law
 from . import regression as models
-from .curves import read_curve
+from .curves import read_test
 from .regression import Fit, Model, Sample, fit
 
 #: The two families.
@@ -129,15 +128,11 @@ def read_biaxial(
     OSError
         If it cannot be read.
     """
-    columns, name = read_curve(path, units), Path(path).name
-    for family in FAMILIES:
-        for column in (f"{family} strain", f"{family} force"):
-            if column not in columns:
-                raise ValueError(f"{name}: there is no column {column!r}")
-    elongation = np.array([columns[f"{family} strain"] for family in FAMILIES])
+    strains, forces = ([f"{f} {of}" for f in FAMILIES] for of in ("strain", "force"))
+    name, columns = read_test(path, units, *strains, *forces)
+    elongation, force = (np.array([columns[x] for x in of]) for of in (strains, forces))
     if not np.all(elongation > -1):
         raise ValueError(f"{name}: a strain is not above -1")
-    force = np.array([columns[f"{family} force"] for family in FAMILIES])
     return BiaxialCurve(name, np.log1p(elongation), force, widths)
 
 

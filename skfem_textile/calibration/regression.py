@@ -330,17 +330,7 @@ _BELIEVED = 3.1
 
 
 class Sample(NamedTuple):
-    """A measured curve.
-
-    Attributes
-    ----------
-    name
-        What it is called.
-    measured
-        Measured values, shape (n,).
-    predict
-        What a law gives for them.
-    """
+    """The name of a curve, measured values, (n,), and what a law gives for them."""
 
     name: str
     measured: ndarray
@@ -405,7 +395,9 @@ class Fit:
     @cached_property
     def correlations(self) -> ndarray:
         """Correlation of neighbouring residuals of each curve."""
-        return np.array([_correlation(r) for r in self.residuals])
+        return np.array(
+            [(r[1:] @ r[:-1] / (r @ r)) if r.any() else 0.0 for r in self.residuals]
+        )
 
     @cached_property
     def systematic(self) -> ndarray:
@@ -568,8 +560,3 @@ def _spread_out(samples: Sequence[Sample], each: ndarray) -> ndarray:
 def _split(samples: Sequence[Sample], whole: ndarray) -> tuple[ndarray, ...]:
     ends = np.cumsum([sample.measured.size for sample in samples])[:-1]
     return tuple(np.split(whole, ends))
-
-
-def _correlation(residual: ndarray) -> float:
-    square = residual @ residual
-    return float(residual[1:] @ residual[:-1] / square) if square else 0.0

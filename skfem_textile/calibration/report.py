@@ -1,6 +1,6 @@
 """What a fit found, as JSON has it, and notes on it in sentences."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -26,50 +26,65 @@ ANGLES = tuple(range(5, 90, 5))
 # Fabrics of nearly inextensible fibres are strained by less, crimp included.
 _MOST_STRAIN = 0.5
 
-_PERCENT = 100.0
-
 
 def shear_report(found: "ShearFit") -> dict[str, Any]:
     """What a fit of a shear law found: numbers, lists and text."""
-    reach = np.degrees(found.largest_angle) + 1e-9
-    angles = np.array([angle for angle in ANGLES if angle <= reach], dtype=float)
+    fit, specimens = found.fit, []
+    for i, specimen in enumerate(found.specimens):
+        measured = specimen.measured_angle is not None
+        more = {
+            "left_out": int(np.sum(~specimen.used(found.up_to))),
+            "angle": "measured" if measured else "theoretical",
+            "kinematics_hold_to_deg": _holds(specimen),
+            "test": repr(specimen.test),
+        }
+        specimens.append(_curve(fit, i) | more)
     return {
-        **_law("shear", found.fit),
+        **_law("shear", fit),
         "compared_with": "simulations" if found.simulated else "closed forms",
-        "kinematics_hold_to_deg": min(_holds(one) for one in found.specimens),
+        "kinematics_hold_to_deg": min(map(_holds, found.specimens)),
         "largest_angle_deg": float(np.degrees(found.largest_angle)),
-        "specimens": _specimens(found),
-        "moments": _moments(found, angles),
-        "notes": _shear_notes(found),
+        "specimens": specimens,
+        "moments": _moments(found),
+        "notes": [*_notes(fit), *_range_notes(found), *_falling_notes(found)],
     }
 
 
 def tension_report(found: "TensionFit") -> dict[str, Any]:
     """What a fit of tension laws found."""
     reports = {}
-    for family, one in found.fits.items():
-        report = _law("tension", one)
-        curves = [_curve(one, i) for i in range(len(one.samples))]
-        strains = [c.strain for c in found.curves]
-        if family != "both":
-            strains = [strain[FAMILIES.index(family)] for strain in strains]
-        largest = max(float(strain.max()) for strain in strains)
-        reports[family] = report | {
+    for name, one in found.fits.items():
+        families = [i for i, family in enumerate(FAMILIES) if name in (family, "both")]
+        largest = max(float(c.strain[families].max()) for c in found.curves)
+        reports[name] = _law("tension", one) | {
             "largest_strain": largest,
-            "curves": curves,
-            "notes": _tension_notes(found, family),
+            "curves": [_curve(one, i) for i in range(len(one.samples))],
+            "notes": [*_notes(one), *_tension_notes(found, families)],
         }
+        if one.beyond_noise:
+            reports[name]["notes"].append(
+                "tests at several ratios of the strains contradict a tension of one "
+                "strain: take crimp-interchange, whose tensions take both"
+            )
     return reports
 
 
 def bending_report(found: "BendingFit") -> dict[str, Any]:
     """What a fit of a bending stiffness found."""
     low, high = found.interval
-    names = [test.name for test in found.tests for _ in test.overhang]
-    lengths, angles = (np.concatenate(x) for x in _readings(found))
-    both = found.by_elastica, found.by_peirce
-    readings = zip(names, lengths, angles, *both, strict=True)
     largest = float(np.abs(found.by_peirce / found.by_elastica - 1).max())
+    readings = [
+        {
+            "name": test.name,
+            "overhang_mm": float(length),
+            "chord_angle_deg": float(np.degrees(angle)),
+        }
+        for test in found.tests
+        for length, angle in zip(test.overhang, test.angle, strict=True)
+    ]
+    both = zip(found.by_elastica, found.by_peirce, strict=True)
+    for reading, (exact, simple) in zip(readings, both, strict=True):
+        reading |= {"by_elastica_N_mm": float(exact), "by_peirce_N_mm": float(simple)}
     return {
         "of": "bending",
         "confidence": CONFIDENCE,
@@ -77,25 +92,12 @@ def bending_report(found: "BendingFit") -> dict[str, Any]:
         "low_N_mm": low,
         "high_N_mm": high,
         "by_peirce_N_mm": float(found.by_peirce.mean()),
-        "readings": [
-            {
-                "name": name,
-                "overhang_mm": float(length),
-                "chord_angle_deg": float(np.degrees(angle)),
-                "by_elastica_N_mm": float(exact),
-                "by_peirce_N_mm": float(simple),
-            }
-            for name, length, angle, exact, simple in readings
-        ],
+        "readings": readings,
         "notes": [
-            f"Peirce's formula is off by up to {_PERCENT * largest:.1f} % at these "
+            f"Peirce's formula is off by up to {100 * largest:.1f} % at these "
             "angles: the stiffness is that of the elastica"
         ],
     }
-
-
-def _readings(found: "BendingFit") -> tuple[list[ndarray], list[ndarray]]:
-    return [one.overhang for one in found.tests], [one.angle for one in found.tests]
 
 
 def _law(of: str, fit: Fit) -> dict[str, Any]:
@@ -138,25 +140,10 @@ def _curve(fit: Fit, i: int) -> dict[str, Any]:
     }
 
 
-def _specimens(found: "ShearFit") -> list[dict[str, Any]]:
-    rows = []
-    for i, specimen in enumerate(found.specimens):
-        used = specimen.used(found.up_to)
-        measured = specimen.measured_angle is not None
-        rows.append(
-            _curve(found.fit, i)
-            | {
-                "left_out": int(np.sum(~used)),
-                "angle": "measured" if measured else "theoretical",
-                "kinematics_hold_to_deg": _holds(specimen),
-                "test": repr(specimen.test),
-            }
-        )
-    return rows
-
-
-def _moments(found: "ShearFit", angles: ndarray) -> list[dict[str, Any]]:
-    """C at angles in degrees: the law, its band, and each specimen alone."""
+def _moments(found: "ShearFit") -> list[dict[str, Any]]:
+    """C at `ANGLES`: the law, its band, and each specimen alone."""
+    reach = np.degrees(found.largest_angle) + 1e-9
+    angles = np.array([angle for angle in ANGLES if angle <= reach], dtype=float)
     gamma, fit = np.radians(angles), found.fit
 
     def value(law: Any) -> ndarray:
@@ -180,30 +167,18 @@ def _moments(found: "ShearFit", angles: ndarray) -> list[dict[str, Any]]:
     return rows
 
 
-def _shear_notes(found: "ShearFit") -> list[str]:
-    """What to know of a shear law."""
-    return [*_notes(found.fit), *_range_notes(found), *_falling(found)]
-
-
-def _tension_notes(found: "TensionFit", family: str) -> list[str]:
-    """What to know of the law of ``warp``, ``weft`` or ``both``."""
-    one = found.fits[family]
-    notes = _notes(one)
-    for i, name in enumerate(FAMILIES):
-        if family in (name, "both"):
-            for curve in found.curves:
-                called = f"{curve.name}, {name}"
-                notes += rest_notes(called, curve.strain[i], curve.force[i])
-                if (largest := float(np.expm1(curve.strain[i].max()))) > _MOST_STRAIN:
-                    notes.append(
-                        f"{called}: strains go up to {_PERCENT * largest:.3g} %: look "
-                        "at their unit"
-                    )
-    if one.beyond_noise:
-        notes.append(
-            "tests at several ratios of the strains contradict a tension of one "
-            "strain: take crimp-interchange, whose tensions take both"
-        )
+def _tension_notes(found: "TensionFit", families: Sequence[int]) -> list[str]:
+    """Notes on the curves of families, by their numbers."""
+    notes = []
+    for i in families:
+        for curve in found.curves:
+            called = f"{curve.name}, {FAMILIES[i]}"
+            notes += rest_notes(called, curve.strain[i], curve.force[i])
+            if (largest := float(np.expm1(curve.strain[i].max()))) > _MOST_STRAIN:
+                notes.append(
+                    f"{called}: strains go up to {100 * largest:.3g} %: look at their "
+                    "unit"
+                )
     return notes
 
 
@@ -213,7 +188,7 @@ def _holds(specimen: "Specimen") -> float:
 
 
 def _notes(fit: Fit) -> list[str]:
-    """What to know before the law is used."""
+    """Sentences on the fit of any law."""
     notes = []
     if fit.beyond_noise:
         notes.append(
@@ -238,12 +213,19 @@ def _range_notes(found: "ShearFit") -> list[str]:
         f"{specimen.name}: the test goes back and forth, and all of it is fitted as "
         "one curve: keep the rows of one loading"
         for specimen in found.specimens
-        if specimen.turns_back(found.up_to)
+        if all(specimen.ways(found.up_to))
     ]
     for specimen in found.specimens:
         notes += _beginning_notes(specimen, found.up_to)
     if found.stabilisation is not None:
-        return [*notes, *_mesh_notes(found.stabilisation)]
+        shares = {"energy": {"stabilisation": found.stabilisation}}
+        if carried := excess(shares, "stabilisation"):
+            notes.append(
+                f"the stabilisation of the simulations carries up to {carried}: the "
+                "law makes up for the error of a coarse mesh: double --simulate until "
+                "the law stays"
+            )
+        return notes
     for specimen in found.specimens:
         holds = _holds(specimen)
         if specimen.measured_angle is None:
@@ -263,10 +245,11 @@ def _range_notes(found: "ShearFit") -> list[str]:
 
 def _beginning_notes(specimen: "Specimen", up_to: float | None) -> list[str]:
     name, used = specimen.name, specimen.used(up_to)
-    if specimen.turns_back(up_to):
+    forth, back = specimen.ways(up_to)
+    if forth and back:
         return []
     notes = []
-    if specimen.is_unloading(up_to):
+    if back:
         notes.append(
             f"{name}: the test only goes back from row to row, as in unloading: keep "
             "the rows of the loading"
@@ -281,19 +264,8 @@ def _beginning_notes(specimen: "Specimen", up_to: float | None) -> list[str]:
     return notes + rest_notes(name, specimen.angle[used], force)
 
 
-def _mesh_notes(stabilisation: float) -> list[str]:
-    """Whether the mesh of simulations is too coarse for the law."""
-    carried = excess({"energy": {"stabilisation": stabilisation}}, "stabilisation")
-    if not carried:
-        return []
-    return [
-        f"the stabilisation of the simulations carries up to {carried}: the law makes "
-        "up for the error of a coarse mesh: double --simulate until the law stays"
-    ]
-
-
-def _falling(found: "ShearFit") -> list[str]:
-    """Whether the law falls somewhere in the range of the data."""
+def _falling_notes(found: "ShearFit") -> list[str]:
+    """A sentence on a law that falls somewhere in the range of the data."""
     gamma = np.linspace(0.0, found.largest_angle * (1 - 1e-9), 201)
     falls = gamma[found.fit.law.tangent(gamma) < 0]
     if not falls.size:

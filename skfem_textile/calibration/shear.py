@@ -12,7 +12,6 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +26,7 @@ from ..scenes.shear_test import BiasExtension, ShearTest
 from ..solve.result import StepError
 from ..solve.stepper import LoadStepper
 from . import regression as models
-from .curves import read_curve
+from .curves import read_test
 from .regression import Fit, Model, Sample, fit
 
 log = logging.getLogger(__name__)
@@ -133,15 +132,17 @@ class Specimen:
         """Displacements, which drive the test, or angles where there are none."""
         return self.angle if self.displacement is None else self.displacement
 
-    def turns_back(self, up_to: float | None) -> bool:
-        """Whether the test goes back and forth within the points that are fitted."""
-        way = self.driven[self.used(up_to)]
-        return _falls(way) and _falls(way[::-1])
+    def ways(self, up_to: float | None) -> tuple[bool, bool]:
+        """Whether the test goes forth, and back, within the points that are fitted.
 
-    def is_unloading(self, up_to: float | None) -> bool:
-        """Whether it only goes back within the points that are fitted."""
+        By more than noise.
+        """
         way = self.driven[self.used(up_to)]
-        return _falls(way) and not _falls(way[::-1])
+        forth, back = (
+            bool(np.any(np.maximum.accumulate(x) - x > _BACK * np.ptp(way)))
+            for x in (way[::-1], way)
+        )
+        return forth, back
 
     def pointwise(self, up_to: float | None) -> tuple[ndarray, ndarray]:
         """Shear angles that rise, and C by the reduction point by point."""
@@ -212,10 +213,7 @@ def read_specimen(
     OSError
         If it cannot be read.
     """
-    columns = read_curve(path, units)
-    name = Path(path).name
-    if "force" not in columns:
-        raise ValueError(f"{name}: there is no column 'force'")
+    name, columns = read_test(path, units, "force")
     if "displacement" not in columns and "shear angle" not in columns:
         raise ValueError(f"{name}: there is no column 'displacement' or 'shear angle'")
     moved, angle = columns.get("displacement"), columns.get("shear angle")
@@ -290,12 +288,6 @@ def fit_shear(
     return ShearFit(found, tuple(specimens), up_to)
 
 
-def _falls(way: ndarray) -> bool:
-    """Whether it falls by more than noise anywhere."""
-    back = np.maximum.accumulate(way) - way
-    return bool(np.any(back > _BACK * np.ptp(way)))
-
-
 def _sample(
     specimen: Specimen, up_to: float | None, ratio: Callable[[ndarray], ndarray] | None
 ) -> Sample:
@@ -356,14 +348,9 @@ _MOST_ROUNDS = 10
 
 
 class Simulated(NamedTuple):
-    """The curve of a simulated test.
+    """Theoretical shear angles and forces of a simulated test, from 0 on, shape (n,).
 
-    Attributes
-    ----------
-    angles, forces
-        Theoretical shear angles in radians and forces in N, from 0 on, shape (n,).
-    stabilisation
-        Largest share of the stabilisation in the energy.
+    ``stabilisation`` is its largest share of the energy.
     """
 
     angles: ndarray

@@ -70,23 +70,8 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
     """Write ``report.html`` into the folder of a run; returns the exit code.
 
     The page holds all its pictures and refers to nothing else.  The curves are drawn
-    anew.
-
-    Parameters
-    ----------
-    folder
-        Results of a run.
-    test_curve
-        The curve of a test, in place of the one that the case names.
-    shear_test
-        The test of shear that the case in a file is, if it is one.
-
-    Raises
-    ------
-    ValueError
-        If the folder has no results, or a file of them is damaged.
-    OSError
-        If a file cannot be read, or the report not be written.
+    anew, that of a test if one is given or the case names one.  Damaged results are
+    refused.
     """
     import jinja2
 

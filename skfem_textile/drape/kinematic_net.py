@@ -317,11 +317,6 @@ def _crossings(
     """Points on a surface at the length of a cell from two points, shape (3, n).
 
     Of the two that there are, the one across from ``corner``.
-
-    Raises
-    ------
-    FoldedNetError
-        If there is none.
     """
     x = a + b - corner
     for _ in range(_MOST):

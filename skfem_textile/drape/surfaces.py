@@ -264,13 +264,7 @@ class Torus(_OfRevolution):
 
 
 def _vector(what: str, value: Vector) -> ndarray:
-    """A finite vector of three components.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
+    """A finite vector of three components."""
     vector = real_numbers(what, value)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f"{what} must be three finite numbers, got {value!r}")
@@ -278,13 +272,7 @@ def _vector(what: str, value: Vector) -> ndarray:
 
 
 def _unit(what: str, value: Vector) -> ndarray:
-    """A unit vector along a vector that is not zero.
-
-    Raises
-    ------
-    ValueError
-        If it is zero, or no vector.
-    """
+    """A unit vector along a vector that is not zero."""
     vector = _vector(what, value)
     if not vector.any():
         raise ValueError(f"{what} must not be zero")
@@ -293,13 +281,7 @@ def _unit(what: str, value: Vector) -> ndarray:
 
 
 def _length(what: str, value: float) -> float:
-    """A positive finite number.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
+    """A positive finite number."""
     number = real_numbers(what, value)
     if number.shape or not (np.isfinite(number) and number > 0):
         raise ValueError(f"{what} must be a positive number of mm, got {value!r}")

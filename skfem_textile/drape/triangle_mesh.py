@@ -52,14 +52,8 @@ class Derivatives(NamedTuple):
 class Quadrics:
     """Quadrics q_i = a_i + b_i·d + ½ d·H_i d of the way d from their points.
 
-    Parameters
-    ----------
-    points
-        In mm, shape (n, 3).
-    normals
-        Unit normals there, shape (n, 3).
-    reach
-        Distance in mm at which the weights vanish.
+    Points and unit normals there have the shape (n, 3).  Weights vanish at the
+    ``reach`` in mm.
     """
 
     def __init__(self, points: ndarray, normals: ndarray, reach: float) -> None:
@@ -345,13 +339,7 @@ class TriangleMesh:
 
 
 def _merged(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
-    """Vertices without repetition, and triangles that are not degenerate.
-
-    Raises
-    ------
-    MeshError
-        If they are no surface.
-    """
+    """Vertices without repetition, and triangles that are not degenerate."""
     vertices = np.asarray(vertices, dtype=float)
     triangles = np.asarray(triangles, dtype=int)
     if vertices.ndim != 2 or len(vertices) != 3 or not np.isfinite(vertices).all():
@@ -382,13 +370,7 @@ def _merged(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def _vertex_normals(x: ndarray, triangles: ndarray) -> ndarray:
-    """Unit normals at the vertices, weighted by area, shape (n, 3).
-
-    Raises
-    ------
-    MeshError
-        If the triangles around a vertex face each other.
-    """
+    """Unit normals at the vertices, weighted by area, shape (n, 3)."""
     a, b, c = x[triangles]
     area = np.cross(b - a, c - a)
     normals, around = np.zeros_like(x), np.zeros((len(x), 1))

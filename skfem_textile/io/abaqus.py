@@ -84,20 +84,10 @@ _GENERATING = ("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY")
 
 @dataclass
 class _Deck:
-    """An input deck: nodes, elements and sets.
+    """Numbers and positions of nodes, elements, and sets by keyword and name.
 
-    Attributes
-    ----------
-    tags, points
-        Numbers and positions of the nodes, shapes (n,) and (n, 2) or (n, 3).
-    blocks
-        Of each ``*ELEMENT``: type of cell, numbers, nodes and set.
-    sets
-        Members by keyword and name.
-    ignored
-        Keywords that are not read.
-    n_lines
-        Number of lines of the file, and so the most members of a set.
+    ``blocks`` has type of cell, numbers, nodes and set of each ``*ELEMENT``.  A set has
+    no more members than the file has lines.
     """
 
     tags: ndarray | None = None
@@ -320,19 +310,10 @@ def deck_of(
     first axis, in a distribution of points a and b: a along the fibres, and b at right
     angles to them in the plane of the element.  Numbers have all their digits.
 
-    Parameters
-    ----------
-    cells
-        The elements as node numbers, arrays of shape (3, n) and (4, n).
-    points
-        Positions of the nodes, shape (3, n).
-    warp, weft
-        Unit directions in these elements, shape (3, n_elements).  Elements with NaN
-        have none: they are the set ``NOT_COVERED``, and the others ``COVERED``.
-    normal
-        Unit normals of the elements, shape (3, n_elements).
-    node_sets
-        Numbers of nodes from 0 on by the name of their set.
+    ``cells`` are node numbers of shape (3, n) and (4, n), directions and normals unit
+    vectors of shape (3, n_elements), and ``node_sets`` numbers of nodes from 0 on.
+    Elements whose directions are NaN are the set ``NOT_COVERED``, the others
+    ``COVERED``.
     """
     covered = np.isfinite(warp).all(axis=0)
     return "\n".join(

@@ -274,15 +274,7 @@ _WRITTEN_COMPONENTS = (("1", 1), ("2", 0), ("SHEAR", 2))
 
 
 def material_of(fabric: Fabric, thickness: float, name: str) -> str:
-    """A material of Abaqus with the laws of a fabric.
-
-    Raises
-    ------
-    ValueError
-        If a tension takes the strain of both families, fibres resist bending, there is
-        a wrinkling angle, or a law differs from element to element, which *FABRIC
-        cannot say.
-    """
+    """A material of Abaqus with the laws of a fabric, refused if it cannot say them."""
     if not isinstance(fabric.tensions, TwoLaws):
         raise ValueError("*FABRIC has no law of both fibre strains; write a .json")
     if fabric.bends:

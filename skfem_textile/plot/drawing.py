@@ -43,13 +43,7 @@ def draw(
     plotter: "pv.Plotter | None",
     size: float | tuple[float, float] | None,
 ) -> "pv.Plotter | Figure":
-    """Draw a sheet into a plotter or a new picture, and write it.
-
-    Raises
-    ------
-    ImportError, RuntimeError, ValueError, FileNotFoundError
-        As `field`.
-    """
+    """Draw a sheet into a plotter or a new picture, and write it."""
     path = None if filename is None else picture_path(filename)
     if plotter is None:
         layout = lay_out(sheet, size)

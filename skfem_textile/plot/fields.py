@@ -1,6 +1,5 @@
 """What results give to a picture: fields, and shapes of plies and tools."""
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +13,6 @@ from ..ply import Ply
 from ..solve.result import Result
 from ..solve.states import State
 from ..solve.surface import Grown, Surface
-from .picture_files import picture_path
 from .sheet import Scale, Shape, Tool, eye_axes, in_perspective
 
 
@@ -48,8 +46,12 @@ class Field:
     symmetric: bool = False
 
 
-def _of_cells(name: str, factor: float = 1.0) -> Callable[[Ply, ndarray], ndarray]:
-    return lambda ply, u: factor * cell_fields(ply, u)[name]
+def _of_family(label: str, factor: float = 1.0) -> Field:
+    """A strain or tension of fibres, one of the fields of elements."""
+    name = "_".join(label.lower().split()[:2])
+    return Field(
+        label, lambda ply, u: factor * cell_fields(ply, u)[name], "RdBu_r", True
+    )
 
 
 def _moved(ply: Ply, u: ndarray) -> ndarray:
@@ -60,19 +62,13 @@ def _moved(ply: Ply, u: ndarray) -> ndarray:
 
 #: Fields by their names.
 FIELDS: Mapping[str, Field] = {
-    "shear_angle": Field("Shear angle (°)", _of_cells("shear_angle")),
-    "warp_strain": Field(
-        "Warp strain (%)", _of_cells("warp_strain", 100), "RdBu_r", symmetric=True
+    "shear_angle": Field(
+        "Shear angle (°)", lambda ply, u: cell_fields(ply, u)["shear_angle"]
     ),
-    "weft_strain": Field(
-        "Weft strain (%)", _of_cells("weft_strain", 100), "RdBu_r", symmetric=True
-    ),
-    "warp_tension": Field(
-        "Warp tension (N/mm)", _of_cells("warp_tension"), "RdBu_r", symmetric=True
-    ),
-    "weft_tension": Field(
-        "Weft tension (N/mm)", _of_cells("weft_tension"), "RdBu_r", symmetric=True
-    ),
+    "warp_strain": _of_family("Warp strain (%)", 100),
+    "weft_strain": _of_family("Weft strain (%)", 100),
+    "warp_tension": _of_family("Warp tension (N/mm)"),
+    "weft_tension": _of_family("Weft tension (N/mm)"),
     "displacement": Field("Displacement (mm)", _moved, "cividis"),
     "area_ratio": Field(
         "Area over initial area", lambda ply, u: ply.least_area_ratio(u), "cividis"
@@ -81,13 +77,7 @@ FIELDS: Mapping[str, Field] = {
 
 
 def field_of(field: str | Field) -> Field:
-    """The field of a name, or what is a field already.
-
-    Raises
-    ------
-    ValueError
-        If there is no field of that name.
-    """
+    """The field of a name, or what is a field already."""
     if isinstance(field, Field):
         return field
     if field not in FIELDS:
@@ -96,13 +86,7 @@ def field_of(field: str | Field) -> Field:
 
 
 def values_of(field: Field, ply: Ply, u: ndarray) -> ndarray:
-    """The values of a field, one finite number for each element.
-
-    Raises
-    ------
-    ValueError
-        If they are something else.
-    """
+    """The values of a field, refused if not one finite number for each element."""
     values = np.asarray(field.values(ply, u), dtype=float)
     if values.shape != (ply.mesh.nelements,):
         raise ValueError(
@@ -132,15 +116,7 @@ _BEYOND, _CUBES, _GREYS, _LIGHT = 0.17, 56, (0.58, 0.93), (-0.35, 0.65, 0.67)
 
 
 def tool_under(points: ndarray, surface: Surface) -> Tool:
-    """The part of a tool that is near a ply.
-
-    Parameters
-    ----------
-    points
-        Corners of the ply's elements in mm, shape (n, 3).
-    surface
-        The surface of the tool.
-    """
+    """The part of a tool that is near a ply, by the corners of its elements, (n, 3)."""
     low, high = points.min(axis=0), points.max(axis=0)
     beyond = _BEYOND * np.linalg.norm(high - low)
     x, triangles, normal = _triangles(surface, low - beyond, high + beyond)
@@ -171,34 +147,6 @@ def _triangles(
     triangles = triangles[:, inside[triangles].any(axis=0)]
     a, b, c = x[:, triangles].swapaxes(0, 1)
     return np.clip(x.T, low, high).T, triangles, np.cross(b - a, c - a, axis=0)
-
-
-def chosen(
-    results: Sequence[Result],
-    titles: Sequence[str],
-    state: int,
-    filename: str | os.PathLike[str] | None,
-) -> tuple[Sequence[str], list[Shape], list[State]]:
-    """Titles, shapes and states of results; they and the file's name are checked."""
-    if filename is not None:
-        picture_path(filename)
-    if not results:
-        raise ValueError("nothing to draw: give at least one result")
-    for result in results:
-        if not hasattr(result, "states"):
-            raise ValueError(
-                f"a picture is of a Result, not of a {type(result).__name__}: of a "
-                "state of equilibrium_near give Result.of_state(ply, conditions, state)"
-            )
-    several = [result.ply.formulation.title for result in results]
-    titles = titles or (several if len(results) > 1 else [""])
-    if len(titles) != len(results):
-        raise ValueError(f"{len(results)} results need as many titles: {len(titles)}")
-    fewest = min(len(result.states) for result in results)
-    if not -fewest <= state < fewest:
-        raise ValueError(f"there is no state {state}: a result has {fewest} states")
-    states = [result.states[state] for result in results]
-    return titles, shapes_of(results, states), states
 
 
 def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:

@@ -1,17 +1,13 @@
 """Where things stand on a picture, in mm."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.font_manager import findfont, get_font
 from numpy import ndarray
 
-from .sheet import Legend, Scale, Sheet
-
-if TYPE_CHECKING:
-    from .sheet import Panel, Scale
-
+from .sheet import Legend, Panel, Scale, Sheet
 
 #: Sizes of titles and of the numbers on a scale, in points.
 TITLE, NUMBER = 8.0, 7.0
@@ -108,7 +104,7 @@ class Box(NamedTuple):
 class Bar(NamedTuple):
     """The coloured rectangle of a scale."""
 
-    scale: "Scale"
+    scale: Scale
     box: Box
 
     @property
@@ -134,10 +130,10 @@ class Stroke(NamedTuple):
 class Place(NamedTuple):
     """A panel: its box, and within it that of the ply, and its title."""
 
-    panel: "Panel"
+    panel: Panel
     box: Box
     ply: Box
-    title: list["Writing"]
+    title: list[Writing]
 
     @property
     def middle(self) -> ndarray:
@@ -157,7 +153,7 @@ class Below(NamedTuple):
     box: Box
     bars: list[Bar]
     strokes: list[Stroke]
-    writings: list["Writing"]
+    writings: list[Writing]
 
 
 class Layout(NamedTuple):
@@ -181,15 +177,7 @@ KEY, KEY_GAP, _KEY_END = 4.0, 1.0, 4.0
 
 
 class LegendLines:
-    """A legend whose lines are known, to be placed.
-
-    Parameters
-    ----------
-    legend
-        The legend.
-    cell
-        Width of a column in mm.
-    """
+    """A legend whose lines are known, to be placed below columns of a width in mm."""
 
     def __init__(self, legend: Legend, cell: float) -> None:
         self.legend, self.x = legend, legend.first * cell
@@ -294,18 +282,8 @@ _FEW_COLUMNS = 2
 def lay_out(sheet: Sheet, size: float | tuple[float, float] | None = None) -> Layout:
     """Place panels and legends.
 
-    Parameters
-    ----------
-    sheet
-        Panels and legends.
-    size
-        Width in mm, or width and height; by default a journal's column or page, and as
-        high as needed.
-
-    Raises
-    ------
-    ValueError
-        If the size is not one or two numbers above zero, or leaves no room.
+    The size is the width in mm, or width and height; by default a journal's column or
+    page, and as high as needed.  One that leaves no room is refused.
     """
     width, height = _size(size, len(sheet.rows[0]))
     cell = width / len(sheet.rows[0])

@@ -1,7 +1,7 @@
 """Pictures of plies: fields in colours, fibres, what was found of states, motions."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
@@ -17,7 +17,6 @@ from .drawing import draw, pyvista_drawing
 from .fields import (
     FIELDS,
     Field,
-    chosen,
     field_of,
     on_one_scale,
     reach,
@@ -43,9 +42,6 @@ if TYPE_CHECKING:
     import pyvista as pv
     from matplotlib.figure import Figure
 
-# Names of families, and of the fields of their strains.
-_STRAINS = {"Warp": "warp_strain", "Weft": "weft_strain"}
-
 # Names and colours of families.
 _FAMILIES = [("Warp", WARP), ("Weft", WEFT)]
 
@@ -53,7 +49,6 @@ _FAMILIES = [("Warp", WARP), ("Weft", WEFT)]
 class View(TypedDict, total=False):
     """Options of every picture of results; `field` says what each is."""
 
-    titles: Sequence[str]
     filename: str | os.PathLike[str] | None
     plotter: "pv.Plotter | None"
     state: int
@@ -62,39 +57,69 @@ class View(TypedDict, total=False):
 
 
 class Options(View, total=False):
-    """Options of every picture of one scale."""
+    """Options of a picture of one field."""
 
+    titles: Sequence[str]
     cmap: Any
     clim: Sequence[float] | None
 
 
-#: Rows of panels and their legends, of titles, shapes and states.
-Panels = Callable[
-    [Sequence[str], list[Shape], list[State]],
-    tuple[list[list[Panel]], list[Legend]],
-]
+class _Picture:
+    """Results in a state each, and how they are drawn."""
 
+    def __init__(
+        self,
+        results: Sequence[Result],
+        titles: Sequence[str] = (),
+        *,
+        filename: str | os.PathLike[str] | None = None,
+        plotter: "pv.Plotter | None" = None,
+        state: int = -1,
+        show_edges: bool | None = None,
+        size: float | tuple[float, float] | None = None,
+    ) -> None:
+        if filename is not None:
+            picture_path(filename)
+        if not results:
+            raise ValueError("nothing to draw: give at least one result")
+        for result in results:
+            if not hasattr(result, "states"):
+                raise ValueError(
+                    f"a picture is of a Result, not of a {type(result).__name__}: of a "
+                    "state of equilibrium_near give Result.of_state(ply, conditions, "
+                    "state)"
+                )
+        several = [result.ply.formulation.title for result in results]
+        self.titles = titles or (several if len(results) > 1 else [""])
+        if len(self.titles) != len(results):
+            raise ValueError(
+                f"{len(results)} results need as many titles: {len(titles)}"
+            )
+        fewest = min(len(result.states) for result in results)
+        if not -fewest <= state < fewest:
+            raise ValueError(f"there is no state {state}: a result has {fewest} states")
+        self.results, self.states = results, [r.states[state] for r in results]
+        self.shapes = shapes_of(results, self.states)
+        self._show_edges, self._how = show_edges, (filename, plotter, size)
 
-def _picture(
-    results: Sequence[Result],
-    panels: Panels,
-    titles: Sequence[str] = (),
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
-) -> "pv.Plotter | Figure":
-    """The picture of panels of results."""
-    titles, shapes, states = chosen(results, titles, state, filename)
-    rows, legends = panels(titles, shapes, states)
-    sheet = Sheet(rows, legends, extent(shapes), show_edges)
-    return draw(sheet, filename, plotter, size)
+    def drawn(
+        self, rows: Sequence[Sequence[Panel]], *legends: Legend
+    ) -> "pv.Plotter | Figure":
+        """The picture of rows of panels and their legends."""
+        sheet = Sheet(rows, legends, extent(self.shapes), self._show_edges)
+        return draw(sheet, *self._how)
+
+    def on_one_scale(
+        self, field: Field, cmap: Any = None, clim: Sequence[float] | None = None
+    ) -> tuple[list[ndarray], Scale]:
+        """The values of a field of each result, and the scale of them all."""
+        return on_one_scale(self.results, self.states, field, cmap, clim)
 
 
 def field(
     *results: Result,
     field: str | Field = "shear_angle",
+    titles: Sequence[str] = (),
     cmap: Any = None,
     clim: Sequence[float] | None = None,
     **options: Unpack[View],
@@ -161,18 +186,15 @@ def field(
     >>> figure = plot.field(result, field="displacement", filename="moved.pdf")
     ... # doctest: +SKIP
     """
-
-    def panels(
-        titles: Sequence[str], shapes: list[Shape], states: list[State]
-    ) -> tuple[list[list[Panel]], list[Legend]]:
-        shown, scale = on_one_scale(results, states, field_of(field), cmap, clim)
-        row = [
-            Panel(title or scale.label, shape, values, scale)
-            for title, shape, values in zip(titles, shapes, shown, strict=True)
-        ]
-        return [row], [Legend(0, len(row), scale)]
-
-    return _picture(results, panels, **options)
+    picture = _Picture(results, titles, **options)
+    shown, scale = picture.on_one_scale(field_of(field), cmap, clim)
+    row = [
+        Panel(title or scale.label, shape, values, scale)
+        for title, shape, values in zip(
+            picture.titles, picture.shapes, shown, strict=True
+        )
+    ]
+    return picture.drawn([row], Legend(0, len(row), scale))
 
 
 def shear_angle(*results: Result, **options: Unpack[Options]) -> "pv.Plotter | Figure":
@@ -185,6 +207,7 @@ def shear_angle(*results: Result, **options: Unpack[Options]) -> "pv.Plotter | F
 
 def fibre_strain(
     *results: Result,
+    titles: Sequence[str] = (),
     cmap: Any = None,
     clim: Sequence[float] | None = None,
     **options: Unpack[View],
@@ -198,41 +221,33 @@ def fibre_strain(
 
     Parameters, returned value and errors as for `field`.
     """
-
-    def panels(
-        titles: Sequence[str], shapes: list[Shape], states: list[State]
-    ) -> tuple[list[list[Panel]], list[Legend]]:
-        rows, scale = _strain_rows(results, titles, shapes, states, cmap, clim)
-        low, high = extent(shapes)
-        if len(results) == 1 and high[1] - low[1] > high[0] - low[0]:
-            rows = [[panel for row in rows for panel in row]]
-        return rows, [Legend(0, len(rows[0]), scale)]
-
-    return _picture(results, panels, **options)
+    picture = _Picture(results, titles, **options)
+    rows, scale = _strain_rows(picture, cmap, clim)
+    low, high = extent(picture.shapes)
+    if len(results) == 1 and high[1] - low[1] > high[0] - low[0]:
+        rows = [[panel for row in rows for panel in row]]
+    return picture.drawn(rows, Legend(0, len(rows[0]), scale))
 
 
-def contact_sheet(*results: Result, **options: Unpack[View]) -> "pv.Plotter | Figure":
+def contact_sheet(
+    *results: Result, titles: Sequence[str] = (), **options: Unpack[View]
+) -> "pv.Plotter | Figure":
     """Warp strain, weft strain and shear angle in columns, one row per result.
 
     Parameters, returned value and errors as for `field`.
     """
-
-    def panels(
-        titles: Sequence[str], shapes: list[Shape], states: list[State]
-    ) -> tuple[list[list[Panel]], list[Legend]]:
-        strains, strain = _strain_rows(results, titles, shapes, states)
-        angles, shear = on_one_scale(results, states, FIELDS["shear_angle"])
-        names = [_titled("Shear angle", title, shear.label) for title in titles]
-        panels = zip(names, shapes, angles, strict=True)
-        last = [Panel(name, shape, values, shear) for name, shape, values in panels]
-        rows = [list(row) for row in zip(*strains, last, strict=True)]
-        return rows, [Legend(0, 2, strain), Legend(2, 3, shear)]
-
-    return _picture(results, panels, **options)
+    picture = _Picture(results, titles, **options)
+    strains, strain = _strain_rows(picture)
+    angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
+    rows = []
+    for warp, weft, title, values in zip(*strains, picture.titles, angles, strict=True):
+        name = _titled("Shear angle", title, shear.label)
+        rows.append([warp, weft, Panel(name, warp.shape, values, shear)])
+    return picture.drawn(rows, Legend(0, 2, strain), Legend(2, 3, shear))
 
 
 def fibre_directions(
-    *results: Result, **options: Unpack[View]
+    *results: Result, titles: Sequence[str] = (), **options: Unpack[View]
 ) -> "pv.Plotter | Figure":
     """Directions of warp (blue) and weft (red): a line per element and family.
 
@@ -240,21 +255,15 @@ def fibre_directions(
 
     Parameters, returned value and errors as for `field`.
     """
-
-    def panels(
-        titles: Sequence[str], shapes: list[Shape], states: list[State]
-    ) -> tuple[list[list[Panel]], list[Legend]]:
-        row = []
-        for result, title, shape, at in zip(
-            results, titles, shapes, states, strict=True
-        ):
-            fields = cell_fields(result.ply, at.u)
-            names = "warp_direction", "weft_direction"
-            fibres = Fibres(*(shape.seen(fields[name]) for name in names))
-            row.append(Panel(title or "Fibre directions", shape, fibres=fibres))
-        return [row], [Legend(0, len(row), keys=_FAMILIES)]
-
-    return _picture(results, panels, **options)
+    picture, row = _Picture(results, titles, **options), []
+    for result, title, shape, at in zip(
+        results, picture.titles, picture.shapes, picture.states, strict=True
+    ):
+        fields = cell_fields(result.ply, at.u)
+        names = "warp_direction", "weft_direction"
+        fibres = Fibres(*(shape.seen(fields[name]) for name in names))
+        row.append(Panel(title or "Fibre directions", shape, fibres=fibres))
+    return picture.drawn([row], Legend(0, len(row), keys=_FAMILIES))
 
 
 def verdict(
@@ -277,27 +286,23 @@ def verdict(
         the end of a law; else the smallest area over the initial area in each element,
         which is zero where an element folds.
 
-    Other parameters, returned value and errors as for `field`; there are no titles.
+    Other parameters, returned value and errors as for `field`.
     """
     results = [run.result if isinstance(run, StepError) else run for run in runs]
+    picture, row = _Picture(results, **options), []
     ended = [run.quantity for run in runs if isinstance(run, StepError)]
     shown_field = field_of(field or next(filter(None, ended), "area_ratio"))
-
-    def panels(
-        titles: Sequence[str], shapes: list[Shape], states: list[State]
-    ) -> tuple[list[list[Panel]], list[Legend]]:
-        shown, scale = on_one_scale(results, states, shown_field, cmap, clim)
-        row = []
-        for run, shape, at, values in zip(runs, shapes, states, shown, strict=True):
-            panel = Panel(_words(at), shape, values, scale)
-            if isinstance(run, StepError):
-                panel = panel._replace(title=str(run), marked=run.elements)
-            row.append(panel)
-        some = any(panel.marked.size for panel in row)
-        keys = [("Elements where the step was refused", REFUSED)] if some else []
-        return [row], [Legend(0, len(row), scale, keys)]
-
-    return _picture(results, panels, (), **options)
+    shown, scale = picture.on_one_scale(shown_field, cmap, clim)
+    for run, shape, at, values in zip(
+        runs, picture.shapes, picture.states, shown, strict=True
+    ):
+        panel = Panel(_words(at), shape, values, scale)
+        if isinstance(run, StepError):
+            panel = panel._replace(title=str(run), marked=run.elements)
+        row.append(panel)
+    some = any(panel.marked.size for panel in row)
+    keys = [("Elements where the step was refused", REFUSED)] if some else []
+    return picture.drawn([row], Legend(0, len(row), scale, keys))
 
 
 def _words(state: State) -> str:
@@ -315,21 +320,16 @@ def _words(state: State) -> str:
 
 
 def _titled(name: str, title: str, alone: str) -> str:
-    """The title of a panel: its name and the result; of one result ``alone``."""
+    """The name of a panel and the title of its result; of one result ``alone``."""
     return f"{name}, {title}" if title else alone
 
 
 def _strain_rows(
-    results: Sequence[Result],
-    titles: Sequence[str],
-    shapes: Sequence[Shape],
-    states: Sequence[State],
-    cmap: Any = None,
-    clim: Sequence[float] | None = None,
+    picture: _Picture, cmap: Any = None, clim: Sequence[float] | None = None
 ) -> tuple[list[list[Panel]], Scale]:
     """Panels of warp and of weft, on one scale."""
-    pairs = list(zip(results, states, strict=True))
-    fields = {family: FIELDS[name] for family, name in _STRAINS.items()}
+    pairs = list(zip(picture.results, picture.states, strict=True))
+    fields = {"Warp": FIELDS["warp_strain"], "Weft": FIELDS["weft_strain"]}
     shown = [
         [values_of(f, result.ply, at.u) for result, at in pairs]
         for f in fields.values()
@@ -340,7 +340,9 @@ def _strain_rows(
     rows = [
         [
             Panel(_titled(family, title, f.label), shape, values, scale)
-            for title, shape, values in zip(titles, shapes, row, strict=True)
+            for title, shape, values in zip(
+                picture.titles, picture.shapes, row, strict=True
+            )
         ]
         for (family, f), row in zip(fields.items(), shown, strict=True)
     ]
@@ -394,7 +396,9 @@ def mesh_and_fibres(
     return draw(sheet, filename, plotter, size)
 
 
-def draped(*results: Result, **options: Unpack[View]) -> "pv.Plotter | Figure":
+def draped(
+    *results: Result, titles: Sequence[str] = (), **options: Unpack[View]
+) -> "pv.Plotter | Figure":
     """Shear angle and contact pressure of plies on tools, a row for each.
 
     Elements in which fibres may wrinkle are marked on the shear angle.  A pressure
@@ -404,32 +408,25 @@ def draped(*results: Result, **options: Unpack[View]) -> "pv.Plotter | Figure":
     Parameters, returned value and errors as for `field`; a ply that is on no tool is a
     `ValueError`.
     """
-
-    def panels(
-        titles: Sequence[str], shapes: list[Shape], states: list[State]
-    ) -> tuple[list[list[Panel]], list[Legend]]:
-        pairs = zip(results, states, strict=True)
-        found = [_on_tool(result, at) for result, at in pairs]
-        angles, shear = on_one_scale(results, states, FIELDS["shear_angle"])
-        pressures = reach([pressure for pressure, _ in found], symmetric=True)
-        scale = Scale.of("Contact pressure (N/mm²)", pressures, "RdBu_r", None)
-        rows = []
-        for title, shape, angle, (pressure, at_risk) in zip(
-            titles, shapes, angles, found, strict=True
-        ):
-            one, other = (
-                _titled(name, title, name)
-                for name in ("Shear angle", "Contact pressure")
-            )
-            left = Panel(one, shape, angle, shear, marked=at_risk)
-            rows.append([left, Panel(other, shape, pressure, scale)])
-        some = any(at_risk.size for _, at_risk in found)
-        keys = [("Fibres may wrinkle", REFUSED)] if some else []
-        return rows, [Legend(0, 1, shear, keys), Legend(1, 2, scale)]
-
     if not (options.get("size") or options.get("plotter")):
         options["size"] = PAGE
-    return _picture(results, panels, **options)
+    picture = _Picture(results, titles, **options)
+    pairs = zip(results, picture.states, strict=True)
+    found = [_on_tool(result, at) for result, at in pairs]
+    angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
+    pressures = reach([pressure for pressure, _ in found], symmetric=True)
+    scale = Scale.of("Contact pressure (N/mm²)", pressures, "RdBu_r", None)
+    rows = []
+    for title, shape, angle, (pressure, at_risk) in zip(
+        picture.titles, picture.shapes, angles, found, strict=True
+    ):
+        names = "Shear angle", "Contact pressure"
+        left, right = (_titled(name, title, name) for name in names)
+        sheared = Panel(left, shape, angle, shear, marked=at_risk)
+        rows.append([sheared, Panel(right, shape, pressure, scale)])
+    some = any(at_risk.size for _, at_risk in found)
+    keys = [("Fibres may wrinkle", REFUSED)] if some else []
+    return picture.drawn(rows, Legend(0, 1, shear, keys), Legend(1, 2, scale))
 
 
 def _on_tool(result: Result, state: State) -> tuple[ndarray, ndarray]:

@@ -51,13 +51,7 @@ class Frame(NamedTuple):
 
 
 def new_plotter(layout: Layout, dots_per_inch: float) -> pv.Plotter:
-    """An empty plotter off screen with a renderer for each panel and each legend.
-
-    Raises
-    ------
-    RuntimeError
-        If nothing can be drawn off screen here.
-    """
+    """An empty plotter off screen with a renderer for each panel and each legend."""
     require_offscreen()
     dots = dots_per_inch / 25.4
     heights = [row[0].box.height for row in layout.places]
@@ -97,11 +91,6 @@ def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
     """Draw the panels of a sheet into subplots of a plotter, from the active one on.
 
     Each has its scale and keys.  The window of the plotter counts as ``width`` mm.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer subplots, or one is too small.
     """
     panels, renderers = sheet.panels, plotter.renderers
     first = renderers.active_index
@@ -270,11 +259,6 @@ def require_offscreen() -> None:
     Without one VTK ends the process with a segmentation fault, so that each kind is
     tried in a child process.  The environment variable by which VTK chooses is
     set to the first kind that works: EGL, then OSMesa, then the default of VTK.
-
-    Raises
-    ------
-    RuntimeError
-        If none works; the message names the package to install.
     """
     preset = [os.environ[_WINDOW]] if _WINDOW in os.environ else []
     kinds = ["vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"]

@@ -47,19 +47,11 @@ class Tool(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """Elements with straight edges.
+    """Elements with straight edges between corners in mm, shape (n, 3).
 
-    Attributes
-    ----------
-    points
-        Their corners in mm, shape (n, 3).
-    cells
-        Corners of the elements, for each number k of corners an array (k, n_k).
-    frames
-        In perspective what becomes of vectors at the centres of the elements, shape
-        (n_elements, 3, 3); None seen from above.
-    tool
-        The tool on which they lie, in perspective alone.
+    ``cells`` are numbers of corners, for each k an array (k, n_k).  In perspective
+    ``frames`` are what becomes of vectors at the centres of the elements, shape
+    (n_elements, 3, 3), and ``tool`` may be the tool on which they lie.
     """
 
     points: ndarray
@@ -133,13 +125,7 @@ class Scale(NamedTuple):
         cmap: Any,
         clim: Sequence[float] | None,
     ) -> "Scale":
-        """A scale to round numbers that hold ``reach``, or from one limit to the other.
-
-        Raises
-        ------
-        ValueError
-            If there is no such colour map, or the limits are not two that rise.
-        """
+        """A scale to round numbers that hold ``reach``, or between limits."""
         try:
             colours = mpl.colormaps.get_cmap(cmap)
         except (TypeError, ValueError):
@@ -180,20 +166,9 @@ class Fibres(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """One shape with its title, in the colours of a scale or in grey.
+    """One shape with its title, in the colours of a scale, or in grey without one.
 
-    Attributes
-    ----------
-    title
-        Its title.
-    shape
-        The elements.
-    values, scale
-        A value for each element, and their scale; None for grey.
-    fibres
-        Directions of fibres to draw as lines.
-    marked
-        Numbers of the elements to mark.
+    There may be directions of fibres to draw as lines, and numbers of elements to mark.
     """
 
     title: str
@@ -329,14 +304,8 @@ REFUSED = "#E6007E"
 def lines_of(panel: Panel, scale: float, show_edges: bool | None) -> list[Lines]:
     """Everything that is drawn on a ply, in order.
 
-    Parameters
-    ----------
-    panel
-        The ply and what is to be seen on it.
-    scale
-        Mm on the picture over mm of the ply.
-    show_edges
-        Whether the edges of elements are drawn; None: where they are not too small.
+    The scale is mm on the picture over mm of the ply.  Without ``show_edges`` edges of
+    elements are drawn where they are not too small.
     """
     shape = panel.shape
     drawn = []
@@ -377,11 +346,7 @@ def _along(shape: Shape, vectors: ndarray, scale: float) -> ndarray:
 def places_of_fibres(shape: Shape, scale: float) -> tuple[ndarray, ndarray, ndarray]:
     """Where fibres are drawn: in each element, or on a grid where these are small.
 
-    Returns
-    -------
-    tuple
-        Points (n, 3), the element at each (n,), and the room there in mm of the ply
-        (n,).
+    Points (n, 3), the element at each (n,), and the room there in mm of the ply (n,).
     """
     centres, sides, spacing = shape.centres, shape.sides, _SPACING / scale
     if shape.tool:  # elements shrink towards its flanks: all have them, or none
