@@ -222,7 +222,7 @@ def force_at_rest(x: ndarray, force: ndarray) -> float:
 
 
 def seems_swapped(driven: ndarray, force: ndarray) -> bool:
-    """Whether forces rise in equal steps, and what should drive the test does not.
+    """True if forces rise in equal steps, and what should drive the test does not.
 
     Machines move in equal steps.  A test that is driven by its force looks so too.
     """

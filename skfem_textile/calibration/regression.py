@@ -381,12 +381,12 @@ class Fit:
 
     @property
     def beyond_noise(self) -> bool:
-        """Whether the curves differ by more than their noise."""
+        """True if the curves differ by more than their noise."""
         return bool(self.differ < DIFFER)
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Those of the bands, points less parameters, or curves less one."""
+        """Degrees of freedom of bands: points less parameters, or curves less one."""
         if self.beyond_noise:
             assert self.singles is not None
             return len(self.singles) - 1
@@ -401,7 +401,7 @@ class Fit:
 
     @cached_property
     def systematic(self) -> ndarray:
-        """Whether neighbouring residuals of a curve are alike, which noise is not."""
+        """Curves with correlated residuals, unlike noise."""
         sizes = np.array([r.size for r in self.residuals])
         return self.correlations > _BELIEVED / np.sqrt(sizes)
 
@@ -546,7 +546,7 @@ def _fit(
 
 
 def _leverage(samples: Sequence[Sample], J: ndarray, weights: ndarray) -> ndarray:
-    """How many of the parameters each curve tells."""
+    """The number of parameters that each curve determines."""
     covariance = covariance_of(J, weights)
     each = np.einsum("ni,ij,nj,n->n", J, covariance, J, weights)
     return np.array([own.sum() for own in _split(samples, each)])

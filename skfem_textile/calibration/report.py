@@ -1,4 +1,4 @@
-"""What a fit found, as JSON has it, and notes on it in sentences."""
+"""Reports of fits: their figures as JSON, notes in sentences, and the text."""
 
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
@@ -28,7 +28,7 @@ _MOST_STRAIN = 0.5
 
 
 def shear_report(found: "ShearFit") -> dict[str, Any]:
-    """What a fit of a shear law found: numbers, lists and text."""
+    """The report of a shear law: numbers, lists and text."""
     fit, specimens = found.fit, []
     for i, specimen in enumerate(found.specimens):
         measured = specimen.measured_angle is not None
@@ -51,7 +51,7 @@ def shear_report(found: "ShearFit") -> dict[str, Any]:
 
 
 def tension_report(found: "TensionFit") -> dict[str, Any]:
-    """What a fit of tension laws found."""
+    """The reports of tension laws, by ``warp`` and ``weft``, or ``both``."""
     reports = {}
     for name, one in found.fits.items():
         families = [i for i, family in enumerate(FAMILIES) if name in (family, "both")]
@@ -70,7 +70,7 @@ def tension_report(found: "TensionFit") -> dict[str, Any]:
 
 
 def bending_report(found: "BendingFit") -> dict[str, Any]:
-    """What a fit of a bending stiffness found."""
+    """The report of a bending stiffness."""
     low, high = found.interval
     largest = float(np.abs(found.by_peirce / found.by_elastica - 1).max())
     readings = [

@@ -83,7 +83,7 @@ class Specimen:
 
     @cached_property
     def theoretical_angle(self) -> ndarray | None:
-        """That of fibres that do not stretch or slip; nan past its end."""
+        """The shear angle of fibres that do not stretch or slip; nan past its end."""
         if self.displacement is None:
             return None
         return self.test.shear_angle(self.displacement)
@@ -133,10 +133,7 @@ class Specimen:
         return self.angle if self.displacement is None else self.displacement
 
     def ways(self, up_to: float | None) -> tuple[bool, bool]:
-        """Whether the test goes forth, and back, within the points that are fitted.
-
-        By more than noise.
-        """
+        """Loading and unloading beyond noise, within the points that are fitted."""
         way = self.driven[self.used(up_to)]
         forth, back = (
             bool(np.any(np.maximum.accumulate(x) - x > _BACK * np.ptp(way)))
@@ -178,12 +175,12 @@ class ShearFit:
 
     @property
     def simulated(self) -> bool:
-        """Whether loads of simulations were compared, and not those of closed forms."""
+        """True if loads of simulations were compared, not those of closed forms."""
         return self.stabilisation is not None
 
     @property
     def largest_angle(self) -> float:
-        """That of the points that were fitted, in radians."""
+        """The largest shear angle that was fitted, in radians."""
         return max(float(s.angle[s.used(self.up_to)].max()) for s in self.specimens)
 
 
@@ -360,7 +357,7 @@ class Simulated(NamedTuple):
 
 @dataclass(frozen=True)
 class Simulation:
-    """How tests are simulated.
+    """Settings of simulated tests.
 
     Parameters
     ----------

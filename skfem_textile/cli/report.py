@@ -159,7 +159,7 @@ def _sources(folder: Path, captions: Mapping[str, str]) -> dict[str, str]:
 
 
 def _summary(folder: Path) -> dict[str, Any]:
-    """What ``summary.json`` says."""
+    """The content of ``summary.json``."""
     file = folder / "summary.json"
     if not file.is_file():
         raise ValueError(f"{printable(folder)} holds no results, no {file.name}")

@@ -1,4 +1,4 @@
-"""The pictures of a run, and what a run of a ply on a tool hands over."""
+"""Pictures of a run, and exports of a ply on a tool: fibres and flat patterns."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -98,7 +98,7 @@ def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
 
 
 def _axis(heading: str) -> str:
-    """What stands on an axis for a heading."""
+    """The label of an axis for a heading."""
     heading = heading.replace("(deg)", "(°)")
     return heading[:1].upper() + heading[1:]
 
@@ -123,7 +123,7 @@ class HandOver:
 
     @classmethod
     def read(cls, output: Output) -> "HandOver":
-        """What a case asks for."""
+        """The exports that a case asks for."""
         part, curve = output.part_mesh, output.trim
         if part is None and curve is None:
             return cls()
@@ -157,7 +157,7 @@ class HandOver:
         return found
 
     def missing(self, found: Mapping[str, Any]) -> list[str]:
-        """What the user asks for and `write` has not written, and why."""
+        """Exports that the user asks for and `write` has not written, and why."""
         asked = ["part"] * (self.part is not None) + ["pattern"] * self.trimmed
         return [f"{what}: {found[what]}" for what in asked if what in found]
 

@@ -35,7 +35,7 @@ class Axes(NamedTuple):
 
     @classmethod
     def at(cls, surface: Surface, point: ndarray) -> "Axes":
-        """Those of a ply that touches a surface at a point, shape (3,).
+        """Axes of a ply that touches a surface at a point, shape (3,).
 
         z is the normal, and x is the tool's as far as it lies in the tangent plane.
         Where the normal is along x, to 1°, z of the tool takes the place of its x.
@@ -96,7 +96,7 @@ class FibresInSpace:
 
     @property
     def covered(self) -> ndarray:
-        """Whether the ply lies on an element, shape (n_elements,)."""
+        """Elements on which the ply lies, bool, shape (n_elements,)."""
         return np.isfinite(self.shear_angle)
 
     def reference(self) -> ndarray:

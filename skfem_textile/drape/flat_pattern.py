@@ -131,7 +131,7 @@ def flat_pattern(
 
 
 def _places(sheet: Sheet, points: ndarray) -> Places:
-    """Where points of a curve, (3, n), lie on a ply, refused where they do not."""
+    """Points of the ply at points of a curve, (3, n), which must lie on it."""
     places = sheet.at(points)
     off = np.flatnonzero(~places.found)
     if off.size:

@@ -60,7 +60,7 @@ class Net:
         return flat + self.touch[:, None, None]
 
     def at(self, X: ndarray) -> ndarray:
-        """Where points of the flat ply are, bilinear in each cell, shape (3, n).
+        """Positions of points of the flat ply, bilinear in each cell, shape (3, n).
 
         Parameters
         ----------

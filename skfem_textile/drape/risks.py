@@ -1,4 +1,4 @@
-"""What a draped ply meets: contact pressure, bridging, wrinkles, edges of a tool."""
+"""Drape defects: contact pressure, bridging, wrinkling, edges of a tool."""
 
 import numpy as np
 from numpy import ndarray

@@ -53,7 +53,7 @@ class Elements:
         return local, points - self.between(positions, element, local)
 
     def outside(self, local: ndarray) -> ndarray:
-        """How far local coordinates are beyond an element, 0 inside it."""
+        """Distance of local coordinates beyond an element, 0 inside it."""
         beyond = np.maximum(-local, 0.0).max(axis=0, initial=0.0)
         if len(self.nodes) == 4:
             return np.maximum(beyond, (local - 1).max(axis=0, initial=0.0))
@@ -215,7 +215,7 @@ class Places(NamedTuple):
 
     @property
     def found(self) -> ndarray:
-        """Whether a point of the sheet lies there, shape (n,)."""
+        """True where a point of the sheet was found, shape (n,)."""
         return self.element >= 0
 
 

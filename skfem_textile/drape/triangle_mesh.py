@@ -267,7 +267,7 @@ class TriangleMesh:
         return there
 
     def beyond_edges(self, x: ndarray) -> ndarray:
-        """How far points lie beyond the edges of the triangles in mm, shape (n,).
+        """Distances of points beyond the edges of the triangles in mm, shape (n,).
 
         0 where a point lies over the triangles, or beyond their edges by no more than a
         tenth of the mean edge.
@@ -280,7 +280,7 @@ class TriangleMesh:
         return self._away(x)[1]
 
     def off_triangles(self, x: ndarray) -> ndarray:
-        """How far points on the smoothed surface are from the triangles in mm, (n,).
+        """Distances of points on the smoothed surface from the triangles in mm, (n,).
 
         0 where that is no more than a tenth of the mean edge, and beyond the edges.
 

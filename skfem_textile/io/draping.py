@@ -295,7 +295,7 @@ def read_tool_mesh(path: str | os.PathLike[str]) -> ToolMesh:
 def _points_and_cells(
     path: str | os.PathLike[str],
 ) -> tuple[ndarray, tuple[ndarray, ...]]:
-    """What a `ToolMesh` is made of, as it stands in a file."""
+    """Points and cells of a file, the arguments of `ToolMesh`."""
     raw, _ = read_raw(Path(path))
     cells = tuple(
         np.asarray(block.data, dtype=int).T

@@ -118,7 +118,7 @@ def _read(
 
 
 def _units(words: str) -> tuple[float, float]:
-    """How many N the force of a deck is, and how many mm its length."""
+    """The units of force and length of a deck, in N and mm."""
     force, _, length = words.strip().partition(" ")
     length = length.strip()
     if force not in _FORCES or length not in _LENGTHS:

@@ -97,7 +97,7 @@ def on_users_elements(ply: Ply, fields: dict[str, ndarray]) -> dict[str, ndarray
 
 
 def _extreme(x: ndarray) -> ndarray:
-    """Of each element's points the value of largest magnitude."""
+    """The value of largest magnitude over the points of each element."""
     largest = np.abs(x).argmax(axis=-1)
     return np.take_along_axis(x, largest[:, None], axis=-1)[:, 0]
 

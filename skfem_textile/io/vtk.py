@@ -324,7 +324,7 @@ class RawData:
         return taken
 
     def ends_after(self, count: int) -> bool:
-        """Whether these bytes are encoded apart from those that follow."""
+        """True if these bytes are encoded separately from those that follow."""
         return False
 
 
@@ -353,7 +353,7 @@ class Base64Data(RawData):
         return taken
 
     def ends_after(self, count: int) -> bool:
-        """Whether a run of so many bytes ends there."""
+        """True if a run of so many bytes ends there."""
         end = b"=" * (-count % 3)
         return bool(end) and super().peek(self._length(count)).endswith(end)
 

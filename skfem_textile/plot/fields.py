@@ -1,4 +1,4 @@
-"""What results give to a picture: fields, and shapes of plies and tools."""
+"""Fields of results, and shapes of plies and tools, as pictures show them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Where things stand on a picture, in mm."""
+"""Layout of a picture: positions of panels, scales and text in mm."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -198,7 +198,7 @@ class LegendLines:
         self.height += scale if legend.scale else 0.0
 
     def placed(self, top: float) -> Below:
-        """What is in the legend, from ``top`` down."""
+        """The legend, from ``top`` down."""
         below = Below(Box(self.x, 0.0, self.width, top), [], [], [])
         middle, y = self.x + self.width / 2, top - MARGIN
         if self.legend.scale:

@@ -54,7 +54,7 @@ def picture_path(
 
 
 def is_vector(path: Path | None) -> bool:
-    """Whether the name of a file asks for vectors."""
+    """True if the suffix of a file is that of vector graphics."""
     return path is not None and path.suffix.lower() in VECTORS
 
 

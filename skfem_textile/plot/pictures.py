@@ -1,4 +1,4 @@
-"""Pictures of plies: fields in colours, fibres, what was found of states, motions."""
+"""Pictures of plies: fields in colours, fibres, verdicts on states, animations."""
 
 import os
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ _FAMILIES = [("Warp", WARP), ("Weft", WEFT)]
 
 
 class View(TypedDict, total=False):
-    """Options of every picture of results; `field` says what each is."""
+    """Options of every picture of results; see `field`."""
 
     filename: str | os.PathLike[str] | None
     plotter: "pv.Plotter | None"
@@ -273,7 +273,7 @@ def verdict(
     clim: Sequence[float] | None = None,
     **options: Unpack[View],
 ) -> "pv.Plotter | Figure":
-    """What was found of states, in words above a field; where steps were refused.
+    """The verdict on states, in words above a field, and where steps were refused.
 
     Parameters
     ----------

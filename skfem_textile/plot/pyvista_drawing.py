@@ -39,7 +39,7 @@ _LIFT, _LIFT_ON_TOOL = 0.1, 1.0
 
 
 class Frame(NamedTuple):
-    """What a renderer shows of the picture, in mm, and its dots per mm."""
+    """The part of a picture that a renderer shows, in mm, and its dots per mm."""
 
     box: Box
     dots: float

@@ -1,4 +1,4 @@
-"""What a picture consists of, whatever draws it: panels, scales and keys."""
+"""Contents of a picture, independent of the renderer: panels, scales and keys."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -344,7 +344,7 @@ def _along(shape: Shape, vectors: ndarray, scale: float) -> ndarray:
 
 
 def places_of_fibres(shape: Shape, scale: float) -> tuple[ndarray, ndarray, ndarray]:
-    """Where fibres are drawn: in each element, or on a grid where these are small.
+    """Positions of drawn fibres: in each element, or on a grid where these are small.
 
     Points (n, 3), the element at each (n,), and the room there in mm of the ply (n,).
     """
