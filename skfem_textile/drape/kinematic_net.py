@@ -207,7 +207,6 @@ def net(
     start = onto(surface, given[:, None])[:, 0]
     families = tangents(surface, start, np.asarray(first)) @ flat
     x = np.full((3, *(sum(n) + 1 for n in counts)), np.nan)
-    zero = counts[0][0], counts[1][0]
     ways = [
         [
             _thread(surface, start, sign * a, float(cell), n[side])
@@ -215,6 +214,7 @@ def net(
         ]
         for a, n in zip(families.T, counts, strict=True)
     ]
+    sides = [(slice(n[0], None, -1), slice(n[0], None)) for n in counts]
     ends = None
     if over is not None:
         ends = np.linalg.solve(flat, over - np.array(touch)[:, None]) / cell
@@ -224,10 +224,9 @@ def net(
             if ends is not None:
                 wanted = _up_to(ends * ([warp_sign], [weft_sign]), wanted.shape)
             threads = ways[0][i], ways[1][j]
-            quadrant = _quadrant(surface, *threads, float(cell), wanted)
-            rows = zero[0] + warp_sign * np.arange(counts[0][i] + 1)
-            columns = zero[1] + weft_sign * np.arange(counts[1][j] + 1)
-            x[:, rows[:, None], columns] = quadrant
+            x[:, sides[0][i], sides[1][j]] = _quadrant(
+                surface, *threads, float(cell), wanted
+            )
     along = [cell * np.arange(-n[0], n[1] + 1) for n in counts]
     return Net(x, (along[0], along[1]), flat, np.array(touch, dtype=float))
 

@@ -24,7 +24,7 @@ from .fields import (
     values_of,
 )
 from .layout import PAGE, lay_out
-from .picture_files import picture_path, write
+from .picture_files import picture_path, written_whole
 from .sheet import (
     REFUSED,
     WARP,
@@ -498,14 +498,11 @@ def animation(
         frames.append(Image.fromarray(plotter.screenshot(return_img=True)))
         plotter.close()
     first, *others = [frame.quantize(dither=Image.Dither.NONE) for frame in frames]
-    write(
-        path,
-        ".gif",
-        lambda file: first.save(
+    with written_whole(path, ".gif") as file:
+        first.save(
             file,
             save_all=True,
             append_images=others,
             duration=[_FRAME] * len(others) + [_LAST],
             loop=0,
-        ),
-    )
+        )

@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 from skfem import Mesh
 
 from ..mesh.contact import signed_areas
+from ..mesh.splitting import boundary_edges, edges_of
 
 # Least extent of a scale, in its unit.  Chosen: above the rounding of zero.
 _LEAST_EXTENT = 1e-8
@@ -89,10 +90,8 @@ class Shape(NamedTuple):
 
     def edges(self, outer: bool) -> ndarray:
         """Ends of the edges, or of the outer ones alone, shape (n_edges, 2, 3)."""
-        pairs = [np.stack([cell, np.roll(cell, -1, axis=0)]) for cell in self.cells]
-        both = np.hstack([pair.reshape(2, -1) for pair in pairs])
-        edges, count = np.unique(np.sort(both, axis=0), axis=1, return_counts=True)
-        return self.points[edges[:, count == 1] if outer else edges].swapaxes(0, 1)
+        edges = boundary_edges(self.cells) if outer else edges_of(self.cells)[0]
+        return self.points[edges].swapaxes(0, 1)
 
     def outline_of(self, elements: ndarray) -> ndarray:
         """Ends of the outer edges of some elements, shape (n_edges, 2, 3)."""
