@@ -119,7 +119,7 @@ def read_biaxial(
     widths
         Width in mm across the pull of the warp, and of the weft.
     units
-        Units of columns that the file does not tell.
+        Units of columns that the file does not give.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Curves of tests, read from CSV files whose columns have units.
 
-What the beginning of a test's curve tells: a force at rest, and what drove the test.
+The beginning of a test's curve shows a force at rest, and what drove the test.
 
 A fabric at rest bears no force, so that a curve that begins with one has the weight of
 clamps, friction of a frame or a pretension in it, which no law has.
@@ -134,9 +134,9 @@ def _factor(file: str, name: str, unit: str) -> float:
             f"{file}: the column {name!r} has the unit '{unit}', which is none of "
             f"{', '.join(allowed)}: look whether columns are swapped"
         )
-    said = f"the unit '{excerpt(unit)}', which is none" if unit else "no unit: one"
+    has = f"the unknown unit '{excerpt(unit)}'" if unit else "no unit"
     raise ValueError(
-        f"{file}: the column {name!r} has {said} of {', '.join(allowed)}: name it in "
+        f"{file}: the column {name!r} has {has}: name one of {', '.join(allowed)} in "
         f"the first row, like '{name} ({next(iter(allowed))})', or by an option"
     )
 
@@ -174,7 +174,7 @@ _BEGINNING, _FEWEST, _FARTHEST = 0.2, 5, 0.35
 # The first point must be so near to rest, as a share of the range.
 _FIRST = 0.06
 
-# A force at rest is told from this share of the largest on, and from this many of its
+# A force at rest is reported from this share of the largest on, and from this many of its
 # standard deviations.  Chosen: one curve in a million has as much by noise.
 _SHARE, _DEVIATIONS = 0.05, 5.0
 
@@ -186,7 +186,7 @@ _LATE, _NOTHING = 0.2, 0.05
 # by ten times more.
 _EQUAL, _UNEQUAL = 0.02, 0.2
 
-# Fewest steps of which that can be said.
+# Fewest steps for that.
 _FEWEST_STEPS = 8
 
 

@@ -1,7 +1,7 @@
 """Laws with parameters, and these from measured curves, with their confidence.
 
 Curves are compared where their noise is: forces with forces.  Each has noise of its own
-size, which its residuals tell.
+size, estimated from its residuals.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -184,8 +184,8 @@ def crimp_toe(largest: float) -> Model:
 def crimp_interchange(largest: float) -> Model:
     """`CrimpInterchange`: both tensions take both strains.
 
-    Of the initial stiffness, which holds the fabric in compression and which no pull
-    tells, a small share of the stiffness is taken.
+    The initial stiffness, which holds the fabric in compression and follows from no
+    pull, is a small share of the stiffness.
     """
     names = (
         *("warp_stiffness", "weft_stiffness", "warp_crimp", "weft_crimp"),
@@ -209,7 +209,7 @@ def crimp_interchange(largest: float) -> Model:
 # Its functions bear the names of private modules, for which a type checker takes them.
 _scipy: Any = optimize
 
-# Singular values below this share of the largest: parameters cannot be told apart.
+# Singular values below this share of the largest: parameters are not identifiable.
 _SINGULAR = 1e-10
 
 
@@ -226,11 +226,11 @@ def solve_linear(
     root = np.sqrt(weights)
     size = np.linalg.norm(J * root[:, None], axis=0)
     if not np.all(size > 0):
-        raise ValueError(_not_told_apart(model))
+        raise ValueError(_not_identifiable(model))
     A, b = J * root[:, None] / size, root * measured
     values, _, _, singular = np.linalg.lstsq(A, b)
     if singular[-1] < _SINGULAR * singular[0]:
-        raise ValueError(_not_told_apart(model))
+        raise ValueError(_not_identifiable(model))
     low, high = model.low * size, model.high * size
     if np.any((values < low) | (values > high)):
         values = _scipy.lsq_linear(A, b, (low, high), method="bvls").x
@@ -246,13 +246,13 @@ def solve_nonlinear(
 ) -> tuple[ndarray, ndarray]:
     """Least squares from a start, or from the linear law that is nearest.
 
-    The size of each parameter is that of this linear law: one at a bound tells none.
+    The size of each parameter is that of this linear law: one at a bound gives none.
     """
     assert model.start is not None
     unit = predict(Linear(1.0))
     square = float(unit @ unit)
     if not square > 0:
-        raise ValueError(_not_told_apart(model))
+        raise ValueError(_not_identifiable(model))
     near_linear = model.start(max(float(unit @ measured) / square, 1e-12))
     scale = np.maximum(np.abs(near_linear), 1e-12)
     inside = np.clip(near_linear if start is None else start, model.low, model.high)
@@ -296,25 +296,25 @@ def covariance_of(J: ndarray, weights: ndarray) -> ndarray:
     root = J * np.sqrt(weights)[:, None]
     size = np.linalg.norm(root, axis=0)
     if not np.all(size > 0):
-        raise ValueError("the data do not tell all parameters")
+        raise ValueError("the data do not determine all parameters")
     triangle = linalg.qr(root / size, mode="economic")[1]
     if not np.all(np.abs(np.diag(triangle)) > _SINGULAR):
-        raise ValueError("the data do not tell the parameters apart")
+        raise ValueError("the parameters are not identifiable from these data")
     inverse = np.linalg.inv(triangle) / size[:, None]
     return inverse @ inverse.T
 
 
-def _not_told_apart(model: Model) -> str:
+def _not_identifiable(model: Model) -> str:
     return (
-        f"the data do not tell the {len(model.parameters)} parameters of the law "
-        f"{model.name} apart: take a law with fewer"
+        f"the {len(model.parameters)} parameters of the law {model.name} are not "
+        "identifiable from these data: take a law with fewer"
     )
 
 
 #: Confidence of all bands.
 CONFIDENCE = 0.95
 
-#: Probability below which specimens are said to differ beyond their noise.
+#: Probability below which specimens differ beyond their noise.
 DIFFER = 0.01
 
 # Times that the noise of each curve is found anew.  Chosen: it no longer changes by
@@ -358,8 +358,8 @@ class Fit:
     at_bound
         Which parameters are at a bound, shape (p,): they have no band.
     singles
-        Parameters of each curve alone that tells them, shape (curves, p); None where
-        fewer than two do, or they were not compared.
+        Parameters of each curve alone that determines them, shape (curves, p); None
+        where fewer than two do, or they were not compared.
     differ
         Probability that curves of one law differ by as much; nan without ``singles``.
     """
@@ -477,8 +477,8 @@ def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
     Raises
     ------
     ValueError
-        If there are no more points than parameters, or the parameters cannot be told
-        apart.
+        If there are no more points than parameters, or the parameters are not
+        identifiable.
     """
     whole = _fit(model, samples)
     if len(samples) < 2 or not compare:
@@ -487,7 +487,7 @@ def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
     for i, one in enumerate(samples):
         try:
             alone[i] = _fit(model, [one], whole.values, whole.noise[i : i + 1])
-        except ValueError:  # this curve does not tell all parameters
+        except ValueError:  # this curve does not determine all parameters
             continue
     p = int(np.sum(~whole.at_bound))
     points = sum(samples[i].measured.size for i in alone)

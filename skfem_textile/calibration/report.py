@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .shear import ShearFit, Specimen
 
 
-#: Shear angles at which moments are told, in degrees, as far as the data go.
+#: Shear angles in degrees at which moments are reported, as far as the data go.
 ANGLES = tuple(range(5, 90, 5))
 
 # Fabrics of nearly inextensible fibres are strained by less, crimp included.

@@ -45,7 +45,7 @@ _ROUNDING = 1e-9
 # more than the noise of a machine.
 _BACK = 0.1
 
-# Share of the largest angle of a test beyond which points tell nothing: forces of the
+# Share of the largest angle of a test beyond which points are left out: forces of the
 # closed form have no bound there.
 _END = 0.999
 
@@ -201,7 +201,7 @@ def read_specimen(
     test
         The kind of test and its sizes.
     units
-        Units of columns that the file does not tell.
+        Units of columns that the file does not give.
 
     Raises
     ------
@@ -337,7 +337,7 @@ def _refuse_forces(specimen: Specimen, used: ndarray) -> None:
 
 
 # The loads no longer change: by less than this share of the largest.  Chosen: a tenth
-# of what a curve with a noise of 1 % tells of a load.
+# of the uncertainty of a load from a curve with a noise of 1 %.
 _SETTLED = 1e-3
 
 # Simulations of each test at most; four are usual.

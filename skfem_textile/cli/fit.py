@@ -169,7 +169,7 @@ TESTS: dict[str, tuple[str, _Options]] = {
 # Fibre stiffness in N/mm of a fabric of which only shear is known.
 _FIBRES = 1e5
 
-# What a fabric has that no test told.
+# Properties of a fabric that no test has determined.
 _NO_TENSION = (
     f"fibres of fabric.json have {_FIBRES:g} N/mm, which no test told: give "
     "--fibre-stiffness, or fit biaxial tests with --fabric and this file"

@@ -43,7 +43,7 @@ class Net:
     def shear_angle(self) -> ndarray:
         """Shear angle Γ of each cell in radians, shape (n_warp, n_weft).
 
-        The sides of a cell are equal: its diagonals tell the angle.
+        The sides of a cell are equal: its diagonals determine the angle.
         """
         x = self.positions
         one = np.linalg.norm(x[:, 1:, 1:] - x[:, :-1, :-1], axis=0)

@@ -48,7 +48,7 @@ class Elements:
             normal += _RIDGE * size[:, None, None] * np.eye(2)
             right = np.einsum("ijn,in->nj", slopes, away)
             step = np.linalg.solve(normal, right[:, :, None])[:, :, 0].T
-            # Far beyond its edges an element tells nothing.
+            # Far beyond its edges the mapping of an element is meaningless.
             local = np.clip(local + step, -1.0, 2.0)
         return local, points - self.between(positions, element, local)
 

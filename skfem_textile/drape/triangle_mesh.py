@@ -103,7 +103,7 @@ class Quadrics:
             distance, near = self._tree.query(
                 x[:, some].T, count, distance_upper_bound=bound
             )
-            # Far away the nearest point alone tells: the reach is a little longer.
+            # Far away the nearest point alone counts: the reach is a little longer.
             reach = np.maximum(self._reach, _FAR * distance[:, :1])
             whole = (distance[:, -1:] >= reach) | (count == self._tree.n)
             whole = (whole & (reach <= bound))[:, 0]
@@ -331,7 +331,7 @@ class TriangleMesh:
     def _mean(self, x: ndarray) -> Derivatives:
         """φ and its derivatives; those of the last positions are kept.
 
-        An iteration asks for one after the other.
+        An iteration needs one after the other.
         """
         if self._kept is None or not np.array_equal(self._kept[0], x):
             self._kept = x.copy(), self._quadrics.mean(x)

@@ -43,7 +43,7 @@ _OTHERS = {
     "CONDUCTIVITY": "there are no temperatures",
 }
 
-#: Keywords of a fabric: those that are read, and those that are told not to be.
+#: Keywords of a fabric: those that are read, and those reported as not taken over.
 KEYWORDS = ("MATERIAL", "FABRIC", "UNIAXIAL", "LOADING DATA", *_SECTIONS, *_OTHERS)
 
 
@@ -266,7 +266,7 @@ def _law(component: str, data: list[_Data], not_taken: list[str], scale: float) 
 # a millionth of its largest value.
 _N_POINTS = 1001
 
-# Strain and angle up to which laws are written that do not tell.
+# Strain and angle up to which laws without a finite domain are written.
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)
 
 # Shear and fibres in the order of Abaqus: fill, warp, shear.
@@ -274,7 +274,7 @@ _WRITTEN_COMPONENTS = (("1", 1), ("2", 0), ("SHEAR", 2))
 
 
 def material_of(fabric: Fabric, thickness: float, name: str) -> str:
-    """A material of Abaqus with the laws of a fabric, refused if it cannot say them."""
+    """A material of Abaqus with the laws of a fabric, refused if it cannot express them."""
     if not isinstance(fabric.tensions, TwoLaws):
         raise ValueError("*FABRIC has no law of both fibre strains; write a .json")
     if fabric.bends:
@@ -308,7 +308,7 @@ def _written_component(law: Law, shear: bool, thickness: float) -> Iterator[str]
 
 
 def _points(law: Any, reach: float) -> tuple[ndarray, ndarray, str]:
-    """Arguments and values of a law, and what Abaqus is told of those beyond."""
+    """Arguments and values of a law, and the extrapolation for Abaqus."""
     if isinstance(law, Tabulated):
         x, y = law.points
         beyond = ", EXTRAPOLATION=LINEAR" if law.extrapolation == "linear" else ""

@@ -18,7 +18,7 @@ from .file_numbers import errors_about
 
 log = logging.getLogger(__name__)
 
-#: Names that `read_mesh` has for what `read_fabric` reads of a deck, or tells of.
+#: Names, as of `read_mesh`, of what `read_fabric` reads of a deck, or warns of.
 OF_FABRICS = tuple(f"*{keyword}" for keyword in abaqus_fabric.KEYWORDS)
 
 # Suffixes of files that have a fabric.
@@ -155,7 +155,7 @@ def write_fabric(
     Raises
     ------
     ValueError
-        If the format cannot say what the fabric is, a thickness is missing, or the name
+        If the format cannot express the fabric, a thickness is missing, or the name
         has another suffix.
     OSError
         If the file cannot be written.

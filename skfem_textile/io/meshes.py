@@ -60,7 +60,7 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
     path
         The file.
     others
-        Names of what others read of the file, of which the warning does not tell:
+        Names that are read by other functions, which the warning leaves out:
         `OF_DIRECTIONS`, `OF_FABRICS`.
 
     Raises

@@ -154,8 +154,7 @@ def _not_taken(option: _Option, fields: dict[str, float]) -> list[str]:
     said = [f"{n}: {why}" for n, why in _OTHERS.items() if fields.get(n)]
     if option.name[3:4] not in ([], [""], ["0"]):
         said.append(
-            f"/UNIT/{excerpt(option.name[3])}: units are those that were told beside "
-            "the deck"
+            f"/UNIT/{excerpt(option.name[3])}: units are those given beside the deck"
         )
     return said
 

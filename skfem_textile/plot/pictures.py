@@ -149,7 +149,7 @@ def field(
         Colours, as matplotlib knows them; those of the field if not given.
     clim
         Least and largest value on the scale; if not given, round numbers that hold
-        every value and zero.  Arrows at the scale tell of values beyond.
+        every value and zero.  Arrows at the scale mark values beyond.
     show_edges
         Whether the edges of elements are drawn; if not given, where the mean element
         has a side of 1.3 mm on the picture.  The outline of a ply is always drawn.

@@ -106,7 +106,7 @@ class Shape(NamedTuple):
 class Scale(NamedTuple):
     """A scale of colours.
 
-    ``below`` and ``above`` tell whether values lie beyond its ends.
+    ``below`` and ``above`` are true if values lie beyond its ends.
     """
 
     label: str
