@@ -21,8 +21,8 @@ from .regression import CONFIDENCE
 #: Columns of a test, by the names of `COLUMNS`.
 OVERHANG, ANGLE = "overhang", "chord angle"
 
-# Angles of the chord for which an elastica is computed, in radians: below a straight line
-# is within the error of any reading, above the strip hangs.
+# Angles of the chord for which an elastica is computed, in radians: below a straight
+# line is within the error of any reading, above the strip hangs.
 _SHALLOW, _STEEP = np.radians([0.5, 85.0])
 
 # Least and largest w L³/D, beyond those of these angles.

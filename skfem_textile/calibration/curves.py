@@ -134,9 +134,9 @@ def _factor(file: str, name: str, unit: str) -> float:
             f"{file}: the column {name!r} has the unit '{unit}', which is none of "
             f"{', '.join(allowed)}: look whether columns are swapped"
         )
-    has = f"the unknown unit '{excerpt(unit)}'" if unit else "no unit"
+    has = f"the unit '{excerpt(unit)}', which is none" if unit else "no unit, needs one"
     raise ValueError(
-        f"{file}: the column {name!r} has {has}: name one of {', '.join(allowed)} in "
+        f"{file}: the column {name!r} has {has} of {', '.join(allowed)}: name it in "
         f"the first row, like '{name} ({next(iter(allowed))})', or by an option"
     )
 
@@ -174,8 +174,8 @@ _BEGINNING, _FEWEST, _FARTHEST = 0.2, 5, 0.35
 # The first point must be so near to rest, as a share of the range.
 _FIRST = 0.06
 
-# A force at rest is reported from this share of the largest on, and from this many of its
-# standard deviations.  Chosen: one curve in a million has as much by noise.
+# A force at rest is reported from this share of the largest on, and from this many of
+# its standard deviations.  Chosen: one curve in a million has as much by noise.
 _SHARE, _DEVIATIONS = 0.05, 5.0
 
 # A curve begins late if it does beyond this share of the range, and bears less than

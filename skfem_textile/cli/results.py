@@ -80,7 +80,7 @@ def draw(
 
 
 def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
-    """Draw the pictures of `CURVES` into a folder, as far as run or test have the columns.
+    """Draw the pictures of `CURVES` of which run or test have the columns.
 
     A run without a force is not drawn by itself.
     """

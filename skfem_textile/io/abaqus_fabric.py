@@ -274,7 +274,7 @@ _WRITTEN_COMPONENTS = (("1", 1), ("2", 0), ("SHEAR", 2))
 
 
 def material_of(fabric: Fabric, thickness: float, name: str) -> str:
-    """A material of Abaqus with the laws of a fabric, refused if it cannot express them."""
+    """A material of Abaqus with the laws of a fabric, refused if it has no such law."""
     if not isinstance(fabric.tensions, TwoLaws):
         raise ValueError("*FABRIC has no law of both fibre strains; write a .json")
     if fabric.bends:

@@ -367,21 +367,9 @@ def mesh_and_fibres(
         The mesh; of a split or cut mesh the user's elements are drawn.
     directions
         Directions in these elements.
-    filename, plotter, show_edges, size
-        As for `skfem_textile.plot.field`.
 
-    Returns
-    -------
-    pyvista.Plotter or matplotlib.figure.Figure
-        As `skfem_textile.plot.field`.
-
-    Raises
-    ------
-    ImportError, RuntimeError, FileNotFoundError
-        As `skfem_textile.plot.field`.
-    ValueError
-        As `skfem_textile.plot.field`, or if there is not one direction for each
-        element.
+    Other parameters, returned value and errors as for `field`; directions that are not
+    one for each element are a `ValueError`.
     """
     cells, _ = original_elements(mesh)
     directions.refuse_other(cells)
@@ -463,15 +451,8 @@ def animation(
         The result whose states are drawn.
     filename
         Where to write the GIF.
-    field, cmap, clim, show_edges, size
-        As for `field`; an mm has 6 pixels.
 
-    Raises
-    ------
-    ImportError, RuntimeError, FileNotFoundError
-        As for `field`.
-    ValueError
-        As for `field`, or if the name has another suffix than .gif.
+    Other parameters and errors as for `field`; an mm has 6 pixels.
     """
     from PIL import Image
 
