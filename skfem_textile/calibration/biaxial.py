@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from numpy import ndarray
 
-from ..fabric import BiaxialLaw, Law
+from ..fabric import BiaxialLaw, Law, TwoLaws
 from . import regression as models
 from .curves import read_test
 from .regression import Fit, Model, Sample, fit
@@ -57,8 +57,8 @@ class BiaxialCurve:
 
     def forces(self, law: BiaxialLaw) -> ndarray:
         """The forces that a law of both strains gives, shape (2, n)."""
-        stretch = np.exp(self.strain)
-        return np.reshape(self.widths, (2, 1)) * law.value(self.strain) / stretch
+        widths, tension = np.reshape(self.widths, (2, 1)), law.value(self.strain)
+        return widths * np.asarray(tension) / np.exp(self.strain)
 
     def force_along(self, family: int, law: Law) -> ndarray:
         """The force along a family that a law of its own strain gives, shape (n,)."""
@@ -90,10 +90,8 @@ class TensionFit:
 
     def forces(self, curve: BiaxialCurve) -> ndarray:
         """The forces that the laws give, shape (2, n)."""
-        if "both" in self.fits:
-            return curve.forces(self.fits["both"].law)
-        laws = (self.fits[name].law for name in FAMILIES)
-        return np.array([curve.force_along(i, law) for i, law in enumerate(laws)])
+        law = self.tension
+        return curve.forces(TwoLaws(*law) if isinstance(law, tuple) else law)
 
     def band(self, curve: BiaxialCurve) -> ndarray:
         """Confidence band of these forces, its lower and upper end; shape (2, 2, n)."""
@@ -169,13 +167,12 @@ def fit_tension(
     if law not in TENSION_LAWS:
         raise ValueError(f"the law {law!r} is none of {', '.join(TENSION_LAWS)}")
     if law == "crimp-interchange":
-        model = _model(law, curves, (0, 1), points, bounds)
-        model = model.extrapolated(extrapolation)
+        model = _model(law, curves, (0, 1), points, bounds, extrapolation)
         both = [Sample(c.name, c.force.ravel(), partial(_both, c)) for c in curves]
         return TensionFit({"both": fit(model, both, compare=False)}, tuple(curves))
     fits = {}
     for i, family in enumerate(FAMILIES):
-        model = _model(law, curves, (i,), points, bounds).extrapolated(extrapolation)
+        model = _model(law, curves, (i,), points, bounds, extrapolation)
         samples = [
             Sample(f"{c.name}, {family}", c.force[i], partial(c.force_along, i))
             for c in curves
@@ -186,9 +183,8 @@ def fit_tension(
 
 def _both(curve: BiaxialCurve, law: BiaxialLaw | Law) -> ndarray:
     """Both forces in a row; a law of one strain stands for both families."""
-    if isinstance(law, BiaxialLaw):
-        return curve.forces(law).ravel()
-    return np.concatenate([curve.force_along(i, law) for i in (0, 1)])
+    both = law if isinstance(law, BiaxialLaw) else TwoLaws(law, law)
+    return curve.forces(both).ravel()
 
 
 def _model(
@@ -197,6 +193,7 @@ def _model(
     families: tuple[int, ...],
     points: int,
     bounds: Mapping[str, tuple[float, float]] | None,
+    extrapolation: str | None,
 ) -> Model:
     largest = max(float(c.strain[i].max()) for c in curves for i in families)
     if not largest > 0:
@@ -206,4 +203,5 @@ def _model(
             raise ValueError(
                 f"no test pulls the {FAMILIES[i]}: forces must be positive"
             )
-    return TENSION_LAWS[law](largest, points).bounded(bounds or {})
+    model = TENSION_LAWS[law](largest, points).bounded(bounds or {})
+    return model.extrapolated(extrapolation)
