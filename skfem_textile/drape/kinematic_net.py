@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from ..mesh.user_input import real_numbers
 from ..solve.surface import Surface, onto
 from ..solve.surface.geodesics import tangents
+from .surfaces import positive_length
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,9 +197,7 @@ def net(
     >>> round(float(np.degrees(angle[-1, -1])), 1)
     53.6
     """
-    spacing = real_numbers("net: cell", cell)
-    if spacing.shape or not (np.isfinite(spacing) and spacing > 0):
-        raise ValueError(f"net: cell must be a positive length in mm, got {cell!r}")
+    cell = positive_length("net: cell", cell)
     counts = [_counts(name, n) for name, n in (("warp", warp), ("weft", weft))]
     flat = np.array([np.cos(angles), np.sin(angles)])
     if not abs(np.linalg.det(flat)) > _FOLDED:
@@ -209,7 +208,7 @@ def net(
     x = np.full((3, *(sum(n) + 1 for n in counts)), np.nan)
     ways = [
         [
-            _thread(surface, start, sign * a, float(cell), n[side])
+            _thread(surface, start, sign * a, cell, n[side])
             for side, sign in enumerate((-1, 1))
         ]
         for a, n in zip(families.T, counts, strict=True)
@@ -224,9 +223,8 @@ def net(
             if ends is not None:
                 wanted = _up_to(ends * ([warp_sign], [weft_sign]), wanted.shape)
             threads = ways[0][i], ways[1][j]
-            x[:, sides[0][i], sides[1][j]] = _quadrant(
-                surface, *threads, float(cell), wanted
-            )
+            quadrant = _quadrant(surface, *threads, cell, wanted)
+            x[:, sides[0][i], sides[1][j]] = quadrant
     along = [cell * np.arange(-n[0], n[1] + 1) for n in counts]
     return Net(x, (along[0], along[1]), flat, np.array(touch, dtype=float))
 

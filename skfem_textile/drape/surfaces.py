@@ -71,7 +71,9 @@ class Sphere:
     centre: Vector = _ORIGIN
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", _length("sphere: radius", self.radius))
+        object.__setattr__(
+            self, "radius", positive_length("sphere: radius", self.radius)
+        )
         object.__setattr__(self, "centre", _vector("sphere: centre", self.centre))
 
     def level(self, x: ndarray) -> ndarray:
@@ -175,7 +177,9 @@ class Cylinder(_OfRevolution):
     axis: Vector = (0.0, 1.0, 0.0)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", _length("cylinder: radius", self.radius))
+        object.__setattr__(
+            self, "radius", positive_length("cylinder: radius", self.radius)
+        )
         self._prepare("cylinder")
 
     def _f(self, r: ndarray, z: ndarray) -> ndarray:
@@ -241,7 +245,7 @@ class Torus(_OfRevolution):
 
     def __post_init__(self) -> None:
         for name in ("radius", "tube"):
-            value = _length(f"torus: {name}", getattr(self, name))
+            value = positive_length(f"torus: {name}", getattr(self, name))
             object.__setattr__(self, name, value)
         if self.tube >= self.radius:
             raise ValueError(
@@ -280,11 +284,11 @@ def _unit(what: str, value: Vector) -> ndarray:
     return vector / np.linalg.norm(vector)
 
 
-def _length(what: str, value: float) -> float:
-    """A positive finite number."""
+def positive_length(what: str, value: ArrayLike) -> float:
+    """A positive finite length in mm."""
     number = real_numbers(what, value)
     if number.shape or not (np.isfinite(number) and number > 0):
-        raise ValueError(f"{what} must be a positive number of mm, got {value!r}")
+        raise ValueError(f"{what} must be a positive length in mm, got {value!r}")
     return float(number)
 
 
