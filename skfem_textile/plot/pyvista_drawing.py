@@ -23,7 +23,7 @@ from .layout import (
     font_file,
     lay_out,
 )
-from .sheet import PLY, Legend, Panel, Sheet, lines_of
+from .sheet import PLY, Legend, Sheet, lines_of
 
 _CELLS = {3: pv.CellType.TRIANGLE, 4: pv.CellType.QUAD}
 
@@ -121,7 +121,9 @@ def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
 def _draw_place(plotter: pv.Plotter, place: Place, sheet: Sheet, frame: Frame) -> None:
     """Draw a panel into the active renderer and point its camera."""
     panel, scale = place.panel, place.scale_of(sheet.extent)
-    look = {"color": PLY} if panel.scale is None else _in_colours(panel)
+    look: dict[str, Any] = {"color": PLY}
+    if of := panel.scale:
+        look = {"scalars": panel.values, "clim": (of.low, of.high), "cmap": of.colours}
     meshes = [(_grid(panel.shape.points, panel.shape.cells), look)]
     if tool := panel.shape.tool:
         greys = {"scalars": tool.shades, "clim": (0.0, 1.0), "cmap": "gray"}
@@ -163,20 +165,7 @@ def _point_camera(
 
 
 def _grid(points: ndarray, cells: tuple[ndarray, ...]) -> pv.UnstructuredGrid:
-    rows = [np.pad(cell, ((1, 0), (0, 0)), constant_values=len(cell)) for cell in cells]
-    kinds = [np.full(cell.shape[1], _CELLS[len(cell)]) for cell in cells]
-    listed = np.concatenate([row.T.ravel() for row in rows])
-    return pv.UnstructuredGrid(listed, np.concatenate(kinds), points)
-
-
-def _in_colours(panel: Panel) -> dict[str, Any]:
-    scale = panel.scale
-    assert scale is not None
-    return {
-        "scalars": panel.values,
-        "clim": (scale.low, scale.high),
-        "cmap": scale.colours,
-    }
+    return pv.UnstructuredGrid({_CELLS[len(cell)]: cell.T for cell in cells}, points)
 
 
 def _draw_below(plotter: pv.Plotter, below: Below, frame: Frame) -> None:
