@@ -4,9 +4,15 @@ from ..scenes.shear_test import BiasExtension, PictureFrame, ShearTest
 from .bending import BendingFit, CantileverTest, fit_bending, read_cantilever
 from .biaxial import BiaxialCurve, TensionFit, fit_tension, read_biaxial
 from .curves import read_curve
-from .inverse import Simulation, fit_by_simulation
 from .regression import Fit
-from .shear import ShearFit, Specimen, fit_shear, read_specimen
+from .shear import (
+    ShearFit,
+    Simulation,
+    Specimen,
+    fit_by_simulation,
+    fit_shear,
+    read_specimen,
+)
 
 __all__ = [
     "BendingFit",

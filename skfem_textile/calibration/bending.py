@@ -9,21 +9,20 @@ D = w L³/8 · cos(θ/2)/tan θ.
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy import ndarray
 from scipy import special
 
 from ..scenes.elastica import hanging, peirce
-from .curves import read_curve
+from .curves import read_test
 from .regression import CONFIDENCE
 
 #: Columns of a test, by the names of `COLUMNS`.
 OVERHANG, ANGLE = "overhang", "chord angle"
 
-# Angles of the chord that an elastica is asked for, in radians: below a straight line
-# is within the error of any reading, above the strip hangs.
+# Angles of the chord for which an elastica is computed, in radians: below a straight
+# line is within the error of any reading, above the strip hangs.
 _SHALLOW, _STEEP = np.radians([0.5, 85.0])
 
 # Least and largest w L³/D, beyond those of these angles.
@@ -108,9 +107,7 @@ def read_cantilever(
     OSError
         If it cannot be read.
     """
-    columns, name = read_curve(path, units), Path(path).name
-    if OVERHANG not in columns:
-        raise ValueError(f"{name}: there is no column {OVERHANG!r}")
+    name, columns = read_test(path, units, OVERHANG)
     if (ANGLE in columns) == (angle is not None):
         raise ValueError(
             f"{name}: give angles in the column {ANGLE!r}, or one angle for all, and "
@@ -154,10 +151,8 @@ def fit_bending(tests: Sequence[CantileverTest], weight: float) -> BendingFit:
         raise ValueError("no cantilever test is given")
     if not 0 < weight < np.inf:
         raise ValueError(f"the weight must be a positive number, got {weight:g}")
-    overhang, angle = (
-        np.concatenate([getattr(test, name) for test in tests])
-        for name in ("overhang", "angle")
-    )
+    overhang = np.concatenate([test.overhang for test in tests])
+    angle = np.concatenate([test.angle for test in tests])
     load = np.array([weight_number(float(one)) for one in angle])
     by_peirce = peirce(overhang, weight, angle)
     return BendingFit(tuple(tests), weight, weight * overhang**3 / load, by_peirce)

@@ -8,16 +8,14 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from numpy import ndarray
 
-from ..fabric import BiaxialLaw, Law
-from . import models
-from .curves import read_curve
-from .models import Model
-from .regression import Fit, Sample, fit
+from ..fabric import BiaxialLaw, Law, TwoLaws
+from . import regression as models
+from .curves import read_test
+from .regression import Fit, Model, Sample, fit
 
 #: The two families.
 FAMILIES = "warp", "weft"
@@ -26,9 +24,7 @@ FAMILIES = "warp", "weft"
 TENSION_LAWS: dict[str, Callable[[float, int], Model]] = {
     "crimp-toe": lambda largest, points: models.crimp_toe(largest),
     "linear": lambda largest, points: models.linear(),
-    "tabulated": lambda largest, points: models.tabulated(
-        np.linspace(0.0, largest, points + 1)[1:]
-    ),
+    "tabulated": models.tabulated,
     "crimp-interchange": lambda largest, points: models.crimp_interchange(largest),
 }
 
@@ -61,8 +57,8 @@ class BiaxialCurve:
 
     def forces(self, law: BiaxialLaw) -> ndarray:
         """The forces that a law of both strains gives, shape (2, n)."""
-        stretch = np.exp(self.strain)
-        return np.reshape(self.widths, (2, 1)) * law.value(self.strain) / stretch
+        widths, tension = np.reshape(self.widths, (2, 1)), law.value(self.strain)
+        return widths * np.asarray(tension) / np.exp(self.strain)
 
     def force_along(self, family: int, law: Law) -> ndarray:
         """The force along a family that a law of its own strain gives, shape (n,)."""
@@ -94,10 +90,8 @@ class TensionFit:
 
     def forces(self, curve: BiaxialCurve) -> ndarray:
         """The forces that the laws give, shape (2, n)."""
-        if "both" in self.fits:
-            return curve.forces(self.fits["both"].law)
-        laws = (self.fits[name].law for name in FAMILIES)
-        return np.array([curve.force_along(i, law) for i, law in enumerate(laws)])
+        law = self.tension
+        return curve.forces(TwoLaws(*law) if isinstance(law, tuple) else law)
 
     def band(self, curve: BiaxialCurve) -> ndarray:
         """Confidence band of these forces, its lower and upper end; shape (2, 2, n)."""
@@ -123,7 +117,7 @@ def read_biaxial(
     widths
         Width in mm across the pull of the warp, and of the weft.
     units
-        Units of columns that the file does not tell.
+        Units of columns that the file does not give.
 
     Raises
     ------
@@ -132,15 +126,11 @@ def read_biaxial(
     OSError
         If it cannot be read.
     """
-    columns, name = read_curve(path, units), Path(path).name
-    for family in FAMILIES:
-        for column in (f"{family} strain", f"{family} force"):
-            if column not in columns:
-                raise ValueError(f"{name}: there is no column {column!r}")
-    elongation = np.array([columns[f"{family} strain"] for family in FAMILIES])
+    strains, forces = ([f"{f} {of}" for f in FAMILIES] for of in ("strain", "force"))
+    name, columns = read_test(path, units, *strains, *forces)
+    elongation, force = (np.array([columns[x] for x in of]) for of in (strains, forces))
     if not np.all(elongation > -1):
         raise ValueError(f"{name}: a strain is not above -1")
-    force = np.array([columns[f"{family} force"] for family in FAMILIES])
     return BiaxialCurve(name, np.log1p(elongation), force, widths)
 
 
@@ -177,13 +167,12 @@ def fit_tension(
     if law not in TENSION_LAWS:
         raise ValueError(f"the law {law!r} is none of {', '.join(TENSION_LAWS)}")
     if law == "crimp-interchange":
-        model = _model(law, curves, (0, 1), points, bounds)
-        model = model.extrapolated(extrapolation)
+        model = _model(law, curves, (0, 1), points, bounds, extrapolation)
         both = [Sample(c.name, c.force.ravel(), partial(_both, c)) for c in curves]
         return TensionFit({"both": fit(model, both, compare=False)}, tuple(curves))
     fits = {}
     for i, family in enumerate(FAMILIES):
-        model = _model(law, curves, (i,), points, bounds).extrapolated(extrapolation)
+        model = _model(law, curves, (i,), points, bounds, extrapolation)
         samples = [
             Sample(f"{c.name}, {family}", c.force[i], partial(c.force_along, i))
             for c in curves
@@ -194,9 +183,8 @@ def fit_tension(
 
 def _both(curve: BiaxialCurve, law: BiaxialLaw | Law) -> ndarray:
     """Both forces in a row; a law of one strain stands for both families."""
-    if isinstance(law, BiaxialLaw):
-        return curve.forces(law).ravel()
-    return np.concatenate([curve.force_along(i, law) for i in (0, 1)])
+    both = law if isinstance(law, BiaxialLaw) else TwoLaws(law, law)
+    return curve.forces(both).ravel()
 
 
 def _model(
@@ -205,6 +193,7 @@ def _model(
     families: tuple[int, ...],
     points: int,
     bounds: Mapping[str, tuple[float, float]] | None,
+    extrapolation: str | None,
 ) -> Model:
     largest = max(float(c.strain[i].max()) for c in curves for i in families)
     if not largest > 0:
@@ -214,4 +203,5 @@ def _model(
             raise ValueError(
                 f"no test pulls the {FAMILIES[i]}: forces must be positive"
             )
-    return TENSION_LAWS[law](largest, points).bounded(bounds or {})
+    model = TENSION_LAWS[law](largest, points).bounded(bounds or {})
+    return model.extrapolated(extrapolation)

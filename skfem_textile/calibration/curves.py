@@ -1,6 +1,6 @@
 """Curves of tests, read from CSV files whose columns have units.
 
-What the beginning of a test's curve tells: a force at rest, and what drove the test.
+The beginning of a test's curve shows a force at rest, and what drove the test.
 
 A fabric at rest bears no force, so that a curve that begins with one has the weight of
 clamps, friction of a frame or a pretension in it, which no law has.
@@ -9,6 +9,7 @@ clamps, friction of a frame or a pretension in it, which no law has.
 import os
 import re
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 import numpy as np
 from numpy import ndarray
@@ -82,8 +83,9 @@ def read_curve(
     header = lines[0][1]
     found: dict[str, tuple[int, float]] = {}
     for i, cell in enumerate(header):
-        name, unit = _heading(cell)
-        if name not in COLUMNS:
+        heading = HEADING.fullmatch(cell)
+        word, unit = (heading[1], heading[2]) if heading else (cell, "")
+        if (name := column_named(word)) not in COLUMNS:
             continue
         if name in found:
             raise ValueError(f"{file}, row 1: there are two columns {name!r}")
@@ -106,35 +108,35 @@ def read_curve(
     return columns
 
 
+def read_test(
+    path: str | os.PathLike[str], units: Mapping[str, str] | None, *needed: str
+) -> tuple[str, dict[str, ndarray]]:
+    """The name of a file and its columns, some of which must be there."""
+    columns, name = read_curve(path, units), Path(path).name
+    for column in needed:
+        if column not in columns:
+            raise ValueError(f"{name}: there is no column {column!r}")
+    return name, columns
+
+
 def column_named(word: str) -> str:
     """The name of a column, or what it is also called, as `COLUMNS` has it."""
     name = _SPACES.sub(" ", word.strip().lower())
     return _ALSO.get(name, name)
 
 
-def _heading(cell: str) -> tuple[str, str]:
-    """Name and unit of a column; the unit is empty where none is given."""
-    heading = HEADING.fullmatch(cell)
-    name, unit = (heading[1], heading[2]) if heading else (cell, "")
-    return column_named(name), unit
-
-
 def _factor(file: str, name: str, unit: str) -> float:
     allowed = COLUMNS[name]
     if unit in allowed:
         return allowed[unit]
-    said = (
-        f"the unit '{excerpt(unit)}', which is none"
-        if unit
-        else "no unit, which is one"
-    )
     if unit in {u for other, units in COLUMNS.items() if other != name for u in units}:
         raise ValueError(
             f"{file}: the column {name!r} has the unit '{unit}', which is none of "
             f"{', '.join(allowed)}: look whether columns are swapped"
         )
+    has = f"the unit '{excerpt(unit)}', which is none" if unit else "no unit, needs one"
     raise ValueError(
-        f"{file}: the column {name!r} has {said} of {', '.join(allowed)}: name it in "
+        f"{file}: the column {name!r} has {has} of {', '.join(allowed)}: name it in "
         f"the first row, like '{name} ({next(iter(allowed))})', or by an option"
     )
 
@@ -147,7 +149,7 @@ def _numbers(
     gaps: bool,
 ) -> list[float]:
     try:
-        numbers = [
+        return [
             np.nan if gaps and not row[i].strip() else _finite(row[i], factor)
             for i, factor in columns
         ]
@@ -156,7 +158,6 @@ def _numbers(
             f"{file}, row {line}: '{excerpt(','.join(row))}' lacks a finite number "
             f"below {_LARGEST:g}"
         ) from None
-    return numbers
 
 
 def _finite(cell: str, factor: float) -> float:
@@ -173,8 +174,8 @@ _BEGINNING, _FEWEST, _FARTHEST = 0.2, 5, 0.35
 # The first point must be so near to rest, as a share of the range.
 _FIRST = 0.06
 
-# A force at rest is told from this share of the largest on, and from this many of its
-# standard deviations.  Chosen: one curve in a million has as much by noise.
+# A force at rest is reported from this share of the largest on, and from this many of
+# its standard deviations.  Chosen: one curve in a million has as much by noise.
 _SHARE, _DEVIATIONS = 0.05, 5.0
 
 # A curve begins late if it does beyond this share of the range, and bears less than
@@ -185,7 +186,7 @@ _LATE, _NOTHING = 0.2, 0.05
 # by ten times more.
 _EQUAL, _UNEQUAL = 0.02, 0.2
 
-# Fewest steps of which that can be said.
+# Fewest steps for that.
 _FEWEST_STEPS = 8
 
 
@@ -196,11 +197,6 @@ def force_at_rest(x: ndarray, force: ndarray) -> float:
     differences and of the line, the larger.  If a parabola, or the mean of the first
     two points, is less than half of it, the force rises steeply from rest, as friction
     does in a frame, which is no force at rest.
-
-    Parameters
-    ----------
-    x, force
-        Displacements, angles or strains, and forces, shape (n,).
     """
     order = np.argsort(x, kind="stable")
     x, force = x[order], force[order]
@@ -225,18 +221,8 @@ def force_at_rest(x: ndarray, force: ndarray) -> float:
     return found if abs(found) > least and not steep else 0.0
 
 
-def begins_late(x: ndarray, force: ndarray) -> bool:
-    """Whether a curve begins far from rest with hardly a force.
-
-    Displacements that are not counted from where the fabric takes up load look so.
-    """
-    order = np.argsort(x, kind="stable")
-    first = np.abs(force[order][:2]).max()
-    return bool(x.min() > _LATE * x.max() and first < _NOTHING * np.abs(force).max())
-
-
 def seems_swapped(driven: ndarray, force: ndarray) -> bool:
-    """Whether forces rise in equal steps, and what should drive the test does not.
+    """True if forces rise in equal steps, and what should drive the test does not.
 
     Machines move in equal steps.  A test that is driven by its force looks so too.
     """
@@ -247,7 +233,8 @@ def seems_swapped(driven: ndarray, force: ndarray) -> bool:
 
 def rest_notes(name: str, x: ndarray, force: ndarray) -> list[str]:
     """A sentence on a curve of a name that has a force at rest, or begins late."""
-    if begins_late(x, force):
+    first = np.abs(force[np.argsort(x, kind="stable")][:2]).max()
+    if x.min() > _LATE * x.max() and first < _NOTHING * np.abs(force).max():
         return [
             f"{name}: the curve begins far from rest with hardly a force: count "
             "displacements from where the fabric takes up load"

@@ -1,31 +1,220 @@
-"""Parameters of a law from measured curves, with their confidence.
+"""Laws with parameters, and these from measured curves, with their confidence.
 
 Curves are compared where their noise is: forces with forces.  Each has noise of its own
-size, which its residuals tell.
+size, estimated from its residuals.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 from scipy import linalg, optimize, special
 
-if TYPE_CHECKING:
-    from .models import Model
+from ..fabric import (
+    CrimpInterchange,
+    CrimpToe,
+    Linear,
+    Locking,
+    Polynomial,
+    Sin2,
+    Tabulated,
+)
+from ..fabric.law import RIGHT_ANGLE
+
+# Share by which tables are longer, so that no point is beyond by an error of rounding.
+_ROUNDING = 1e-12
+
+# Initial stiffness of crimped fabrics over the stiffness of their yarns.  Chosen: too
+# small to be seen in a pull, large enough for a tangent that is positive definite.
+_AT_REST = 1e-4
+
+
+@dataclass(frozen=True)
+class Model:
+    """A law with parameters to be found.
+
+    Attributes
+    ----------
+    name
+        What it is called.
+    parameters, units
+        Names and units of the parameters, p of them.
+    build
+        Makes the law of p numbers.
+    low, high
+        Bounds of the parameters, shape (p,).
+    start
+        Parameters to begin with, of the stiffness of the linear law that is nearest to
+        the data.  None where forces are linear in the parameters.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    build: Callable[[ndarray], Any]
+    low: ndarray
+    high: ndarray
+    start: Callable[[float], ndarray] | None = None
+
+    def bounded(self, bounds: Mapping[str, tuple[float, float]]) -> "Model":
+        """The model with further bounds of parameters, by their names.
+
+        Raises
+        ------
+        ValueError
+            If no parameter has a name, or no number is within its bounds.
+        """
+        low, high = self.low.copy(), self.high.copy()
+        for name, (least, most) in bounds.items():
+            if name not in self.parameters:
+                raise ValueError(
+                    f"the law {self.name} has no parameter {name!r}: there are "
+                    f"{', '.join(self.parameters)}"
+                )
+            i = self.parameters.index(name)
+            low[i], high[i] = max(low[i], least), min(high[i], most)
+            if not low[i] < high[i]:
+                raise ValueError(
+                    f"no number is within the bounds of {name}: {low[i]:g} to "
+                    f"{high[i]:g}"
+                )
+        return replace(self, low=low, high=high)
+
+    def extrapolated(self, extrapolation: str | None) -> "Model":
+        """The model whose law does that beyond the data, as of `Tabulated`.
+
+        Without a word it is the model as it is.
+
+        Raises
+        ------
+        ValueError
+            If the law is no table, so that it does not end with the data.
+        """
+        if extrapolation is None:
+            return self
+        if self.name != "tabulated":
+            raise ValueError(
+                f"the law {self.name} goes on beyond the data as its formula does: "
+                "only a tabulated law has an extrapolation"
+            )
+
+        return replace(
+            self, build=lambda x: replace(self.build(x), extrapolation=extrapolation)
+        )
+
+
+def _of_numbers(law: Callable[..., Any]) -> Callable[[ndarray], Any]:
+    """Makes a law whose arguments are its parameters."""
+    return lambda values: law(*values.tolist())
+
+
+def linear() -> Model:
+    """`Linear`: C = G γ, or T = E ε."""
+    build, ends = _of_numbers(Linear), np.array([[0.0], [np.inf]])
+    return Model("linear", ("stiffness",), ("N/mm",), build, *ends)
+
+
+def sin2() -> Model:
+    """`Sin2`: C = ½ G sin 2γ."""
+    return replace(linear(), name="sin2", build=_of_numbers(Sin2))
+
+
+def polynomial(degree: int = 5) -> Model:
+    """`Polynomial` of the odd powers of γ up to a degree: C = c₁ γ + c₃ γ³ + ...
+
+    Raises
+    ------
+    ValueError
+        If the degree is not odd or not between 1 and 15.
+    """
+    if degree not in range(1, 16, 2):
+        raise ValueError(f"the degree must be an odd number up to 15, got {degree}")
+    names = tuple(f"c{power}" for power in range(1, degree + 1, 2))
+
+    def build(c: ndarray) -> Polynomial:
+        every = np.zeros(degree)
+        every[::2] = c
+        return Polynomial(tuple(every))
+
+    free = np.full(len(names), np.inf)
+    return Model("polynomial", names, ("N/mm",) * free.size, build, -free, free)
+
+
+def locking(largest: float) -> Model:
+    """`Locking`, with a pole beyond the largest shear angle in radians."""
+
+    def start(stiffness: float) -> ndarray:
+        angle = min(1.3 * largest, 0.5 * (largest + RIGHT_ANGLE))
+        return np.array([0.5 * stiffness, angle])
+
+    low, high = np.array([[1e-12, 1.001 * largest], [np.inf, RIGHT_ANGLE]])
+    names, units, build = ("stiffness", "angle"), ("N/mm", "rad"), _of_numbers(Locking)
+    return Model("locking", names, units, build, low, high, start)
+
+
+def tabulated(largest: float, points: int) -> Model:
+    """`Tabulated` at 0 and at points of equal distance up to the largest argument."""
+    x = np.linspace(0.0, largest, points + 1) * (1 + _ROUNDING)
+
+    def build(values: ndarray) -> Tabulated:
+        return Tabulated(x, np.concatenate([[0.0], values]), odd=True)
+
+    def start(stiffness: float) -> ndarray:
+        return stiffness * x[1:]
+
+    names = tuple(f"v{i}" for i in range(1, x.size))
+    units, free = ("N/mm",) * points, np.full(points, np.inf)
+    return Model("tabulated", names, units, build, -free, free, start)
+
+
+def crimp_toe(largest: float) -> Model:
+    """`CrimpToe`, whose toe is no wider than the largest strain."""
+
+    def start(stiffness: float) -> ndarray:
+        return np.array([1.5 * stiffness, 0.2 * largest, 1e-3 * stiffness])
+
+    low, high = np.array([[1e-9, 1e-3 * largest, 0.0], [np.inf, largest, np.inf]])
+    names, units = ("stiffness", "toe", "initial_stiffness"), ("N/mm", "-", "N/mm")
+    return Model("crimp-toe", names, units, _of_numbers(CrimpToe), low, high, start)
+
+
+def crimp_interchange(largest: float) -> Model:
+    """`CrimpInterchange`: both tensions take both strains.
+
+    The initial stiffness, which holds the fabric in compression and follows from no
+    pull, is a small share of the stiffness.
+    """
+    names = (
+        *("warp_stiffness", "weft_stiffness", "warp_crimp", "weft_crimp"),
+        *("bending", "toe"),
+    )
+    low = np.array([1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-2 * largest])
+    high = np.array([np.inf, np.inf, 0.2, 0.2, np.inf, largest])
+
+    def build(values: ndarray) -> CrimpInterchange:
+        E1, E2, c1, c2, K, e_0 = map(float, values)
+        return CrimpInterchange((E1, E2), (c1, c2), K, e_0, _AT_REST * min(E1, E2))
+
+    def start(stiffness: float) -> ndarray:
+        E, c = 3 * stiffness, 0.5 * largest
+        return np.array([E, E, c, c, 0.01 * stiffness, 0.1 * largest])
+
+    units = ("N/mm", "N/mm", "-", "-", "N/mm", "-")
+    return Model("crimp-interchange", names, units, build, low, high, start)
 
 
 # Its functions bear the names of private modules, for which a type checker takes them.
 _scipy: Any = optimize
 
-# Singular values below this share of the largest: parameters cannot be told apart.
+# Singular values below this share of the largest: parameters are not identifiable.
 _SINGULAR = 1e-10
 
 
 def solve_linear(
-    model: "Model",
+    model: Model,
     predict: Callable[[Any], ndarray],
     measured: ndarray,
     weights: ndarray,
@@ -37,11 +226,11 @@ def solve_linear(
     root = np.sqrt(weights)
     size = np.linalg.norm(J * root[:, None], axis=0)
     if not np.all(size > 0):
-        raise ValueError(_not_told_apart(model))
+        raise ValueError(_not_identifiable(model))
     A, b = J * root[:, None] / size, root * measured
     values, _, _, singular = np.linalg.lstsq(A, b)
     if singular[-1] < _SINGULAR * singular[0]:
-        raise ValueError(_not_told_apart(model))
+        raise ValueError(_not_identifiable(model))
     low, high = model.low * size, model.high * size
     if np.any((values < low) | (values > high)):
         values = _scipy.lsq_linear(A, b, (low, high), method="bvls").x
@@ -49,7 +238,7 @@ def solve_linear(
 
 
 def solve_nonlinear(
-    model: "Model",
+    model: Model,
     predict: Callable[[Any], ndarray],
     measured: ndarray,
     weights: ndarray,
@@ -57,15 +246,13 @@ def solve_nonlinear(
 ) -> tuple[ndarray, ndarray]:
     """Least squares from a start, or from the linear law that is nearest.
 
-    The size of each parameter is that of this linear law: one at a bound tells none.
+    The size of each parameter is that of this linear law: one at a bound gives none.
     """
-    from ..fabric import Linear
-
     assert model.start is not None
     unit = predict(Linear(1.0))
     square = float(unit @ unit)
     if not square > 0:
-        raise ValueError(_not_told_apart(model))
+        raise ValueError(_not_identifiable(model))
     near_linear = model.start(max(float(unit @ measured) / square, 1e-12))
     scale = np.maximum(np.abs(near_linear), 1e-12)
     inside = np.clip(near_linear if start is None else start, model.low, model.high)
@@ -88,7 +275,7 @@ def solve_nonlinear(
 
 
 def jacobian_of(
-    model: "Model", values: ndarray, value: Callable[[Any], ndarray]
+    model: Model, values: ndarray, value: Callable[[Any], ndarray]
 ) -> ndarray:
     """Derivatives by the parameters, shape (n, p): exact where they are linear."""
     if model.start is None:
@@ -109,25 +296,25 @@ def covariance_of(J: ndarray, weights: ndarray) -> ndarray:
     root = J * np.sqrt(weights)[:, None]
     size = np.linalg.norm(root, axis=0)
     if not np.all(size > 0):
-        raise ValueError("the data do not tell all parameters")
+        raise ValueError("the data do not determine all parameters")
     triangle = linalg.qr(root / size, mode="economic")[1]
     if not np.all(np.abs(np.diag(triangle)) > _SINGULAR):
-        raise ValueError("the data do not tell the parameters apart")
+        raise ValueError("the parameters are not identifiable from these data")
     inverse = np.linalg.inv(triangle) / size[:, None]
     return inverse @ inverse.T
 
 
-def _not_told_apart(model: "Model") -> str:
+def _not_identifiable(model: Model) -> str:
     return (
-        f"the data do not tell the {len(model.parameters)} parameters of the law "
-        f"{model.name} apart: take a law with fewer"
+        f"the {len(model.parameters)} parameters of the law {model.name} are not "
+        "identifiable from these data: take a law with fewer"
     )
 
 
 #: Confidence of all bands.
 CONFIDENCE = 0.95
 
-#: Probability below which specimens are said to differ beyond their noise.
+#: Probability below which specimens differ beyond their noise.
 DIFFER = 0.01
 
 # Times that the noise of each curve is found anew.  Chosen: it no longer changes by
@@ -135,7 +322,7 @@ DIFFER = 0.01
 _ROUNDS = 5
 
 # Noise at least, over the largest value: below it are errors of rounding.
-_ROUNDING = 1e-9
+_LEAST_NOISE = 1e-9
 
 # Correlation of neighbouring residuals over 1/√n from which it is believed: chance
 # exceeds it in one of a thousand curves.
@@ -143,17 +330,7 @@ _BELIEVED = 3.1
 
 
 class Sample(NamedTuple):
-    """A measured curve.
-
-    Attributes
-    ----------
-    name
-        What it is called.
-    measured
-        Measured values, shape (n,).
-    predict
-        What a law gives for them.
-    """
+    """The name of a curve, measured values, (n,), and what a law gives for them."""
 
     name: str
     measured: ndarray
@@ -181,13 +358,13 @@ class Fit:
     at_bound
         Which parameters are at a bound, shape (p,): they have no band.
     singles
-        Parameters of each curve alone that tells them, shape (curves, p); None where
-        fewer than two do, or they were not compared.
+        Parameters of each curve alone that determines them, shape (curves, p); None
+        where fewer than two do, or they were not compared.
     differ
         Probability that curves of one law differ by as much; nan without ``singles``.
     """
 
-    model: "Model"
+    model: Model
     samples: tuple[Sample, ...]
     values: ndarray
     jacobian: ndarray
@@ -204,12 +381,12 @@ class Fit:
 
     @property
     def beyond_noise(self) -> bool:
-        """Whether the curves differ by more than their noise."""
+        """True if the curves differ by more than their noise."""
         return bool(self.differ < DIFFER)
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Those of the bands, points less parameters, or curves less one."""
+        """Degrees of freedom of bands: points less parameters, or curves less one."""
         if self.beyond_noise:
             assert self.singles is not None
             return len(self.singles) - 1
@@ -218,11 +395,13 @@ class Fit:
     @cached_property
     def correlations(self) -> ndarray:
         """Correlation of neighbouring residuals of each curve."""
-        return np.array([_correlation(r) for r in self.residuals])
+        return np.array(
+            [(r[1:] @ r[:-1] / (r @ r)) if r.any() else 0.0 for r in self.residuals]
+        )
 
     @cached_property
     def systematic(self) -> ndarray:
-        """Whether neighbouring residuals of a curve are alike, which noise is not."""
+        """Curves with correlated residuals, unlike noise."""
         sizes = np.array([r.size for r in self.residuals])
         return self.correlations > _BELIEVED / np.sqrt(sizes)
 
@@ -280,7 +459,7 @@ class Fit:
         return float(special.stdtrit(self.degrees_of_freedom, 0.5 + 0.5 * CONFIDENCE))
 
 
-def fit(model: "Model", samples: Sequence[Sample], compare: bool = True) -> Fit:
+def fit(model: Model, samples: Sequence[Sample], compare: bool = True) -> Fit:
     """Find the parameters of a law from curves.
 
     Least squares, weighted by the noise of each curve.  Where the predicted values are
@@ -298,8 +477,8 @@ def fit(model: "Model", samples: Sequence[Sample], compare: bool = True) -> Fit:
     Raises
     ------
     ValueError
-        If there are no more points than parameters, or the parameters cannot be told
-        apart.
+        If there are no more points than parameters, or the parameters are not
+        identifiable.
     """
     whole = _fit(model, samples)
     if len(samples) < 2 or not compare:
@@ -308,7 +487,7 @@ def fit(model: "Model", samples: Sequence[Sample], compare: bool = True) -> Fit:
     for i, one in enumerate(samples):
         try:
             alone[i] = _fit(model, [one], whole.values, whole.noise[i : i + 1])
-        except ValueError:  # this curve does not tell all parameters
+        except ValueError:  # this curve does not determine all parameters
             continue
     p = int(np.sum(~whole.at_bound))
     points = sum(samples[i].measured.size for i in alone)
@@ -316,8 +495,13 @@ def fit(model: "Model", samples: Sequence[Sample], compare: bool = True) -> Fit:
     if further < 1 or rest < 1:
         return whole
     weights = whole.noise[list(alone)] ** -2
-    of_all = _sum_of_squares([whole.residuals[i] for i in alone], weights)
-    of_each = _sum_of_squares([one.residuals[0] for one in alone.values()], weights)
+    of_all, of_each = (
+        float(sum(w * r @ r for w, r in zip(weights, residuals, strict=True)))
+        for residuals in (
+            [whole.residuals[i] for i in alone],
+            [one.residuals[0] for one in alone.values()],
+        )
+    )
     F = (of_all - of_each) / further / (of_each / rest) if of_each else 0.0
     singles = np.array([one.values for one in alone.values()])
     return replace(
@@ -326,7 +510,7 @@ def fit(model: "Model", samples: Sequence[Sample], compare: bool = True) -> Fit:
 
 
 def _fit(
-    model: "Model",
+    model: Model,
     samples: Sequence[Sample],
     start: ndarray | None = None,
     noise: ndarray | None = None,
@@ -337,7 +521,7 @@ def _fit(
     if n <= p:
         raise ValueError(f"{n} points are too few for {p} parameters of {model.name}")
     given = noise is not None
-    least = _ROUNDING * np.abs(measured).max()
+    least = _LEAST_NOISE * np.abs(measured).max()
     weights = _spread_out(samples, noise**-2.0) if noise is not None else np.ones(n)
 
     def predict(law: Any) -> ndarray:
@@ -362,7 +546,7 @@ def _fit(
 
 
 def _leverage(samples: Sequence[Sample], J: ndarray, weights: ndarray) -> ndarray:
-    """How many of the parameters each curve tells."""
+    """The number of parameters that each curve determines."""
     covariance = covariance_of(J, weights)
     each = np.einsum("ni,ij,nj,n->n", J, covariance, J, weights)
     return np.array([own.sum() for own in _split(samples, each)])
@@ -376,12 +560,3 @@ def _spread_out(samples: Sequence[Sample], each: ndarray) -> ndarray:
 def _split(samples: Sequence[Sample], whole: ndarray) -> tuple[ndarray, ...]:
     ends = np.cumsum([sample.measured.size for sample in samples])[:-1]
     return tuple(np.split(whole, ends))
-
-
-def _sum_of_squares(residuals: Sequence[ndarray], weights: ndarray) -> float:
-    return float(sum(w * r @ r for w, r in zip(weights, residuals, strict=True)))
-
-
-def _correlation(residual: ndarray) -> float:
-    square = residual @ residual
-    return float(residual[1:] @ residual[:-1] / square) if square else 0.0

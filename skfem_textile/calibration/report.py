@@ -1,6 +1,7 @@
-"""What a fit found, as JSON has it, and notes on it in sentences."""
+"""Reports of fits: their figures as JSON, notes in sentences, and the text."""
 
 from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,56 +20,71 @@ if TYPE_CHECKING:
     from .shear import ShearFit, Specimen
 
 
-#: Shear angles at which moments are told, in degrees, as far as the data go.
+#: Shear angles in degrees at which moments are reported, as far as the data go.
 ANGLES = tuple(range(5, 90, 5))
 
 # Fabrics of nearly inextensible fibres are strained by less, crimp included.
 _MOST_STRAIN = 0.5
 
-_PERCENT = 100.0
-
 
 def shear_report(found: "ShearFit") -> dict[str, Any]:
-    """What a fit of a shear law found: numbers, lists and text."""
-    reach = np.degrees(found.largest_angle) + 1e-9
-    angles = np.array([angle for angle in ANGLES if angle <= reach], dtype=float)
+    """The report of a shear law: numbers, lists and text."""
+    fit, specimens = found.fit, []
+    for i, specimen in enumerate(found.specimens):
+        measured = specimen.measured_angle is not None
+        more = {
+            "left_out": int(np.sum(~specimen.used(found.up_to))),
+            "angle": "measured" if measured else "theoretical",
+            "kinematics_hold_to_deg": _holds(specimen),
+            "test": repr(specimen.test),
+        }
+        specimens.append(_curve(fit, i) | more)
     return {
-        **_law("shear", found.fit),
+        **_law("shear", fit),
         "compared_with": "simulations" if found.simulated else "closed forms",
-        "kinematics_hold_to_deg": min(_holds(one) for one in found.specimens),
+        "kinematics_hold_to_deg": min(map(_holds, found.specimens)),
         "largest_angle_deg": float(np.degrees(found.largest_angle)),
-        "specimens": _specimens(found),
-        "moments": _moments(found, angles),
-        "notes": _shear_notes(found),
+        "specimens": specimens,
+        "moments": _moments(found),
+        "notes": [*_notes(fit), *_range_notes(found), *_falling_notes(found)],
     }
 
 
 def tension_report(found: "TensionFit") -> dict[str, Any]:
-    """What a fit of tension laws found."""
+    """The reports of tension laws, by ``warp`` and ``weft``, or ``both``."""
     reports = {}
-    for family, one in found.fits.items():
-        report = _law("tension", one)
-        curves = [_curve(one, i) for i in range(len(one.samples))]
-        strains = [c.strain for c in found.curves]
-        if family != "both":
-            strains = [strain[FAMILIES.index(family)] for strain in strains]
-        largest = max(float(strain.max()) for strain in strains)
-        reports[family] = report | {
+    for name, one in found.fits.items():
+        families = [i for i, family in enumerate(FAMILIES) if name in (family, "both")]
+        largest = max(float(c.strain[families].max()) for c in found.curves)
+        reports[name] = _law("tension", one) | {
             "largest_strain": largest,
-            "curves": curves,
-            "notes": _tension_notes(found, family),
+            "curves": [_curve(one, i) for i in range(len(one.samples))],
+            "notes": [*_notes(one), *_tension_notes(found, families)],
         }
+        if one.beyond_noise:
+            reports[name]["notes"].append(
+                "tests at several ratios of the strains contradict a tension of one "
+                "strain: take crimp-interchange, whose tensions take both"
+            )
     return reports
 
 
 def bending_report(found: "BendingFit") -> dict[str, Any]:
-    """What a fit of a bending stiffness found."""
+    """The report of a bending stiffness."""
     low, high = found.interval
-    names = [test.name for test in found.tests for _ in test.overhang]
-    lengths, angles = (np.concatenate(x) for x in _readings(found))
-    both = found.by_elastica, found.by_peirce
-    readings = zip(names, lengths, angles, *both, strict=True)
     largest = float(np.abs(found.by_peirce / found.by_elastica - 1).max())
+    readings = [
+        {
+            "name": test.name,
+            "overhang_mm": float(length),
+            "chord_angle_deg": float(np.degrees(angle)),
+        }
+        for test in found.tests
+        for length, angle in zip(test.overhang, test.angle, strict=True)
+    ]
+    both = zip(found.by_elastica, found.by_peirce, strict=True)
+    for reading, (exact, simple) in zip(readings, both, strict=True):
+        reading |= {"by_elastica_N_mm": float(exact), "by_peirce_N_mm": float(simple)}
     return {
         "of": "bending",
         "confidence": CONFIDENCE,
@@ -76,25 +92,12 @@ def bending_report(found: "BendingFit") -> dict[str, Any]:
         "low_N_mm": low,
         "high_N_mm": high,
         "by_peirce_N_mm": float(found.by_peirce.mean()),
-        "readings": [
-            {
-                "name": name,
-                "overhang_mm": float(length),
-                "chord_angle_deg": float(np.degrees(angle)),
-                "by_elastica_N_mm": float(exact),
-                "by_peirce_N_mm": float(simple),
-            }
-            for name, length, angle, exact, simple in readings
-        ],
+        "readings": readings,
         "notes": [
-            f"Peirce's formula is off by up to {_PERCENT * largest:.1f} % at these "
+            f"Peirce's formula is off by up to {100 * largest:.1f} % at these "
             "angles: the stiffness is that of the elastica"
         ],
     }
-
-
-def _readings(found: "BendingFit") -> tuple[list[ndarray], list[ndarray]]:
-    return [one.overhang for one in found.tests], [one.angle for one in found.tests]
 
 
 def _law(of: str, fit: Fit) -> dict[str, Any]:
@@ -137,25 +140,10 @@ def _curve(fit: Fit, i: int) -> dict[str, Any]:
     }
 
 
-def _specimens(found: "ShearFit") -> list[dict[str, Any]]:
-    rows = []
-    for i, specimen in enumerate(found.specimens):
-        used = specimen.used(found.up_to)
-        measured = specimen.measured_angle is not None
-        rows.append(
-            _curve(found.fit, i)
-            | {
-                "left_out": int(np.sum(~used)),
-                "angle": "measured" if measured else "theoretical",
-                "kinematics_hold_to_deg": _holds(specimen),
-                "test": repr(specimen.test),
-            }
-        )
-    return rows
-
-
-def _moments(found: "ShearFit", angles: ndarray) -> list[dict[str, Any]]:
-    """C at angles in degrees: the law, its band, and each specimen alone."""
+def _moments(found: "ShearFit") -> list[dict[str, Any]]:
+    """C at `ANGLES`: the law, its band, and each specimen alone."""
+    reach = np.degrees(found.largest_angle) + 1e-9
+    angles = np.array([angle for angle in ANGLES if angle <= reach], dtype=float)
     gamma, fit = np.radians(angles), found.fit
 
     def value(law: Any) -> ndarray:
@@ -179,30 +167,18 @@ def _moments(found: "ShearFit", angles: ndarray) -> list[dict[str, Any]]:
     return rows
 
 
-def _shear_notes(found: "ShearFit") -> list[str]:
-    """What to know of a shear law."""
-    return [*_notes(found.fit), *_range_notes(found), *_falling(found)]
-
-
-def _tension_notes(found: "TensionFit", family: str) -> list[str]:
-    """What to know of the law of ``warp``, ``weft`` or ``both``."""
-    one = found.fits[family]
-    notes = _notes(one)
-    for i, name in enumerate(FAMILIES):
-        if family in (name, "both"):
-            for curve in found.curves:
-                called = f"{curve.name}, {name}"
-                notes += rest_notes(called, curve.strain[i], curve.force[i])
-                if (largest := float(np.expm1(curve.strain[i].max()))) > _MOST_STRAIN:
-                    notes.append(
-                        f"{called}: strains go up to {_PERCENT * largest:.3g} %: look "
-                        "at their unit"
-                    )
-    if one.beyond_noise:
-        notes.append(
-            "tests at several ratios of the strains contradict a tension of one "
-            "strain: take crimp-interchange, whose tensions take both"
-        )
+def _tension_notes(found: "TensionFit", families: Sequence[int]) -> list[str]:
+    """Notes on the curves of families, by their numbers."""
+    notes = []
+    for i in families:
+        for curve in found.curves:
+            called = f"{curve.name}, {FAMILIES[i]}"
+            notes += rest_notes(called, curve.strain[i], curve.force[i])
+            if (largest := float(np.expm1(curve.strain[i].max()))) > _MOST_STRAIN:
+                notes.append(
+                    f"{called}: strains go up to {100 * largest:.3g} %: look at their "
+                    "unit"
+                )
     return notes
 
 
@@ -212,7 +188,7 @@ def _holds(specimen: "Specimen") -> float:
 
 
 def _notes(fit: Fit) -> list[str]:
-    """What to know before the law is used."""
+    """Sentences on the fit of any law."""
     notes = []
     if fit.beyond_noise:
         notes.append(
@@ -237,12 +213,19 @@ def _range_notes(found: "ShearFit") -> list[str]:
         f"{specimen.name}: the test goes back and forth, and all of it is fitted as "
         "one curve: keep the rows of one loading"
         for specimen in found.specimens
-        if specimen.turns_back(found.up_to)
+        if all(specimen.ways(found.up_to))
     ]
     for specimen in found.specimens:
         notes += _beginning_notes(specimen, found.up_to)
     if found.stabilisation is not None:
-        return [*notes, *_mesh_notes(found.stabilisation)]
+        shares = {"energy": {"stabilisation": found.stabilisation}}
+        if carried := excess(shares, "stabilisation"):
+            notes.append(
+                f"the stabilisation of the simulations carries up to {carried}: the "
+                "law makes up for the error of a coarse mesh: double --simulate until "
+                "the law stays"
+            )
+        return notes
     for specimen in found.specimens:
         holds = _holds(specimen)
         if specimen.measured_angle is None:
@@ -262,10 +245,11 @@ def _range_notes(found: "ShearFit") -> list[str]:
 
 def _beginning_notes(specimen: "Specimen", up_to: float | None) -> list[str]:
     name, used = specimen.name, specimen.used(up_to)
-    if specimen.turns_back(up_to):
+    forth, back = specimen.ways(up_to)
+    if forth and back:
         return []
     notes = []
-    if specimen.is_unloading(up_to):
+    if back:
         notes.append(
             f"{name}: the test only goes back from row to row, as in unloading: keep "
             "the rows of the loading"
@@ -280,19 +264,8 @@ def _beginning_notes(specimen: "Specimen", up_to: float | None) -> list[str]:
     return notes + rest_notes(name, specimen.angle[used], force)
 
 
-def _mesh_notes(stabilisation: float) -> list[str]:
-    """Whether the mesh of simulations is too coarse for the law."""
-    carried = excess({"energy": {"stabilisation": stabilisation}}, "stabilisation")
-    if not carried:
-        return []
-    return [
-        f"the stabilisation of the simulations carries up to {carried}: the law makes "
-        "up for the error of a coarse mesh: double --simulate until the law stays"
-    ]
-
-
-def _falling(found: "ShearFit") -> list[str]:
-    """Whether the law falls somewhere in the range of the data."""
+def _falling_notes(found: "ShearFit") -> list[str]:
+    """A sentence on a law that falls somewhere in the range of the data."""
     gamma = np.linspace(0.0, found.largest_angle * (1 - 1e-9), 201)
     falls = gamma[found.fit.law.tangent(gamma) < 0]
     if not falls.size:
@@ -305,105 +278,12 @@ def _falling(found: "ShearFit") -> list[str]:
 
 def report_text(reports: Mapping[str, Mapping[str, Any]]) -> str:
     """Reports as text in Markdown, by their titles."""
-    return "\n".join(_section(title, report) for title, report in reports.items())
+    import jinja2
 
-
-def _bending_section(title: str, report: Mapping[str, Any]) -> str:
-    rows = [
-        [
-            one["name"],
-            f"{one['overhang_mm']:.4g}",
-            f"{one['chord_angle_deg']:.2f}",
-            f"{one['by_elastica_N_mm']:.4g}",
-            f"{one['by_peirce_N_mm']:.4g}",
-        ]
-        for one in report["readings"]
-    ]
-    band = ""
-    if np.isfinite(report["low_N_mm"]):
-        band = (
-            f", {_PERCENT * report['confidence']:g} % between "
-            f"{report['low_N_mm']:.4g} and {report['high_N_mm']:.4g} N·mm"
-        )
-    head = ["reading", "overhang, mm", "chord angle, deg"]
-    lines = [
-        *(f"# {title}", "", f"D = {report['bending_N_mm']:.4g} N·mm{band}.", ""),
-        *_table([*head, "D by elastica, N·mm", "D by Peirce, N·mm"], rows),
-    ]
-    for note in report["notes"]:
-        lines += ["", f"Note: {note}."]
-    return "\n".join(lines) + "\n"
-
-
-def _section(title: str, report: Mapping[str, Any]) -> str:
-    if report["of"] == "bending":
-        return _bending_section(title, report)
-    lines = [f"# {title}", ""]
-    if "compared_with" in report:
-        lines += [
-            f"Fitted up to {report['largest_angle_deg']:.1f} degrees of shear, beside "
-            f"{report['compared_with']}. The kinematics hold up to "
-            f"{report['kinematics_hold_to_deg']:.1f} degrees.",
-            "",
-        ]
-    if "largest_strain" in report:
-        reach = report["largest_strain"]
-        lines += [f"Fitted up to a strain ln λ of {reach:.4g}.", ""]
-    percent = f"{_PERCENT * report['confidence']:g} %"
-    rows = [
-        [p["name"], f"{p['value']:.5g}", _ends(p), p["unit"]]
-        for p in report["parameters"]
-    ]
-    law = report["law"]["kind"]
-    lines += [f"Law: {law}", "", *_table(["parameter", "value", percent, "unit"], rows)]
-    rows = [
-        [
-            c["name"],
-            _points(c),
-            f"{c['noise_N']:.4g} ({_share(c['noise_over_largest'])})",
-            f"{c['residual_rms_N']:.4g}",
-            f"{c['correlation_of_neighbours']:+.2f}",
-        ]
-        for c in report.get("specimens", report.get("curves", []))
-    ]
-    head = ["curve", "points", "noise, N", "residual, N", "correlation"]
-    lines += ["", *_table(head, rows)]
-    if report.get("moments"):
-        rows = [
-            [
-                f"{m['angle_deg']:g}",
-                f"{m['moment']:.4g}",
-                f"{m['low']:.4g} to {m['high']:.4g}",
-                f"{m['between_specimens']:.2g}" if "between_specimens" in m else "-",
-                ", ".join(f"{one:.4g}" for one in m["point_by_point"]) or "-",
-            ]
-            for m in report["moments"]
-        ]
-        head = ["angle, deg", "C, N·mm/mm²", percent, "between specimens"]
-        lines += ["", *_table([*head, "point by point"], rows)]
-    for note in report["notes"]:
-        lines += ["", f"Note: {note}."]
-    return "\n".join(lines) + "\n"
-
-
-def _share(noise: float) -> str:
-    """Noise over the largest force; a curve without force has none."""
-    return f"{_PERCENT * noise:.1f} %" if np.isfinite(noise) else "no force"
-
-
-def _points(curve: Mapping[str, Any]) -> str:
-    """How many points are fitted, and of how many if some are left out."""
-    points, left_out = curve["points"], curve.get("left_out", 0)
-    return f"{points} of {points + left_out}" if left_out else f"{points}"
-
-
-def _ends(parameter: Mapping[str, Any]) -> str:
-    if parameter["at_bound"]:
-        return "at a bound"
-    return f"{parameter['low']:.5g} to {parameter['high']:.5g}"
-
-
-def _table(head: Sequence[object], rows: Sequence[Sequence[object]]) -> list[str]:
-    lines = [f"| {' | '.join(map(str, line))} |" for line in (head, *rows)]
-    lines.insert(1, "|" + "---|" * len(head))
-    return lines
+    # Markdown of names and numbers: nothing is escaped, as in a page of HTML.
+    environment = jinja2.Environment(
+        autoescape=False, trim_blocks=True, keep_trailing_newline=True
+    )
+    environment.filters["g"] = lambda number, digits=4: f"{number:.{digits}g}"
+    template = files(__package__).joinpath("report.md").read_text(encoding="utf-8")
+    return environment.from_string(template).render(reports=reports)

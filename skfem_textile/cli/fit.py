@@ -1,8 +1,8 @@
 """The command ``fit``: laws of a fabric from its tests."""
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,9 +12,13 @@ from ..calibration import bending, biaxial, report
 from ..calibration.bending import BendingFit
 from ..calibration.biaxial import TensionFit
 from ..calibration.curves import COLUMNS, column_named
-from ..calibration.inverse import Simulation, fit_by_simulation
-from ..calibration.report import report_text
-from ..calibration.shear import ShearFit, Specimen, fit_shear, read_specimen
+from ..calibration.shear import (
+    ShearFit,
+    Simulation,
+    fit_by_simulation,
+    fit_shear,
+    read_specimen,
+)
 from ..fabric import Fabric
 from ..fabric.files import write_law
 from ..mesh.user_input import printable
@@ -28,87 +32,77 @@ from .result_folder import ResultFolder
 _Options: TypeAlias = dict[str, dict[str, Any]]
 
 
+def _option(
+    text: str, of: Any = None, metavar: str | None = None, **more: Any
+) -> dict[str, Any]:
+    """Keywords of an option; its help ends with its default, if there is one."""
+    shown = " (default: %(default)s)" if more.get("default") else ""
+    how = {"help": text + shown, "type": of, "metavar": metavar, **more}
+    return {key: value for key, value in how.items() if value is not None}
+
+
+def _repeated(text: str, of: Any, metavar: str) -> dict[str, Any]:
+    """Keywords of an option that may be given several times."""
+    return _option(text, of, metavar, action="append", default=[])
+
+
 def _size(what: str) -> dict[str, Any]:
     """A size of specimens: one for all, or one for each file."""
-    said = f"{what}, in mm: one for all files or one for each"
-    return {"help": said, "type": float, "nargs": "+", "metavar": "MM"}
-
-
-def _angle(default: float | None, what: str) -> dict[str, Any]:
-    shown = "" if default is None else " (default: %(default)s)"
-    return {
-        "help": f"{what}{shown}",
-        "default": default,
-        "type": words.degrees,
-        "metavar": "DEG",
-    }
+    return _option(
+        f"{what}, in mm: one for all files or one for each", float, "MM", nargs="+"
+    )
 
 
 _UNIT: _Options = {
-    "--unit": {
-        "help": "unit of a column, where the first row of a file does not tell it; may "
-        "be repeated",
-        "type": words.unit,
-        "action": "append",
-        "default": [],
-        "metavar": "COLUMN=UNIT",
-    }
+    "--unit": _repeated(
+        "unit of a column, where the first row of a file does not tell it; may be "
+        "repeated",
+        words.unit,
+        "COLUMN=UNIT",
+    )
 }
 
 _FABRIC: _Options = {
-    "--fabric": {
-        "help": "a fabric.json of another fit, whose other laws are kept",
-        "metavar": "FILE",
-    }
+    "--fabric": _option(
+        "a fabric.json of another fit, whose other laws are kept", metavar="FILE"
+    )
 }
 
 _COMMON: _Options = {
     **_UNIT,
     **_FABRIC,
-    "--bound": {
-        "help": "least and largest value of a parameter; may be repeated",
-        "type": words.bound,
-        "action": "append",
-        "default": [],
-        "metavar": "NAME=LOW,HIGH",
-    },
-    "--points": {
-        "help": "points of a table beside 0 (default: %(default)s)",
-        "default": 8,
-        "type": int,
-        "metavar": "N",
-    },
-    "--extrapolation": {
-        "help": "of a table beyond the data: refuse every state, which is the default, "
-        "or go on in a straight line",
-        "choices": ("refuse", "linear"),
-    },
+    "--bound": _repeated(
+        "least and largest value of a parameter; may be repeated",
+        words.bound,
+        "NAME=LOW,HIGH",
+    ),
+    "--points": _option("points of a table beside 0", int, "N", default=8),
+    "--extrapolation": _option(
+        "of a table beyond the data: refuse every state, which is the default, or go "
+        "on in a straight line",
+        choices=("refuse", "linear"),
+    ),
 }
 
 _SHEAR: _Options = {
-    "--law": {
-        "help": "polynomial of odd powers, linear, sin2, locking or tabulated "
-        "(default: %(default)s)",
-        "default": "polynomial",
-        "metavar": "LAW",
-    },
-    "--degree": {
-        "help": "highest power of the polynomial, odd (default: %(default)s)",
-        "default": 5,
-        "type": int,
-        "metavar": "N",
-    },
-    "--up-to": _angle(
-        None,
+    "--law": _option(
+        "polynomial of odd powers, linear, sin2, locking or tabulated",
+        metavar="LAW",
+        default="polynomial",
+    ),
+    "--degree": _option("highest power of the polynomial, odd", int, "N", default=5),
+    "--up-to": _option(
         "shear angle up to which points are taken; without it up to 40 where the angle "
         "is theoretical, and all where it is measured or the tests are simulated",
+        words.degrees,
+        "DEG",
     ),
-    "--fibre-stiffness": {
-        "help": "of fabric.json, and of simulated tests, in N/mm (default: 1e5, or "
-        "that of --fabric)",
-        "type": float,
-        "metavar": "E",
-    },
+    "--fibre-stiffness": _option(
+        "of fabric.json, and of simulated tests, in N/mm (default: 1e5, or that of "
+        "--fabric)",
+        float,
+        "E",
+    ),
     **_COMMON,
 }
 
@@ -127,30 +121,31 @@ TESTS: dict[str, tuple[str, _Options]] = {
         {
             "--width": _size("width of the specimen"),
             "--height": _size("height of the specimen between the clamps"),
-            "--warp": _angle(45.0, "angle between fibres and clamps"),
+            "--warp": _option(
+                "angle between fibres and clamps", words.degrees, "DEG", default=45.0
+            ),
             **_SHEAR,
-            "--simulate": {
-                "help": "fit simulated tests, with so many element edges across the "
-                "width",
-                "type": int,
-                "metavar": "N",
-            },
+            "--simulate": _option(
+                "fit simulated tests, with so many element edges across the width",
+                int,
+                "N",
+            ),
         },
     ),
     "cantilever": (
         "a bending stiffness from cantilever tests, by the elastica (Peirce)",
         {
-            "--weight": {
-                "help": "weight per area in N/mm2, 6e-6 for 0.6 kg/m2",
-                "type": float,
-                "metavar": "W",
-            },
-            "--family": {
-                "help": "whose fibres lie along the strips (default: %(default)s)",
-                "default": "warp",
-                "choices": ("warp", "weft"),
-            },
-            "--chord-angle": _angle(None, "of files without that column, such as 41.5"),
+            "--weight": _option(
+                "weight per area in N/mm2, 6e-6 for 0.6 kg/m2", float, "W"
+            ),
+            "--family": _option(
+                "whose fibres lie along the strips",
+                default="warp",
+                choices=("warp", "weft"),
+            ),
+            "--chord-angle": _option(
+                "of files without that column, such as 41.5", words.degrees, "DEG"
+            ),
             **_UNIT,
             **_FABRIC,
         },
@@ -158,12 +153,11 @@ TESTS: dict[str, tuple[str, _Options]] = {
     "biaxial": (
         "tension laws from biaxial tests, one file for each ratio of the strains",
         {
-            "--law": {
-                "help": "crimp-toe, linear or tabulated for each family, or "
-                "crimp-interchange (default: %(default)s)",
-                "default": "crimp-toe",
-                "metavar": "LAW",
-            },
+            "--law": _option(
+                "crimp-toe, linear or tabulated for each family, or crimp-interchange",
+                metavar="LAW",
+                default="crimp-toe",
+            ),
             "--warp-width": _size("width across the pull of the warp"),
             "--weft-width": _size("width across the pull of the weft"),
             **_COMMON,
@@ -175,7 +169,7 @@ TESTS: dict[str, tuple[str, _Options]] = {
 # Fibre stiffness in N/mm of a fabric of which only shear is known.
 _FIBRES = 1e5
 
-# What a fabric has that no test told.
+# Properties of a fabric that no test has determined.
 _NO_TENSION = (
     f"fibres of fabric.json have {_FIBRES:g} N/mm, which no test told: give "
     "--fibre-stiffness, or fit biaxial tests with --fabric and this file"
@@ -209,15 +203,7 @@ class _Found:
 
 
 def run_fit(options: argparse.Namespace) -> int:
-    """Fit laws to the files of the options and write them; returns the exit code.
-
-    Raises
-    ------
-    ValueError
-        If an option, a file or the fit is refused.
-    OutputError
-        If the results cannot be written.
-    """
+    """Fit laws to the files of the options and write them; returns the exit code."""
     from .. import io
 
     fits = {
@@ -227,7 +213,7 @@ def run_fit(options: argparse.Namespace) -> int:
         "biaxial": _tension,
     }
     found = fits[options.test](options)
-    text = report_text(found.reports)
+    text = report.report_text(found.reports)
     inputs = {k: v for k, v in vars(options).items() if k not in ("command", "out")}
     inputs["data"] = [str(path) for path in options.data]
     summary = {"reports": found.reports, "inputs": {"version": __version__, **inputs}}
@@ -238,83 +224,74 @@ def run_fit(options: argparse.Namespace) -> int:
         (folder / "report.md").write_text(text, encoding="utf-8")
         io.write_summary(summary, folder / "summary.json")
     if not options.no_render:
-        _draw(found, options.out)
+        try:
+            with ResultFolder(options.out, (_PICTURE,)) as folder:
+                from ..calibration.figure import draw
+
+                draw(found.fit, folder / _PICTURE)
+        except ImportError as error:
+            say(f"no picture: {printable(error)}; pip install 'skfem-textile[plot]'")
     say(text, end="")
     say(f"results in {printable(options.out)}")
     return 0
 
 
-def _draw(found: _Found, out: Path) -> None:
-    try:
-        with ResultFolder(out, (_PICTURE,)) as folder:
-            from ..calibration.figure import draw
-
-            draw(found.fit, folder / _PICTURE)
-    except ImportError as error:
-        say(f"no picture: {printable(error)}; pip install 'skfem-textile[plot]'")
-
-
 def _frame(options: argparse.Namespace) -> _Found:
     sizes = _sizes(options, "frame_side", "fabric_side")
     tests = [PictureFrame(frame, fabric) for frame, fabric in sizes]
-    specimens = _specimens(options, tests)
-    base = _base(options, Fabric(_FIBRES))
-    return _shear(options, specimens, base)
+    return _shear(options, tests, Fabric(_FIBRES))
 
 
 def _bias(options: argparse.Namespace) -> _Found:
     theta = float(np.radians(options.warp))
     sizes = _sizes(options, "width", "height")
     tests = [BiasExtension(width, height, theta) for width, height in sizes]
-    specimens = _specimens(options, tests)
     c, s = float(np.cos(theta)), float(np.sin(theta))
-    base = _base(options, Fabric(_FIBRES, 0.0, (c, s), (-c, s)))
-    return _shear(options, specimens, base, options.simulate)
+    plain = Fabric(_FIBRES, 0.0, (c, s), (-c, s))
+    return _shear(options, tests, plain, options.simulate)
 
 
 def _shear(
     options: argparse.Namespace,
-    specimens: list[Specimen],
-    base: Fabric,
+    tests: Sequence[ShearTest],
+    plain: Fabric,
     across: int | None = None,
 ) -> _Found:
-    how: dict[str, Any] = {
-        "degree": options.degree,
-        "points": options.points,
-        "extrapolation": options.extrapolation,
-        "up_to": None if options.up_to is None else float(np.radians(options.up_to)),
-        "bounds": dict(options.bound),
-    }
+    units, stiffness = _units(options), options.fibre_stiffness
+    pairs = zip(options.data, tests, strict=True)
+    specimens = [read_specimen(path, test, units) for path, test in pairs]
+    fabric = _kept(options, plain)
+    if stiffness is not None:
+        fabric = replace(fabric, tension=stiffness)
+    up_to = None if options.up_to is None else float(np.radians(options.up_to))
+    how: dict[str, Any] = {"degree": options.degree, "up_to": up_to}
+    how |= _of_table(options)
     if across is None:
         found = fit_shear(specimens, options.law, **how)
     else:
-        simulation = Simulation(base.tension, across)
+        simulation = Simulation(fabric.tension, across)
         found = fit_by_simulation(specimens, options.law, simulation, **how)
     law, shear = found.fit.law, report.shear_report(found)
-    if options.fabric is None and options.fibre_stiffness is None:
+    if options.fabric is None and stiffness is None:
         shear["notes"].append(_NO_TENSION)
-    return _Found({"Shear": shear}, replace(base, shear=law), {"law.json": law}, found)
+    fabric = replace(fabric, shear=law)
+    return _Found({"Shear": shear}, fabric, {"law.json": law}, found)
 
 
 def _tension(options: argparse.Namespace) -> _Found:
     sizes, units = _sizes(options, "warp_width", "weft_width"), _units(options)
     paths = zip(options.data, sizes, strict=True)
     curves = [biaxial.read_biaxial(path, size, units) for path, size in paths]
-    bounds = dict(options.bound)
-    how: dict[str, Any] = {"points": options.points, "bounds": bounds}
-    how["extrapolation"] = options.extrapolation
-    found = biaxial.fit_tension(curves, options.law, **how)
-    base, tension = _kept(options, Fabric()), found.tension
-    laws = (
-        {"warp_law.json": tension[0], "weft_law.json": tension[1]}
-        if isinstance(tension, tuple)
-        else {"law.json": tension}
-    )
+    found = biaxial.fit_tension(curves, options.law, **_of_table(options))
+    fabric, tension = _kept(options, Fabric()), found.tension
+    laws: dict[str, Any] = {"law.json": tension}
+    if isinstance(tension, tuple):
+        laws = dict(zip(("warp_law.json", "weft_law.json"), tension, strict=True))
     reports = {f"Tension, {k}": r for k, r in report.tension_report(found).items()}
     if options.fabric is None:
         for one in reports.values():
             one["notes"].append(_NO_SHEAR)
-    return _Found(reports, replace(base, tension=tension), laws, found)
+    return _Found(reports, replace(fabric, tension=tension), laws, found)
 
 
 def _bending(options: argparse.Namespace) -> _Found:
@@ -324,27 +301,20 @@ def _bending(options: argparse.Namespace) -> _Found:
     fixed = None if angle is None else float(np.radians(angle))
     tests = [bending.read_cantilever(path, fixed, units) for path in options.data]
     found = bending.fit_bending(tests, options.weight)
-    base, known = _kept(options, Fabric()), report.bending_report(found)
-    warp, weft = base.bending
-    both = (
-        (found.stiffness, weft) if options.family == "warp" else (warp, found.stiffness)
-    )
+    fabric, known = _kept(options, Fabric()), report.bending_report(found)
+    D, (warp, weft) = found.stiffness, fabric.bending
+    both = (D, weft) if options.family == "warp" else (warp, D)
     if options.fabric is None:
         known["notes"].append(_NO_LAWS)
-    title = f"Bending of the {options.family}"
-    return _Found({title: known}, replace(base, bending=both), {}, found)
+    fabric = replace(fabric, bending=both)
+    return _Found({f"Bending of the {options.family}": known}, fabric, {}, found)
 
 
-def _specimens(options: argparse.Namespace, tests: list[Any]) -> list[Specimen]:
-    units = _units(options)
-    pairs: zip[tuple[Path, ShearTest]] = zip(options.data, tests, strict=True)
-    return [read_specimen(path, test, units) for path, test in pairs]
-
-
-def _base(options: argparse.Namespace, plain: Fabric) -> Fabric:
-    """The fabric that a shear law is put into, with the fibre stiffness if given."""
-    base, stiffness = _kept(options, plain), options.fibre_stiffness
-    return base if stiffness is None else replace(base, tension=stiffness)
+def _of_table(options: argparse.Namespace) -> dict[str, Any]:
+    """Arguments of a fit of laws that are tables, or have bounds."""
+    names = "points", "extrapolation"
+    how = {name: getattr(options, name) for name in names}
+    return how | {"bounds": dict(options.bound)}
 
 
 def _kept(options: argparse.Namespace, plain: Fabric) -> Fabric:

@@ -4,11 +4,9 @@ import json
 import tempfile
 import tomllib
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Mapping
-from html import escape
+from collections.abc import Callable, Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
-from string import Template
 from typing import Any, TypeAlias
 
 from .. import __version__
@@ -19,6 +17,12 @@ from .curve import CURVE, completed, read_test_curve
 from .output import say
 from .result_folder import ResultFolder
 from .results import CURVES, draw_curves
+
+#: The file of the report.
+REPORT = "report.html"
+
+#: The test of shear that the case in a file is, if it is one.
+ShearTestOf: TypeAlias = Callable[[Path], ShearTest | None]
 
 # Figures that are shown first, and what they are called.
 _FIGURES = {
@@ -37,8 +41,8 @@ _FIGURES = {
     "wall_time_s": "Time of the run (s)",
 }
 
-# What is judged: its name, what holds, and what does not.
-_JUDGED = {
+# Checks of the last state: the name, what holds, and what does not.
+_CHECKS = {
     "converged": ("Whole load", "applied", "not applied: the run stopped early"),
     "stable": ("Equilibrium", "stable", "not stable"),
     "path_resolved": (
@@ -47,137 +51,6 @@ _JUDGED = {
         "not resolved: another number of steps may lead to another equilibrium",
     ),
 }
-
-# Kinds of pictures by the first bytes of their files.
-_KINDS = {b"\x89PNG": "image/png", b"GIF8": "image/gif"}
-
-CITATION = f"""<p>skfem_textile {__version__}, BSD-3-Clause, by the skfem_textile
-developers. It goes on from N. Hamila and P. Boisse, <cite>Tension locking in
-finite-element analyses of textile composite reinforcement deformation</cite>, Comptes
-Rendus Mécanique 341 (2013). Please cite both.</p>"""
-
-
-def title(summary: Mapping[str, Any]) -> str:
-    """Scene and formulation."""
-    scene = printable(summary.get("scene", "run")).replace("_", " ").capitalize()
-    return escape(f"{scene}, {printable(summary.get('formulation', 'unknown'))}")
-
-
-def lead(summary: Mapping[str, Any]) -> str:
-    """One sentence on how the run ended."""
-    reached = _figure(summary.get("load_factor"))
-    if summary.get("converged") is True:
-        return "Every step converged, and the whole load is applied."
-    return f"The run stopped at load factor {reached}. What follows is its last state."
-
-
-def verdict(summary: Mapping[str, Any]) -> str:
-    """What the run says of its last state."""
-    rows = []
-    for key, (name, good, bad) in _JUDGED.items():
-        if summary.get(key) is None:
-            rows.append((escape(name), "unknown"))
-        else:
-            rows.append((escape(name), _judged(summary[key] is True, good, bad)))
-    folding = summary.get("min_det_F")
-    if isinstance(folding, int | float):
-        text = f"smallest det F {_figure(folding)}"
-        rows.append(("Elements", _judged(folding > 0, f"none folded, {text}", text)))
-    rows.append(("Estimated error of the load", escape(_estimate(summary))))
-    if "exact_answer" in summary:
-        rows.append(("Exact answer", _text(summary["exact_answer"])))
-    return _rows(rows)
-
-
-def figures(summary: Mapping[str, Any]) -> str:
-    """The figures that are looked at first."""
-    found = [
-        (escape(name), _figure(summary[key]))
-        for key, name in _FIGURES.items()
-        if summary.get(key) is not None
-    ]
-    return _rows(found, "number")
-
-
-def every_figure(summary: Mapping[str, Any]) -> str:
-    """Every figure but the inputs and versions, to be unfolded."""
-    rest = {k: v for k, v in summary.items() if k not in ("inputs", "versions")}
-    return f"<details><summary>Show them</summary>{table(rest)}</details>"
-
-
-def table(values: Any) -> str:
-    """Names and values of a mapping."""
-    if not isinstance(values, Mapping) or not values:
-        return paragraph("The results do not tell.")
-    return _rows([(_name(name), _figure(value)) for name, value in values.items()])
-
-
-def case(text: str | None) -> str:
-    """The case file, in a box of its own."""
-    if text is None:
-        return paragraph("The folder holds no case.toml.")
-    return f'<div class="box" tabindex="0"><pre>{escape(text)}</pre></div>'
-
-
-def gallery(pictures: Mapping[str, bytes]) -> str:
-    """Pictures by their titles, held by the page itself."""
-    shown = "\n".join(_shown(title, data) for title, data in pictures.items())
-    return f'<div class="pictures">\n{shown}\n</div>'
-
-
-def paragraph(text: str) -> str:
-    """A paragraph of plain text."""
-    return f"<p>{_text(text)}</p>"
-
-
-def _shown(title: str, data: bytes) -> str:
-    kind = _KINDS.get(data[:4], "image/png")
-    source = f"data:{kind};base64,{b64encode(data).decode()}"
-    name = escape(title)
-    image = f'<img src="{source}" alt="{name}">'
-    return f"<figure>{image}<figcaption>{name}</figcaption></figure>"
-
-
-def _estimate(summary: Mapping[str, Any]) -> str:
-    error, said = summary.get("estimated_load_error"), summary.get("error_estimate", "")
-    if not isinstance(error, int | float):
-        return printable(said) or "none"
-    return f"{100 * error:.2g} % {printable(said)}".strip()
-
-
-def _judged(holds: bool, good: str, bad: str) -> str:
-    mark, text = ("good", good) if holds else ("bad", bad)
-    return f'<span class="{mark}">{escape(text)}</span>'
-
-
-def _rows(rows: Iterable[tuple[str, str]], kind: str = "") -> str:
-    """A table of two columns, of names and values that are HTML already."""
-    cell = f'<td class="{kind}">' if kind else "<td>"
-    body = "\n".join(f"<tr><th>{x}</th>{cell}{y}</td></tr>" for x, y in rows)
-    return f'<div class="box" tabindex="0"><table>\n{body}\n</table></div>'
-
-
-def _figure(value: Any) -> str:
-    """A value as HTML; numbers with six digits."""
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    return _text("" if value is None else value)
-
-
-def _name(name: str) -> str:
-    """A name that a narrow screen breaks after an underscore."""
-    return _text(name).replace("_", "_<wbr>")
-
-
-def _text(value: Any) -> str:
-    return escape(printable(value))
-
-
-#: The test of shear that the case in a file is, if it is one.
-ShearTestOf: TypeAlias = Callable[[Path], ShearTest | None]
-
-#: The file of the report.
-REPORT = "report.html"
 
 # Pictures of the last state, and what each shows.
 _PICTURES = {
@@ -189,52 +62,47 @@ _PICTURES = {
     "animation.gif": "The shear angle as the load grows",
 }
 
+# A row of a table: its name, a class of CSS or nothing, and its value.
+_Row: TypeAlias = tuple[str, str, Any]
+
 
 def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf) -> int:
     """Write ``report.html`` into the folder of a run; returns the exit code.
 
     The page holds all its pictures and refers to nothing else.  The curves are drawn
-    anew.
-
-    Parameters
-    ----------
-    folder
-        Results of a run.
-    test_curve
-        The curve of a test, in place of the one that the case names.
-    shear_test
-        The test of shear that the case in a file is, if it is one.
-
-    Raises
-    ------
-    ValueError
-        If the folder has no results, or a file of them is damaged.
-    OSError
-        If a file cannot be read, or the report not be written.
+    anew, that of a test if one is given or the case names one.  Damaged results are
+    refused.
     """
+    import jinja2
+
     summary = _summary(folder)
     text = _text_of_file(folder / CASE)
     test = test_curve or _named_test(folder, text)
-    drawn, why_not = _drawn_curves(folder, test, shear_test)
-    pictures = {
-        title: (folder / name).read_bytes()
-        for name, title in _PICTURES.items()
-        if (folder / name).is_file()
-    }
-    nothing = "The run has drawn no pictures: pip install 'skfem-textile[plot]'."
-    page = Template(
-        files(__package__).joinpath("report.html").read_text(encoding="utf-8")
-    ).substitute(
-        title=title(summary),
-        lead=lead(summary),
-        verdict=verdict(summary),
-        figures=figures(summary),
-        curves=gallery(drawn) if drawn else paragraph(why_not),
-        pictures=gallery(pictures) if pictures else paragraph(nothing),
-        case=case(text),
-        every=every_figure(summary),
-        versions=table(summary.get("versions", {})),
-        citation=CITATION,
+    curves, no_curves = _drawn_curves(folder, test, shear_test)
+    scene = printable(summary.get("scene", "run")).replace("_", " ").capitalize()
+    rest = {k: v for k, v in summary.items() if k not in ("inputs", "versions")}
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    environment.filters["shown"] = _shown
+    template = files(__package__).joinpath(REPORT).read_text(encoding="utf-8")
+    page = environment.from_string(template).render(
+        title=f"{scene}, {printable(summary.get('formulation', 'unknown'))}",
+        converged=summary.get("converged") is True,
+        load_factor=summary.get("load_factor"),
+        verdict=list(_verdict(summary)),
+        figures=[
+            (name, "number", summary[key])
+            for key, name in _FIGURES.items()
+            if summary.get(key) is not None
+        ],
+        curves=curves,
+        no_curves=no_curves,
+        pictures=_sources(folder, _PICTURES),
+        case=text,
+        every_figure=_rows(rest),
+        versions=_rows(summary.get("versions")),
+        version=__version__,
     )
     with ResultFolder(folder, (REPORT,)) as scratch:
         (scratch / REPORT).write_text(page, encoding="utf-8")
@@ -242,8 +110,56 @@ def write_report(folder: Path, test_curve: Path | None, shear_test: ShearTestOf)
     return 0
 
 
+def _verdict(summary: Mapping[str, Any]) -> Iterator[_Row]:
+    """Rows on the checks of the last state."""
+    for key, (name, good, bad) in _CHECKS.items():
+        holds = summary.get(key)
+        if holds is None:
+            yield name, "", "unknown"
+        else:
+            yield (name, "good", good) if holds is True else (name, "bad", bad)
+    folding = summary.get("min_det_F")
+    if isinstance(folding, int | float):
+        smallest = f"smallest det F {_shown(folding)}"
+        if folding > 0:
+            yield "Elements", "good", f"none folded, {smallest}"
+        else:
+            yield "Elements", "bad", smallest
+    error, said = summary.get("estimated_load_error"), summary.get("error_estimate", "")
+    if isinstance(error, int | float):
+        said = f"{100 * error:.2g} % {printable(said)}".strip()
+    yield "Estimated error of the load", "", said or "none"
+    if "exact_answer" in summary:
+        yield "Exact answer", "", summary["exact_answer"]
+
+
+def _rows(values: Any) -> list[_Row]:
+    """Rows of a mapping; of anything else none."""
+    if not isinstance(values, Mapping):
+        return []
+    return [(printable(name), "", value) for name, value in values.items()]
+
+
+def _shown(value: Any) -> str:
+    """A value in one line, numbers with six digits."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return "" if value is None else printable(value)
+
+
+def _sources(folder: Path, captions: Mapping[str, str]) -> dict[str, str]:
+    """Pictures of a folder as data URLs, by their captions."""
+    found = {}
+    for name, caption in captions.items():
+        if (folder / name).is_file():
+            data = b64encode((folder / name).read_bytes()).decode()
+            kind = "gif" if name.endswith(".gif") else "png"
+            found[caption] = f"data:image/{kind};base64,{data}"
+    return found
+
+
 def _summary(folder: Path) -> dict[str, Any]:
-    """What ``summary.json`` says."""
+    """The content of ``summary.json``."""
     file = folder / "summary.json"
     if not file.is_file():
         raise ValueError(f"{printable(folder)} holds no results, no {file.name}")
@@ -279,8 +195,8 @@ def _named_test(folder: Path, text: str | None) -> Path | None:
 
 def _drawn_curves(
     folder: Path, test: Path | None, shear_test: ShearTestOf
-) -> tuple[dict[str, bytes], str]:
-    """Pictures of the curves by their titles, or why there are none."""
+) -> tuple[dict[str, str], str]:
+    """The curves as data URLs by their titles, or why there are none."""
     if not (folder / CURVE).is_file():
         return {}, f"The folder holds no {CURVE}."
     run = read_test_curve(folder / CURVE)
@@ -293,9 +209,5 @@ def _drawn_curves(
             draw_curves(run, measured, Path(scratch))
         except ImportError:
             return {}, "Curves need matplotlib: pip install 'skfem-textile[plot]'."
-        drawn = {
-            title: (Path(scratch) / name).read_bytes()
-            for name, (title, *_) in CURVES.items()
-            if (Path(scratch) / name).is_file()
-        }
-    return drawn, "No force drives the run."
+        titles = {name: title for name, (title, *_) in CURVES.items()}
+        return _sources(Path(scratch), titles), "No force drives the run."

@@ -1,6 +1,6 @@
-"""The pictures of a run, and what a run of a ply on a tool hands over."""
+"""Pictures of a run, and exports of a ply on a tool: fibres and flat patterns."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -59,31 +59,28 @@ def draw(
 
     Of a run that stopped early they are those of its result, and where it stopped.
     """
-    stopped = isinstance(run, StepError)
     result = run.result if isinstance(run, StepError) else run
     with held():  # VTK may crash if it is interrupted
         from .. import plot
-    for name, picture in (
-        ("fibre_strain.png", plot.fibre_strain),
-        ("shear_angle.png", plot.shear_angle),
-        ("fibre_directions.png", plot.fibre_directions),
-    ):
-        with held():
-            picture(result, filename=folder / name)
+    pictures: dict[str, tuple[Callable[..., Any], Any]] = {
+        "fibre_strain.png": (plot.fibre_strain, result),
+        "shear_angle.png": (plot.shear_angle, result),
+        "fibre_directions.png": (plot.fibre_directions, result),
+    }
     if result.tool(result.states[-1].load_factor) is not None:
+        pictures[DRAPED] = plot.draped, result
+    if isinstance(run, StepError):
+        pictures[REFUSED] = plot.verdict, run
+    pictures["animation.gif"] = plot.animation, result
+    for name, (picture, of) in pictures.items():
         with held():
-            plot.draped(result, filename=folder / DRAPED)
-    if stopped:
-        with held():
-            plot.verdict(run, filename=folder / REFUSED)
-    with held():
-        plot.animation(result, folder / "animation.gif")
+            picture(of, filename=folder / name)
     measured = completed(test, scene.shear_test) if test else None
     draw_curves(curve_of(scene, result), measured, folder)
 
 
 def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
-    """Draw what `CURVES` says into a folder, as far as run or test have the columns.
+    """Draw the pictures of `CURVES` of which run or test have the columns.
 
     A run without a force is not drawn by itself.
     """
@@ -101,7 +98,7 @@ def draw_curves(run: Curve, test: Curve | None, folder: Path) -> None:
 
 
 def _axis(heading: str) -> str:
-    """What stands on an axis for a heading."""
+    """The label of an axis for a heading."""
     heading = heading.replace("(deg)", "(°)")
     return heading[:1].upper() + heading[1:]
 
@@ -112,20 +109,10 @@ _PATTERN = ("pattern.csv", "pattern.svg", "pattern.dxf")
 
 @dataclass(frozen=True, eq=False)
 class HandOver:
-    """What is to be handed over.
+    """The elements that get fibres, and closed curves, (3, n), of the flat pattern.
 
-    Attributes
-    ----------
-    part
-        The elements that get fibres; None if there are none.
-    curves
-        Closed curves of which the flat pattern is made, each of shape (3, n).
-    no_curves
-        Why there are none; empty if none are wanted.
-    trimmed
-        Whether the user gives the curve.
-    files
-        Names of files that `write` may write.
+    ``no_curves`` says why there are none, if some are wanted, and ``trimmed`` whether
+    the user gives the curve.  `write` may write ``files``.
     """
 
     part: ToolMesh | None = None
@@ -136,13 +123,7 @@ class HandOver:
 
     @classmethod
     def read(cls, output: Output) -> "HandOver":
-        """What a case asks for.
-
-        Raises
-        ------
-        ValueError
-            If a file is refused.
-        """
+        """The exports that a case asks for."""
         part, curve = output.part_mesh, output.trim
         if part is None and curve is None:
             return cls()
@@ -159,14 +140,7 @@ class HandOver:
     def write(self, result: Result, axes: Axes, folder: Path) -> dict[str, Any]:
         """Write what there is, and return figures and why anything is missing.
 
-        Parameters
-        ----------
-        result
-            Result of a ply on a tool.
-        axes
-            Axes of the ply among those of tool and part.
-        folder
-            Where the files go.
+        The result is of a ply on a tool, with ``axes`` among those of tool and part.
         """
         if self.part is None and not self.curves:
             return {}
@@ -183,7 +157,7 @@ class HandOver:
         return found
 
     def missing(self, found: Mapping[str, Any]) -> list[str]:
-        """What the user asks for and `write` has not written, and why."""
+        """Exports that the user asks for and `write` has not written, and why."""
         asked = ["part"] * (self.part is not None) + ["pattern"] * self.trimmed
         return [f"{what}: {found[what]}" for what in asked if what in found]
 

@@ -27,10 +27,10 @@ from .surfaces import (
     Plane,
     Sphere,
     Torus,
-    TriangleMesh,
     double_dome,
 )
 from .tool_mesh import ToolMesh, triangles_on
+from .triangle_mesh import TriangleMesh
 
 __all__ = [
     "SAME_AXES",

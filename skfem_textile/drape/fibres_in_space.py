@@ -12,6 +12,7 @@ from ..ply import Ply
 from ..solve.surface import Surface
 from ..solve.surface.geodesics import tangents
 from .sheet import REACH, Sheet, unit
+from .surfaces import positive_length
 from .tool_mesh import ToolMesh
 
 # Slope of a plane against one across the x axis up to which x has no direction in it,
@@ -35,7 +36,7 @@ class Axes(NamedTuple):
 
     @classmethod
     def at(cls, surface: Surface, point: ndarray) -> "Axes":
-        """Those of a ply that touches a surface at a point, shape (3,).
+        """Axes of a ply that touches a surface at a point, shape (3,).
 
         z is the normal, and x is the tool's as far as it lies in the tangent plane.
         Where the normal is along x, to 1°, z of the tool takes the place of its x.
@@ -96,7 +97,7 @@ class FibresInSpace:
 
     @property
     def covered(self) -> ndarray:
-        """Whether the ply lies on an element, shape (n_elements,)."""
+        """Elements on which the ply lies, bool, shape (n_elements,)."""
         return np.isfinite(self.shear_angle)
 
     def reference(self) -> ndarray:
@@ -159,10 +160,9 @@ def fibres_on_tool(
     along = _axis(axis)
     if reach is None:
         most = REACH * np.maximum(tool.longest_edges(), sheet.longest_edge)
-    elif real_numbers("fibres on a tool: reach", reach).shape or not 0 < reach < np.inf:
-        raise ValueError(f"fibres on a tool: reach must be a length, got {reach!r}")
     else:
-        most = np.full(tool.n_elements, float(reach))
+        reach = positive_length("fibres on a tool: reach", reach)
+        most = np.full(tool.n_elements, reach)
     places = sheet.at(tool.centres(), most)
     if not places.found.any():
         raise ValueError("fibres on a tool: the ply lies on none of its elements")

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from ..mesh.contact import Boundary, contact_of, signed_areas
 from ..mesh.user_input import real_numbers
 from .sheet import Places, Sheet
+from .surfaces import positive_length
 from .tool_mesh import curve_length
 
 # Distance of points between two of a curve, over the ply's longest edge.  Chosen: the
@@ -103,10 +104,7 @@ def flat_pattern(
     points = _closed(curve)
     if spacing is None:
         spacing = _SPACING * sheet.longest_edge
-    elif (
-        real_numbers("flat pattern: spacing", spacing).shape or not 0 < spacing < np.inf
-    ):
-        raise ValueError(f"flat pattern: spacing must be a length, got {spacing!r}")
+    spacing = positive_length("flat pattern: spacing", spacing)
     _places(sheet, points)  # before there are as many as a curve far away would have
     points = _spaced(points, spacing)
     places = _places(sheet, points)
@@ -131,7 +129,7 @@ def flat_pattern(
 
 
 def _places(sheet: Sheet, points: ndarray) -> Places:
-    """Where points of a curve, (3, n), lie on a ply, refused where they do not."""
+    """Points of the ply at points of a curve, (3, n), which must lie on it."""
     places = sheet.at(points)
     off = np.flatnonzero(~places.found)
     if off.size:

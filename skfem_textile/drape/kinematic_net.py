@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from ..mesh.user_input import real_numbers
 from ..solve.surface import Surface, onto
 from ..solve.surface.geodesics import tangents
+from .surfaces import positive_length
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +44,7 @@ class Net:
     def shear_angle(self) -> ndarray:
         """Shear angle Γ of each cell in radians, shape (n_warp, n_weft).
 
-        The sides of a cell are equal: its diagonals tell the angle.
+        The sides of a cell are equal: its diagonals determine the angle.
         """
         x = self.positions
         one = np.linalg.norm(x[:, 1:, 1:] - x[:, :-1, :-1], axis=0)
@@ -60,7 +61,7 @@ class Net:
         return flat + self.touch[:, None, None]
 
     def at(self, X: ndarray) -> ndarray:
-        """Where points of the flat ply are, bilinear in each cell, shape (3, n).
+        """Positions of points of the flat ply, bilinear in each cell, shape (3, n).
 
         Parameters
         ----------
@@ -196,9 +197,7 @@ def net(
     >>> round(float(np.degrees(angle[-1, -1])), 1)
     53.6
     """
-    spacing = real_numbers("net: cell", cell)
-    if spacing.shape or not (np.isfinite(spacing) and spacing > 0):
-        raise ValueError(f"net: cell must be a positive length in mm, got {cell!r}")
+    cell = positive_length("net: cell", cell)
     counts = [_counts(name, n) for name, n in (("warp", warp), ("weft", weft))]
     flat = np.array([np.cos(angles), np.sin(angles)])
     if not abs(np.linalg.det(flat)) > _FOLDED:
@@ -207,14 +206,14 @@ def net(
     start = onto(surface, given[:, None])[:, 0]
     families = tangents(surface, start, np.asarray(first)) @ flat
     x = np.full((3, *(sum(n) + 1 for n in counts)), np.nan)
-    zero = counts[0][0], counts[1][0]
     ways = [
         [
-            _thread(surface, start, sign * a, float(cell), n[side])
+            _thread(surface, start, sign * a, cell, n[side])
             for side, sign in enumerate((-1, 1))
         ]
         for a, n in zip(families.T, counts, strict=True)
     ]
+    sides = [(slice(n[0], None, -1), slice(n[0], None)) for n in counts]
     ends = None
     if over is not None:
         ends = np.linalg.solve(flat, over - np.array(touch)[:, None]) / cell
@@ -224,10 +223,8 @@ def net(
             if ends is not None:
                 wanted = _up_to(ends * ([warp_sign], [weft_sign]), wanted.shape)
             threads = ways[0][i], ways[1][j]
-            quadrant = _quadrant(surface, *threads, float(cell), wanted)
-            rows = zero[0] + warp_sign * np.arange(counts[0][i] + 1)
-            columns = zero[1] + weft_sign * np.arange(counts[1][j] + 1)
-            x[:, rows[:, None], columns] = quadrant
+            quadrant = _quadrant(surface, *threads, cell, wanted)
+            x[:, sides[0][i], sides[1][j]] = quadrant
     along = [cell * np.arange(-n[0], n[1] + 1) for n in counts]
     return Net(x, (along[0], along[1]), flat, np.array(touch, dtype=float))
 
@@ -317,11 +314,6 @@ def _crossings(
     """Points on a surface at the length of a cell from two points, shape (3, n).
 
     Of the two that there are, the one across from ``corner``.
-
-    Raises
-    ------
-    FoldedNetError
-        If there is none.
     """
     x = a + b - corner
     for _ in range(_MOST):

@@ -1,4 +1,4 @@
-"""What a draped ply meets: contact pressure, bridging, wrinkles, edges of a tool."""
+"""Drape defects: contact pressure, bridging, wrinkling, edges of a tool."""
 
 import numpy as np
 from numpy import ndarray
@@ -111,16 +111,7 @@ def off_triangles(ply: Ply, surface: Surface, u: ndarray) -> ndarray | None:
     """Elements of a ply where the surface of a tool is not that of its triangles.
 
     None of a surface that has no method ``off_triangles``, as `TriangleMesh` has one.
-
-    Parameters
-    ----------
-    ply, surface, u
-        As of `beyond_edges`.
-
-    Returns
-    -------
-    ndarray or None
-        Bool, shape (n_elements,), of the elements of ``ply.mesh``.
+    Arguments and returned value as of `beyond_edges`.
     """
     x, tool = _on_grown(ply, surface, u)
     off = getattr(tool, "off_triangles", None)
@@ -130,15 +121,7 @@ def off_triangles(ply: Ply, surface: Surface, u: ndarray) -> ndarray | None:
 def turn_of_normal(ply: Ply, surface: Surface, u: ndarray) -> ndarray:
     """Largest angle between the normals of a surface at two corners of an element.
 
-    Parameters
-    ----------
-    ply, surface, u
-        As of `beyond_edges`.
-
-    Returns
-    -------
-    ndarray
-        In radians, shape (n_elements,), of the elements of ``ply.mesh``.
+    In radians, of each element of ``ply.mesh``.  Arguments as of `beyond_edges`.
     """
     x, tool = _on_grown(ply, surface, u)
     normal = tool.gradient(x)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -12,10 +12,6 @@ from skfem import ElementH1, ElementQuad1, ElementTriP1
 from ..fabric import kinematics as kin
 from ..ply import Ply
 from .kinematic_net import Net
-
-if TYPE_CHECKING:
-    from scipy.spatial import KDTree
-
 
 # Iterations to the foot of a perpendicular on an element.  Chosen: on a square that is
 # twisted by 30° the foot of a point a tenth of a side away is off by 1e-8 of the side.
@@ -52,12 +48,12 @@ class Elements:
             normal += _RIDGE * size[:, None, None] * np.eye(2)
             right = np.einsum("ijn,in->nj", slopes, away)
             step = np.linalg.solve(normal, right[:, :, None])[:, :, 0].T
-            # Far beyond its edges an element tells nothing.
+            # Far beyond its edges the mapping of an element is meaningless.
             local = np.clip(local + step, -1.0, 2.0)
         return local, points - self.between(positions, element, local)
 
     def outside(self, local: ndarray) -> ndarray:
-        """How far local coordinates are beyond an element, 0 inside it."""
+        """Distance of local coordinates beyond an element, 0 inside it."""
         beyond = np.maximum(-local, 0.0).max(axis=0, initial=0.0)
         if len(self.nodes) == 4:
             return np.maximum(beyond, (local - 1).max(axis=0, initial=0.0))
@@ -120,36 +116,41 @@ def boundary_edges(cells: Sequence[ndarray]) -> ndarray:
     return edges[:, first[count == 1]]
 
 
+class ElementTree:
+    """A search for elements near points, by corners of shape (3, n_corners, n)."""
+
+    def __init__(self, corners: ndarray) -> None:
+        from scipy.spatial import KDTree  # not imported for other drapes
+
+        centres = corners.mean(axis=1)
+        self.radii = np.linalg.norm(corners - centres[:, None], axis=0).max(axis=0)
+        self._centres = KDTree(centres.T)
+
+    def pairs(
+        self, points: ndarray, reach: ndarray | float = np.inf
+    ) -> tuple[ndarray, ndarray]:
+        """Numbers of points, (3, n), each with every element that may be its nearest.
+
+        The nearest element is no further away than the nearest centre.
+        """
+        nearest, _ = self._centres.query(points.T)
+        within = self.radii.max() + np.minimum(reach, nearest)
+        near = self._centres.query_ball_point(points.T, within)
+        counts = np.array([len(found) for found in near], dtype=int)
+        point = np.repeat(np.arange(points.shape[1]), counts)
+        return point, np.array([e for found in near for e in found], dtype=int)
+
+
 def closest_on_triangles(
     positions: ndarray, triangles: ndarray, points: ndarray
 ) -> tuple[ndarray, ndarray]:
-    """The points of triangles that are closest to points in space.
+    """The points of triangles that are closest to points in space, shape (3, n).
 
-    Parameters
-    ----------
-    positions, triangles
-        Nodes in mm, shape (3, n_nodes), and their numbers, (3, n_triangles).
-    points
-        In mm, shape (3, n).
-
-    Returns
-    -------
-    tuple
-        The triangle of each point, shape (n,), and the shares of its corners, (3, n):
-        0 of those across from an edge, 1 of a corner where the point lies on it.
+    The triangle of each point, shape (n,), and the shares of its corners, (3, n): 0 of
+    those across from an edge, 1 of a corner where the point lies on it.
     """
     corners = positions[:, triangles]
-    centres = corners.mean(axis=1)
-    radii = np.linalg.norm(corners - centres[:, None], axis=0).max(axis=0)
-    from scipy.spatial import KDTree  # not imported for other drapes
-
-    tree = KDTree(centres.T)
-    # The closest triangle is no further away than the closest centre.
-    nearest, _ = tree.query(points.T)
-    near = tree.query_ball_point(points.T, nearest + radii.max())
-    counts = np.array([len(found) for found in near], dtype=int)
-    point = np.repeat(np.arange(points.shape[1]), counts)
-    triangle = np.array([t for found in near for t in found], dtype=int)
+    point, triangle = ElementTree(corners).pairs(points)
     shares, distance = _closest(corners[:, :, triangle], points[:, point])
     order = np.lexsort([distance, point])
     first = order[np.flatnonzero(np.diff(point[order], prepend=-1))]
@@ -214,7 +215,7 @@ class Places(NamedTuple):
 
     @property
     def found(self) -> ndarray:
-        """Whether a point of the sheet lies there, shape (n,)."""
+        """True where a point of the sheet was found, shape (n,)."""
         return self.element >= 0
 
 
@@ -292,14 +293,8 @@ class Sheet:
         return float(edge_lengths(self.positions, self.elements).max())
 
     @cached_property
-    def _tree(self) -> "tuple[KDTree, ndarray]":
-        """Centres of the elements, and their radii about them."""
-        x = self.positions[:, self.elements]
-        centres = x.mean(axis=1)
-        radii = np.linalg.norm(x - centres[:, None], axis=0).max(axis=0)
-        from scipy.spatial import KDTree  # not imported for other drapes
-
-        return KDTree(centres.T), radii
+    def _tree(self) -> "ElementTree":
+        return ElementTree(self.positions[:, self.elements])
 
     def at(self, points: ndarray, reach: ndarray | float | None = None) -> Places:
         """Points of the sheet that lie at points of a tool: feet of perpendiculars.
@@ -316,16 +311,10 @@ class Sheet:
         n, points = points.shape[1], np.clip(points, -_FAR, _FAR)
         reach = REACH * self.longest_edge if reach is None else reach
         most = np.broadcast_to(np.asarray(reach, dtype=float), n)
-        tree, radii = self._tree
-        # The nearest point of the sheet is no further away than the nearest centre.
-        nearest, _ = tree.query(points.T)
-        near = tree.query_ball_point(points.T, radii.max() + np.minimum(most, nearest))
-        counts = np.array([len(found) for found in near], dtype=int)
-        point = np.repeat(np.arange(n), counts)
-        element = np.array([e for found in near for e in found], dtype=int)
+        point, element = self._tree.pairs(points, most)
         local, away = self._elements.feet(self.positions, points[:, point], element)
         distance = np.linalg.norm(away, axis=0)
-        outside = self._elements.outside(local) * 2 * radii[element]
+        outside = self._elements.outside(local) * 2 * self._tree.radii[element]
         allowed = _ON_EDGE * self.longest_edge + _BETWEEN * distance
         taken = (outside <= allowed) & (distance <= most[point])
         # The nearest of each point is the last one written.

@@ -1,6 +1,6 @@
 """Meshes, fibre directions and fabrics in and out, and results out."""
 
-from .decks.fabrics import OF_FABRICS, read_fabric, write_fabric
+from .directions import OF_DIRECTIONS, read_directions, write_directions
 from .draping import (
     DRAPED,
     read_surface,
@@ -10,8 +10,8 @@ from .draping import (
     write_fibres,
     write_pattern,
 )
-from .fibres import OF_DIRECTIONS, read_directions, write_directions
-from .reading import read_mesh
+from .fabrics import OF_FABRICS, read_fabric, write_fabric
+from .meshes import read_mesh
 from .results import FIELDS, write_fields, write_history, write_summary
 
 __all__ = [

@@ -5,6 +5,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -24,17 +25,18 @@ from ..fabric.laws.tabulated import read_lines
 from ..mesh.checks import MeshError
 from ..mesh.user_input import excerpt, number_of_text, printable
 from ..solve.result import Result
-from .decks.abaqus import deck_of
-from .fibres import write_cells, write_directions
-from .reading import read_raw
+from .abaqus import deck_of
+from .directions import write_directions
+from .file_numbers import errors_about
+from .meshes import read_raw
 from .results import cell_fields, on_users_elements
+from .vtk import write_grid
 
 #: Names of files that `write_draped` writes.
 DRAPED = ("fibres.vtu", "fibres.csv", "fibres.inp")
 
 _VECTORS = ("warp_direction", "weft_direction")
 _MEASURES = ("warp_angle_deg", "weft_angle_deg", "shear_angle_deg")
-_FIBRE_COLUMNS = ("element", "x", "y", "z", "covered", *_MEASURES)
 
 
 def write_fibres(path: str | os.PathLike[str], fibres: FibresInSpace) -> None:
@@ -62,40 +64,29 @@ def write_fibres(path: str | os.PathLike[str], fibres: FibresInSpace) -> None:
         If the file cannot be written.
     """
     path = Path(path)
-    writers = {".vtu": _write_vtu, ".csv": _write_fibres_csv, ".inp": _write_deck}
-    if path.suffix.lower() not in writers:
-        raise ValueError(
-            f"{printable(path)}: fibres are written to {', '.join(writers)}"
-        )
-    writers[path.suffix.lower()](path, fibres)
-
-
-def _measures(fibres: FibresInSpace) -> tuple[ndarray, ...]:
-    return *fibres.angles_deg(), np.degrees(fibres.shear_angle)
-
-
-def _write_vtu(path: Path, fibres: FibresInSpace) -> None:
-    fields = dict(zip(_VECTORS, (fibres.warp.T, fibres.weft.T), strict=True))
-    fields["reference"] = fibres.reference().T
-    fields |= dict(zip(_MEASURES, _measures(fibres), strict=True))
-    fields["covered"] = fibres.covered.astype(int)
-    write_cells(path, fibres.mesh.cells, fibres.mesh.points, fields)
-
-
-def _write_fibres_csv(path: Path, fibres: FibresInSpace) -> None:
-    table = np.vstack([fibres.mesh.centres(), *_measures(fibres)]).T
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(_FIBRE_COLUMNS)
-        for i, row in enumerate(table.tolist(), 1):
-            there = fibres.covered[i - 1]
-            measures = row[3:] if there else [""] * len(_MEASURES)
-            writer.writerow([i, *row[:3], int(there), *measures])
-
-
-def _write_deck(path: Path, fibres: FibresInSpace) -> None:
-    mesh, directions = fibres.mesh, (fibres.warp, fibres.weft, fibres.normal)
-    path.write_text(deck_of(mesh.cells, mesh.points, *directions), encoding="utf-8")
+    mesh, suffix = fibres.mesh, path.suffix.lower()
+    measures = *fibres.angles_deg(), np.degrees(fibres.shear_angle)
+    if suffix == ".vtu":
+        fields = dict(zip(_VECTORS, (fibres.warp.T, fibres.weft.T), strict=True))
+        fields["reference"] = fibres.reference().T
+        fields |= dict(zip(_MEASURES, measures, strict=True))
+        fields["covered"] = fibres.covered.astype(int)
+        write_grid(path, mesh.points, mesh.cells, fields)
+    elif suffix == ".csv":
+        table = np.vstack([mesh.centres(), *measures]).T.tolist()
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(("element", "x", "y", "z", "covered", *_MEASURES))
+            rows = zip(table, fibres.covered.tolist(), strict=True)
+            for i, (row, covered) in enumerate(rows, 1):
+                known = row[3:] if covered else [""] * len(_MEASURES)
+                writer.writerow([i, *row[:3], int(covered), *known])
+    elif suffix == ".inp":
+        directions = fibres.warp, fibres.weft, fibres.normal
+        deck = deck_of(mesh.cells, mesh.points, *directions)
+        path.write_text(deck, encoding="utf-8")
+    else:
+        raise ValueError(f"{printable(path)}: fibres are written to .vtu, .csv, .inp")
 
 
 def write_draped(
@@ -123,9 +114,12 @@ def write_draped(
     ply, moved = result.ply, result.ply.nodal(result.u)
     files = [Path(folder) / name for name in DRAPED]
     if len(moved) == 3:
-        fibres = _in_axes(fibres_on_ply(ply, result.u), axes)
+        fibres = fibres_on_ply(ply, result.u)
+        names = "normal", "warp", "weft"
+        turned = {name: axes.turn @ getattr(fibres, name) for name in names}
+        place = ToolMesh(axes.of_tool(fibres.mesh.points), fibres.mesh.cells)
         for file in files:
-            write_fibres(file, fibres)
+            write_fibres(file, replace(fibres, mesh=place, **turned))
         return
     fields = on_users_elements(
         ply, cell_fields(ply, result.u, result.states[-1].parameters)
@@ -136,27 +130,14 @@ def write_draped(
         write_directions(file, ply.mesh, directions, points)
 
 
-def _in_axes(fibres: FibresInSpace, axes: Axes) -> FibresInSpace:
-    """Fibres with positions and directions in the axes of a tool."""
-    names = "normal", "warp", "weft"
-    turned = {name: axes.turn @ getattr(fibres, name) for name in names}
-    place = ToolMesh(axes.of_tool(fibres.mesh.points), fibres.mesh.cells)
-    return replace(fibres, mesh=place, **turned)
-
-
-_OUTLINE_COLUMNS = (
-    *("curve", "point", "x", "y", "along", "warp_angle_deg", "weft_angle_deg"),
-    *("tool_x", "tool_y", "tool_z"),
-)
-
 # Length of an axis, and height of letters, as shares of the pattern's smaller extent.
 _AXIS, _LETTERS = 0.25, 0.04
 
 # Margin and width of lines of an SVG, as shares of the larger extent.
 _MARGIN, _LINE = 0.05, 0.002
 
-# Layers of a DXF and colours of an SVG.
-_CUT, _FAMILIES = ("CUT", "black"), (("WARP", "#c0392b"), ("WEFT", "#2464a4"))
+# Colours of both families in an SVG.
+_COLOURS = {"warp": "#c0392b", "weft": "#2464a4"}
 
 _MILLIMETRES = 4  # of the variable $INSUNITS of a DXF
 
@@ -202,7 +183,12 @@ def write_pattern(
 def _write_outline_csv(path: Path, curves: list[FlatPattern]) -> None:
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(_OUTLINE_COLUMNS)
+        writer.writerow(
+            (
+                *("curve", "point", "x", "y", "along"),
+                *("warp_angle_deg", "weft_angle_deg", "tool_x", "tool_y", "tool_z"),
+            )
+        )
         for number, curve in enumerate(curves, 1):
             steps = np.linalg.norm(np.diff(curve.outline, axis=1), axis=0)
             along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -215,31 +201,30 @@ def _write_outline_csv(path: Path, curves: list[FlatPattern]) -> None:
             )
 
 
-def _axes(curves: list[FlatPattern]) -> tuple[ndarray, ndarray]:
-    """Middle of a pattern, and arrows along warp and weft, shapes (2,) and (2, 2)."""
-    low, high = _extent(curves)
-    families = [
-        np.hstack(of) for of in zip(*((c.warp, c.weft) for c in curves), strict=True)
-    ]
-    means = np.array([family.mean(axis=1) for family in families])
-    length = _AXIS * (high - low).min()
-    arrows = length * means / np.linalg.norm(means, axis=1, keepdims=True)
-    return curves[0].outline.mean(axis=1), arrows
+class _Drawing(NamedTuple):
+    """Extent of a pattern, its middle, and arrows along warp and weft by colour."""
 
+    low: ndarray
+    high: ndarray
+    middle: ndarray
+    arrows: dict[str, ndarray]
 
-def _extent(curves: list[FlatPattern]) -> tuple[ndarray, ndarray]:
-    points = np.hstack([curve.outline for curve in curves])
-    return points.min(axis=1), points.max(axis=1)
+    @classmethod
+    def of(cls, curves: list[FlatPattern]) -> "_Drawing":
+        points = np.hstack([curve.outline for curve in curves])
+        low, high = points.min(axis=1), points.max(axis=1)
+        length, arrows = _AXIS * (high - low).min(), {}
+        for name in _COLOURS:
+            family = np.hstack([getattr(curve, name) for curve in curves])
+            mean = family.mean(axis=1)
+            arrows[name] = length * mean / np.linalg.norm(mean)
+        return cls(low, high, curves[0].outline.mean(axis=1), arrows)
 
 
 def _write_svg(path: Path, curves: list[FlatPattern]) -> None:
-    low, high = _extent(curves)
+    low, high, (x, y), arrows = _Drawing.of(curves)
     size = high - low
-    margin, line, letters = (
-        _MARGIN * size.max(),
-        _LINE * size.max(),
-        _LETTERS * size.min(),
-    )
+    margin, line = _MARGIN * size.max(), _LINE * size.max()
     width, height = size + 2 * margin
     left, top = low[0] - margin, -high[1] - margin
     lines = [
@@ -250,17 +235,16 @@ def _write_svg(path: Path, curves: list[FlatPattern]) -> None:
     for curve in curves:
         points = " ".join(f"{x:.6g},{-y:.6g}" for x, y in curve.outline.T)
         lines.append(
-            f'<polygon points="{points}" fill="none" stroke="{_CUT[1]}" '
+            f'<polygon points="{points}" fill="none" stroke="black" '
             f'stroke-width="{line:g}"/>'
         )
-    middle, arrows = _axes(curves)
-    for (name, colour), arrow in zip(_FAMILIES, arrows, strict=True):
-        (x, y), (x_end, y_end) = middle, middle + arrow
+    for name, arrow in arrows.items():
+        x_end, y_end = x + arrow[0], y + arrow[1]
         lines += [
             f'<line x1="{x:g}" y1="{-y:g}" x2="{x_end:g}" y2="{-y_end:g}" '
-            f'stroke="{colour}" stroke-width="{2 * line:g}"/>',
-            f'<text x="{x_end:g}" y="{-y_end:g}" font-size="{letters:g}" '
-            f'font-family="sans-serif" fill="{colour}">{name.lower()}</text>',
+            f'stroke="{_COLOURS[name]}" stroke-width="{2 * line:g}"/>',
+            f'<text x="{x_end:g}" y="{-y_end:g}" font-size="{_LETTERS * size.min():g}" '
+            f'font-family="sans-serif" fill="{_COLOURS[name]}">{name}</text>',
         ]
     path.write_text("\n".join([*lines, "</svg>", ""]), encoding="utf-8")
 
@@ -272,22 +256,21 @@ def _write_dxf(path: Path, curves: list[FlatPattern]) -> None:
         raise ImportError(
             "a .dxf needs ezdxf: pip install 'skfem-textile[dxf]', or write a .svg"
         ) from None
-    drawing = ezdxf.new("R2000", units=_MILLIMETRES)
-    space = drawing.modelspace()
-    for name in (_CUT[0], *(name for name, _ in _FAMILIES)):
-        drawing.layers.add(name)
+    low, high, middle, arrows = _Drawing.of(curves)
+    file = ezdxf.new("R2000", units=_MILLIMETRES)
+    space = file.modelspace()
+    for name in ("CUT", "WARP", "WEFT"):
+        file.layers.add(name)
     for curve in curves:
-        layer = {"layer": _CUT[0]}
+        layer = {"layer": "CUT"}
         space.add_lwpolyline(curve.outline.T.tolist(), close=True, dxfattribs=layer)
-    low, high = _extent(curves)
     letters = _LETTERS * (high - low).min()
-    middle, arrows = _axes(curves)
-    for (name, _), arrow in zip(_FAMILIES, arrows, strict=True):
-        layer, end = {"layer": name}, (middle + arrow).tolist()
-        space.add_line(middle.tolist(), end, dxfattribs=layer)
-        text = space.add_text(name, height=letters, dxfattribs=layer)
+    for family, arrow in arrows.items():
+        name, end = family.upper(), (middle + arrow).tolist()
+        space.add_line(middle.tolist(), end, dxfattribs={"layer": name})
+        text = space.add_text(name, height=letters, dxfattribs={"layer": name})
         text.set_placement(end)
-    drawing.saveas(path)
+    file.saveas(path)
 
 
 def read_tool_mesh(path: str | os.PathLike[str]) -> ToolMesh:
@@ -305,16 +288,14 @@ def read_tool_mesh(path: str | os.PathLike[str]) -> ToolMesh:
     MeshError
         If the file cannot be read, or holds no surface in space.
     """
-    try:
+    with errors_about(path):
         return ToolMesh(*_points_and_cells(path))
-    except MeshError as error:
-        raise MeshError(f"{printable(path)}: {error}") from None
 
 
 def _points_and_cells(
     path: str | os.PathLike[str],
 ) -> tuple[ndarray, tuple[ndarray, ...]]:
-    """What a `ToolMesh` is made of, as it stands in a file."""
+    """Points and cells of a file, the arguments of `ToolMesh`."""
     raw, _ = read_raw(Path(path))
     cells = tuple(
         np.asarray(block.data, dtype=int).T
@@ -344,11 +325,9 @@ def read_surface(path: str | os.PathLike[str]) -> TriangleMesh:
     MeshError
         If the file cannot be read, or holds no surface.
     """
-    try:
+    with errors_about(path):
         points, cells = _points_and_cells(path)
         return TriangleMesh(points, cut_in_two(cells))
-    except MeshError as error:
-        raise MeshError(f"{printable(path)}: {error}") from None
 
 
 def read_trimming_curve(path: str | os.PathLike[str]) -> ndarray:

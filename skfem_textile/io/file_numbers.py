@@ -1,13 +1,28 @@
 """Numbers in files, as text or binary, read with all checks of their count."""
 
 import contextlib
+from collections.abc import Iterator
 from typing import Any, NoReturn
 
 import numpy as np
 from numpy import ndarray
 
 from ..mesh.checks import MeshError
-from ..mesh.user_input import excerpt
+from ..mesh.user_input import excerpt, printable
+
+
+@contextlib.contextmanager
+def errors_about(what: object) -> Iterator[None]:
+    """Raise errors as a `MeshError` that begins with what they are about."""
+    try:
+        yield
+    except OSError as error:
+        message = printable(error.strerror or error)
+    except ValueError as error:
+        message = str(error)
+    else:
+        return
+    raise MeshError(f"{printable(what)}: {message}") from None
 
 
 def word_of(x: float | None) -> str:
@@ -22,13 +37,7 @@ def word_of(x: float | None) -> str:
 
 
 def from_words(words: list[bytes], dtype: Any) -> ndarray:
-    """Convert words to numbers of a type, shape (n,).
-
-    Raises
-    ------
-    MeshError
-        If a word is no such number, or too large for the type.
-    """
+    """Numbers of a type, shape (n,); other words, and too large ones, are refused."""
     dtype = np.dtype(dtype)
     parse: Any = float if dtype.kind == "f" else int
     try:
@@ -121,13 +130,7 @@ class BinaryNumbers:
 
 
 def tag_positions(tags: ndarray, wanted: ndarray, what: str) -> ndarray:
-    """Positions of wanted tags among tags, in the shape of the wanted ones.
-
-    Raises
-    ------
-    MeshError
-        If a wanted tag is missing.
-    """
+    """Positions of wanted tags among tags, in the shape of the wanted ones."""
     if not len(tags):
         raise MeshError(f"it has no {what}")
     order = np.argsort(tags, kind="stable")
@@ -140,13 +143,7 @@ def tag_positions(tags: ndarray, wanted: ndarray, what: str) -> ndarray:
 
 
 def refuse_duplicates(tags: ndarray, what: str) -> None:
-    """Refuse duplicate tags.
-
-    Raises
-    ------
-    MeshError
-        If there are any.
-    """
+    """Refuse duplicate tags."""
     tags = np.sort(tags)
     if (duplicates := tags[1:][tags[1:] == tags[:-1]]).size:
         raise MeshError(f"there are two of {what} {duplicates[0]}; number them apart")

@@ -13,6 +13,7 @@ from ..mesh.user_input import excerpt
 from .file_numbers import (
     BinaryNumbers,
     TextNumbers,
+    errors_about,
     from_words,
     refuse_duplicates,
     tag_positions,
@@ -56,12 +57,11 @@ def nodes_22(numbers: Numbers) -> tuple[ndarray, ndarray]:
 
 def _count_22(numbers: Numbers) -> int:
     """Number of nodes or elements, which is always text."""
-    words = (
-        TextNumbers(numbers.line()) if isinstance(numbers, BinaryNumbers) else numbers
-    )
-    (count,) = words.take(1, "i4").tolist()
-    if words is not numbers:
-        words.refuse_rest()
+    if isinstance(numbers, TextNumbers):
+        return numbers.take(1, "i4").item()
+    line = TextNumbers(numbers.line())
+    count = line.take(1, "i4").item()
+    line.refuse_rest()
     return count
 
 
@@ -78,9 +78,8 @@ def cells_22(numbers: Numbers) -> list[CellBlock]:
     blocks = []
     for kind, parts in by_kind.items():
         cells = np.vstack(parts)
-        members = np.arange(len(cells))
-        groups = np.abs(cells[:, 1])
-        blocks.append(CellBlock(kind, cells[:, 0], cells[:, 2:], members, groups))
+        of_each = np.arange(len(cells)), np.abs(cells[:, 1])
+        blocks.append(CellBlock(kind, cells[:, 0], cells[:, 2:], *of_each))
     return blocks
 
 
@@ -180,10 +179,8 @@ def cells_41(
         rows = numbers.take(count * width, "u8").reshape(count, width)
         own_groups = np.array((groups or {}).get((dimension, tag), []), dtype="i4")
         members = np.repeat(np.arange(count), len(own_groups))
-        block = CellBlock(
-            kind, rows[:, 0], rows[:, 1:], members, np.tile(own_groups, count)
-        )
-        blocks.append(block)
+        of_each = members, np.tile(own_groups, count)
+        blocks.append(CellBlock(kind, rows[:, 0], rows[:, 1:], *of_each))
     _refuse_count(n_cells, sum(len(block.numbers) for block in blocks))
     return blocks
 
@@ -201,12 +198,9 @@ _Names = dict[tuple[int, int], str]
 
 
 def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
-    """Read a file of Gmsh; its groups with a name are sets of cells.
+    """The mesh of a file of Gmsh, and names of the sections that are not read.
 
-    Returns
-    -------
-    tuple
-        The mesh, and names of the sections that are not read.
+    Groups with a name are sets of cells.
 
     Raises
     ------
@@ -226,12 +220,10 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
     names = _group_names(sections.get("PhysicalNames", b"0"))
 
     def parsed(name: str, parse: Any, *more: Any) -> Any:
-        try:
+        with errors_about(f"${name}"):
             numbers = (BinaryNumbers if binary else TextNumbers)(sections[name])
             result = parse(numbers, *more)
             numbers.refuse_rest()
-        except MeshError as error:
-            raise MeshError(f"${name}: {error}") from None
         return result
 
     if version == "4.1":

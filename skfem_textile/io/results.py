@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import meshio
 import numpy as np
 from numpy import ndarray
 
@@ -29,6 +28,7 @@ from ..solve.result import Result
 from ..solve.states import State
 from ..solve.surface import Surface
 from .file_numbers import word_of
+from .vtk import write_grid
 
 
 def point_fields(ply: Ply, u: ndarray) -> dict[str, ndarray]:
@@ -66,21 +66,11 @@ def cell_fields(
 def fields_on_tool(
     ply: Ply, surface: Surface, state: State
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
-    """Fields of a ply that lies on a surface, of its vertices and of its elements.
+    """Fields of a ply on a surface as it is at a state, of its vertices and elements.
 
-    Parameters
-    ----------
-    ply, surface
-        The ply, and the surface at the load factor of the state.
-    state
-        The state.
-
-    Returns
-    -------
-    tuple
-        Of the vertices ``contact_pressure`` (N/mm²), of the elements ``wrinkle_risk``
-        and ``bridging``, 1 where there is some, and on a tool of triangles
-        ``beyond_tool``, 1 beyond its edges.
+    Of the vertices ``contact_pressure`` (N/mm²), of the elements ``wrinkle_risk`` and
+    ``bridging``, 1 where there is some, and on a tool of triangles ``beyond_tool``, 1
+    beyond its edges.
     """
     u = state.u
     pressure = contact_pressure(ply, surface, u, state.load_factor, state.parameters)
@@ -107,7 +97,7 @@ def on_users_elements(ply: Ply, fields: dict[str, ndarray]) -> dict[str, ndarray
 
 
 def _extreme(x: ndarray) -> ndarray:
-    """Of each element's points the value of largest magnitude."""
+    """The value of largest magnitude over the points of each element."""
     largest = np.abs(x).argmax(axis=-1)
     return np.take_along_axis(x, largest[:, None], axis=-1)[:, 0]
 
@@ -170,11 +160,16 @@ def _write_series(
     """Write a file per state, and the .pvd file that lists them."""
     series = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(series, "Collection")
+    place = axes.of_tool(np.pad(result.ply.mesh.p, ((0, 1), (0, 0))))
     for i, state in enumerate(result.states):
         name = f"{prefix}step_{i:04d}.vtu"
         points, fields = _fields(result, state, axes)
-        place = axes.of_tool(np.pad(result.ply.mesh.p, ((0, 1), (0, 0))))
-        _write_state(place, folder / name, cells, points, on_cells(fields))
+        write_grid(folder / name, place, cells, on_cells(fields), points)
+        # Fields that a viewer shows, and warps by, at first; meshio cannot set them.
+        text = (folder / name).read_bytes()
+        text = text.replace(b"<PointData>", b'<PointData Vectors="displacement">', 1)
+        text = text.replace(b"<CellData>", b'<CellData Scalars="shear_angle">', 1)
+        (folder / name).write_bytes(text)
         ElementTree.SubElement(
             collection, "DataSet", timestep=repr(state.load_factor), file=name
         )
@@ -196,31 +191,6 @@ def _fields(
         for fields in (points, cells)
     ]
     return turned[0], turned[1]
-
-
-def _write_state(
-    place: ndarray,
-    path: Path,
-    cells: Sequence[ndarray],
-    points: dict[str, ndarray],
-    fields: dict[str, ndarray],
-) -> None:
-    # The vertices of the cells: not those that came with the split.
-    n = 1 + max(cell.max() for cell in cells)
-    points = {k: v[:n] for k, v in points.items()}
-    ends = np.cumsum([cell.shape[1] for cell in cells])[:-1]
-    by_block: dict[str, Any] = {k: np.split(v, ends) for k, v in fields.items()}
-    meshio.Mesh(
-        place.T[:n],
-        [({3: "triangle", 4: "quad"}[len(cell)], cell.T) for cell in cells],
-        point_data=dict(points),
-        cell_data=by_block,
-    ).write(path)
-    # Fields that a viewer shows, and warps by, at first; meshio cannot set them.
-    text = path.read_bytes()
-    text = text.replace(b"<PointData>", b'<PointData Vectors="displacement">', 1)
-    text = text.replace(b"<CellData>", b'<CellData Scalars="shear_angle">', 1)
-    path.write_bytes(text)
 
 
 def write_history(result: Result, path: str | os.PathLike[str]) -> None:

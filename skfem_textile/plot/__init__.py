@@ -1,10 +1,10 @@
 """Pictures of meshes and results: pixels by pyvista, vectors by matplotlib."""
 
 try:
-    from .animation import animation
     from .curves import curves, plot_law, plot_tensions
     from .fields import FIELDS, Field
     from .pictures import (
+        animation,
         contact_sheet,
         draped,
         fibre_directions,

@@ -90,7 +90,7 @@ def curves(
 
 
 def _columns(labels: Sequence[str], width: float) -> int:
-    """How many columns of a legend fit a width in mm."""
+    """The number of columns of a legend that fit a width in mm."""
     size = TITLE * POINT
     for n in range(_MOST_COLUMNS, 1, -1):
         columns = np.array_split([text_width(label, TITLE) for label in labels], n)

@@ -1,13 +1,19 @@
-"""What a picture can show in colours."""
+"""Fields of results, and shapes of plies and tools, as pictures show them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
+from ..drape import triangles_on
 from ..io.results import cell_fields, point_fields
 from ..ply import Ply
+from ..solve.result import Result
+from ..solve.states import State
+from ..solve.surface import Grown, Surface
+from .sheet import Scale, Shape, Tool, eye_axes, in_perspective
 
 
 @dataclass(frozen=True)
@@ -40,8 +46,12 @@ class Field:
     symmetric: bool = False
 
 
-def _of_cells(name: str, factor: float = 1.0) -> Callable[[Ply, ndarray], ndarray]:
-    return lambda ply, u: factor * cell_fields(ply, u)[name]
+def _of_family(label: str, factor: float = 1.0) -> Field:
+    """A strain or tension of fibres, one of the fields of elements."""
+    name = "_".join(label.lower().split()[:2])
+    return Field(
+        label, lambda ply, u: factor * cell_fields(ply, u)[name], "RdBu_r", True
+    )
 
 
 def _moved(ply: Ply, u: ndarray) -> ndarray:
@@ -52,19 +62,13 @@ def _moved(ply: Ply, u: ndarray) -> ndarray:
 
 #: Fields by their names.
 FIELDS: Mapping[str, Field] = {
-    "shear_angle": Field("Shear angle (°)", _of_cells("shear_angle")),
-    "warp_strain": Field(
-        "Warp strain (%)", _of_cells("warp_strain", 100), "RdBu_r", symmetric=True
+    "shear_angle": Field(
+        "Shear angle (°)", lambda ply, u: cell_fields(ply, u)["shear_angle"]
     ),
-    "weft_strain": Field(
-        "Weft strain (%)", _of_cells("weft_strain", 100), "RdBu_r", symmetric=True
-    ),
-    "warp_tension": Field(
-        "Warp tension (N/mm)", _of_cells("warp_tension"), "RdBu_r", symmetric=True
-    ),
-    "weft_tension": Field(
-        "Weft tension (N/mm)", _of_cells("weft_tension"), "RdBu_r", symmetric=True
-    ),
+    "warp_strain": _of_family("Warp strain (%)", 100),
+    "weft_strain": _of_family("Weft strain (%)", 100),
+    "warp_tension": _of_family("Warp tension (N/mm)"),
+    "weft_tension": _of_family("Weft tension (N/mm)"),
     "displacement": Field("Displacement (mm)", _moved, "cividis"),
     "area_ratio": Field(
         "Area over initial area", lambda ply, u: ply.least_area_ratio(u), "cividis"
@@ -73,13 +77,7 @@ FIELDS: Mapping[str, Field] = {
 
 
 def field_of(field: str | Field) -> Field:
-    """The field of a name, or what is a field already.
-
-    Raises
-    ------
-    ValueError
-        If there is no field of that name.
-    """
+    """The field of a name, or what is a field already."""
     if isinstance(field, Field):
         return field
     if field not in FIELDS:
@@ -88,13 +86,7 @@ def field_of(field: str | Field) -> Field:
 
 
 def values_of(field: Field, ply: Ply, u: ndarray) -> ndarray:
-    """The values of a field, one finite number for each element.
-
-    Raises
-    ------
-    ValueError
-        If they are something else.
-    """
+    """The values of a field, refused if not one finite number for each element."""
     values = np.asarray(field.values(ply, u), dtype=float)
     if values.shape != (ply.mesh.nelements,):
         raise ValueError(
@@ -115,3 +107,72 @@ def reach(fields: Sequence[ndarray], symmetric: bool) -> tuple[float, float]:
         high = max(-low, high)
         low = -high
     return min(low, 0.0), max(high, 0.0)
+
+
+# Chosen by eye: how far a tool is drawn beyond the ply, over the diagonal of the ply's
+# box; cubes along the longest side of that box; the darkest and the lightest grey; and
+# from where light comes: to the right, up and towards the eye.
+_BEYOND, _CUBES, _GREYS, _LIGHT = 0.17, 56, (0.58, 0.93), (-0.35, 0.65, 0.67)
+
+
+def tool_under(points: ndarray, surface: Surface) -> Tool:
+    """The part of a tool that is near a ply, by the corners of its elements, (n, 3)."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    beyond = _BEYOND * np.linalg.norm(high - low)
+    x, triangles, normal = _triangles(surface, low - beyond, high + beyond)
+    normal = eye_axes(on_tool=True) @ normal
+    normal = normal / np.linalg.norm(normal, axis=0)
+    light = np.array(_LIGHT) / np.linalg.norm(_LIGHT)
+    lit = np.clip(light @ (normal * np.copysign(1.0, normal[2])), 0.0, 1.0)
+    return Tool(x.T, triangles, _GREYS[0] + (_GREYS[1] - _GREYS[0]) * lit)
+
+
+def _triangles(
+    surface: Surface, low: ndarray, high: ndarray
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Triangles of a tool in a box: corners, their numbers, and normals.
+
+    Those of a tool of triangles are its own: nothing is drawn beyond its edges.
+    """
+    whole = surface.surface if isinstance(surface, Grown) else surface
+    facets = getattr(whole, "facets", None)  # of a `TriangleMesh`
+    if facets is None or getattr(surface, "t", 1.0) == 0:
+        x, triangles = triangles_on(surface, low, high, _CUBES)
+        return x, triangles, surface.gradient(x[:, triangles].mean(axis=1))
+    x, triangles = facets.points, facets.triangles()
+    if isinstance(surface, Grown):
+        point = surface.point[:, None]
+        x = point + (x - point) / surface.t
+    inside = (np.clip(x.T, low, high) == x.T).all(axis=1)
+    triangles = triangles[:, inside[triangles].any(axis=0)]
+    a, b, c = x[:, triangles].swapaxes(0, 1)
+    return np.clip(x.T, low, high).T, triangles, np.cross(b - a, c - a, axis=0)
+
+
+def shapes_of(results: Sequence[Result], states: Sequence[State]) -> list[Shape]:
+    """The plies of results in a state each, with straight edges between the vertices.
+
+    In perspective if one of them is in space, and with the tools on which they lie.
+    """
+    shapes = []
+    for result, at in zip(results, states, strict=True):
+        shape = Shape.of(result.ply.mesh, result.ply.nodal(at.u))
+        if surface := result.tool(at.load_factor):
+            shape = shape._replace(tool=tool_under(shape.points, surface))
+        shapes.append(shape)
+    in_space = any(len(result.ply.nodal(result.u)) == 3 for result in results)
+    return in_perspective(shapes) if in_space else shapes
+
+
+def on_one_scale(
+    results: Sequence[Result],
+    states: Sequence[State],
+    field: Field,
+    cmap: Any = None,
+    clim: Sequence[float] | None = None,
+) -> tuple[list[ndarray], Scale]:
+    """The values of a field of each result, and the scale of them all."""
+    pairs = zip(results, states, strict=True)
+    shown = [values_of(field, result.ply, at.u) for result, at in pairs]
+    found = reach(shown, field.symmetric)
+    return shown, Scale.of(field.label, found, cmap or field.cmap, clim)

@@ -1,17 +1,13 @@
-"""Where things stand on a picture, in mm."""
+"""Layout of a picture: positions of panels, scales and text in mm."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.font_manager import findfont, get_font
 from numpy import ndarray
 
-from .sheet import Legend, Scale, Sheet
-
-if TYPE_CHECKING:
-    from .sheet import Panel, Scale
-
+from .sheet import Legend, Panel, Scale, Sheet
 
 #: Sizes of titles and of the numbers on a scale, in points.
 TITLE, NUMBER = 8.0, 7.0
@@ -108,7 +104,7 @@ class Box(NamedTuple):
 class Bar(NamedTuple):
     """The coloured rectangle of a scale."""
 
-    scale: "Scale"
+    scale: Scale
     box: Box
 
     @property
@@ -134,10 +130,10 @@ class Stroke(NamedTuple):
 class Place(NamedTuple):
     """A panel: its box, and within it that of the ply, and its title."""
 
-    panel: "Panel"
+    panel: Panel
     box: Box
     ply: Box
-    title: list["Writing"]
+    title: list[Writing]
 
     @property
     def middle(self) -> ndarray:
@@ -157,7 +153,16 @@ class Below(NamedTuple):
     box: Box
     bars: list[Bar]
     strokes: list[Stroke]
-    writings: list["Writing"]
+    writings: list[Writing]
+
+    def with_top(self, top: float) -> "Below":
+        """The legend with its top at a height, and its box down to the bottom."""
+        return Below(
+            self.box._replace(y=0.0, height=top),
+            [b._replace(box=b.box._replace(y=b.box.y + top)) for b in self.bars],
+            [stroke._replace(y=stroke.y + top) for stroke in self.strokes],
+            [writing._replace(y=writing.y + top) for writing in self.writings],
+        )
 
 
 class Layout(NamedTuple):
@@ -180,69 +185,35 @@ _THICKNESS, _LONGEST, _SHARE, _GAP = 2.2, 70.0, 0.8, 1.5
 KEY, KEY_GAP, _KEY_END = 4.0, 1.0, 4.0
 
 
-class LegendLines:
-    """A legend whose lines are known, to be placed.
-
-    Parameters
-    ----------
-    legend
-        The legend.
-    cell
-        Width of a column in mm.
-    """
-
-    def __init__(self, legend: Legend, cell: float) -> None:
-        self.legend, self.x = legend, legend.first * cell
-        self.width = (legend.last - legend.first) * cell
-        self.label = (
-            wrapped(legend.scale.label, self.width - 2 * MARGIN, TITLE)
-            if legend.scale
-            else []
-        )
-        scale = (
-            _THICKNESS
-            + text_height(1, NUMBER)
-            + text_height(len(self.label), TITLE)
-            + 1.0
-        )
-        self.keys = _rows_of_keys(legend.keys, self.width - 2 * MARGIN)
-        self.height = MARGIN + text_height(len(self.keys), TITLE)
-        self.height += scale if legend.scale else 0.0
-
-    def placed(self, top: float) -> Below:
-        """What is in the legend, from ``top`` down."""
-        below = Below(Box(self.x, 0.0, self.width, top), [], [], [])
-        middle, y = self.x + self.width / 2, top - MARGIN
-        if self.legend.scale:
-            y = self._place_scale(below, middle, y) - 1.0
-        for row in self.keys:
-            y -= text_height(1, TITLE)
-            self._place_keys(below, row, middle, y + 0.5 * text_height(1, TITLE))
-        return below
-
-    def _place_scale(self, below: Below, middle: float, top: float) -> float:
-        scale = self.legend.scale
-        assert scale is not None
-        length = min(_LONGEST, _SHARE * self.width)
-        box = Box(middle - length / 2, top - _THICKNESS, length, _THICKNESS)
+def _legend(legend: Legend, cell: float) -> Below:
+    """A legend below columns of a width in mm, from y = 0 downwards."""
+    left, width = legend.first * cell, (legend.last - legend.first) * cell
+    below, middle, y = (
+        Below(Box(left, 0, width, 0), [], [], []),
+        left + width / 2,
+        -MARGIN,
+    )
+    if scale := legend.scale:
+        length = min(_LONGEST, _SHARE * width)
+        box = Box(middle - length / 2, y - _THICKNESS, length, _THICKNESS)
         below.bars.append(Bar(scale, box))
         y = box.y - 0.5 * text_height(1, NUMBER)
         for tick, text in _numbers(scale, length):
             share = (tick - scale.low) / (scale.high - scale.low)
             below.writings.append(Writing(text, box.x + share * length, y, NUMBER))
-        low = box.y - text_height(1, NUMBER)
-        below.writings.extend(text_lines(self.label, middle, low, TITLE))
-        return low - text_height(len(self.label), TITLE)
-
-    @staticmethod
-    def _place_keys(
-        below: Below, row: Sequence[tuple[str, str]], middle: float, y: float
-    ) -> None:
+        y -= 0.5 * text_height(1, NUMBER)
+        label = wrapped(scale.label, width - 2 * MARGIN, TITLE)
+        below.writings.extend(text_lines(label, middle, y, TITLE))
+        y -= text_height(len(label), TITLE) + 1.0
+    for row in _rows_of_keys(legend.keys, width - 2 * MARGIN):
+        y -= text_height(1, TITLE)
+        at = y + 0.5 * text_height(1, TITLE)
         x = middle - (sum(_key_width(name) for name, _ in row) - _KEY_END) / 2
         for name, colour in row:
-            below.strokes.append(Stroke(colour, x, y))
-            below.writings.append(Writing(name, x + KEY + KEY_GAP, y, TITLE, "left"))
+            below.strokes.append(Stroke(colour, x, at))
+            below.writings.append(Writing(name, x + KEY + KEY_GAP, at, TITLE, "left"))
             x += _key_width(name)
+    return below._replace(box=Box(left, y, width, -y))
 
 
 def _key_width(name: str) -> float:
@@ -294,18 +265,8 @@ _FEW_COLUMNS = 2
 def lay_out(sheet: Sheet, size: float | tuple[float, float] | None = None) -> Layout:
     """Place panels and legends.
 
-    Parameters
-    ----------
-    sheet
-        Panels and legends.
-    size
-        Width in mm, or width and height; by default a journal's column or page, and as
-        high as needed.
-
-    Raises
-    ------
-    ValueError
-        If the size is not one or two numbers above zero, or leaves no room.
+    The size is the width in mm, or width and height; by default a journal's column or
+    page, and as high as needed.  One that leaves no room is refused.
     """
     width, height = _size(size, len(sheet.rows[0]))
     cell = width / len(sheet.rows[0])
@@ -314,8 +275,8 @@ def lay_out(sheet: Sheet, size: float | tuple[float, float] | None = None) -> La
         for row in sheet.rows
     ]
     above = [MARGIN + text_height(max(map(len, row)), TITLE) for row in titles]
-    legends = [LegendLines(legend, cell) for legend in sheet.legends]
-    low = max((legend.height for legend in legends), default=0.0) + MARGIN
+    legends = [_legend(legend, cell) for legend in sheet.legends]
+    low = max((legend.box.height for legend in legends), default=0.0) + MARGIN
     high = _ply_height(sheet, cell, height and height - low - sum(above))
     whole = low + sum(above) + high * len(sheet.rows)
     places, top = [], whole
@@ -329,7 +290,7 @@ def lay_out(sheet: Sheet, size: float | tuple[float, float] | None = None) -> La
             placed.append(Place(panel, Box(x, y, cell, over + high), ply, written))
         places.append(placed)
         top = y
-    return Layout(width, whole, places, [legend.placed(low) for legend in legends])
+    return Layout(width, whole, places, [legend.with_top(low) for legend in legends])
 
 
 def default_width(columns: int) -> float:

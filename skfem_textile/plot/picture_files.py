@@ -1,7 +1,8 @@
 """Paths of pictures, checked before drawing, and how they are written."""
 
+import contextlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,14 +55,15 @@ def picture_path(
 
 
 def is_vector(path: Path | None) -> bool:
-    """Whether the name of a file asks for vectors."""
+    """True if the suffix of a file is that of vector graphics."""
     return path is not None and path.suffix.lower() in VECTORS
 
 
-def write(path: Path, suffix: str, written: Callable[[Path], Any]) -> None:
-    """Write a file under a temporary name, then rename it."""
+@contextlib.contextmanager
+def written_whole(path: Path, suffix: str) -> Iterator[Path]:
+    """A temporary name to write a file under, which is then renamed."""
     unfinished = path.with_name(f".unfinished-{path.stem}{suffix}")
-    written(unfinished)
+    yield unfinished
     unfinished.replace(path)
 
 
@@ -72,19 +74,13 @@ def save(figure: "Figure", path: Path | None) -> None:
     if path is None:
         return
     suffix = path.suffix.lower() or SUFFIXES[0]
-    metadata = _NO_DATE.get(suffix)
-    with mpl.rc_context(_STYLE):
-        write(
-            path,
-            suffix,
-            lambda file: figure.savefig(file, dpi=_DOTS, metadata=metadata),
-        )
+    with mpl.rc_context(_STYLE), written_whole(path, suffix) as file:
+        figure.savefig(file, dpi=_DOTS, metadata=_NO_DATE.get(suffix))
 
 
 def save_pixels(pixels: Any, path: Path) -> None:
     """Write pixels as a PNG that is printed with 300 dots per inch."""
     from PIL import Image
 
-    write(
-        path, ".png", lambda file: Image.fromarray(pixels).save(file, dpi=(_DOTS,) * 2)
-    )
+    with written_whole(path, ".png") as file:
+        Image.fromarray(pixels).save(file, dpi=(_DOTS, _DOTS))

@@ -1,4 +1,4 @@
-"""Pictures of plies: fields in colours, fibres, and what was found of states."""
+"""Pictures of plies: fields in colours, fibres, verdicts on states, animations."""
 
 import os
 from collections.abc import Sequence
@@ -13,10 +13,18 @@ from ..io.results import cell_fields, fields_on_tool
 from ..mesh.splitting import original_elements
 from ..solve.result import Result, StepError
 from ..solve.states import State
-from .fields import FIELDS, Field, field_of, reach, values_of
-from .layout import PAGE
-from .renderers.drawing import draw
-from .shapes import chosen, on_one_scale
+from .drawing import draw, pyvista_drawing
+from .fields import (
+    FIELDS,
+    Field,
+    field_of,
+    on_one_scale,
+    reach,
+    shapes_of,
+    values_of,
+)
+from .layout import PAGE, lay_out
+from .picture_files import picture_path, written_whole
 from .sheet import (
     REFUSED,
     WARP,
@@ -34,35 +42,87 @@ if TYPE_CHECKING:
     import pyvista as pv
     from matplotlib.figure import Figure
 
+# Names and colours of families.
+_FAMILIES = [("Warp", WARP), ("Weft", WEFT)]
 
-# Names of families, and of the fields of their strains.
-_STRAINS = {"Warp": "warp_strain", "Weft": "weft_strain"}
 
+class View(TypedDict, total=False):
+    """Options of every picture of results; see `field`."""
 
-class Options(TypedDict, total=False):
-    """What all pictures take; `field` says what each is."""
-
-    titles: Sequence[str]
     filename: str | os.PathLike[str] | None
     plotter: "pv.Plotter | None"
     state: int
-    cmap: Any
-    clim: Sequence[float] | None
     show_edges: bool | None
     size: float | tuple[float, float] | None
+
+
+class Options(View, total=False):
+    """Options of a picture of one field."""
+
+    titles: Sequence[str]
+    cmap: Any
+    clim: Sequence[float] | None
+
+
+class _Picture:
+    """Results in a state each, and how they are drawn."""
+
+    def __init__(
+        self,
+        results: Sequence[Result],
+        titles: Sequence[str] = (),
+        *,
+        filename: str | os.PathLike[str] | None = None,
+        plotter: "pv.Plotter | None" = None,
+        state: int = -1,
+        show_edges: bool | None = None,
+        size: float | tuple[float, float] | None = None,
+    ) -> None:
+        if filename is not None:
+            picture_path(filename)
+        if not results:
+            raise ValueError("nothing to draw: give at least one result")
+        for result in results:
+            if not hasattr(result, "states"):
+                raise ValueError(
+                    f"a picture is of a Result, not of a {type(result).__name__}: of a "
+                    "state of equilibrium_near give Result.of_state(ply, conditions, "
+                    "state)"
+                )
+        several = [result.ply.formulation.title for result in results]
+        self.titles = titles or (several if len(results) > 1 else [""])
+        if len(self.titles) != len(results):
+            raise ValueError(
+                f"{len(results)} results need as many titles: {len(titles)}"
+            )
+        fewest = min(len(result.states) for result in results)
+        if not -fewest <= state < fewest:
+            raise ValueError(f"there is no state {state}: a result has {fewest} states")
+        self.results, self.states = results, [r.states[state] for r in results]
+        self.shapes = shapes_of(results, self.states)
+        self._show_edges, self._how = show_edges, (filename, plotter, size)
+
+    def drawn(
+        self, rows: Sequence[Sequence[Panel]], *legends: Legend
+    ) -> "pv.Plotter | Figure":
+        """The picture of rows of panels and their legends."""
+        sheet = Sheet(rows, legends, extent(self.shapes), self._show_edges)
+        return draw(sheet, *self._how)
+
+    def on_one_scale(
+        self, field: Field, cmap: Any = None, clim: Sequence[float] | None = None
+    ) -> tuple[list[ndarray], Scale]:
+        """The values of a field of each result, and the scale of them all."""
+        return on_one_scale(self.results, self.states, field, cmap, clim)
 
 
 def field(
     *results: Result,
     field: str | Field = "shear_angle",
     titles: Sequence[str] = (),
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
     cmap: Any = None,
     clim: Sequence[float] | None = None,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
+    **options: Unpack[View],
 ) -> "pv.Plotter | Figure":
     """A field on the deformed plies, one panel per result, all on one scale.
 
@@ -89,7 +149,7 @@ def field(
         Colours, as matplotlib knows them; those of the field if not given.
     clim
         Least and largest value on the scale; if not given, round numbers that hold
-        every value and zero.  Arrows at the scale tell of values beyond.
+        every value and zero.  Arrows at the scale mark values beyond.
     show_edges
         Whether the edges of elements are drawn; if not given, where the mean element
         has a side of 1.3 mm on the picture.  The outline of a ply is always drawn.
@@ -126,15 +186,15 @@ def field(
     >>> figure = plot.field(result, field="displacement", filename="moved.pdf")
     ... # doctest: +SKIP
     """
-    titles, shapes, states = chosen(results, titles, state, filename)
-    shown, scale = on_one_scale(results, states, field_of(field), cmap, clim)
+    picture = _Picture(results, titles, **options)
+    shown, scale = picture.on_one_scale(field_of(field), cmap, clim)
     row = [
         Panel(title or scale.label, shape, values, scale)
-        for title, shape, values in zip(titles, shapes, shown, strict=True)
+        for title, shape, values in zip(
+            picture.titles, picture.shapes, shown, strict=True
+        )
     ]
-    legend = Legend(0, len(row), scale)
-    sheet = Sheet([row], [legend], extent(shapes), show_edges)
-    return draw(sheet, filename, plotter, size)
+    return picture.drawn([row], Legend(0, len(row), scale))
 
 
 def shear_angle(*results: Result, **options: Unpack[Options]) -> "pv.Plotter | Figure":
@@ -148,13 +208,9 @@ def shear_angle(*results: Result, **options: Unpack[Options]) -> "pv.Plotter | F
 def fibre_strain(
     *results: Result,
     titles: Sequence[str] = (),
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
     cmap: Any = None,
     clim: Sequence[float] | None = None,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
+    **options: Unpack[View],
 ) -> "pv.Plotter | Figure":
     """Fibre strain of warp (above) and weft (below), one column per result.
 
@@ -165,56 +221,33 @@ def fibre_strain(
 
     Parameters, returned value and errors as for `field`.
     """
-    titles, shapes, states = chosen(results, titles, state, filename)
-    rows, scale = _strain_rows(results, titles, shapes, states, cmap, clim)
-    low, high = extent(shapes)
+    picture = _Picture(results, titles, **options)
+    rows, scale = _strain_rows(picture, cmap, clim)
+    low, high = extent(picture.shapes)
     if len(results) == 1 and high[1] - low[1] > high[0] - low[0]:
         rows = [[panel for row in rows for panel in row]]
-    legend = Legend(0, len(rows[0]), scale)
-    sheet = Sheet(rows, [legend], (low, high), show_edges)
-    return draw(sheet, filename, plotter, size)
+    return picture.drawn(rows, Legend(0, len(rows[0]), scale))
 
 
 def contact_sheet(
-    *results: Result,
-    titles: Sequence[str] = (),
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
+    *results: Result, titles: Sequence[str] = (), **options: Unpack[View]
 ) -> "pv.Plotter | Figure":
     """Warp strain, weft strain and shear angle in columns, one row per result.
 
     Parameters, returned value and errors as for `field`.
     """
-    titles, shapes, states = chosen(results, titles, state, filename)
-    strains, strain = _strain_rows(results, titles, shapes, states)
-    angles, shear = on_one_scale(results, states, FIELDS["shear_angle"])
-    rows = [
-        [
-            warp,
-            weft,
-            Panel(
-                _titled("Shear angle", title, "shear_angle"), warp.shape, values, shear
-            ),
-        ]
-        for warp, weft, title, values in zip(*strains, titles, angles, strict=True)
-    ]
-    legends = [Legend(0, 2, strain), Legend(2, 3, shear)]
-    return draw(
-        Sheet(rows, legends, extent(shapes), show_edges), filename, plotter, size
-    )
+    picture = _Picture(results, titles, **options)
+    strains, strain = _strain_rows(picture)
+    angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
+    rows = []
+    for warp, weft, title, values in zip(*strains, picture.titles, angles, strict=True):
+        name = _titled("Shear angle", title, shear.label)
+        rows.append([warp, weft, Panel(name, warp.shape, values, shear)])
+    return picture.drawn(rows, Legend(0, 2, strain), Legend(2, 3, shear))
 
 
 def fibre_directions(
-    *results: Result,
-    titles: Sequence[str] = (),
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
+    *results: Result, titles: Sequence[str] = (), **options: Unpack[View]
 ) -> "pv.Plotter | Figure":
     """Directions of warp (blue) and weft (red): a line per element and family.
 
@@ -222,30 +255,25 @@ def fibre_directions(
 
     Parameters, returned value and errors as for `field`.
     """
-    titles, shapes, states = chosen(results, titles, state, filename)
-    row = []
-    for result, title, shape, at in zip(results, titles, shapes, states, strict=True):
+    picture, row = _Picture(results, titles, **options), []
+    for result, title, shape, at in zip(
+        results, picture.titles, picture.shapes, picture.states, strict=True
+    ):
         fields = cell_fields(result.ply, at.u)
         names = "warp_direction", "weft_direction"
         fibres = Fibres(*(shape.seen(fields[name]) for name in names))
         row.append(Panel(title or "Fibre directions", shape, fibres=fibres))
-    legend = Legend(0, len(row), keys=[("Warp", WARP), ("Weft", WEFT)])
-    sheet = Sheet([row], [legend], extent(shapes), show_edges)
-    return draw(sheet, filename, plotter, size)
+    return picture.drawn([row], Legend(0, len(row), keys=_FAMILIES))
 
 
 def verdict(
     *runs: Result | StepError,
     field: str | Field | None = None,
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
     cmap: Any = None,
     clim: Sequence[float] | None = None,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
+    **options: Unpack[View],
 ) -> "pv.Plotter | Figure":
-    """What was found of states, in words above a field; where steps were refused.
+    """The verdict on states, in words above a field, and where steps were refused.
 
     Parameters
     ----------
@@ -261,21 +289,20 @@ def verdict(
     Other parameters, returned value and errors as for `field`.
     """
     results = [run.result if isinstance(run, StepError) else run for run in runs]
-    _, shapes, states = chosen(results, (), state, filename)
+    picture, row = _Picture(results, **options), []
     ended = [run.quantity for run in runs if isinstance(run, StepError)]
-    field = field or next(filter(None, ended), "area_ratio")
-    shown, scale = on_one_scale(results, states, field_of(field), cmap, clim)
-    row = []
-    for run, shape, at, values in zip(runs, shapes, states, shown, strict=True):
-        refused = isinstance(run, StepError)
-        marked = run.elements if isinstance(run, StepError) else np.empty(0, dtype=int)
-        title = str(run) if refused else _words(at)
-        row.append(Panel(title, shape, values, scale, marked=marked))
+    shown_field = field_of(field or next(filter(None, ended), "area_ratio"))
+    shown, scale = picture.on_one_scale(shown_field, cmap, clim)
+    for run, shape, at, values in zip(
+        runs, picture.shapes, picture.states, shown, strict=True
+    ):
+        panel = Panel(_words(at), shape, values, scale)
+        if isinstance(run, StepError):
+            panel = panel._replace(title=str(run), marked=run.elements)
+        row.append(panel)
     some = any(panel.marked.size for panel in row)
     keys = [("Elements where the step was refused", REFUSED)] if some else []
-    legend = Legend(0, len(row), scale, keys)
-    sheet = Sheet([row], [legend], extent(shapes), show_edges)
-    return draw(sheet, filename, plotter, size)
+    return picture.drawn([row], Legend(0, len(row), scale, keys))
 
 
 def _words(state: State) -> str:
@@ -292,31 +319,32 @@ def _words(state: State) -> str:
     )
 
 
-def _titled(name: str, title: str, field: str) -> str:
-    """The title of a panel: its name and the result; of one alone the field."""
-    return f"{name}, {title}" if title else FIELDS[field].label
+def _titled(name: str, title: str, alone: str) -> str:
+    """The name of a panel and the title of its result; of one result ``alone``."""
+    return f"{name}, {title}" if title else alone
 
 
 def _strain_rows(
-    results: Sequence[Result],
-    titles: Sequence[str],
-    shapes: Sequence[Shape],
-    states: Sequence[State],
-    cmap: Any = None,
-    clim: Sequence[float] | None = None,
+    picture: _Picture, cmap: Any = None, clim: Sequence[float] | None = None
 ) -> tuple[list[list[Panel]], Scale]:
     """Panels of warp and of weft, on one scale."""
-    both = [FIELDS[name] for name in _STRAINS.values()]
-    pairs = list(zip(results, states, strict=True))
-    shown = [[values_of(f, r.ply, at.u) for r, at in pairs] for f in both]
+    pairs = list(zip(picture.results, picture.states, strict=True))
+    fields = {"Warp": FIELDS["warp_strain"], "Weft": FIELDS["weft_strain"]}
+    shown = [
+        [values_of(f, result.ply, at.u) for result, at in pairs]
+        for f in fields.values()
+    ]
     found = reach([values for row in shown for values in row], symmetric=True)
-    scale = Scale.of("Fibre strain in the law (%)", found, cmap or both[0].cmap, clim)
+    colours = cmap or fields["Warp"].cmap
+    scale = Scale.of("Fibre strain in the law (%)", found, colours, clim)
     rows = [
         [
-            Panel(_titled(family, title, _STRAINS[family]), shape, values, scale)
-            for title, shape, values in zip(titles, shapes, row, strict=True)
+            Panel(_titled(family, title, f.label), shape, values, scale)
+            for title, shape, values in zip(
+                picture.titles, picture.shapes, row, strict=True
+            )
         ]
-        for family, row in zip(_STRAINS, shown, strict=True)
+        for (family, f), row in zip(fields.items(), shown, strict=True)
     ]
     return rows, scale
 
@@ -339,102 +367,57 @@ def mesh_and_fibres(
         The mesh; of a split or cut mesh the user's elements are drawn.
     directions
         Directions in these elements.
-    filename, plotter, show_edges, size
-        As for `skfem_textile.plot.field`.
 
-    Returns
-    -------
-    pyvista.Plotter or matplotlib.figure.Figure
-        As `skfem_textile.plot.field`.
-
-    Raises
-    ------
-    ImportError, RuntimeError, FileNotFoundError
-        As `skfem_textile.plot.field`.
-    ValueError
-        As `skfem_textile.plot.field`, or if there is not one direction for each
-        element.
+    Other parameters, returned value and errors as for `field`; directions that are not
+    one for each element are a `ValueError`.
     """
     cells, _ = original_elements(mesh)
     directions.refuse_other(cells)
     n = directions.warp.shape[1]
     shape = Shape(np.pad(mesh.p, ((0, 1), (0, 0))).T, cells)
-    fibres = Fibres(_unit(directions.warp), _unit(directions.weft))
+    families = directions.warp, directions.weft
+    fibres = Fibres(*(np.pad(v / np.hypot(*v), ((0, 1), (0, 0))).T for v in families))
     panel = Panel(f"Mesh and fibres, {n} elements", shape, fibres=fibres)
-    keys = [("Warp", WARP), ("Weft", WEFT)]
-    sheet = Sheet([[panel]], [Legend(0, 1, keys=keys)], extent([shape]), show_edges)
+    sheet = Sheet(
+        [[panel]], [Legend(0, 1, keys=_FAMILIES)], extent([shape]), show_edges
+    )
     return draw(sheet, filename, plotter, size)
 
 
-def _unit(vectors: ndarray) -> ndarray:
-    """Columns of plane vectors as rows of unit vectors in space."""
-    return np.pad(vectors / np.hypot(*vectors), ((0, 1), (0, 0))).T
-
-
-# What is marked is drawn in this colour, and named so.
-_RISK = [("Fibres may wrinkle", REFUSED)]
-
-
 def draped(
-    *results: Result,
-    titles: Sequence[str] = (),
-    filename: str | os.PathLike[str] | None = None,
-    plotter: "pv.Plotter | None" = None,
-    state: int = -1,
-    show_edges: bool | None = None,
-    size: float | tuple[float, float] | None = None,
+    *results: Result, titles: Sequence[str] = (), **options: Unpack[View]
 ) -> "pv.Plotter | Figure":
     """Shear angle and contact pressure of plies on tools, a row for each.
 
     Elements in which fibres may wrinkle are marked on the shear angle.  A pressure
-    below zero is a pull: there the ply bridges the tool.
+    below zero is a pull: there the ply bridges the tool.  The picture is 174 mm wide if
+    no size is given.
 
-    Parameters
-    ----------
-    *results
-        Results of runs of plies that lie on tools.
-    titles, filename, plotter, state, show_edges, size
-        As for `field`; 174 mm wide if no size is given.
-
-    Returns
-    -------
-    pyvista.Plotter or matplotlib.figure.Figure
-        As `field`.
-
-    Raises
-    ------
-    ImportError, RuntimeError, FileNotFoundError
-        As `field`.
-    ValueError
-        As `field`, or if a ply is on no tool.
+    Parameters, returned value and errors as for `field`; a ply that is on no tool is a
+    `ValueError`.
     """
-    titles, shapes, states = chosen(results, titles, state, filename)
-    pairs = list(zip(results, states, strict=True))
-    found = [_found(result, at) for result, at in pairs]
-    angles, shear = on_one_scale(results, states, FIELDS["shear_angle"])
-    pressures = [pressure for pressure, _ in found]
-    label = "Contact pressure (N/mm²)"
-    scale = Scale.of(label, reach(pressures, symmetric=True), "RdBu_r", None)
-    rows = [
-        [
-            Panel(_named("Shear angle", title), shape, angle, shear, marked=at_risk),
-            Panel(_named("Contact pressure", title), shape, pressure, scale),
-        ]
-        for title, shape, angle, (pressure, at_risk) in zip(
-            titles, shapes, angles, found, strict=True
-        )
-    ]
-    keys = _RISK if any(at_risk.size for _, at_risk in found) else []
-    legends = [Legend(0, 1, shear, keys), Legend(1, 2, scale)]
-    sheet = Sheet(rows, legends, extent(shapes), show_edges)
-    return draw(sheet, filename, plotter, size or (None if plotter else PAGE))
+    if not (options.get("size") or options.get("plotter")):
+        options["size"] = PAGE
+    picture = _Picture(results, titles, **options)
+    pairs = zip(results, picture.states, strict=True)
+    found = [_on_tool(result, at) for result, at in pairs]
+    angles, shear = picture.on_one_scale(FIELDS["shear_angle"])
+    pressures = reach([pressure for pressure, _ in found], symmetric=True)
+    scale = Scale.of("Contact pressure (N/mm²)", pressures, "RdBu_r", None)
+    rows = []
+    for title, shape, angle, (pressure, at_risk) in zip(
+        picture.titles, picture.shapes, angles, found, strict=True
+    ):
+        names = "Shear angle", "Contact pressure"
+        left, right = (_titled(name, title, name) for name in names)
+        sheared = Panel(left, shape, angle, shear, marked=at_risk)
+        rows.append([sheared, Panel(right, shape, pressure, scale)])
+    some = any(at_risk.size for _, at_risk in found)
+    keys = [("Fibres may wrinkle", REFUSED)] if some else []
+    return picture.drawn(rows, Legend(0, 1, shear, keys), Legend(1, 2, scale))
 
 
-def _named(name: str, title: str) -> str:
-    return f"{name}, {title}" if title else name
-
-
-def _found(result: Result, state: State) -> tuple[np.ndarray, np.ndarray]:
+def _on_tool(result: Result, state: State) -> tuple[ndarray, ndarray]:
     """Contact pressure of elements, and numbers of those at risk of wrinkles."""
     ply, surface = result.ply, result.tool(state.load_factor)
     if surface is None:
@@ -442,3 +425,65 @@ def _found(result: Result, state: State) -> tuple[np.ndarray, np.ndarray]:
     points, cells = fields_on_tool(ply, surface, state)
     pressure = points["contact_pressure"][ply.mesh.t].mean(axis=0)
     return pressure, np.flatnonzero(cells["wrinkle_risk"])
+
+
+# Dots per inch: of a picture for a screen.
+_DOTS = 150
+
+# Duration of a frame and of the last one, in ms.
+_FRAME, _LAST = 125, 1125
+
+
+def animation(
+    result: Result,
+    filename: str | os.PathLike[str],
+    field: str | Field = "shear_angle",
+    cmap: Any = None,
+    clim: Sequence[float] | None = None,
+    show_edges: bool | None = None,
+    size: float | tuple[float, float] | None = None,
+) -> None:
+    """Write a field on the moving ply as a GIF, one frame per state, on one scale.
+
+    Parameters
+    ----------
+    result
+        The result whose states are drawn.
+    filename
+        Where to write the GIF.
+
+    Other parameters and errors as for `field`; an mm has 6 pixels.
+    """
+    from PIL import Image
+
+    path = picture_path(filename, (".gif",))
+    shown, states = field_of(field), result.states
+    shapes = shapes_of([result] * len(states), states)
+    values = [values_of(shown, result.ply, state.u) for state in states]
+    found = reach(values, shown.symmetric)
+    scale = Scale.of(shown.label, found, cmap or shown.cmap, clim)
+    sheets = [
+        Sheet(
+            [[Panel(f"Load factor {state.load_factor:.2f}", shape, each, scale)]],
+            [Legend(0, 1, scale)],
+            extent(shapes),
+            show_edges,
+        )
+        for state, shape, each in zip(states, shapes, values, strict=True)
+    ]
+    layouts = [lay_out(sheet, size) for sheet in sheets]
+    renderer, frames = pyvista_drawing(), []
+    for sheet, layout in zip(sheets, layouts, strict=True):
+        plotter = renderer.new_plotter(layout, _DOTS)  # an old one loses its text
+        renderer.draw_new(plotter, sheet, layout)
+        frames.append(Image.fromarray(plotter.screenshot(return_img=True)))
+        plotter.close()
+    first, *others = [frame.quantize(dither=Image.Dither.NONE) for frame in frames]
+    with written_whole(path, ".gif") as file:
+        first.save(
+            file,
+            save_all=True,
+            append_images=others,
+            duration=[_FRAME] * len(others) + [_LAST],
+            loop=0,
+        )

@@ -1,4 +1,4 @@
-"""What a picture consists of, whatever draws it: panels, scales and keys."""
+"""Contents of a picture, independent of the renderer: panels, scales and keys."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 from skfem import Mesh
 
 from ..mesh.contact import signed_areas
+from ..mesh.splitting import boundary_edges, edges_of
 
 # Least extent of a scale, in its unit.  Chosen: above the rounding of zero.
 _LEAST_EXTENT = 1e-8
@@ -47,19 +48,11 @@ class Tool(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """Elements with straight edges.
+    """Elements with straight edges between corners in mm, shape (n, 3).
 
-    Attributes
-    ----------
-    points
-        Their corners in mm, shape (n, 3).
-    cells
-        Corners of the elements, for each number k of corners an array (k, n_k).
-    frames
-        In perspective what becomes of vectors at the centres of the elements, shape
-        (n_elements, 3, 3); None seen from above.
-    tool
-        The tool on which they lie, in perspective alone.
+    ``cells`` are numbers of corners, for each k an array (k, n_k).  In perspective
+    ``frames`` are what becomes of vectors at the centres of the elements, shape
+    (n_elements, 3, 3), and ``tool`` may be the tool on which they lie.
     """
 
     points: ndarray
@@ -97,10 +90,8 @@ class Shape(NamedTuple):
 
     def edges(self, outer: bool) -> ndarray:
         """Ends of the edges, or of the outer ones alone, shape (n_edges, 2, 3)."""
-        pairs = [np.stack([cell, np.roll(cell, -1, axis=0)]) for cell in self.cells]
-        both = np.hstack([pair.reshape(2, -1) for pair in pairs])
-        edges, count = np.unique(np.sort(both, axis=0), axis=1, return_counts=True)
-        return self.points[edges[:, count == 1] if outer else edges].swapaxes(0, 1)
+        edges = boundary_edges(self.cells) if outer else edges_of(self.cells)[0]
+        return self.points[edges].swapaxes(0, 1)
 
     def outline_of(self, elements: ndarray) -> ndarray:
         """Ends of the outer edges of some elements, shape (n_edges, 2, 3)."""
@@ -115,7 +106,7 @@ class Shape(NamedTuple):
 class Scale(NamedTuple):
     """A scale of colours.
 
-    ``below`` and ``above`` tell whether values lie beyond its ends.
+    ``below`` and ``above`` are true if values lie beyond its ends.
     """
 
     label: str
@@ -133,13 +124,7 @@ class Scale(NamedTuple):
         cmap: Any,
         clim: Sequence[float] | None,
     ) -> "Scale":
-        """A scale to round numbers that hold ``reach``, or from one limit to the other.
-
-        Raises
-        ------
-        ValueError
-            If there is no such colour map, or the limits are not two that rise.
-        """
+        """A scale to round numbers that hold ``reach``, or between limits."""
         try:
             colours = mpl.colormaps.get_cmap(cmap)
         except (TypeError, ValueError):
@@ -180,20 +165,9 @@ class Fibres(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """One shape with its title, in the colours of a scale or in grey.
+    """One shape with its title, in the colours of a scale, or in grey without one.
 
-    Attributes
-    ----------
-    title
-        Its title.
-    shape
-        The elements.
-    values, scale
-        A value for each element, and their scale; None for grey.
-    fibres
-        Directions of fibres to draw as lines.
-    marked
-        Numbers of the elements to mark.
+    There may be directions of fibres to draw as lines, and numbers of elements to mark.
     """
 
     title: str
@@ -329,14 +303,8 @@ REFUSED = "#E6007E"
 def lines_of(panel: Panel, scale: float, show_edges: bool | None) -> list[Lines]:
     """Everything that is drawn on a ply, in order.
 
-    Parameters
-    ----------
-    panel
-        The ply and what is to be seen on it.
-    scale
-        Mm on the picture over mm of the ply.
-    show_edges
-        Whether the edges of elements are drawn; None: where they are not too small.
+    The scale is mm on the picture over mm of the ply.  Without ``show_edges`` edges of
+    elements are drawn where they are not too small.
     """
     shape = panel.shape
     drawn = []
@@ -375,13 +343,9 @@ def _along(shape: Shape, vectors: ndarray, scale: float) -> ndarray:
 
 
 def places_of_fibres(shape: Shape, scale: float) -> tuple[ndarray, ndarray, ndarray]:
-    """Where fibres are drawn: in each element, or on a grid where these are small.
+    """Positions of drawn fibres: in each element, or on a grid where these are small.
 
-    Returns
-    -------
-    tuple
-        Points (n, 3), the element at each (n,), and the room there in mm of the ply
-        (n,).
+    Points (n, 3), the element at each (n,), and the room there in mm of the ply (n,).
     """
     centres, sides, spacing = shape.centres, shape.sides, _SPACING / scale
     if shape.tool:  # elements shrink towards its flanks: all have them, or none

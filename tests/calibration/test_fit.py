@@ -222,7 +222,7 @@ def test_bounds_that_leave_nothing_free_leave_no_band():
 
 def test_parameters_that_differ_by_rounding_alone_have_no_covariance():
     x = np.linspace(0.0, 1.0, 50)
-    with pytest.raises(ValueError, match="do not tell the parameters apart"):
+    with pytest.raises(ValueError, match="parameters are not identifiable"):
         covariance_of(np.transpose([x, x * (1 + 1e-14 * x)]), np.ones(50))
 
 

@@ -13,6 +13,7 @@ HEAVY = (
     "threadpoolctl",
     "msgspec",
     "tomli_w",
+    "jinja2",
 )
 OPTIONAL_SOLVERS = ("cvxopt", "pypardiso")
 

@@ -128,8 +128,8 @@ def test_a_closed_tool_has_no_boundary():
         (circle(60), None, r"shape \(3, n\)"),
         (np.full((3, 9), np.nan), None, "finite points"),
         (np.ones((3, 9)), None, "three points at least"),
-        (rolled(circle(60)), 0.0, "spacing must be a length"),
-        (rolled(circle(60)), np.nan, "spacing must be a length"),
+        (rolled(circle(60)), 0.0, "spacing must be a positive length"),
+        (rolled(circle(60)), np.nan, "spacing must be a positive length"),
     ],
 )
 def test_bad_curves_are_refused_in_one_line(curve, spacing, message):
@@ -267,5 +267,5 @@ def test_an_outline_that_cannot_be_judged_is_refused(monkeypatch):
 def test_the_spacing_of_a_pattern_is_finite():
     sheet = drape.Sheet.of_net(drape.net(drape.Plane(), 1.0, (5, 5), (5, 5)))
     square = [[-2.0, 2.0, 2.0, -2.0], [-2.0, -2.0, 2.0, 2.0], 4 * [0.0]]
-    with pytest.raises(ValueError, match="spacing must be a length"):
+    with pytest.raises(ValueError, match="spacing must be a positive length"):
         drape.flat_pattern(sheet, square, np.inf)

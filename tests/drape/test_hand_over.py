@@ -199,7 +199,7 @@ def test_bad_arguments_are_refused():
     sheet, part = drape.Sheet.of_ply(ply, u), tool(rolled, 10, 90, 3)
     with pytest.raises(ValueError, match="axis must be a direction"):
         drape.fibres_on_tool(sheet, part, (0, 0, 0))
-    with pytest.raises(ValueError, match="reach must be a length"):
+    with pytest.raises(ValueError, match="reach must be a positive length"):
         drape.fibres_on_tool(sheet, part, reach=-1.0)
     flat = Ply(MeshQuad(), Fabric(1.0))
     with pytest.raises(ValueError, match="must be in space"):

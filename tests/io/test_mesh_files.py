@@ -10,7 +10,7 @@ from skfem import MeshQuad, MeshTri
 
 from skfem_textile import MeshError
 from skfem_textile.io import read_mesh
-from skfem_textile.io.vtu import Base64Data, read_uncompressed
+from skfem_textile.io.vtk import Base64Data, read_uncompressed
 
 MESHES = Path(__file__).parent / "meshes"
 

@@ -19,7 +19,7 @@ def result():
 @pytest.fixture
 def sheets(monkeypatch):
     """Every sheet that is drawn, by pyvista or matplotlib, with its layout."""
-    from skfem_textile.plot.renderers import drawing
+    from skfem_textile.plot import drawing
 
     seen, lay_out = [], drawing.lay_out
 

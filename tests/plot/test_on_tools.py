@@ -13,11 +13,11 @@ pv = pytest.importorskip("pyvista")
 Image = pytest.importorskip("PIL.Image")
 in_front_of_tool = pytest.importorskip("skfem_textile.plot.sheet").in_front_of_tool
 FIELDS = pytest.importorskip("skfem_textile.plot.fields").FIELDS
-on_one_scale = pytest.importorskip("skfem_textile.plot.shapes").on_one_scale
-shapes_of = pytest.importorskip("skfem_textile.plot.shapes").shapes_of
+on_one_scale = pytest.importorskip("skfem_textile.plot.fields").on_one_scale
+shapes_of = pytest.importorskip("skfem_textile.plot.fields").shapes_of
 Tool = pytest.importorskip("skfem_textile.plot.sheet").Tool
 eye_axes = pytest.importorskip("skfem_textile.plot.sheet").eye_axes
-tool_under = pytest.importorskip("skfem_textile.plot.shapes").tool_under
+tool_under = pytest.importorskip("skfem_textile.plot.fields").tool_under
 
 
 def result_of(scene, bending=(0.0, 0.0), **more):
@@ -85,8 +85,8 @@ def test_quadratic_triangles_on_a_tool_are_drawn_with_their_pressure(tmp_path):
 
 
 FIELDS = pytest.importorskip("skfem_textile.plot.fields").FIELDS
-on_one_scale = pytest.importorskip("skfem_textile.plot.shapes").on_one_scale
-shapes_of = pytest.importorskip("skfem_textile.plot.shapes").shapes_of
+on_one_scale = pytest.importorskip("skfem_textile.plot.fields").on_one_scale
+shapes_of = pytest.importorskip("skfem_textile.plot.fields").shapes_of
 
 
 def test_what_is_on_no_tool_is_not_drawn_as_draped():

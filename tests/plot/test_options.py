@@ -12,7 +12,7 @@ pv = pytest.importorskip("pyvista")
 matplotlib = pytest.importorskip("matplotlib")
 Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
-drawing = pytest.importorskip("skfem_textile.plot.renderers.drawing")
+drawing = pytest.importorskip("skfem_textile.plot.drawing")
 sheet = pytest.importorskip("skfem_textile.plot.sheet")
 
 

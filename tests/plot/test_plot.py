@@ -16,9 +16,9 @@ pv = pytest.importorskip("pyvista")
 matplotlib = pytest.importorskip("matplotlib")
 Image = pytest.importorskip("PIL.Image")
 plot = pytest.importorskip("skfem_textile.plot")
-shapes_of = pytest.importorskip("skfem_textile.plot.shapes").shapes_of
+shapes_of = pytest.importorskip("skfem_textile.plot.fields").shapes_of
 Shape = pytest.importorskip("skfem_textile.plot.sheet").Shape
-offscreen = pytest.importorskip("skfem_textile.plot.renderers.offscreen")
+offscreen = pytest.importorskip("skfem_textile.plot.pyvista_drawing")
 curves = pytest.importorskip("skfem_textile.plot.curves").curves
 COLOURS = pytest.importorskip("skfem_textile.plot.curves").COLOURS
 

@@ -96,7 +96,7 @@ def test_a_load_that_is_round_off_alone_is_not_drawn(tmp_path):
 
 def test_without_gl_everything_else_is_written(tmp_path, capsys, monkeypatch):
     pytest.importorskip("pyvista")
-    offscreen = pytest.importorskip("skfem_textile.plot.renderers.offscreen")
+    offscreen = pytest.importorskip("skfem_textile.plot.pyvista_drawing")
     monkeypatch.setattr(offscreen, "_can_draw", lambda environment: False)
     offscreen.require_offscreen.cache_clear()
     try:

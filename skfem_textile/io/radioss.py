@@ -13,11 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ...fabric import CrimpedYarns, Fabric, Law, Softening, Tabulated, TangentShear
-from ...mesh.checks import MeshError
-from ...mesh.user_input import excerpt
-from ..file_numbers import from_words
-from .fabric_of_deck import FabricOfFile, Units
+from ..fabric import CrimpedYarns, Fabric, Law, Softening, Tabulated, TangentShear
+from ..mesh.checks import MeshError
+from ..mesh.user_input import excerpt
+from .file_numbers import errors_about, from_words
 
 _LAWS = {"LAW58": 58, "FABR_A": 58, "LAW158": 158, "FABR_NL": 158}
 
@@ -66,6 +65,7 @@ _OTHERS = {
     "Ds": "yarns cross without friction",
     "Gfrot": "yarns cross without friction",
     "ZeroStress": "there is no reference state before the first",
+    "density": "the ply is in static equilibrium",
 }
 
 
@@ -77,9 +77,11 @@ class _Option(NamedTuple):
 
 
 def read(
-    content: bytes, thickness: float | None, units: Units, material: str | None
-) -> FabricOfFile:
-    """Read a fabric from a deck.
+    content: bytes, thickness: float | None, stress: float, material: str | None
+) -> tuple[Fabric, list[str]]:
+    """The fabric of a deck, and sentences on what is not taken over.
+
+    ``stress`` is how many N/mm² the deck's are.
 
     Raises
     ------
@@ -104,16 +106,13 @@ def read(
     name = "/" + "/".join(option.name[:3])
     if thickness is None:
         raise MeshError(f"{excerpt(name)}: state the thickness in mm")
-    law = _LAWS[option.name[1].upper()]
-    try:
-        tables = _Functions(options, thickness * units.stress)
+    law, scale = _LAWS[option.name[1].upper()], thickness * stress
+    with errors_about(excerpt(name)):
+        tables = _Functions(options, scale)
         fields = _fields(option.cards, *_CARDS[law])
         not_taken = _not_taken(option, fields)
         build = _law58 if law == 58 else _law158
-        fabric = build(fields, thickness * units.stress, tables, not_taken)
-    except ValueError as error:
-        raise MeshError(f"{excerpt(name)}: {error}") from None
-    return FabricOfFile(fabric, tuple(not_taken))
+        return build(fields, scale, tables, not_taken), not_taken
 
 
 def _options(content: bytes) -> list[_Option]:
@@ -143,13 +142,9 @@ def _fields(
         card = cards[number + 1] if number + 1 < len(cards) else ""
         for name, (first, width) in fields_of_card.items():
             word = card[_COLUMN * first : _COLUMN * (first + width)].strip()
-            try:
-                value = from_words(
-                    [word.encode() or b"0"], "i8" if width == 1 else "f8"
-                )
-            except MeshError as error:
-                raise MeshError(f"{name}: {error}") from None
-            fields[name] = value.item()
+            kind = "i8" if width == 1 else "f8"
+            with errors_about(name):
+                fields[name] = from_words([word.encode() or b"0"], kind).item()
         if not all(np.isfinite(fields[name]) for name in fields_of_card):
             raise MeshError(f"line {number + 1} after its title is not finite")
     return fields
@@ -157,12 +152,9 @@ def _fields(
 
 def _not_taken(option: _Option, fields: dict[str, float]) -> list[str]:
     said = [f"{n}: {why}" for n, why in _OTHERS.items() if fields.get(n)]
-    if fields["density"]:
-        said.append("density: the ply is in static equilibrium")
     if option.name[3:4] not in ([], [""], ["0"]):
         said.append(
-            f"/UNIT/{excerpt(option.name[3])}: units are those that were told beside "
-            "the deck"
+            f"/UNIT/{excerpt(option.name[3])}: units are those given beside the deck"
         )
     return said
 
@@ -201,21 +193,10 @@ class _Functions:
         return law, slope
 
 
-def _spring_note(not_taken: list[str]) -> None:
-    not_taken.append(
-        "functions of warp and weft: OpenRadioss scales the crimp's spring with the "
-        "slope of the function; here it keeps the one at rest"
-    )
-    _line_note(not_taken)
-
-
-def _line_note(not_taken: list[str]) -> None:
-    note = (
-        "functions: OpenRadioss goes in straight lines between points; the laws here "
-        "go through the same points in a monotone cubic"
-    )
-    if note not in not_taken:
-        not_taken.append(note)
+_STRAIGHT_LINES = (
+    "functions: OpenRadioss goes in straight lines between points; the laws here "
+    "go through the same points in a monotone cubic"
+)
 
 
 def _law58(
@@ -233,14 +214,17 @@ def _law58(
             yarn, slope = tables.yarn(f[f"fct_ID{i}"], f[f"Fscale{i}"])
             slope = slope or scale * f[f"E{i}"]
         else:
-            yarn, slope = (
-                Softening(scale * f[f"E{i}"], scale * f[f"B{i}"]),
-                (scale * f[f"E{i}"]),
-            )
+            slope = scale * f[f"E{i}"]
+            yarn = Softening(slope, scale * f[f"B{i}"])
         yarns.append(yarn)
-        springs.append(own * slope * _sine(s))
+        # The sine: height of the crimp over the length of its yarn.
+        springs.append(own * slope * float(np.sqrt((1 + s) ** 2 - 1) / (1 + s)))
     if f["fct_ID1"] or f["fct_ID2"]:
-        _spring_note(not_taken)
+        not_taken += [
+            "functions of warp and weft: OpenRadioss scales the crimp's spring with "
+            "the slope of the function; here it keeps the one at rest",
+            _STRAIGHT_LINES,
+        ]
     for i, name in ((4, "warp"), (5, "weft"), (6, "shear")):
         if f[f"fct_ID{i}"]:
             not_taken.append(f"fct_ID{i}: unloading of {name} follows the loading")
@@ -274,7 +258,7 @@ def _law158(
             "out the scales of forces and shear stress"
         )
     yarns = [tables.yarn(f[f"fct_ID{i}"], f[f"Fscale{i}"])[0] for i in (1, 2)]
-    _line_note(not_taken)
+    not_taken.append(_STRAIGHT_LINES)
     springs = (scale * (f["Flex1"] or 1.0), scale * (f["Flex2"] or 1.0))
     crimp = (f["S1"] or _CRIMP, f["S2"] or _CRIMP)
     law = CrimpedYarns((yarns[0], yarns[1]), crimp, springs, scale * (f["Flex"] or 1.0))
@@ -286,10 +270,6 @@ def _shear(f: dict[str, float], tables: _Functions, not_taken: list[str]) -> Law
     x, y = tables.table(f["fct_ID3"], f["Fscale3"])
     if one_sided := bool(len(x)) and bool((x >= 0).all()):
         not_taken.append("fct_ID3: the law of positive angles holds for both signs")
-    _line_note(not_taken)
+    if _STRAIGHT_LINES not in not_taken:
+        not_taken.append(_STRAIGHT_LINES)
     return Tabulated(np.radians(x), y, "linear", one_sided)
-
-
-def _sine(crimp: float) -> float:
-    """Height of a crimp over the length of its yarn."""
-    return float(np.sqrt((1 + crimp) ** 2 - 1) / (1 + crimp))

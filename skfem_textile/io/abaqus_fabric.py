@@ -13,13 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ...fabric import Fabric, Law, Linear, Tabulated, TensionOnly, TwoLaws
-from ...fabric.law import domain_of
-from ...mesh.checks import MeshError
-from ...mesh.user_input import excerpt
-from ..file_numbers import from_words
-from .abaqus import Block, blocks
-from .fabric_of_deck import FabricOfFile, Units
+from ..fabric import Fabric, Law, Linear, Tabulated, TensionOnly, TwoLaws
+from ..fabric.law import domain_of
+from ..mesh.checks import MeshError
+from ..mesh.user_input import excerpt
+from .abaqus import Block, blocks, without_trailing_comma
+from .file_numbers import errors_about, from_words
 
 # Components of *UNIAXIAL and what they are here: the first yarns are the fill.
 _COMPONENTS = {"1": "weft", "2": "warp", "SHEAR": "shear"}
@@ -44,7 +43,7 @@ _OTHERS = {
     "CONDUCTIVITY": "there are no temperatures",
 }
 
-#: Keywords of a fabric: those that are read, and those that are told not to be.
+#: Keywords of a fabric: those that are read, and those reported as not taken over.
 KEYWORDS = ("MATERIAL", "FABRIC", "UNIAXIAL", "LOADING DATA", *_SECTIONS, *_OTHERS)
 
 
@@ -68,9 +67,15 @@ class _Material:
 
 
 def read(
-    content: bytes, thickness: float | None, units: Units, material: str | None
-) -> FabricOfFile:
-    """Read a fabric from a deck.
+    content: bytes,
+    thickness: float | None,
+    length: float,
+    stress: float,
+    material: str | None,
+) -> tuple[Fabric, list[str]]:
+    """The fabric of a deck, and sentences on what is not taken over.
+
+    ``length`` and ``stress`` are how many mm and N/mm² the units of the deck are.
 
     Raises
     ------
@@ -80,23 +85,20 @@ def read(
     every = list(blocks(content))
     chosen = _chosen(_materials(every), material)
     if thickness is None:
-        thickness = units.length * _thickness(every, chosen.name)
-    not_taken = list(chosen.not_taken)
-    laws = {
-        component: _law(
-            component,
-            chosen.data.get(component, []),
-            not_taken,
-            thickness * units.stress,
-        )
-        for component in ("warp", "weft", "shear")
-    }
-    fabric = Fabric((laws["warp"], laws["weft"]), laws["shear"])
+        thickness = length * _thickness(every, chosen.name)
+    not_taken, laws = chosen.not_taken, []
+    for component in ("warp", "weft", "shear"):
+        with errors_about(component):
+            data = chosen.data.get(component)
+            if not data:
+                raise MeshError("it has no *LOADING DATA")
+            laws.append(_law(component, data, not_taken, thickness * stress))
+    warp, weft, shear = laws
     not_taken.append(
         "Abaqus goes in straight lines between the points of the data; the laws here "
         "go through the same points in a monotone cubic"
     )
-    return FabricOfFile(fabric, tuple(not_taken))
+    return Fabric((warp, weft), shear), not_taken
 
 
 def _materials(every: list[Block]) -> list[_Material]:
@@ -109,7 +111,7 @@ def _materials(every: list[Block]) -> list[_Material]:
             continue
         if current is None:
             continue
-        try:
+        with errors_about(block):
             if block.keyword == "UNIAXIAL":
                 component = _component(block, current)
             elif block.keyword == "LOADING DATA" and current.fabric:
@@ -122,8 +124,6 @@ def _materials(every: list[Block]) -> list[_Material]:
                 current.not_taken.append(f"*{block.keyword}: {reason}")
             else:
                 current = None
-        except MeshError as error:
-            raise MeshError(f"{block}: {error}") from None
     return found
 
 
@@ -155,7 +155,7 @@ def _store(block: Block, material: _Material, component: str) -> None:
             f"{component}, TYPE={excerpt(kind)}: the law is elastic, unloading follows "
             "the loading data"
         )
-    rows = [words[:-1] if words[-1] == b"" else words for words in block.data]
+    rows = [without_trailing_comma(words) for words in block.data]
     if any(len(row) < 2 for row in rows) or len({len(row) for row in rows}) > 1:
         raise MeshError("each line must have a stress and a strain, and as many words")
     numbers = from_words([word for row in rows for word in row], "f8")
@@ -220,17 +220,6 @@ def _thickness(every: list[Block], material: str) -> float:
 
 def _law(component: str, data: list[_Data], not_taken: list[str], scale: float) -> Law:
     """The law of a component, from its data in N/mm² times the thickness."""
-    if not data:
-        raise MeshError(f"it has no *LOADING DATA of {component}")
-    try:
-        return _law_of(component, data, not_taken, scale)
-    except ValueError as error:
-        raise MeshError(f"{component}: {error}") from None
-
-
-def _law_of(
-    component: str, data: list[_Data], not_taken: list[str], scale: float
-) -> Law:
     both = sorted(data, key=lambda part: part.direction)  # compression comes first
     strain = np.concatenate([part.strain for part in both])
     stress = np.concatenate([part.stress for part in both])
@@ -277,7 +266,7 @@ def _law_of(
 # a millionth of its largest value.
 _N_POINTS = 1001
 
-# Strain and angle up to which laws are written that do not tell.
+# Strain and angle up to which laws without a finite domain are written.
 _STRAIN, _ANGLE = 0.1, np.radians(80.0)
 
 # Shear and fibres in the order of Abaqus: fill, warp, shear.
@@ -285,15 +274,7 @@ _WRITTEN_COMPONENTS = (("1", 1), ("2", 0), ("SHEAR", 2))
 
 
 def material_of(fabric: Fabric, thickness: float, name: str) -> str:
-    """A material of Abaqus with the laws of a fabric.
-
-    Raises
-    ------
-    ValueError
-        If a tension takes the strain of both families, fibres resist bending, there is
-        a wrinkling angle, or a law differs from element to element, which *FABRIC
-        cannot say.
-    """
+    """A material of Abaqus with the laws of a fabric, refused if it has no such law."""
     if not isinstance(fabric.tensions, TwoLaws):
         raise ValueError("*FABRIC has no law of both fibre strains; write a .json")
     if fabric.bends:
@@ -327,7 +308,7 @@ def _written_component(law: Law, shear: bool, thickness: float) -> Iterator[str]
 
 
 def _points(law: Any, reach: float) -> tuple[ndarray, ndarray, str]:
-    """Arguments and values of a law, and what Abaqus is told of those beyond."""
+    """Arguments and values of a law, and the extrapolation for Abaqus."""
     if isinstance(law, Tabulated):
         x, y = law.points
         beyond = ", EXTRAPOLATION=LINEAR" if law.extrapolation == "linear" else ""

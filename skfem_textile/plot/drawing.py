@@ -1,8 +1,12 @@
-"""Pictures of plies as vectors, drawn by matplotlib.
+"""Drawing of sheets: vectors by matplotlib, pixels by pyvista, and their files.
 
-Lines of a ply in space that faces hide are drawn all the same, unless a tool hides
-them.
+Lines of a ply in space that faces hide are drawn as vectors all the same, unless a tool
+hides them.
 """
+
+import os
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -14,8 +18,62 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon, Rectangle
 from numpy import ndarray
 
-from ..layout import KEY, POINT, Bar, Layout, Place, Writing, font_file
-from ..sheet import PLY, Panel, Sheet, in_front_of_tool, lines_of
+from .layout import (
+    KEY,
+    POINT,
+    PRINTED,
+    Bar,
+    Layout,
+    Place,
+    Writing,
+    default_width,
+    font_file,
+    lay_out,
+)
+from .picture_files import is_vector, picture_path, save, save_pixels
+from .sheet import PLY, Panel, Sheet, in_front_of_tool, lines_of
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+
+def draw(
+    sheet: Sheet,
+    filename: str | os.PathLike[str] | None,
+    plotter: "pv.Plotter | None",
+    size: float | tuple[float, float] | None,
+) -> "pv.Plotter | Figure":
+    """Draw a sheet into a plotter or a new picture, and write it."""
+    path = None if filename is None else picture_path(filename)
+    if plotter is None:
+        layout = lay_out(sheet, size)
+        if is_vector(path):
+            figure = _figure_of(sheet, layout)
+            save(figure, path)
+            return figure
+        plotter = pyvista_drawing().new_plotter(layout, PRINTED)
+        pyvista_drawing().draw_new(plotter, sheet, layout)
+    elif is_vector(path):
+        raise ValueError(f"{path}: a plotter draws pixels: name it .png, or give none")
+    elif isinstance(size, tuple):
+        raise ValueError("beside plotter, size is the width of its window in mm")
+    else:
+        columns = (plotter.shape if len(plotter.shape) == 2 else (1, 1))[1]
+        width = default_width(columns) if size is None else size
+        pyvista_drawing().draw_into(plotter, sheet, width)
+    if path:
+        save_pixels(plotter.screenshot(return_img=True), path)
+    return plotter
+
+
+def pyvista_drawing() -> Any:
+    """The module that draws with pyvista, which takes a second to load."""
+    try:
+        return import_module(".pyvista_drawing", __package__)
+    except ModuleNotFoundError as error:
+        message = f"{error}: pip install 'skfem-textile[plot]'"
+        raise ModuleNotFoundError(message, name=error.name) from None
+
 
 # Width in points of the edge that closes the gaps that viewers leave between polygons.
 _SEAM = 0.4
@@ -24,7 +82,7 @@ _SEAM = 0.4
 _COLOURS = 256
 
 
-def figure_of(sheet: Sheet, layout: Layout) -> Figure:
+def _figure_of(sheet: Sheet, layout: Layout) -> Figure:
     """The panels, scales and keys of a sheet as a figure, all of it vectors."""
     inch = 25.4
     figure = Figure(figsize=(layout.width / inch, layout.height / inch))

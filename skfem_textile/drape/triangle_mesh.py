@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ...mesh.checks import MeshError
-from ..sheet import boundary_edges, closest_on_triangles
-from ..tool_mesh import ToolMesh
+from ..mesh.checks import MeshError
+from .sheet import boundary_edges, closest_on_triangles
+from .tool_mesh import ToolMesh
 
 # Points to which a quadric is fitted: six coefficients, over-determined by a half where
 # the mesh is regular, of two rings of neighbours and more.
@@ -52,14 +52,8 @@ class Derivatives(NamedTuple):
 class Quadrics:
     """Quadrics q_i = a_i + b_i·d + ½ d·H_i d of the way d from their points.
 
-    Parameters
-    ----------
-    points
-        In mm, shape (n, 3).
-    normals
-        Unit normals there, shape (n, 3).
-    reach
-        Distance in mm at which the weights vanish.
+    Points and unit normals there have the shape (n, 3).  Weights vanish at the
+    ``reach`` in mm.
     """
 
     def __init__(self, points: ndarray, normals: ndarray, reach: float) -> None:
@@ -109,7 +103,7 @@ class Quadrics:
             distance, near = self._tree.query(
                 x[:, some].T, count, distance_upper_bound=bound
             )
-            # Far away the nearest point alone tells: the reach is a little longer.
+            # Far away the nearest point alone counts: the reach is a little longer.
             reach = np.maximum(self._reach, _FAR * distance[:, :1])
             whole = (distance[:, -1:] >= reach) | (count == self._tree.n)
             whole = (whole & (reach <= bound))[:, 0]
@@ -273,7 +267,7 @@ class TriangleMesh:
         return there
 
     def beyond_edges(self, x: ndarray) -> ndarray:
-        """How far points lie beyond the edges of the triangles in mm, shape (n,).
+        """Distances of points beyond the edges of the triangles in mm, shape (n,).
 
         0 where a point lies over the triangles, or beyond their edges by no more than a
         tenth of the mean edge.
@@ -286,7 +280,7 @@ class TriangleMesh:
         return self._away(x)[1]
 
     def off_triangles(self, x: ndarray) -> ndarray:
-        """How far points on the smoothed surface are from the triangles in mm, (n,).
+        """Distances of points on the smoothed surface from the triangles in mm, (n,).
 
         0 where that is no more than a tenth of the mean edge, and beyond the edges.
 
@@ -337,7 +331,7 @@ class TriangleMesh:
     def _mean(self, x: ndarray) -> Derivatives:
         """φ and its derivatives; those of the last positions are kept.
 
-        An iteration asks for one after the other.
+        An iteration needs one after the other.
         """
         if self._kept is None or not np.array_equal(self._kept[0], x):
             self._kept = x.copy(), self._quadrics.mean(x)
@@ -345,13 +339,7 @@ class TriangleMesh:
 
 
 def _merged(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
-    """Vertices without repetition, and triangles that are not degenerate.
-
-    Raises
-    ------
-    MeshError
-        If they are no surface.
-    """
+    """Vertices without repetition, and triangles that are not degenerate."""
     vertices = np.asarray(vertices, dtype=float)
     triangles = np.asarray(triangles, dtype=int)
     if vertices.ndim != 2 or len(vertices) != 3 or not np.isfinite(vertices).all():
@@ -382,13 +370,7 @@ def _merged(vertices: ndarray, triangles: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def _vertex_normals(x: ndarray, triangles: ndarray) -> ndarray:
-    """Unit normals at the vertices, weighted by area, shape (n, 3).
-
-    Raises
-    ------
-    MeshError
-        If the triangles around a vertex face each other.
-    """
+    """Unit normals at the vertices, weighted by area, shape (n, 3)."""
     a, b, c = x[triangles]
     area = np.cross(b - a, c - a)
     normals, around = np.zeros_like(x), np.zeros((len(x), 1))

@@ -20,8 +20,8 @@ from ..mesh.scikit_fem import with_names
 from ..mesh.selection import with_named_nodes
 from ..mesh.splitting import boundary_edges, named_edges, split_cells
 from ..mesh.user_input import printable
-from . import gmsh, vtk, vtu
-from .decks import abaqus
+from . import abaqus, gmsh, vtk
+from .file_numbers import errors_about
 
 # Extent of a mesh along z over its largest extent, up to which it counts as plane.
 # Chosen: far above rounding (2e-16).
@@ -35,7 +35,12 @@ log = logging.getLogger(__name__)
 _MESH_CLASSES: dict[str, type[Mesh]] = {"quad": MeshQuad, "triangle": MeshTri}
 _N_CORNERS = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}
 # Formats that are read here, because meshio accepts many errors in them.
-_READERS = {".msh": gmsh.read, ".inp": abaqus.read, ".vtu": vtu.read, ".vtk": vtk.read}
+_READERS = {
+    ".msh": gmsh.read,
+    ".inp": abaqus.read,
+    ".vtu": vtk.read_xml,
+    ".vtk": vtk.read_legacy,
+}
 
 _CELL_NAMES = {"quad": "quadrilateral", "line": "edge", "vertex": "point"}
 
@@ -55,7 +60,7 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
     path
         The file.
     others
-        Names of what others read of the file, of which the warning does not tell:
+        Names that are read by other functions, which the warning leaves out:
         `OF_DIRECTIONS`, `OF_FABRICS`.
 
     Raises
@@ -66,11 +71,9 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
         the mesh, or is not a sound mesh (`check_mesh`).
     """
     path = Path(path)
-    try:
+    with errors_about(path):
         raw, ignored = read_raw(path)
         mesh = _mesh(_content(raw))
-    except MeshError as error:
-        raise MeshError(f"{printable(path)}: {error}") from None
     if left := [name for name in dict.fromkeys(ignored) if name not in others]:
         names = ", ".join(map(printable, left))
         log.warning("%s: not read: %s", printable(path), names)
@@ -78,20 +81,11 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
 
 
 def read_raw(path: Path) -> tuple[meshio.Mesh, list[str]]:
-    """Content of a file, and names of what is not read.
-
-    Raises
-    ------
-    MeshError
-        If the file cannot be read.
-    """
-    try:
-        if not path.is_file():
-            raise MeshError("no such file")
-        if read := _READERS.get(path.suffix.lower()):
-            return read(path.read_bytes())
-    except OSError as error:
-        raise MeshError(printable(error.strerror or error)) from None
+    """Content of a file, and names of what is not read."""
+    if not path.is_file():
+        raise MeshError("no such file")
+    if read := _READERS.get(path.suffix.lower()):
+        return read(path.read_bytes())
     return _read_with_meshio(path)
 
 
@@ -107,8 +101,8 @@ def _read_with_meshio(path: Path) -> tuple[meshio.Mesh, list[str]]:
         ):
             warnings.simplefilter("ignore")
             raw = meshio.read(path)
-    except OSError as error:
-        raise MeshError(printable(error.strerror or error)) from None
+    except OSError:
+        raise
     except KeyError as error:
         what = " ".join(map(printable, error.args))
         raise MeshError(f"it names {what}, which is not there") from None

@@ -10,9 +10,14 @@ import meshio
 import numpy as np
 from numpy import ndarray
 
-from ...mesh.checks import MeshError
-from ...mesh.user_input import excerpt, printable
-from ..file_numbers import from_words, refuse_duplicates, tag_positions
+from ..mesh.checks import MeshError
+from ..mesh.user_input import excerpt, printable
+from .file_numbers import (
+    errors_about,
+    from_words,
+    refuse_duplicates,
+    tag_positions,
+)
 
 
 class Block(NamedTuple):
@@ -25,6 +30,11 @@ class Block(NamedTuple):
     def __str__(self) -> str:
         name = self.parameters.get(self.keyword)
         return f"*{printable(self.keyword)}" + (f" {name!r}" if name else "")
+
+
+def without_trailing_comma(words: list[bytes]) -> list[bytes]:
+    """The words of a data line that may end with a comma."""
+    return words[:-1] if words[-1] == b"" else words
 
 
 def blocks(content: bytes) -> Iterator[Block]:
@@ -74,20 +84,10 @@ _GENERATING = ("NGEN", "NFILL", "NCOPY", "NMAP", "SYSTEM", "ELGEN", "ELCOPY")
 
 @dataclass
 class _Deck:
-    """An input deck: nodes, elements and sets.
+    """Numbers and positions of nodes, elements, and sets by keyword and name.
 
-    Attributes
-    ----------
-    tags, points
-        Numbers and positions of the nodes, shapes (n,) and (n, 2) or (n, 3).
-    blocks
-        Of each ``*ELEMENT``: type of cell, numbers, nodes and set.
-    sets
-        Members by keyword and name.
-    ignored
-        Keywords that are not read.
-    n_lines
-        Number of lines of the file, and so the most members of a set.
+    ``blocks`` has type of cell, numbers, nodes and set of each ``*ELEMENT``.  A set has
+    no more members than the file has lines.
     """
 
     tags: ndarray | None = None
@@ -107,12 +107,7 @@ class _Deck:
 
 
 def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
-    """Read a file of Abaqus.
-
-    Returns
-    -------
-    tuple
-        The mesh, and keywords that are not read.
+    """The mesh of a file of Abaqus, and the keywords that are not read.
 
     Raises
     ------
@@ -127,16 +122,7 @@ def read(content: bytes) -> tuple[meshio.Mesh, list[str]]:
 def read_elements(content: bytes) -> tuple[ndarray, dict[str, ndarray]]:
     """Numbers of the triangles and quadrilaterals of a file, and sets of elements.
 
-    Returns
-    -------
-    tuple
-        The numbers in the order of the file, as of the elements of its mesh; and the
-        members of each set by its name in capitals.
-
-    Raises
-    ------
-    MeshError
-        As from `read`, where nodes and elements are concerned.
+    Numbers are in the order of the file, sets by their names in capitals.
     """
     deck = _deck(content)
     sets: dict[str, ndarray] = {}
@@ -164,10 +150,8 @@ def _deck(content: bytes) -> _Deck:
                 "one"
             )
         keywords.add(block.keyword)
-        try:
+        with errors_about(block):
             _read_block(deck, block)
-        except MeshError as error:
-            raise MeshError(f"{block}: {error}") from None
     return deck
 
 
@@ -248,8 +232,7 @@ def _elements(data: list[list[bytes]], width: int) -> ndarray:
 
 def _members(data: list[list[bytes]], generate: bool, n_lines: int) -> ndarray:
     """Numbers of the members of a set."""
-    lines = [words[:-1] if words[-1] == b"" else words for words in data]
-    words = [word for line in lines for word in line]
+    words = [word for line in data for word in without_trailing_comma(line)]
     if not all(word.isdigit() for word in words):
         raise MeshError("is given by other sets; give it by numbers")
     numbers = from_words(words, "i8")
@@ -286,18 +269,16 @@ def _mesh(deck: _Deck) -> meshio.Mesh:
         ]
     first = np.cumsum([0, *(len(block) for _, block, _, _ in deck.blocks)])
     for (keyword, name), members in deck.sets.items():
-        try:
+        with errors_about(f"*{keyword} {name!r}"):
             if keyword == "NSET":
                 nodes[name] = tag_positions(deck.tags, members, "node")
-            else:
-                positions = np.sort(tag_positions(numbers, members, "element"))
-                ends = np.searchsorted(positions, first)
-                elements[name] = [
-                    positions[a:b] - n
-                    for a, b, n in zip(ends, ends[1:], first, strict=False)
-                ]
-        except MeshError as error:
-            raise MeshError(f"*{keyword} {name!r}: {error}") from None
+                continue
+            positions = np.sort(tag_positions(numbers, members, "element"))
+            ends = np.searchsorted(positions, first)
+            elements[name] = [
+                positions[a:b] - n
+                for a, b, n in zip(ends, ends[1:], first, strict=False)
+            ]
     return meshio.Mesh(deck.points, cells, point_sets=nodes, cell_sets=elements)
 
 
@@ -329,20 +310,12 @@ def deck_of(
     first axis, in a distribution of points a and b: a along the fibres, and b at right
     angles to them in the plane of the element.  Numbers have all their digits.
 
-    Parameters
-    ----------
-    cells
-        The elements as node numbers, arrays of shape (3, n) and (4, n).
-    points
-        Positions of the nodes, shape (3, n).
-    warp, weft
-        Unit directions in these elements, shape (3, n_elements).  Elements with NaN
-        have none: they are the set ``NOT_COVERED``, and the others ``COVERED``.
-    normal
-        Unit normals of the elements, shape (3, n_elements).
-    node_sets
-        Numbers of nodes from 0 on by the name of their set.
+    ``cells`` are node numbers of shape (3, n) and (4, n), directions and normals unit
+    vectors of shape (3, n_elements), and ``node_sets`` numbers of nodes from 0 on.
+    Elements whose directions are NaN are the set ``NOT_COVERED``, the others
+    ``COVERED``.
     """
+    covered = np.isfinite(warp).all(axis=0)
     return "\n".join(
         [
             "*HEADING",
@@ -353,7 +326,8 @@ def deck_of(
                 for name, nodes in node_sets.items()
                 for x in _set("NSET", name, nodes)
             ),
-            *_covered(np.isfinite(warp).all(axis=0)),
+            *([] if covered.all() else _set("ELSET", COVERED, np.flatnonzero(covered))),
+            *_set("ELSET", NOT_COVERED, np.flatnonzero(~covered)),
             "*DISTRIBUTION TABLE, NAME=AXES",
             "COORD3D, COORD3D",
             *_family(WARP, warp, normal),
@@ -384,13 +358,6 @@ def _set(keyword: str, name: str, members: ndarray) -> Iterator[str]:
     yield f"*{keyword}, {keyword}={shown}"
     for i in range(0, len(members), _IN_A_LINE):
         yield ", ".join(map(str, (members[i : i + _IN_A_LINE] + 1).tolist()))
-
-
-def _covered(covered: ndarray) -> Iterator[str]:
-    """Sets of the elements with directions and without, if there are some without."""
-    if not covered.all():
-        yield from _set("ELSET", COVERED, np.flatnonzero(covered))
-        yield from _set("ELSET", NOT_COVERED, np.flatnonzero(~covered))
 
 
 def _family(name: str, direction: ndarray, normal: ndarray) -> Iterator[str]:

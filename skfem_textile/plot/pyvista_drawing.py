@@ -1,5 +1,9 @@
 """Pictures drawn by pyvista: off screen, or into a plotter that is given."""
 
+import functools
+import os
+import subprocess
+import sys
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -7,7 +11,7 @@ import pyvista as pv
 from numpy import ndarray
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkCoordinate, vtkPolyDataMapper2D
 
-from ..layout import (
+from .layout import (
     KEY,
     POINT,
     Bar,
@@ -19,7 +23,7 @@ from ..layout import (
     font_file,
     lay_out,
 )
-from ..sheet import PLY, Legend, Panel, Sheet, lines_of
+from .sheet import PLY, Legend, Sheet, lines_of
 
 _CELLS = {3: pv.CellType.TRIANGLE, 4: pv.CellType.QUAD}
 
@@ -35,7 +39,7 @@ _LIFT, _LIFT_ON_TOOL = 0.1, 1.0
 
 
 class Frame(NamedTuple):
-    """What a renderer shows of the picture, in mm, and its dots per mm."""
+    """The part of a picture that a renderer shows, in mm, and its dots per mm."""
 
     box: Box
     dots: float
@@ -48,6 +52,7 @@ class Frame(NamedTuple):
 
 def new_plotter(layout: Layout, dots_per_inch: float) -> pv.Plotter:
     """An empty plotter off screen with a renderer for each panel and each legend."""
+    require_offscreen()
     dots = dots_per_inch / 25.4
     heights = [row[0].box.height for row in layout.places]
     left = layout.height - sum(heights)
@@ -86,11 +91,6 @@ def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
     """Draw the panels of a sheet into subplots of a plotter, from the active one on.
 
     Each has its scale and keys.  The window of the plotter counts as ``width`` mm.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer subplots, or one is too small.
     """
     panels, renderers = sheet.panels, plotter.renderers
     first = renderers.active_index
@@ -121,7 +121,9 @@ def draw_into(plotter: pv.Plotter, sheet: Sheet, width: float) -> None:
 def _draw_place(plotter: pv.Plotter, place: Place, sheet: Sheet, frame: Frame) -> None:
     """Draw a panel into the active renderer and point its camera."""
     panel, scale = place.panel, place.scale_of(sheet.extent)
-    look = {"color": PLY} if panel.scale is None else _in_colours(panel)
+    look: dict[str, Any] = {"color": PLY}
+    if of := panel.scale:
+        look = {"scalars": panel.values, "clim": (of.low, of.high), "cmap": of.colours}
     meshes = [(_grid(panel.shape.points, panel.shape.cells), look)]
     if tool := panel.shape.tool:
         greys = {"scalars": tool.shades, "clim": (0.0, 1.0), "cmap": "gray"}
@@ -163,20 +165,7 @@ def _point_camera(
 
 
 def _grid(points: ndarray, cells: tuple[ndarray, ...]) -> pv.UnstructuredGrid:
-    rows = [np.pad(cell, ((1, 0), (0, 0)), constant_values=len(cell)) for cell in cells]
-    kinds = [np.full(cell.shape[1], _CELLS[len(cell)]) for cell in cells]
-    listed = np.concatenate([row.T.ravel() for row in rows])
-    return pv.UnstructuredGrid(listed, np.concatenate(kinds), points)
-
-
-def _in_colours(panel: Panel) -> dict[str, Any]:
-    scale = panel.scale
-    assert scale is not None
-    return {
-        "scalars": panel.values,
-        "clim": (scale.low, scale.high),
-        "cmap": scale.colours,
-    }
+    return pv.UnstructuredGrid({_CELLS[len(cell)]: cell.T for cell in cells}, points)
 
 
 def _draw_below(plotter: pv.Plotter, below: Below, frame: Frame) -> None:
@@ -238,3 +227,46 @@ def _write(plotter: pv.Plotter, writing: Writing, frame: Frame) -> None:
     actor.prop.font_size = round(writing.size * POINT * frame.dots)
     actor.prop.justification_horizontal = writing.align
     actor.prop.justification_vertical = "center"
+
+
+_WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
+
+_DRAW = """
+import vtkmodules.vtkRenderingOpenGL2
+from vtkmodules.vtkRenderingCore import vtkRenderWindow
+window = vtkRenderWindow()
+window.SetOffScreenRendering(1)
+window.SetSize(8, 8)
+window.Render()
+"""
+
+
+@functools.cache
+def require_offscreen() -> None:
+    """Choose a kind of OpenGL window in which VTK can draw off screen.
+
+    Without one VTK ends the process with a segmentation fault, so that each kind is
+    tried in a child process.  The environment variable by which VTK chooses is
+    set to the first kind that works: EGL, then OSMesa, then the default of VTK.
+    """
+    preset = [os.environ[_WINDOW]] if _WINDOW in os.environ else []
+    kinds = ["vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"]
+    for kind in preset + (kinds if sys.platform == "linux" else []):
+        if _can_draw({_WINDOW: kind}):
+            os.environ[_WINDOW] = kind
+            return
+    if not _can_draw({}):
+        raise RuntimeError(
+            "VTK cannot draw off screen here; "
+            "install the Debian packages libegl1 and libgl1-mesa-dri"
+        )
+
+
+def _can_draw(environment: dict[str, str]) -> bool:
+    child = subprocess.run(
+        [sys.executable, "-c", _DRAW],
+        env={**os.environ, **environment},
+        capture_output=True,
+        check=False,
+    )
+    return child.returncode == 0

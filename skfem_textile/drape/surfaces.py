@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from ...mesh.user_input import real_numbers
+from ..mesh.user_input import real_numbers
 
 #: Three components.
 Vector: TypeAlias = ArrayLike
@@ -71,7 +71,9 @@ class Sphere:
     centre: Vector = _ORIGIN
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", _length("sphere: radius", self.radius))
+        object.__setattr__(
+            self, "radius", positive_length("sphere: radius", self.radius)
+        )
         object.__setattr__(self, "centre", _vector("sphere: centre", self.centre))
 
     def level(self, x: ndarray) -> ndarray:
@@ -175,7 +177,9 @@ class Cylinder(_OfRevolution):
     axis: Vector = (0.0, 1.0, 0.0)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", _length("cylinder: radius", self.radius))
+        object.__setattr__(
+            self, "radius", positive_length("cylinder: radius", self.radius)
+        )
         self._prepare("cylinder")
 
     def _f(self, r: ndarray, z: ndarray) -> ndarray:
@@ -241,7 +245,7 @@ class Torus(_OfRevolution):
 
     def __post_init__(self) -> None:
         for name in ("radius", "tube"):
-            value = _length(f"torus: {name}", getattr(self, name))
+            value = positive_length(f"torus: {name}", getattr(self, name))
             object.__setattr__(self, name, value)
         if self.tube >= self.radius:
             raise ValueError(
@@ -264,13 +268,7 @@ class Torus(_OfRevolution):
 
 
 def _vector(what: str, value: Vector) -> ndarray:
-    """A finite vector of three components.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
+    """A finite vector of three components."""
     vector = real_numbers(what, value)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f"{what} must be three finite numbers, got {value!r}")
@@ -278,13 +276,7 @@ def _vector(what: str, value: Vector) -> ndarray:
 
 
 def _unit(what: str, value: Vector) -> ndarray:
-    """A unit vector along a vector that is not zero.
-
-    Raises
-    ------
-    ValueError
-        If it is zero, or no vector.
-    """
+    """A unit vector along a vector that is not zero."""
     vector = _vector(what, value)
     if not vector.any():
         raise ValueError(f"{what} must not be zero")
@@ -292,17 +284,11 @@ def _unit(what: str, value: Vector) -> ndarray:
     return vector / np.linalg.norm(vector)
 
 
-def _length(what: str, value: float) -> float:
-    """A positive finite number.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
+def positive_length(what: str, value: ArrayLike) -> float:
+    """A positive finite length in mm."""
     number = real_numbers(what, value)
     if number.shape or not (np.isfinite(number) and number > 0):
-        raise ValueError(f"{what} must be a positive number of mm, got {value!r}")
+        raise ValueError(f"{what} must be a positive length in mm, got {value!r}")
     return float(number)
 
 

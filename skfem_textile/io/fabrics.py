@@ -4,25 +4,40 @@ import logging
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from ...fabric import Fabric
-from ...fabric.files import fabric_of_text, fabric_text
-from ...mesh.checks import MeshError
-from ...mesh.user_input import printable
+from ..fabric import Fabric
+from ..fabric.files import fabric_of_text, fabric_text
+from ..mesh.checks import MeshError
+from ..mesh.user_input import printable
 from . import abaqus_fabric, radioss
-from .abaqus_fabric import material_of
-from .fabric_of_deck import FabricOfFile, Units
-from .orientations import read_directions
+from .directions import directions_of_deck
+from .file_numbers import errors_about
 
 log = logging.getLogger(__name__)
 
-#: Suffixes of files that have a fabric.
-SUFFIXES = (".json", ".inp", ".rad")
-
-#: Names that `read_mesh` has for what `read_fabric` reads of a deck, or tells of.
+#: Names, as of `read_mesh`, of what `read_fabric` reads of a deck, or warns of.
 OF_FABRICS = tuple(f"*{keyword}" for keyword in abaqus_fabric.KEYWORDS)
+
+# Suffixes of files that have a fabric.
+_SUFFIXES = (".json", ".inp", ".rad")
+
+# How many N or mm a unit is.
+_FORCES = {"N": 1.0, "kN": 1e3}
+_LENGTHS = {"mm": 1.0, "cm": 10.0, "m": 1e3}
+
+
+class FabricOfFile(NamedTuple):
+    """A fabric that was read, and what could not be taken over.
+
+    ``fabric`` has laws in N/mm, and directions if the file states them.  ``not_taken``
+    has a sentence for each thing that the file has and the fabric has not.
+    """
+
+    fabric: Fabric
+    not_taken: tuple[str, ...]
 
 
 def read_fabric(
@@ -65,24 +80,20 @@ def read_fabric(
     Linear(stiffness=10000.0)
     """
     path = Path(path)
-    try:
-        found = _read(path, thickness, Units.of(units), material)
-    except OSError as error:
-        reason = printable(error.strerror or error)
-        raise MeshError(f"{printable(path)}: {reason}") from None
-    except ValueError as error:
-        raise MeshError(f"{printable(path)}: {error}") from None
+    with errors_about(path):
+        found = _read(path, thickness, units, material)
     for sentence in found.not_taken:
         log.warning("%s: not taken over: %s", printable(path), sentence)
     return found
 
 
 def _read(
-    path: Path, thickness: float | None, units: Units, material: str | None
+    path: Path, thickness: float | None, units: str, material: str | None
 ) -> FabricOfFile:
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise MeshError(f"fabrics are read from {', '.join(SUFFIXES)}")
+    if suffix not in _SUFFIXES:
+        raise MeshError(f"fabrics are read from {', '.join(_SUFFIXES)}")
+    force, length = _units(units)
     if thickness is not None and not (np.isfinite(thickness) and thickness > 0):
         raise MeshError(
             f"the thickness must be a positive number of mm, got {thickness}"
@@ -94,13 +105,28 @@ def _read(
                 "a fabric of the package needs no thickness and no material"
             )
         return FabricOfFile(fabric_of_text(content), ())
+    stress = force / length**2
     if suffix == ".rad":
-        return radioss.read(content, thickness, units, material)
-    fabric, not_taken = abaqus_fabric.read(content, thickness, units, material)
-    if directions := read_directions(content):
-        warp, weft = directions
-        fabric = replace(fabric, warp=warp, weft=weft)
-    return FabricOfFile(fabric, not_taken)
+        fabric, not_taken = radioss.read(content, thickness, stress, material)
+    else:
+        fabric, not_taken = abaqus_fabric.read(
+            content, thickness, length, stress, material
+        )
+        if directions := directions_of_deck(content):
+            fabric = replace(fabric, warp=directions[0], weft=directions[1])
+    return FabricOfFile(fabric, tuple(not_taken))
+
+
+def _units(words: str) -> tuple[float, float]:
+    """The units of force and length of a deck, in N and mm."""
+    force, _, length = words.strip().partition(" ")
+    length = length.strip()
+    if force not in _FORCES or length not in _LENGTHS:
+        raise MeshError(
+            f"units {words!r} are not a force of {', '.join(_FORCES)} and a length "
+            f"of {', '.join(_LENGTHS)}, such as 'N mm'"
+        )
+    return _FORCES[force], _LENGTHS[length]
 
 
 def write_fabric(
@@ -129,7 +155,7 @@ def write_fabric(
     Raises
     ------
     ValueError
-        If the format cannot say what the fabric is, a thickness is missing, or the name
+        If the format cannot express the fabric, a thickness is missing, or the name
         has another suffix.
     OSError
         If the file cannot be written.
@@ -143,5 +169,5 @@ def write_fabric(
     elif thickness is None or not (np.isfinite(thickness) and thickness > 0):
         raise ValueError(f"{path}: *FABRIC needs the thickness of the ply in mm")
     else:
-        text = material_of(fabric, thickness, name)
+        text = abaqus_fabric.material_of(fabric, thickness, name)
     path.write_text(text, encoding="utf-8")

@@ -1,1 +1,0 @@
-"""Decks of Abaqus and OpenRadioss: meshes, fibre directions and fabrics."""

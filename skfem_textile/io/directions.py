@@ -1,0 +1,439 @@
+"""Fibre directions of each element in files: VTU, CSV and decks of Abaqus.
+
+Abaqus takes the first local direction of an `*ORIENTATION` for the fill yarns of a
+fabric, and the second for the warp yarns (Abaqus Analysis User's Guide, "Fabric
+material behavior").
+"""
+
+import csv
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh
+
+from ..fabric.directions import FibreDirections
+from ..mesh.checks import MeshError
+from ..mesh.splitting import original_elements
+from ..mesh.user_input import excerpt, number_of_text
+from .abaqus import (
+    WARP,
+    WEFT,
+    Block,
+    blocks,
+    deck_of,
+    read_elements,
+    without_trailing_comma,
+)
+from .file_numbers import errors_about, from_words, tag_positions
+from .vtk import read_xml, write_grid
+
+_SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION", "SHELL GENERAL SECTION")
+
+# Keywords of a deck that bear on directions.
+_KEYWORDS = ("ORIENTATION", "DISTRIBUTION", "DISTRIBUTION TABLE", *_SECTIONS)
+
+_VECTORS = ("warp_direction", "weft_direction")
+_ANGLES = ("warp_angle_deg", "weft_angle_deg")
+
+#: Names that `read_mesh` has for what `read_directions` reads.
+OF_DIRECTIONS = (*_VECTORS, *_ANGLES, *(f"*{keyword}" for keyword in _KEYWORDS))
+
+_COMPONENTS = {**dict.fromkeys(_VECTORS, 3), **dict.fromkeys(_ANGLES, 1)}
+
+# Components of unit vectors out of the plane up to which they lie in it.  Chosen: above
+# the six digits of a deck.
+_IN_PLANE = 1e-5
+
+
+def read_directions(path: str | os.PathLike[str]) -> FibreDirections:
+    """Read fibre directions, in the order of the elements of the mesh in the file.
+
+    A .vtu has cell data ``warp_direction`` and ``weft_direction``, vectors, or else
+    ``warp_angle_deg`` and ``weft_angle_deg``, angles to the x axis.  A .csv has the
+    columns ``element``, from 1 on, and both angles.  A .inp of Abaqus has
+    ``*ORIENTATION``, with ``*DISTRIBUTION`` where it differs from element to element.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read or has no directions; one line names the file.
+    """
+    path = Path(path)
+    readers = {".vtu": _of_vtu, ".csv": _of_csv, ".inp": _of_deck}
+    with errors_about(path):
+        if path.suffix.lower() not in readers:
+            raise MeshError(f"directions are read from {', '.join(readers)}")
+        return readers[path.suffix.lower()](path.read_bytes())
+
+
+def _of_vtu(content: bytes) -> FibreDirections:
+    mesh, _ = read_xml(content, _COMPONENTS)
+    plane = [
+        i for i, block in enumerate(mesh.cells) if block.type in ("triangle", "quad")
+    ]
+    if not plane:
+        raise MeshError("it has no triangles or quadrilaterals")
+
+    def of_elements(name: str) -> ndarray:
+        return np.concatenate([mesh.cell_data[name][i] for i in plane])
+
+    if set(_VECTORS) <= set(mesh.cell_data):
+        vectors = [of_elements(name) for name in _VECTORS]
+        for name, v in zip(_VECTORS, vectors, strict=True):
+            if not np.all(np.abs(v[:, 2]) <= _IN_PLANE * np.abs(v[:, :2]).max(axis=1)):
+                raise MeshError(f"{name} must lie in the plane of the mesh")
+        return FibreDirections(*(v[:, :2].T for v in vectors))
+    if set(_ANGLES) <= set(mesh.cell_data):
+        return FibreDirections.of_angles(*(of_elements(n).ravel() for n in _ANGLES))
+    raise MeshError(
+        f"it has no cell data {' and '.join(_VECTORS)}, nor {' and '.join(_ANGLES)}"
+    )
+
+
+def _of_csv(content: bytes) -> FibreDirections:
+    try:
+        rows = list(csv.reader(content.decode("utf-8-sig").splitlines(), strict=True))
+    except (UnicodeDecodeError, csv.Error):
+        raise MeshError("no CSV file in UTF-8") from None
+    lines = [(i, row) for i, row in enumerate(rows, 1) if any(map(str.strip, row))]
+    header = [name.strip() for name in lines[0][1]] if lines else []
+    needed = ("element", *_ANGLES)
+    if any(header.count(name) != 1 for name in needed):
+        raise MeshError(f"its first row must name the columns {', '.join(needed)}")
+    columns = [header.index(name) for name in needed]
+    angles: dict[int, tuple[float, float]] = {}
+    for i, row in lines[1:]:
+        try:
+            element, *both = (row[column] for column in columns)
+            _, warp, weft = map(number_of_text, (element, *both))
+            number = int(element)
+        except (ValueError, IndexError):
+            shown = excerpt(",".join(row))
+            raise MeshError(
+                f"row {i}: '{shown}' is not an element and two angles"
+            ) from None
+        if number in angles:
+            raise MeshError(f"row {i}: there are two rows of element {number}")
+        angles[number] = warp, weft
+    if not angles:
+        raise MeshError("it has no elements")
+    if set(angles) != set(range(1, len(angles) + 1)):
+        raise MeshError(f"its {len(angles)} rows must number the elements from 1 on")
+    warp_deg, weft_deg = np.transpose([angles[i + 1] for i in range(len(angles))])
+    return FibreDirections.of_angles(warp_deg, weft_deg)
+
+
+def _of_deck(content: bytes) -> FibreDirections:
+    directions = directions_of_deck(content)
+    if directions is None:
+        raise MeshError("it has no *ORIENTATION and *ELEMENT")
+    return FibreDirections(*directions)
+
+
+def write_directions(
+    path: str | os.PathLike[str],
+    mesh: Mesh,
+    directions: FibreDirections,
+    points: ndarray | None = None,
+) -> None:
+    """Write fibre directions so that `read_directions` finds them.
+
+    A .vtu has vectors and angles, bit by bit; a .csv angles with all digits; a .inp of
+    Abaqus a distribution and an orientation for each family.
+
+    Parameters
+    ----------
+    path
+        The file.
+    mesh
+        The mesh; of a split or cut mesh the user's elements are written.
+    directions
+        Directions in these elements.
+    points
+        Positions of the nodes, if they are not those of the mesh, shape (2, n).
+
+    Raises
+    ------
+    ValueError
+        If the name has another suffix, or there is not one direction for each element.
+    OSError
+        If the file cannot be written.
+    """
+    path, points = Path(path), mesh.p if points is None else points
+    cells, _ = original_elements(mesh)
+    directions.refuse_other(cells)
+    warp, weft, nodes = map(_in_space, (directions.warp, directions.weft, points))
+    suffix = path.suffix.lower()
+    if suffix == ".vtu":
+        fields = dict(zip(_VECTORS, (warp.T, weft.T), strict=True))
+        fields |= dict(zip(_ANGLES, directions.angles_deg(), strict=True))
+        write_grid(path, nodes, cells, fields)
+    elif suffix == ".csv":
+        centres = np.hstack([points[:, cell].mean(axis=1) for cell in cells])
+        table = np.vstack([centres, directions.angles_deg()]).T.tolist()
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(("element", "x", "y", *_ANGLES))
+            writer.writerows([i, *row] for i, row in enumerate(table, 1))
+    elif suffix == ".inp":
+        normal = np.zeros_like(warp)
+        normal[2] = 1.0
+        n_nodes = 1 + max(cell.max() for cell in cells)
+        ends = {
+            name: np.unique(mesh.facets[:, np.asarray(edges)])
+            for name, edges in (mesh.boundaries or {}).items()
+        }
+        sets = {name: at[at < n_nodes] for name, at in ends.items()}
+        deck = deck_of(cells, nodes, warp, weft, normal, sets)
+        path.write_text(deck, encoding="utf-8")
+    else:
+        raise ValueError(f"{path}: directions are written to .vtu, .csv and .inp")
+
+
+def _in_space(x: ndarray) -> ndarray:
+    """Columns of vectors in the plane, in space."""
+    return np.pad(x, ((0, 1), (0, 0)))
+
+
+# Tables of distributions that are read: how many numbers each element has.
+_TABLES = {("COORD3D", "COORD3D"): 6, ("ANGLE",): 1}
+
+
+@dataclass
+class _Deck:
+    """The blocks of a deck that bear on directions, by their names in capitals.
+
+    ``sections`` are pairs of a set of elements and an orientation.  ``numbers`` are
+    those of all elements, ``sets`` their members.
+    """
+
+    orientations: dict[str, Block] = field(default_factory=dict)
+    distributions: dict[str, Block] = field(default_factory=dict)
+    tables: dict[str, int] = field(default_factory=dict)
+    sections: list[tuple[str, str]] = field(default_factory=list)
+    numbers: ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+    sets: dict[str, ndarray] = field(default_factory=dict)
+
+    def members(self, name: str) -> ndarray:
+        """Positions of the elements of a set."""
+        members = _named("*ELSET", name, self.sets)
+        return np.flatnonzero(np.isin(self.numbers, members))
+
+
+def _named(what: str, name: str, among: dict[str, Any]) -> Any:
+    if name not in among:
+        raise MeshError(f"there is no {what} of the name {excerpt(name)!r}")
+    return among[name]
+
+
+def directions_of_deck(content: bytes) -> tuple[ndarray, ndarray] | None:
+    """Directions of warp and weft in the elements of a deck, or None.
+
+    Both have the shape (2, n_elements), in the order of the deck.
+
+    Raises
+    ------
+    MeshError
+        If the deck departs from its format, or states directions that are not read.
+    """
+    deck, has_elements = _Deck(), False
+    for block in blocks(content):
+        has_elements |= block.keyword == "ELEMENT"
+        _store(deck, block)
+    if not deck.orientations or not has_elements:
+        return None
+    deck.numbers, deck.sets = read_elements(content)
+    local = np.full((2, 2, len(deck.numbers)), np.nan)
+    if deck.sections:
+        for elements, orientation in deck.sections:
+            chosen = deck.members(elements)
+            block = _named("*ORIENTATION", orientation, deck.orientations)
+            local[:, :, chosen] = _local(deck, block)[:, :, chosen]
+        fill, warp = local
+    elif {WARP, WEFT} <= set(deck.orientations):
+        warp, fill = (_local(deck, deck.orientations[n])[0] for n in (WARP, WEFT))
+    elif len(deck.orientations) == 1:
+        (block,) = deck.orientations.values()
+        fill, warp = _local(deck, block)
+    else:
+        raise MeshError(
+            "no section names one of its orientations; name it in *SHELL SECTION, or "
+            f"call two of them {WARP} and {WEFT}"
+        )
+    if (without := np.isnan(fill).any(axis=0)).any():
+        raise MeshError(
+            f"element {deck.numbers[without][0]} is in no section that has an "
+            "orientation"
+        )
+    return warp, fill
+
+
+def _store(deck: _Deck, block: Block) -> None:
+    """Keep a block if it bears on directions."""
+    keyword, parameters, data = block
+    name = parameters.get("NAME", "").upper()
+    kept = {"ORIENTATION": deck.orientations, "DISTRIBUTION": deck.distributions}
+    if keyword in _SECTIONS:
+        if orientation := parameters.get("ORIENTATION", "").upper():
+            deck.sections.append((parameters.get("ELSET", "").upper(), orientation))
+    elif keyword == "DISTRIBUTION TABLE":
+        words = tuple(w.decode(errors="replace").upper() for row in data for w in row)
+        deck.tables[name] = _TABLES.get(tuple(filter(None, words)), 0)
+    elif keyword in kept:
+        if name in kept[keyword]:
+            raise MeshError(f"{block}: there are two of this name")
+        kept[keyword][name] = block
+
+
+def _local(deck: _Deck, block: Block) -> ndarray:
+    """First and second direction of an orientation in the plane, shape (2, 2, n)."""
+    with errors_about(f"*ORIENTATION {excerpt(block.parameters.get('NAME', ''))!r}"):
+        return _local_directions(deck, block.parameters, block.data)
+
+
+def _local_directions(
+    deck: _Deck, parameters: dict[str, str], data: list[list[bytes]]
+) -> ndarray:
+    for key, known in (
+        ("SYSTEM", ("RECTANGULAR",)),
+        ("DEFINITION", ("COORDINATES",)),
+        ("LOCAL DIRECTIONS", ("2",)),
+    ):
+        given = " ".join(parameters.get(key, known[0]).upper().split())
+        if given not in known:
+            raise MeshError(f"{key}={excerpt(given)} is not read, only {known[0]}")
+    if other := set(parameters) - {"NAME", "SYSTEM", "DEFINITION", "LOCAL DIRECTIONS"}:
+        raise MeshError(f"{excerpt(min(other))!r} is not read")
+    axes = _axes(deck, data)
+    second = data[1] if len(data) > 1 else [b"3", b"0"]
+    axis = 1 if second[0] == b"" else int(from_words(second[:1], "i8")[0])
+    if axis not in (1, 2, 3):
+        raise MeshError(f"its additional rotation is about {axis}, which is no axis")
+    one, two, normal = (axes[(axis + i) % 3] for i in range(3))
+    if np.abs(normal[:2]).max() > _IN_PLANE:
+        raise MeshError(
+            f"its local direction {axis} is not normal to the plane of the mesh"
+        )
+    alpha = np.radians(_angles(deck, second[1:]))
+    c, s = np.cos(alpha), np.sin(alpha)
+    one, two = c * one + s * two, c * two - s * one
+    if "LOCAL DIRECTIONS" not in parameters:
+        if len(data) > 2:
+            raise MeshError("it has more lines than an axis and an angle")
+        return np.stack([one[:2], two[:2]])
+    return np.stack([u * one[:2] + v * two[:2] for u, v in _yarns(data[2:])])
+
+
+def _yarns(rows: list[list[bytes]]) -> list[tuple[float, float]]:
+    """Both directions in local components, of the lines after the axis and angle."""
+    if len(rows) != 2:
+        raise MeshError("LOCAL DIRECTIONS=2 needs two lines of components")
+    found = []
+    for row in rows:
+        x = from_words(row, "f8")
+        if len(x) not in (2, 3) or not np.isfinite(x).all() or x[2:].any():
+            raise MeshError("a local direction needs components in the plane")
+        found.append((float(x[0]), float(x[1])))
+    return found
+
+
+def _axes(deck: _Deck, data: list[list[bytes]]) -> ndarray:
+    """Unit vectors of the three axes, shape (3, 3, n): axis, component, element."""
+    if not data or not data[0]:
+        raise MeshError("it has no points a and b")
+    words = without_trailing_comma(data[0])
+    if len(words) == 1:
+        points = _distributed(deck, words[0], 6)
+    else:
+        x = from_words(words, "f8")
+        if len(x) not in (6, 9):
+            raise MeshError("its points a, b and c need three coordinates each")
+        origin = np.tile(x[6:], 2) if len(x) == 9 else 0.0
+        points = np.tile((x[:6] - origin)[:, None], len(deck.numbers))
+    if not np.isfinite(points).all():
+        raise MeshError("its points are not finite")
+    a, b = points[:3], points[3:]
+    normal = np.cross(_unit(a), _unit(b), axis=0)
+    if (np.linalg.norm(normal, axis=0) < _IN_PLANE).any():
+        raise MeshError("its points a, b and the origin lie on a line")
+    z = _unit(normal)
+    x = _unit(a)
+    return np.stack([x, np.cross(z, x, axis=0), z])
+
+
+def _unit(v: ndarray) -> ndarray:
+    """Columns of length 1; a column without length stays zero."""
+    largest = np.abs(v).max(axis=0)
+    v = v / np.where(largest > 0, largest, 1.0)
+    length = np.linalg.norm(v, axis=0)
+    return v / np.where(length > 0, length, 1.0)
+
+
+def _angles(deck: _Deck, words: list[bytes]) -> ndarray:
+    """The additional rotation of each element in degrees."""
+    words = [word for word in words if word]
+    if not words:
+        return np.zeros(len(deck.numbers))
+    if len(words) > 1:
+        raise MeshError("its second line needs an axis and an angle")
+    try:
+        angle = from_words(words, "f8")
+    except MeshError:
+        angle = _distributed(deck, words[0], 1)[0]
+    if not np.isfinite(angle).all():
+        raise MeshError("its additional rotation is not finite")
+    return np.broadcast_to(angle, len(deck.numbers))
+
+
+def _distributed(deck: _Deck, word: bytes, width: int) -> ndarray:
+    """Values of a distribution in each element, shape (width, n_elements)."""
+    name = word.decode(errors="replace").upper()
+    block = _named("*DISTRIBUTION", name, deck.distributions)
+    with errors_about(f"*DISTRIBUTION {excerpt(name)!r}"):
+        return _values(deck, block, width)
+
+
+def _values(deck: _Deck, block: Block, width: int) -> ndarray:
+    parameters, numbers = block.parameters, deck.numbers
+    if other := set(parameters) - {"NAME", "LOCATION", "TABLE"}:
+        raise MeshError(f"{excerpt(min(other))!r} is not read; give numbers without it")
+    if parameters.get("LOCATION", "").upper() != "ELEMENT":
+        raise MeshError("only LOCATION=ELEMENT is read")
+    table = parameters.get("TABLE", "").upper()
+    if deck.tables.get(table, 0) != width:
+        kinds = {6: "COORD3D, COORD3D", 1: "ANGLE"}
+        raise MeshError(f"its *DISTRIBUTION TABLE must be there, with {kinds[width]}")
+    by_element: list[tuple[bytes, list[bytes]]] = []
+    values = np.full((width, len(numbers)), np.nan)
+    for words in block.data:
+        row = words[:-1] if len(words) > width + 1 and words[-1] == b"" else words
+        if len(row) != width + 1:
+            shown = excerpt(b", ".join(words))
+            raise MeshError(f"{shown!r} must be an element and {width} number(s)")
+        if row[0].isdigit():
+            by_element.append((row[0], row[1:]))
+            continue
+        own = from_words(row[1:], "f8")[:, None]
+        if row[0] == b"":
+            values[:] = np.where(np.isnan(values), own, values)
+        else:
+            chosen = deck.members(row[0].decode(errors="replace").upper())
+            values[:, chosen] = own
+    if by_element:
+        tags = from_words([tag for tag, _ in by_element], "i8")
+        given = from_words([word for _, own in by_element for word in own], "f8")
+        if len(np.unique(tags)) < len(tags):
+            raise MeshError("it has two lines of one element")
+        values[:, tag_positions(numbers, tags, "element")] = given.reshape(-1, width).T
+    if (left := np.isnan(values).any(axis=0)).any():
+        raise MeshError(f"it has no value for element {numbers[left][0]}")
+    return values

@@ -1,1 +1,0 @@
-"""What draws a sheet: pyvista as pixels, or matplotlib as vectors."""
