@@ -17,7 +17,6 @@ from ..fabric import Law, TwoLaws
 from ..ply import Ply
 from ..ply.parameters import Frozen
 from . import sealed
-from .conditions import Constraints
 from .continuation import Continuation
 from .linear.solver import Clock
 from .problem import Problem
@@ -80,8 +79,8 @@ class Checkpoint:
     ----------
     folder
         The folder; made when a run begins.
-    ply, constraints
-        The ply that is loaded, and its conditions as fixed unknowns.
+    problem
+        The problem of the ply that is loaded.
     settings
         What else the result depends on.
     """
@@ -89,8 +88,7 @@ class Checkpoint:
     def __init__(
         self,
         folder: str | os.PathLike[str],
-        ply: Ply,
-        constraints: Constraints,
+        problem: Problem,
         settings: Mapping[str, Any],
     ) -> None:
         try:
@@ -101,8 +99,8 @@ class Checkpoint:
             ) from None
         if "\0" in str(folder):
             raise CheckpointError(f"checkpoint {str(folder)!r} is no path")
-        self._ply, self._constraints = ply, constraints
-        given = {"format": _FORMAT, **settings, **_described(ply, constraints)}
+        self._ply, self._constraints = problem.ply, problem.constraints
+        given = {"format": _FORMAT, **settings, **_described(problem)}
         self._settings = json.loads(json.dumps(given))
         self._run, self._last = "", ""
         self._lock: sealed.Lock | None = None
@@ -343,8 +341,8 @@ class Replay:
 
     last: Trial
 
-    def __init__(self, ply: Ply, problem: Problem) -> None:
-        self._ply, self._problem = ply, problem
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
 
     def trial(self, state: State) -> tuple[Trial, ndarray]:
         """The trial of the displacement of a state, and its fixed values."""
@@ -352,7 +350,7 @@ class Replay:
         problem = self._problem.at(t)
         before = self.last.next_start() if t > 0 else None
         equilibrium = Equilibrium(u, problem.residual(u, p), p, (), state.tolerance)
-        trial = Trial.of(self._ply, problem, equilibrium, before)
+        trial = Trial.of(problem, equilibrium, before)
         return trial, problem.constraints.fixed_values(t)
 
     def compared(self, state: State, trial: Trial, fixed_values: ndarray) -> State:
@@ -392,9 +390,9 @@ class Replay:
         return replace(state, shares=found.shares)
 
 
-def _described(ply: Ply, constraints: Constraints) -> dict[str, Any]:
+def _described(problem: Problem) -> dict[str, Any]:
     """Formulation and laws by their ``repr``, and names of conditions."""
-    law = ply.fabric.tensions
+    ply, law = problem.ply, problem.ply.fabric.tensions
     warp, weft = law.laws if isinstance(law, TwoLaws) else (law, law)
     given = {
         "formulation": ply.formulation,
@@ -405,7 +403,7 @@ def _described(ply: Ply, constraints: Constraints) -> dict[str, Any]:
     # On one line, without the place in memory.
     said = {k: re.sub(r" at 0x[0-9a-fA-F]+", "", repr(x)) for k, x in given.items()}
     texts = {name: " ".join(text.split()) for name, text in said.items()}
-    return texts | {"conditions": list(constraints.nodes)}
+    return texts | {"conditions": list(problem.constraints.nodes)}
 
 
 def _values(law: Law, most: float) -> ndarray:

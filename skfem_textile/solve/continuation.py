@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from .problem import Problem, Start
 from .states import NoEquilibriumError, State
@@ -320,7 +319,7 @@ def balanced_at_rest(
     )
 
 
-def on_grown_surface(ply: Ply, problem: Problem, start: Start) -> Start:
+def on_grown_surface(problem: Problem, start: Start) -> Start:
     """An initial guess carried along geodesics onto the surface at a load factor.
 
     From there an iteration is short.  The initial guess itself where no surface grows,
@@ -333,5 +332,5 @@ def on_grown_surface(ply: Ply, problem: Problem, start: Start) -> Start:
         return start
     with np.errstate(all="ignore"):  # what is not finite is caught
         p = start.parameters
-        usable = area_ratio(ply, problem, u).min() > 0 and problem.in_domain(u, p)
+        usable = area_ratio(problem, u).min() > 0 and problem.in_domain(u, p)
         return problem.start(u, p) if usable else start

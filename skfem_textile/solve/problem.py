@@ -10,8 +10,8 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 
 from ..mesh.bases import components, node_positions
+from ..ply import Ply
 from ..ply.parameters import Frozen, PlyParameters, Values
-from .body import Body
 from .conditions import Constraints, plain, turned
 from .linear.solver import Clock, SolverOfPattern
 from .linear.system import System
@@ -92,7 +92,7 @@ class Problem:
     """
 
     def __init__(
-        self, ply: Body, constraints: Constraints, solver: SolverOfPattern
+        self, ply: Ply, constraints: Constraints, solver: SolverOfPattern
     ) -> None:
         self.ply = ply
         self.load_factor = 0.0

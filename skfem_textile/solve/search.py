@@ -82,8 +82,8 @@ class EquilibriumSearch:
 
     Attributes
     ----------
-    ply, problem, method
-        The ply, its problem, and the nonlinear solver.
+    problem, method
+        The problem of a ply, and the nonlinear solver.
     warn_only
         Checks of `CHECKS` that do not refuse a state but only warn.
     report
@@ -92,7 +92,6 @@ class EquilibriumSearch:
         Whether conditions prescribe a motion, see `moves`.
     """
 
-    ply: Ply
     problem: Problem
     method: Method
     warn_only: frozenset[str]
@@ -116,7 +115,7 @@ class EquilibriumSearch:
             problem, (u, _, p, *_) = found.trial.problem, found.trial.equilibrium
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
-                    after = self.ply.updated(p, u, goal.load_factor)
+                    after = problem.ply.updated(p, u, goal.load_factor)
                     if after is p:
                         return found._replace(settled=True)
                     start, change = _updated(found.trial, after)
@@ -202,7 +201,7 @@ class EquilibriumSearch:
                 equilibrium = method.solve(
                     problem, goal.start, goal.fixed_values, goal.most_altered, report
                 )
-                trial = Trial.of(self.ply, problem, equilibrium, goal.before)
+                trial = Trial.of(problem, equilibrium, goal.before)
                 driven = method.follows_path and loads_drive(
                     problem,
                     equilibrium.u,
@@ -318,7 +317,7 @@ def equilibrium_near(
     with np.errstate(all="ignore"):  # what is not finite is caught
         start = problem.start(u, parameters or ply.parameters_at_rest)
     search = EquilibriumSearch(
-        ply, problem, method_of(method), frozenset(warn_only), lambda _: None
+        problem, method_of(method), frozenset(warn_only), lambda _: None
     )
     values = constraints.fixed_values(load_factor)
     found = search(Goal(load_factor, 0.0, values, start, None))

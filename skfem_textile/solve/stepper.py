@@ -131,7 +131,6 @@ class LoadStepper:
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         moved = moves(self.problem, (0.0, *self.load_factors))
         self.search = EquilibriumSearch(
-            ply,
             self.problem,
             method_of(method),
             frozenset(warn_only),
@@ -148,7 +147,7 @@ class LoadStepper:
             "warn_only": sorted(warn_only),
         }
         self.checkpoint = (
-            Checkpoint(checkpoint, ply, constraints, settings) if checkpoint else None
+            Checkpoint(checkpoint, self.problem, settings) if checkpoint else None
         )
         self.surfaces = {
             k: c for k, c in conditions.items() if isinstance(c, OnSurface)
@@ -222,7 +221,7 @@ class Run:
 
     def __init__(self, stepper: LoadStepper) -> None:
         self._stepper, self._search = stepper, stepper.search
-        self.ply, self.problem = stepper.ply, stepper.problem
+        self.problem = stepper.problem
         self.problem.clock, self._began = Clock(), perf_counter()
         longest, follows = stepper.load_factors[0], stepper.search.method.follows_path
         halvings = stepper.max_halvings
@@ -273,7 +272,7 @@ class Run:
         stepper, clock = self._stepper, self.problem.clock
         chosen: Any = self.problem.system.solver
         return Result(
-            ply=self.ply,
+            ply=self.problem.ply,
             states=list(self.states),
             converged=self.states[-1].load_factor == 1.0,
             linear_solves=clock.solves,
@@ -291,7 +290,7 @@ class Run:
     def _resume(self) -> bool:
         """Start from the end of the checkpoint; False where it holds no state."""
         problem, checkpoint = self.problem, self._stepper.checkpoint
-        replay = Replay(self.ply, problem)
+        replay = Replay(problem)
         if checkpoint is None or not (saved := checkpoint.load(replay)):
             return False
         self.states, self.continuation = saved.states, saved.progress.continuation
@@ -311,7 +310,8 @@ class Run:
         A ply at rest may have motions without stiffness, but none that gains energy.
         """
         problem, checkpoint = self.problem, self._stepper.checkpoint
-        u, p = self.ply.basis.zeros(), self.ply.parameters_at_rest
+        ply = problem.ply
+        u, p = ply.basis.zeros(), ply.parameters_at_rest
         f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
         if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
             raise ValueError("a law has no finite energy or force at rest: mend it")
@@ -322,7 +322,7 @@ class Run:
         tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
         undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
-        trial = Trial(self.ply, problem, undeformed, None, energies, potentials)
+        trial = Trial(problem, undeformed, None, energies, potentials)
         state, values = trial.state(0), problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
@@ -357,7 +357,7 @@ class Run:
         except ValueError as error:
             raise StepError.after(error, self.result) from None
         most_altered = self.continuation.most_altered(step, t, driven)
-        guess = on_grown_surface(self.ply, problem.at(t), start)
+        guess = on_grown_surface(problem.at(t), start)
         try:
             found = self._search(Goal(t, step, values, guess, start, most_altered))
         except NoEquilibriumError as failure:
@@ -379,7 +379,7 @@ class Run:
             term.parameters is not None
             and term.parameters.depends_on_steps
             and now[term.name] != before[term.name]
-            for term in self.ply.terms
+            for term in self.problem.ply.terms
         )
 
     def _keep(self, state: State, trial: Trial) -> None:
