@@ -24,6 +24,10 @@ _FAR = 1e100
 # their inverses overflow.
 _SHORT = 1e-100
 
+# Largest side in mm of the bounding box below which a mesh is in other units.  Chosen:
+# a ply narrower than a yarn is no ply, and one of less than 1 m in metres is below it.
+_SMALLEST_PLY = 1.0
+
 # Numbers of nodes or cells that a message lists.  Chosen: one line.
 _LISTED = 10
 
@@ -48,7 +52,7 @@ def check_mesh(mesh: Mesh) -> None:
     ------
     MeshError
         If the mesh has other cells, positions that are not finite, unused nodes or
-        nodes that are not there, names of edges or nodes that are not there, edges of
+        nodes that are not there, is less than 1 mm wide and high, has names of edges or nodes that are not there, edges of
         more than two cells, cells with a collapsed edge, quadrilaterals inverted at a
         2×2 point, triangles without area, cells that overlap, nodes on an edge between
         its ends, or coincident nodes other than those along a cut (`contact`).
@@ -74,6 +78,12 @@ def check_mesh(mesh: Mesh) -> None:
         _inverted(mesh, jacobian * turn[:, None]) | _collapsed(mesh),
     )
     refuse(f"{cell}(s) lie on top of a neighbour", _overlapping(mesh, turn))
+    width, height = np.ptp(mesh.p, axis=1)
+    if max(width, height) < _SMALLEST_PLY * (1 - _NEGLIGIBLE):
+        raise MeshError(
+            f"the mesh is {width:.4g} mm wide and {height:.4g} mm high: in metres? take "
+            "a larger ply, or coordinates in mm"
+        )
     _refuse_contact(mesh, cell)
     for name, edges in (mesh.boundaries or {}).items():
         _refuse_names(f"boundary {name!r}", edges, mesh.nfacets)

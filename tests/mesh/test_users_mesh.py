@@ -1,6 +1,7 @@
 """A ply takes the user's mesh, splits or cuts it inside, and gives fields back."""
 
 from dataclasses import replace
+from functools import partial
 
 import meshio
 import numpy as np
@@ -22,6 +23,7 @@ from skfem_textile import (
 from skfem_textile.io import read_mesh, write_fields
 from skfem_textile.mesh.selection import with_named_nodes
 from skfem_textile.mesh.splitting import CutMesh, SplitMesh, cut, split, split_cells
+from skfem_textile.scenes import bias_extension, hemisphere, specimen
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import TRIANGLE_AND_QUAD, distorted, wobble
 
@@ -52,6 +54,32 @@ def assert_same_ply(ply, other):
     assert ply.energies(u) == other.energies(u)
     np.testing.assert_array_equal(ply.residual(u), other.residual(u))
     assert (ply.tangent(u) != other.tangent(u)).nnz == 0
+
+
+#: A bias-extension specimen of 100 mm × 200 mm whose file is in metres.
+IN_METRES = rectangle(100, 200, (3, 6), "irregular", 0.2).scaled(1e-3)
+
+OF_PLIES = [partial(Ply, fabric=FABRIC, formulation=f) for f in (Macro(), OnePoint())]
+
+
+@pytest.mark.parametrize("use", [*OF_PLIES, bias_extension, specimen, hemisphere])
+@pytest.mark.parametrize("mesh", [IN_METRES, cut(IN_METRES)])
+def test_a_mesh_in_metres_is_refused_wherever_it_is_given(use, mesh):
+    with pytest.raises(MeshError, match=r"0\.1 mm wide and 0.2 mm high: in metres"):
+        use(mesh)
+
+
+def test_a_file_in_metres_is_refused(tmp_path):
+    points = np.pad(IN_METRES.p, ((0, 1), (0, 0))).T
+    meshio.Mesh(points, {"quad": IN_METRES.t.T}).write(tmp_path / "m.vtu")
+    with pytest.raises(MeshError, match=r"m\.vtu: the mesh is 0\.1 mm wide .* metres"):
+        read_mesh(tmp_path / "m.vtu")
+
+
+@pytest.mark.parametrize("sides", [(1.0, 1.0), (0.1, 1.0), (0.2, 30.0)])
+def test_small_plies_and_narrow_strips_are_not_taken_for_metres(sides):
+    mesh = MeshQuad().refined(1).scaled(sides)
+    assert Ply(mesh, FABRIC).users_mesh is mesh
 
 
 @pytest.mark.parametrize("mesh", [QUADS, TRIANGLES, DART])

@@ -222,7 +222,7 @@ DEFECTS: dict[str, Defect] = {
     "node 2^30": Defect(lambda r: _number(r, 2**30)),
     "no nodes": Defect(_empty),
     "no cells": Defect(_no_cells),
-    "in units of 1e-9": Defect(_scaled(1e-9), True),
+    "in units of 1e-9": Defect(_scaled(1e-9)),
     "in units of 1e9": Defect(_scaled(1e9), True),
     "in units of 1e-200": Defect(_scaled(1e-200), None),
     "in units of 1e90": Defect(_scaled(1e90), None),
