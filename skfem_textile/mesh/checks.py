@@ -52,10 +52,11 @@ def check_mesh(mesh: Mesh) -> None:
     ------
     MeshError
         If the mesh has other cells, positions that are not finite, unused nodes or
-        nodes that are not there, is less than 1 mm wide and high, has names of edges or nodes that are not there, edges of
+        nodes that are not there, names of edges or nodes that are not there, edges of
         more than two cells, cells with a collapsed edge, quadrilaterals inverted at a
         2×2 point, triangles without area, cells that overlap, nodes on an edge between
-        its ends, or coincident nodes other than those along a cut (`contact`).
+        its ends, or coincident nodes other than those along a cut (`contact`); if it is
+        less than 1 mm wide and high, as one in metres is.
     """
     if getattr(mesh, "elem", None) not in _CELLS:
         raise MeshError(
@@ -73,16 +74,18 @@ def check_mesh(mesh: Mesh) -> None:
     refuse(f"{cell}(s) share an edge with more than one other", crowded)
     jacobian = det(mesh.mapping().DF(gauss))  # that of a triangle is constant
     turn = np.sign(jacobian.sum(axis=1))
-    refuse(
-        f"{cell}(s) inverted or degenerate",
-        _inverted(mesh, jacobian * turn[:, None]) | _collapsed(mesh),
-    )
+    x = mesh.p[:, mesh.t]
+    length = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
+    longest = length.max(axis=0)
+    inverted = (jacobian * turn[:, None]).min(axis=1) <= _NEGLIGIBLE * longest**2
+    collapsed = length.min(axis=0) <= np.maximum(_NEGLIGIBLE * longest, _SHORT)
+    refuse(f"{cell}(s) inverted or degenerate", inverted | collapsed)
     refuse(f"{cell}(s) lie on top of a neighbour", _overlapping(mesh, turn))
     width, height = np.ptp(mesh.p, axis=1)
     if max(width, height) < _SMALLEST_PLY * (1 - _NEGLIGIBLE):
         raise MeshError(
-            f"the mesh is {width:.4g} mm wide and {height:.4g} mm high: in metres? take "
-            "a larger ply, or coordinates in mm"
+            f"the mesh is {width:.4g} mm wide and {height:.4g} mm high: in metres? "
+            "take a larger ply, or coordinates in mm"
         )
     _refuse_contact(mesh, cell)
     for name, edges in (mesh.boundaries or {}).items():
@@ -190,22 +193,6 @@ def _refuse_contact(mesh: Mesh, cell: str) -> None:
         contact.doubled,
     )
     refuse(f"{overlap}; one piece of the mesh lies in another", cells_within(boundary))
-
-
-def _inverted(mesh: Mesh, jacobian: ndarray) -> ndarray:
-    """Elements whose Jacobian vanishes or changes sign among the 2×2 points."""
-    return jacobian.min(axis=1) <= _NEGLIGIBLE * _edge_lengths(mesh).max(axis=0) ** 2
-
-
-def _collapsed(mesh: Mesh) -> ndarray:
-    """Elements with an edge of no length."""
-    length = _edge_lengths(mesh)
-    return length.min(axis=0) <= np.maximum(_NEGLIGIBLE * length.max(axis=0), _SHORT)
-
-
-def _edge_lengths(mesh: Mesh) -> ndarray:
-    x = mesh.p[:, mesh.t]
-    return np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
 
 
 def _overlapping(mesh: Mesh, turn: ndarray) -> ndarray:
