@@ -18,9 +18,8 @@ from ..ply.parameters import PlyParameters
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
 from .newton import definite, within_laws
-from .problem import Problem
+from .problem import Problem, Tangent
 from .states import ErrorEstimate, NoEquilibriumError, State
-from .tangent import Tangent
 
 #: Error of the shear angle over the change that halved elements make, and error of the
 #: load over the share of the energy that stabilisation and deviations carry:

@@ -8,9 +8,8 @@ import numpy as np
 from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
-from .problem import EPSILON, Problem, Start, between
+from .problem import EPSILON, Problem, Start, Tangent, between, tangent_at
 from .states import Equilibrium, NoEquilibriumError
-from .tangent import Tangent, tangent_at
 
 # Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
 # singular, and in space, off surfaces, the least one of a projected tangent.  Along

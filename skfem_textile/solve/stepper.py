@@ -25,12 +25,11 @@ from .error_estimate import estimated_error
 from .linear import ChosenSolver, check_solver
 from .linear.solver import Clock
 from .newton import Method
-from .problem import Problem
+from .problem import Problem, tangent_at
 from .result import Result, StepError
 from .search import EquilibriumSearch, Goal, method_of
 from .states import Equilibrium, Iteration, NoEquilibriumError, State, UserError
 from .surface import OnSurface
-from .tangent import tangent_at
 from .verdict import CHECKS, Trial
 
 log = logging.getLogger(__name__)

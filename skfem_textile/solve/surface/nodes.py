@@ -15,9 +15,8 @@ from scipy.sparse import bsr_matrix, csr_matrix, identity
 from skfem import CellBasis
 
 from ..states import NoEquilibriumError
-from .geodesics import exponential_map
 from .on_surface import OnSurface, SurfaceError, UserSurface
-from .surface import Gaps, OffSurfaceError, gaps, is_on, onto
+from .surface import Gaps, OffSurfaceError, exponential_map, gaps, is_on, onto
 
 # Sine of the angle between a normal and what conditions hold below which they hold the
 # node across its surface already.  Chosen: far above rounding.

@@ -15,7 +15,7 @@ from skfem_textile import (
     equilibrium_near,
 )
 from skfem_textile.scenes import Case, hemisphere
-from skfem_textile.solve.tangent import Tangent
+from skfem_textile.solve.problem import Tangent
 from skfem_textile.solve.verdict import area_ratio
 from tests.helpers import place_of, wobble
 from tests.helpers.laid_plies import SYMMETRY, laid, positions, problem_of, square
