@@ -8,7 +8,15 @@ are local: no size of the mesh is in them.
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, ClassVar, Never, Protocol, TypeAlias, TypeVar
+from typing import (
+    Any,
+    ClassVar,
+    NamedTuple,
+    Never,
+    Protocol,
+    TypeAlias,
+    TypeVar,
+)
 
 import numpy as np
 from numpy import ndarray
@@ -229,6 +237,30 @@ def _without_shear(G: ndarray, E: ndarray) -> ndarray:
     return np.exp(-G / np.where(E > 0, _NO_SHEAR * E, 1.0))
 
 
+class ElementState(NamedTuple):
+    """A state of elements, by which a held stiffness is chosen.
+
+    Attributes
+    ----------
+    w
+        Parameters of the forms of a `MeanBasis`.
+    F, A
+        Deformation gradient and fibre directions at the points.
+    G
+        Mean stiffness of the shear law, shape (n_elements, 1).
+    E, T
+        Mean stiffnesses of warp and weft, and tensions of their mean stretches, shape
+        (2, n_elements, 1).
+    """
+
+    w: dict[str, Any]
+    F: ndarray
+    A: tuple[ndarray, ndarray]
+    G: ndarray
+    E: ndarray
+    T: ndarray
+
+
 class HeldStiffness(TermParameters):
     """A stiffness of elements, held fixed between updates within an iteration.
 
@@ -256,50 +288,31 @@ class HeldStiffness(TermParameters):
     def updated(
         self, values: Values, u: ndarray, t: float, tension: ndarray | None = None
     ) -> Values:
-        """The stiffness at ``u``, with tensions that replace those there if given."""
+        """The stiffness at ``u``, with tensions that replace those there if given.
+
+        These are averaged as forces on the stretch, T/λ, whose mean is that of the law:
+        deviations from it cancel.
+        """
         w, element = self._basis.default_parameters(), element_numbers(self._basis)
         A = self._fabric.directions(np.asarray(w["x"]), element)
         F = kin.deformation_gradient(displacement_gradient(self._basis, u))
-        law = self._fabric.at(element).shear_law
-        G = mean(w, type(self).of_shear(law, kin.shear_angle(F, *A)))
-        if tension is not None:
-            w["tension"] = tension
-        E, T = self._of_fibres(w, element, F, A)
-        return Values({self.name: self._of_means(w, F, A, G, E, T)})
-
-    def _of_fibres(
-        self,
-        w: dict[str, Any],
-        element: ndarray,
-        F: ndarray,
-        A: tuple[ndarray, ndarray],
-    ) -> tuple[ndarray, ndarray]:
-        """Mean stiffnesses of warp and weft, and tensions of their mean stretches.
-
-        Predicted tensions count in place of these.  They are averaged as forces on the
-        stretch, T/λ, whose mean is that of the law: deviations from it cancel.
-        """
-        law = self._fabric.at(element).tensions
+        fabric = self._fabric.at(element)
+        angle, law = kin.shear_angle(F, *A), fabric.tensions
+        G = mean(w, type(self).of_shear(fabric.shear_law, angle))
         strain = np.array([kin.fibre_strain(F, a) for a in A])
         slopes = [mean_slope(law.of_family(i, strain), strain[i]) for i in range(2)]
-        E = mean(w, np.array(slopes))
         stretch = np.array([kin.stretch(F, a) for a in A])
         mean_stretch = mean(w, stretch)
-        if "tension" in w:
-            return E, mean_stretch * mean(w, w["tension"] / stretch)
-        of_means = self._fabric.at(element[:, :1]).tensions
-        return E, np.array(of_means.value(np.log(mean_stretch)))
+        if tension is None:
+            of_means = self._fabric.at(element[:, :1]).tensions
+            T = np.array(of_means.value(np.log(mean_stretch)))
+        else:
+            T = mean_stretch * mean(w, tension / stretch)
+        E = mean(w, np.array(slopes))
+        return Values({self.name: self._of(ElementState(w, F, A, G, E, T))})
 
-    def _of_means(
-        self,
-        w: dict[str, Any],
-        F: ndarray,
-        A: tuple[ndarray, ndarray],
-        G: ndarray,
-        E: ndarray,
-        T: ndarray,
-    ) -> ndarray:
-        """The stiffness, with the means over elements of G, E and T."""
+    def _of(self, state: ElementState) -> ndarray:
+        """The stiffness at a state."""
         raise NotImplementedError
 
 
@@ -328,21 +341,11 @@ class HeldStabilisation(HeldStiffness):
         self._by_tension, self._by_grip = by_tension, by_grip
         super().__init__(fabric, basis)
 
-    def _of_means(
-        self,
-        w: dict[str, Any],
-        F: ndarray,
-        A: tuple[ndarray, ndarray],
-        G: ndarray,
-        E: ndarray,
-        T: ndarray,
-    ) -> ndarray:
-        C_s = stabilisation_stiffness(
-            G,
-            E.mean(axis=0),
-            self._by_tension * np.abs(T).mean(axis=0),
-            self._by_grip * mean(w, np.abs(kin.cos_angle(F, *A))),
-        )
+    def _of(self, state: ElementState) -> ndarray:
+        w, F, A, G, E, T = state
+        T = self._by_tension * np.abs(T).mean(axis=0)
+        cos_angle = self._by_grip * mean(w, np.abs(kin.cos_angle(F, *A)))
+        C_s = stabilisation_stiffness(G, E.mean(axis=0), T, cos_angle)
         return self._basis.to_ply_points(np.broadcast_to(C_s, self._basis.dx.shape))
 
 
@@ -367,16 +370,8 @@ class HeldDeviation(HeldStiffness):
         self._multiple = multiple
         super().__init__(fabric, basis)
 
-    def _of_means(
-        self,
-        w: dict[str, Any],
-        F: ndarray,
-        A: tuple[ndarray, ndarray],
-        G: ndarray,
-        E: ndarray,
-        T: ndarray,
-    ) -> ndarray:
-        return deviation_stiffness(self._multiple, G, E, T)
+    def _of(self, state: ElementState) -> ndarray:
+        return deviation_stiffness(self._multiple, state.G, state.E, state.T)
 
 
 class AccumulatedMoment(TermParameters):

@@ -18,7 +18,6 @@ from numpy import ndarray
 from ..ply.parameters import PlyParameters
 from .problem import Problem, Start
 from .states import NoEquilibriumError, State
-from .verdict import area_ratio
 
 log = logging.getLogger(__name__)
 
@@ -332,5 +331,5 @@ def on_grown_surface(problem: Problem, start: Start) -> Start:
         return start
     with np.errstate(all="ignore"):  # what is not finite is caught
         p = start.parameters
-        usable = area_ratio(problem, u).min() > 0 and problem.in_domain(u, p)
+        usable = problem.area_ratio(u).min() > 0 and problem.in_domain(u, p)
         return problem.start(u, p) if usable else start

@@ -1,7 +1,7 @@
 """Newton's method for an equilibrium at one load factor."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -170,7 +170,7 @@ class Newton:
             tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
             tangent = definite(problem, u, p, tension)
             end = _Iterate(u, problem.residual(u, p), p, tangent)
-        if leave or progress.unfinished(end.tangent):
+        if leave or not (progress.is_balanced or end.tangent.altered):
             end = self._iterate(progress, end, _DESCENT * self.most, descend=True)
         return progress.equilibrium(end)
 
@@ -276,21 +276,18 @@ class _Iterate(NamedTuple):
         return tangent is not None and bool(tangent.altered or tangent.negative_pivots)
 
 
+@dataclass
 class _Progress:
-    """Residuals of an iteration, and when it ends."""
+    """Residuals of an iteration, and when it ends; the arguments of `Method.solve`."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        fixed_values: ndarray,
-        most_altered: float,
-        report: Report,
-    ) -> None:
-        self.problem, self.fixed_values = problem, fixed_values
-        self._most_altered, self._report = most_altered, report
-        self.residuals: list[float] = []
-        self._altered, self._tolerance, self._balanced = 0, 0.0, False
-        self._advice = _ON_SURFACE if problem.surfaces else ""
+    problem: Problem
+    fixed_values: ndarray
+    most_altered: float
+    report: Report
+    residuals: list[float] = field(default_factory=list)
+    altered: int = 0
+    tolerance: float = 0.0
+    is_balanced: bool = False
 
     def balanced(self, tangent: Tangent, u: ndarray, f: ndarray) -> bool:
         """Whether the forces balance after an increment by a tangent.
@@ -302,22 +299,18 @@ class _Progress:
         """
         problem = self.problem
         self.residuals.append(problem.unbalanced(f, u))
-        self._tolerance = tangent.tolerance(u, f)
-        self._altered += tangent.altered
-        self._report(len(self.residuals), self.residuals[-1], self._tolerance)
-        if self._altered > self._most_altered:
+        self.tolerance = tangent.tolerance(u, f)
+        self.altered += tangent.altered
+        self.report(len(self.residuals), self.residuals[-1], self.tolerance)
+        if self.altered > self.most_altered:
             raise NoEquilibriumError(
-                f"more than {self._most_altered:g} tangents were indefinite on the way",
+                f"more than {self.most_altered:g} tangents were indefinite on the way",
                 problem.around(problem.unfixed(f, u)),
-                advice=self._advice,
+                advice=_ON_SURFACE if problem.surfaces else "",
             )
-        below = self.residuals[-1] <= self._tolerance
-        self._balanced = below and problem.is_fixed(u, self.fixed_values)
-        return self._balanced
-
-    def unfinished(self, tangent: Tangent) -> bool:
-        """Whether the forces do not balance and the tangent is positive definite."""
-        return not (self._balanced or tangent.altered)
+        below = self.residuals[-1] <= self.tolerance
+        self.is_balanced = below and problem.is_fixed(u, self.fixed_values)
+        return self.is_balanced
 
     def equilibrium(self, end: _Iterate) -> Equilibrium:
         """The equilibrium at the end of the iteration.
@@ -328,18 +321,21 @@ class _Progress:
             If the forces do not balance.
         """
         problem, (u, f, p, tangent) = self.problem, end
-        residual, tolerance = self.residuals[-1], self._tolerance
-        if not self._balanced:
-            stalled = residual <= _STALLED * tolerance
-            advice = self._advice or "more steps, or a larger stabilisation"
+        residual, tolerance = self.residuals[-1], self.tolerance
+        if not self.is_balanced:
+            advice = "more steps, or a larger stabilisation"
+            if residual <= _STALLED * tolerance:
+                advice = LESS_ROUNDING
+            elif problem.surfaces:
+                advice = _ON_SURFACE
             raise NoEquilibriumError(
                 f"{residual:.2g} N unbalanced after {len(self.residuals)} iterations, "
                 f"tolerance {tolerance:.2g} N",
                 problem.around(problem.unfixed(f, u)),
-                advice=LESS_ROUNDING if stalled else advice,
+                advice=advice,
             )
         residuals = tuple(self.residuals)
-        return Equilibrium(u, f, p, residuals, tolerance, self._altered, tangent)
+        return Equilibrium(u, f, p, residuals, tolerance, self.altered, tangent)
 
 
 def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParameters]:
@@ -363,24 +359,16 @@ def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParamete
         return definite(problem, u, p, tension), p
     size = _FIRST_TENSION
     if problem.surfaces:
-        of_loads = np.full_like(tension, _tension_of_loads(problem, start))
+        # As in a square with all of the loads along surfaces on two of its sides.  With
+        # ten times more or less a sphere takes twice the solves.
+        along = problem.nodal(problem.unfixed(problem.load(u, p), u))
+        sides = 2 * np.sqrt(problem.ply.basis.dx.sum())
+        of_loads = np.full_like(tension, np.linalg.norm(along, axis=0).sum() / sides)
         p = problem.ply.updated(p, u, problem.load_factor, of_loads)
         G = problem.ply.fabric.shear_law.tangent(np.zeros((tension.shape[1], 1))).mean()
         size = max(float(of_loads.max()), _OVER_SHEAR_STIFFNESS * G) or size
     first = np.full_like(tension, size)
     return Tangent(problem, u, p, first, contact=0.0), p
-
-
-def _tension_of_loads(problem: Problem, start: Start) -> float:
-    """Tension in N/mm of the order that loads along surfaces cause in fibres.
-
-    The tension of a square with all of the loads on two of its sides.  With ten times
-    more or less a sphere takes twice the solves.
-    """
-    u = start.u
-    along = problem.nodal(problem.unfixed(problem.load(u, start.parameters), u))
-    sides = 2 * np.sqrt(problem.ply.basis.dx.sum())
-    return float(np.linalg.norm(along, axis=0).sum() / sides)
 
 
 def definite(

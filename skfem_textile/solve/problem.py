@@ -242,6 +242,18 @@ class Problem:
             return True
         return self.ply.in_domain(u) and bool(np.isfinite(self.energy(u, parameters)))
 
+    def area_ratio(self, u: ndarray) -> ndarray:
+        """Smallest det F of each element; negative where it faces its surface wrongly.
+
+        Elements on a surface are to face it as most of them do.
+        """
+        ply, ratio = self.ply, self.ply.least_area_ratio(u)
+        if self.surfaces is None:
+            return ratio
+        elements = ply.basis.element_dofs[:: self._dimension] // self._dimension
+        place = u, self.load_factor, elements, ply.normals(u)
+        return ratio * self.surfaces.facing(*place)
+
     def around(self, u: ndarray) -> ndarray:
         """Elements at the node where a DOF vector is largest."""
         forces = self.nodal(u)
@@ -399,17 +411,14 @@ class Tangent:
         if problem.surfaces:
             size += np.abs(problem.nodes).max()
         rounding = _ROUNDINGS * EPSILON * size
-        upper, coupling = map(_magnitudes, self._matrix)
+        upper, coupling = (
+            csr_matrix((np.abs(x.data), x.indices, x.indptr), x.shape)
+            for x in self._matrix
+        )
         free, fixed = (np.ones(n) for n in coupling.shape)
         rows = upper @ free + free @ upper - upper.diagonal() + coupling @ fixed
         stiffness = float(rows.max(initial=0.0))
         return float(problem.converged * np.abs(f).max() + rounding * stiffness)
-
-
-def _magnitudes(matrix: csr_matrix) -> csr_matrix:
-    """The magnitudes of the entries."""
-    data = np.abs(matrix.data), matrix.indices, matrix.indptr
-    return csr_matrix(data, matrix.shape)
 
 
 def _multipliers(problem: Problem, u: ndarray, f: ndarray) -> ndarray:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -192,14 +192,11 @@ class EquilibriumSearch:
         """
         problem = self.problem.at(goal.load_factor, goal.held)
         method, place = self.method, (goal.load_factor, goal.step)
-
-        def report(*iteration: Any) -> None:
-            self.report(Iteration(*place, method.name, *iteration))
-
         try:
             with np.errstate(all="ignore"):  # what is not finite is caught
                 equilibrium = method.solve(
-                    problem, goal.start, goal.fixed_values, goal.most_altered, report
+                    *(problem, goal.start, goal.fixed_values, goal.most_altered),
+                    lambda *done: self.report(Iteration(*place, method.name, *done)),
                 )
                 trial = Trial.of(problem, equilibrium, goal.before)
                 driven = method.follows_path and loads_drive(

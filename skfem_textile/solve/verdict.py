@@ -109,7 +109,7 @@ class Trial:
     @cached_property
     def area_ratio(self) -> ndarray:
         """Smallest area ratio of each element at its nodes and the fine points."""
-        return area_ratio(self.problem, self.equilibrium.u)
+        return self.problem.area_ratio(self.equilibrium.u)
 
     @cached_property
     def works(self) -> tuple[float, float]:
@@ -221,20 +221,6 @@ class Trial:
             tolerance=equilibrium.tolerance,
             parameters=equilibrium.parameters,
         )
-
-
-def area_ratio(problem: Problem, u: ndarray) -> ndarray:
-    """Smallest det F of each element; negative where it faces its surface wrongly.
-
-    Elements on a surface are to face it as most of them do.
-    """
-    ply, ratio = problem.ply, problem.ply.least_area_ratio(u)
-    if problem.surfaces is None:
-        return ratio
-    d = len(problem.nodal(u))
-    elements = ply.basis.element_dofs[::d] // d
-    place = u, problem.load_factor, elements, ply.normals(u)
-    return ratio * problem.surfaces.facing(*place)
 
 
 #: Name and error of each check that fails.
