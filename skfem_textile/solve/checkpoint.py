@@ -67,22 +67,13 @@ class Saved(NamedTuple):
 
 
 class Checkpoint:
-    """The states of a run in a folder.
+    """The states of a run in a folder, which is made when a run begins.
 
     Every file is written beside its place and then renamed, so a run may be killed at
     any moment; the next removes what it left there.  ``run.npz`` identifies a run: by
-    its settings as given, and by mesh, laws, conditions and forces.
+    its ``settings`` as given, and by mesh, laws, conditions and forces of the problem.
     Every state has the name of the run, its own number, and a digest of its content and
     of all files before it.
-
-    Parameters
-    ----------
-    folder
-        The folder; made when a run begins.
-    problem
-        The problem of the ply that is loaded.
-    settings
-        What else the result depends on.
     """
 
     def __init__(
@@ -114,11 +105,8 @@ class Checkpoint:
     def begin(self) -> None:
         """Make the folder ready for a new run; a finished one stays until `save`.
 
-        Raises
-        ------
-        CheckpointError
-            If it holds an unfinished run, or another run writes to it, or it cannot be
-            written.
+        An error if it holds an unfinished run, another run writes to it, or it cannot
+        be written.
         """
         with self._writing():
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -138,14 +126,9 @@ class Checkpoint:
             self._last = sealed.write(beside, self._run, "run", "", settings, arrays)
 
     def save(self, number: int, state: State, progress: Progress) -> None:
-        """Write a state, and where the stepper is.
+        """Write a state, and where the stepper is; an error if that cannot be written.
 
         The first state of a run takes the place of a finished run.
-
-        Raises
-        ------
-        CheckpointError
-            If it cannot be written.
         """
         text = asdict(replace(state, parameters={}))
         text["progress"] = {
@@ -170,18 +153,10 @@ class Checkpoint:
             beside.replace(self.folder / f"{name}.npz")
 
     def load(self, replay: "Replay") -> Saved | None:
-        """Read and check every state; None if there is none.
+        """Read every state and check it by a replay; None if there is none.
 
-        Parameters
-        ----------
-        replay
-            Computes one state after the other again.
-
-        Raises
-        ------
-        CheckpointError
-            If a file is damaged or missing, or belongs to another run, or another run
-            writes to the folder.
+        An error if a file is damaged or missing, or belongs to another run, or another
+        run writes to the folder.
         """
         if not self.folder.is_dir():
             return None
@@ -354,14 +329,9 @@ class Replay:
         return trial, problem.constraints.fixed_values(t)
 
     def compared(self, state: State, trial: Trial, fixed_values: ndarray) -> State:
-        """Compare a state with its trial; add its shares.
+        """Compare a state with its trial; add its shares; an error if they disagree.
 
         Counts and residuals are not compared: they depend on how the state was found.
-
-        Raises
-        ------
-        ValueError
-            If they disagree.
         """
         problem, (u, f, *_) = trial.problem, trial.equilibrium
         if not problem.is_fixed(u, fixed_values):

@@ -292,10 +292,7 @@ class _Progress:
     def balanced(self, tangent: Tangent, u: ndarray, f: ndarray) -> bool:
         """Whether the forces balance after an increment by a tangent.
 
-        Raises
-        ------
-        NoEquilibriumError
-            If more tangents were projected than allowed, or forces are not finite.
+        An error if more tangents were projected than allowed, or forces are not finite.
         """
         problem = self.problem
         self.residuals.append(problem.unbalanced(f, u))
@@ -313,13 +310,7 @@ class _Progress:
         return self.is_balanced
 
     def equilibrium(self, end: _Iterate) -> Equilibrium:
-        """The equilibrium at the end of the iteration.
-
-        Raises
-        ------
-        NoEquilibriumError
-            If the forces do not balance.
-        """
+        """The equilibrium at the end of the iteration; an error if there is none."""
         problem, (u, f, p, tangent) = self.problem, end
         residual, tolerance = self.residuals[-1], self.tolerance
         if not self.is_balanced:
@@ -344,11 +335,6 @@ def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParamete
     Where the tangent at the start is singular, fibres have a tension in it.  On
     surfaces the parameters are then updated with the tension that loads cause: the ones
     at rest are too small where it is large.
-
-    Raises
-    ------
-    NoEquilibriumError
-        If it is singular even so.
     """
     u, p = start.u, start.parameters
     regular = start.tangent and start.tangent.negative_pivots is not None
@@ -382,20 +368,8 @@ def definite(
 
     The projected tangent has no compression, element matrices projected onto positive
     semi-definite ones, and on surfaces no contact forces.  In space, off surfaces, it
-    has a least fibre tension.  Where it is not definite even so, it has the
-    tensions at ``u``.
-
-    Parameters
-    ----------
-    problem, u, parameters
-        The problem, a displacement, and parameters of the terms.
-    tension, contact
-        As of `Tangent`.
-
-    Raises
-    ------
-    NoEquilibriumError
-        If it is singular.
+    has a least fibre tension.  Where it is not definite even so, it has the tensions at
+    ``u``. The arguments and the error are those of `Tangent`.
     """
     try:
         tangent = Tangent(problem, u, parameters, tension, contact=contact)
@@ -425,13 +399,7 @@ def definite(
 def within_laws(
     problem: Problem, u: ndarray, du: ndarray, parameters: PlyParameters
 ) -> ndarray:
-    """The increment, halved until every law has a value.
-
-    Raises
-    ------
-    NoEquilibriumError
-        If none is short enough.
-    """
+    """The increment, halved until every law has a value; an error if none has one."""
     for _ in range(_HALVINGS):
         if problem.in_domain(u + du, parameters):
             return du

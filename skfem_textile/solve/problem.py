@@ -187,10 +187,7 @@ class Problem:
     def moved(self, u: ndarray, du: ndarray) -> ndarray:
         """The displacement after an increment, nodes brought back onto surfaces.
 
-        Raises
-        ------
-        NoEquilibriumError
-            If a node does not get there.
+        An error if a node does not get there.
         """
         if self.surfaces is None:
             return u + du
@@ -206,10 +203,7 @@ class Problem:
     def unbalanced(self, f: ndarray, u: ndarray) -> float:
         """Largest nodal force along the unknowns that are free at ``u``.
 
-        Raises
-        ------
-        NoEquilibriumError
-            If a nodal force is not finite, be it along a fixed unknown.
+        An error if a nodal force is not finite, be it along a fixed unknown.
         """
         if not np.isfinite(f).all():
             raise NoEquilibriumError("the forces are not finite", advice=NOT_FINITE)
@@ -226,7 +220,7 @@ class Problem:
         return {name: forces[:, n].sum(axis=1) for name, n in nodes.items()}
 
     def is_fixed(self, u: ndarray, fixed_values: ndarray) -> bool:
-        """Whether the fixed unknowns have their values, to round-off of positions.
+        """Whether fixed unknowns have their values, to round-off of positions.
 
         And whether nodes are on their surfaces.
         """
@@ -277,10 +271,8 @@ class Tangent:
 
     Parameters
     ----------
-    problem
-        The problem.
-    u, parameters
-        Displacement, and parameters of the ply's terms.
+    problem, u, parameters
+        The problem, displacement, and parameters of the ply's terms.
     tension
         Fibre tensions for the geometric stiffness in place of the tensions at ``u``.
     positive
@@ -356,7 +348,7 @@ class Tangent:
     def contact(self, f: ndarray, du: ndarray) -> ndarray | None:
         """Multipliers λ of nodes on surfaces after an increment, to first order.
 
-        None where there are none.
+        None where there are no such nodes.
         """
         problem = self._problem
         if not problem.surfaces:
@@ -474,17 +466,7 @@ class Reduced(NamedTuple):
 
 
 def reduced(system: System, blocks: ndarray, turn: csr_matrix | None = None) -> Reduced:
-    """The blocks of a tangent as the free unknowns see it.
-
-    Parameters
-    ----------
-    system
-        Where their entries are.
-    blocks
-        The blocks.
-    turn
-        The map from the unknowns to the plain ones; None where they are the same.
-    """
+    """The blocks of a tangent, as of `System.turned`, on the free unknowns."""
     if turn is not None:
         blocks = system.turned(blocks, turn)
     entries = blocks.ravel()

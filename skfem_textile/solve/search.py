@@ -102,12 +102,8 @@ class EquilibriumSearch:
         """A state that passes every check, its parameters settled if they can be.
 
         Parameters that would change the state are updated and the forces balanced
-        again.  An update is halved if changes do not shrink by half.
-
-        Raises
-        ------
-        NoEquilibriumError
-            If there is none.
+        again.  An update is halved if changes do not shrink by half.  A
+        `NoEquilibriumError` says that there is no such state.
         """
         found, share, last = self._first(goal), 1.0, np.inf
         goal = goal._replace(most_altered=min(goal.most_altered, MOST_ALTERED))
@@ -138,21 +134,9 @@ class EquilibriumSearch:
 
         What is not balanced at rest, such as a constant weight, is held at first, and
         let go in steps that shrink where the way is hard.  Prescribed displacements
-        grow with it.  A ply that is not stable at rest may have no path from there:
-        what the shortest step cannot let go is then let go at once, by whatever way
-        the iteration takes.
-
-        Parameters
-        ----------
-        start
-            The undeformed ply.
-        fixed_values
-            Values of the fixed unknowns at the load factor 0.
-
-        Raises
-        ------
-        NoEquilibriumError
-            If there is no acceptable state.
+        grow with it to their ``fixed_values`` at the load factor 0. A ply that is not
+        stable at rest may have no path from there: what the shortest step cannot let go
+        is then let go at once, by whatever way the iteration takes.
         """
         unbalanced, u, tangent = start.f, start.u, start.tangent
         p = start.parameters
@@ -184,11 +168,6 @@ class EquilibriumSearch:
         """An equilibrium at the parameters of the start that passes every check.
 
         Loads that drive a path may jump to another equilibrium: there work must agree.
-
-        Raises
-        ------
-        NoEquilibriumError
-            If there is none.
         """
         problem = self.problem.at(goal.load_factor, goal.held)
         method, place = self.method, (goal.load_factor, goal.step)
@@ -250,13 +229,7 @@ def _updated(trial: Trial, parameters: PlyParameters) -> tuple[Start, float]:
 
 
 def method_of(method: str | Method) -> Method:
-    """A nonlinear solver, or the one of that name.
-
-    Raises
-    ------
-    ValueError
-        If there is none, or it is allowed no iteration.
-    """
+    """A nonlinear solver, or the one of that name; refused if it is none."""
     if isinstance(method, str):
         if method not in METHODS:
             raise ValueError(

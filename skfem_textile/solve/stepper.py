@@ -205,17 +205,8 @@ class LoadStepper:
 class Run:
     """A run of a load stepper, called once: from rest, or the end of its checkpoint.
 
-    Parameters
-    ----------
-    stepper
-        The load stepper.
-
-    Attributes
-    ----------
-    states
-        Converged states so far.
-    continuation
-        Length of the steps and the load path.
+    It has the converged ``states`` so far, and in ``continuation`` the length of the
+    steps and the load path.
     """
 
     def __init__(self, stepper: LoadStepper) -> None:
@@ -259,13 +250,7 @@ class Run:
 
     @property
     def result(self) -> Result:
-        """The result so far.
-
-        Raises
-        ------
-        RuntimeError
-            If there is no state yet.
-        """
+        """The result so far; see `LoadStepper.result`."""
         if not self.states:
             raise RuntimeError("the load stepper has not been run")
         stepper, clock = self._stepper, self.problem.clock
@@ -382,13 +367,7 @@ class Run:
         )
 
     def _keep(self, state: State, trial: Trial) -> None:
-        """Add a state, and make it the start of the next step.
-
-        Raises
-        ------
-        StepError
-            If the checkpoint cannot be written.
-        """
+        """Add a state, write it to a checkpoint, and start the next step from it."""
         t, stepper = state.load_factor, self._stepper
         for check, warning in trial.warnings.items():
             level = logging.INFO if check in self._warned else logging.WARNING
@@ -417,13 +396,7 @@ def _check_arguments(
     warn_only: Any,
     callbacks: Mapping[str, Callable | None],
 ) -> None:
-    """Refuse arguments that `LoadStepper` cannot use.
-
-    Raises
-    ------
-    ValueError
-        With the name of the argument, and what is wrong with it.
-    """
+    """Refuse arguments that `LoadStepper` cannot use, with what is wrong with them."""
     if isinstance(ply, type) or not hasattr(ply, "stiffness"):
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
     if not _is_whole(steps, 1, _MOST_STEPS):

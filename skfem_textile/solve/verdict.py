@@ -159,10 +159,8 @@ class Trial:
     def apply_checks(self, warn_only: Collection[str]) -> None:
         """Apply every check; failures of those in ``warn_only`` become ``warnings``.
 
-        Raises
-        ------
-        NoEquilibriumError
-            If an energy is not finite, or another check fails.
+        An error if an energy is not finite, a law is asked beyond its domain, or
+        another check fails.
         """
         for name, energy in (*self.energies.items(), *self.potentials.items()):
             if not np.isfinite(energy):
@@ -375,7 +373,7 @@ def excess(
 ) -> str:
     """Words for the shares of a role that are too large; empty if there are none.
 
-    The role is ``stabilisation`` or ``deviation``.  Reactions of the conditions
+    The role is ``stabilisation`` or ``deviation``. Reactions of the conditions
     ``supports`` do not count.
     """
     passed = {f"{name}_reaction" for name in supports}

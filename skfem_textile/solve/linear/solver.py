@@ -85,13 +85,7 @@ class SingularMatrixError(RuntimeError):
 
 
 def refuse_round_off(pivots: ndarray, entries: ndarray) -> None:
-    """Refuse pivots, given by magnitude, that are but round-off of the entries.
-
-    Raises
-    ------
-    SingularMatrixError
-        If there is one.
-    """
+    """Refuse pivots, given by magnitude, that are but round-off of the entries."""
     largest = pivots.max(initial=0.0)
     round_off = np.maximum(
         _LEAST_OF_ENTRY * np.abs(entries), _LEAST_OF_LARGEST * largest
@@ -285,13 +279,7 @@ def solver_named(name: str) -> type[Solver]:
 
 
 def check_solver(name: str) -> None:
-    """Refuse a name that is unknown or needs what is not installed.
-
-    Raises
-    ------
-    ValueError
-        If it is such a name.
-    """
+    """Refuse a name that is unknown or needs what is not installed, by a ValueError."""
     if name == "auto":
         return
     if name not in [*SOLVERS]:  # a list, as the name may be no string

@@ -328,10 +328,7 @@ def displacement(X: ndarray, x: ndarray) -> ndarray:
 def _bending(surface: Surface, x: ndarray) -> Callable[[ndarray], ndarray]:
     """Second derivatives of geodesics at points by their first, −(v·∇²φ v) ∇φ/‖∇φ‖².
 
-    Raises
-    ------
-    OffSurfaceError
-        If the surface has no normal there.
+    An error if the surface has no normal there.
     """
     H = surface.hessian(x)
     g = surface.gradient(x)
