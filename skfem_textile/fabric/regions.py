@@ -129,18 +129,9 @@ class RegionalDirection:
 def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
     """A fabric whose values per element are those of the elements of a mesh.
 
-    Parameters
-    ----------
-    parent
-        For each element of the mesh the user's element that it is part of; shape
-        (n_elements,).
-    fabric
-        The fabric, with values for either elements.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer or more values than elements.
+    Values may be of either elements; with fewer or more they are refused.  ``parent``
+    is for each element of the mesh the user's element that it is part of; shape
+    (n_elements,).
     """
     n_elements, n_originals = len(parent), parent.max() + 1
 
@@ -217,21 +208,10 @@ def _n_elements(thing: Any) -> int | None:
 def fabric_of_regions(
     mesh: Mesh, fabrics: Mapping[str, Fabric], parent: ndarray | None = None
 ) -> Fabric:
-    """The fabric of a mesh, each of whose subdomains has its own.
+    """The fabric of a mesh, each of whose subdomains has its own, by name.
 
-    Parameters
-    ----------
-    mesh
-        Has the subdomains; its elements belong to one of those that are named.
-    fabrics
-        A fabric for each of them, by name.
-    parent
-        As of `fabric_on`, where the mesh is not the user's.
-
-    Raises
-    ------
-    ValueError
-        If there is no such subdomain, or an element belongs to none or two of them.
+    Refused if there is no such subdomain, or an element belongs to none or two of them.
+    ``parent`` is that of `fabric_on`, where the mesh is not the user's.
     """
     subdomains, region = mesh.subdomains or {}, np.full(mesh.nelements, -1)
     for number, (name, fabric) in enumerate(fabrics.items()):

@@ -95,13 +95,7 @@ def check_mesh(mesh: Mesh) -> None:
 
 
 def refuse_positions(p: ndarray) -> None:
-    """Refuse positions, shape (2, n), that are not finite or cannot be squared.
-
-    Raises
-    ------
-    MeshError
-        If there are any, or no nodes at all.
-    """
+    """Refuse positions, shape (2, n), that are not finite or cannot be squared."""
     if p.size == 0:
         raise MeshError("the mesh has no nodes")
     refuse("node(s) not finite", ~np.isfinite(p).all(axis=0))
@@ -112,19 +106,8 @@ def refuse_positions(p: ndarray) -> None:
 def refuse_nodes(p: ndarray, cells: Sequence[ndarray], what: str = "cell") -> None:
     """Refuse positions as `refuse_positions`, and cells of nodes that are not there.
 
-    Parameters
-    ----------
-    p
-        Positions, shape (2, n).
-    cells
-        Node numbers, arrays of shape (n_corners, n); counted through them all.
-    what
-        What to call a cell.
-
-    Raises
-    ------
-    MeshError
-        If there are any.
+    Cells are arrays of node numbers of the shape (n_corners, n), counted through them
+    all, and called ``what``.
     """
     refuse_positions(p)
     listed = [((t >= 0) & (t < p.shape[1])).all(axis=0) for t in cells]
@@ -150,13 +133,7 @@ def with_edges(mesh: _Mesh) -> _Mesh:
 
 
 def refuse(what: str, bad: ndarray) -> None:
-    """Refuse bad items, given as one bool for each or as their numbers.
-
-    Raises
-    ------
-    MeshError
-        If there are any.
-    """
+    """Refuse bad items, given as one bool for each or as their numbers."""
     numbers = np.flatnonzero(bad) if bad.dtype == bool else bad
     if numbers.size:
         first = ", ".join(map(str, numbers[:_LISTED]))

@@ -269,13 +269,7 @@ def finer_ply(ply: "Ply") -> FinerPly:
 
 
 def refuse_what_has_no_finer(ply: "Ply") -> None:
-    """Refuse a ply that cannot be built on a finer mesh, or takes over no state there.
-
-    Raises
-    ------
-    ValueError
-        If that is so.
-    """
+    """Refuse a ply that cannot be built on a finer mesh, or carry a state there."""
     _refuse_terms_of_the_mesh(ply, "compare a run with half the element size")
     for term in ply.terms:
         if term.parameters is not None and term.parameters.depends_on_steps:

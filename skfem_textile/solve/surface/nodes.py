@@ -169,9 +169,7 @@ class SurfaceNodes:
         return self._turn
 
     def motion(self, u: ndarray, t: float, du: ndarray) -> ndarray:
-        """A motion ``du`` of conditions, and what brings nodes onto surfaces to first
-        order.
-        """
+        """A motion of conditions, and of nodes onto surfaces to first order."""
         contact, moved = self.contact(u, t), du.reshape(-1, 3).T.copy()
         own = contact.nodes
         missing = contact.level + (contact.gradient * moved[:, own]).sum(axis=0)
