@@ -1,6 +1,6 @@
 """Draping: surfaces, plies laid on them without mechanics, and what plies meet."""
 
-from ..solve.surface.geodesics import displacement, exponential_map
+from ..solve.surface.surface import displacement, exponential_map
 from .fibres_in_space import (
     SAME_AXES,
     Axes,

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..mesh.user_input import real_numbers
 from ..ply import Ply
 from ..solve.surface import Surface
-from ..solve.surface.geodesics import tangents
+from ..solve.surface.surface import tangents
 from .sheet import REACH, Sheet, unit
 from .surfaces import positive_length
 from .tool_mesh import ToolMesh

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..mesh.user_input import real_numbers
 from ..solve.surface import Surface, onto
-from ..solve.surface.geodesics import tangents
+from ..solve.surface.surface import tangents
 from .surfaces import positive_length
 
 

@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
@@ -200,10 +200,6 @@ def _encoded(name: str, value: Any) -> Any:
     raise ValueError(f"{name}: {kind} is no law of the package, which no file holds")
 
 
-def _is_needed(field: Field[Any]) -> bool:
-    return field.default is MISSING and field.default_factory is MISSING
-
-
 def _decoded(value: Any) -> Any:
     if isinstance(value, list):
         return tuple(_decoded(one) for one in value)
@@ -217,7 +213,8 @@ def _decoded(value: Any) -> Any:
     own = {key: _decoded(one) for key, one in value.items() if key != "kind"}
     if other := set(own) - {f.name for f in fields(kind)}:
         raise ValueError(f"{kind.__name__} has no parameter {excerpt(min(other))!r}")
-    if missing := {f.name for f in fields(kind) if _is_needed(f)} - set(own):
+    needed = (f for f in fields(kind) if f.default is f.default_factory is MISSING)
+    if missing := {f.name for f in needed} - set(own):
         raise ValueError(f"{kind.__name__} needs the parameter {min(missing)!r}")
     if "region" in own:
         own["region"] = np.array(own["region"], dtype=int)

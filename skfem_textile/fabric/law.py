@@ -379,21 +379,9 @@ _NOTHING = 1e-9
 
 
 def number(name: str, value: Any, above: float | None = None) -> float:
-    """A parameter of a law as a finite number.
+    """A parameter of a law, by its name, as a finite number.
 
-    Parameters
-    ----------
-    name
-        What it is, for the message.
-    value
-        What was given.
-    above
-        What it must be larger than; without it any finite number >= 0 will do.
-
-    Raises
-    ------
-    ValueError
-        If it is no such number.
+    It must be larger than ``above``; without it any finite number >= 0 will do.
     """
     least = ">= 0" if above is None else f"> {above:g}"
     try:
@@ -411,21 +399,9 @@ def refuse_other_units(
 ) -> None:
     """Refuse shear angles beyond a right angle, and strains beyond `LARGEST_STRAIN`.
 
-    Parameters
-    ----------
-    name
-        What the values are, for the message.
-    values
-        Shear angles in radians, or strains.
-    of
-        ``shear`` for angles, ``tension`` for strains, None for either.
-    ask
-        Whether the message asks if they are in degrees or per cent.
-
-    Raises
-    ------
-    ValueError
-        If one is beyond.
+    The values are shear angles in radians where they are ``of`` shear, strains where
+    they are of tension, and either where they are of None.  The message asks, unless
+    told not to, if they are in degrees or per cent.
     """
     x = np.ravel(values)
     most = LARGEST_STRAIN if of == "tension" else RIGHT_ANGLE
@@ -443,17 +419,9 @@ def refuse_other_units(
 
 
 def pair(name: str, value: Any, above: float | None = None) -> tuple[float, float]:
-    """A parameter of warp and weft: one number for both, or two.
+    """A parameter of warp and weft: one `number` for both, or two.
 
-    Parameters
-    ----------
-    name, value, above
-        As for `number`.
-
-    Raises
-    ------
-    ValueError
-        If it is no such number, nor two of them, or differs from element to element.
+    Refused if it differs from element to element.
     """
     if isinstance(value, np.ndarray):
         raise ValueError(
@@ -469,13 +437,7 @@ def pair(name: str, value: Any, above: float | None = None) -> tuple[float, floa
 
 
 def inner_law(name: str, law: Any) -> Law:
-    """A law that another law is made of: the same in every element.
-
-    Raises
-    ------
-    ValueError
-        If it has no energy, value and tangent, or differs from element to element.
-    """
+    """A law of which another law is made: of one strain, the same in every element."""
     parts = ("energy", "value", "tangent")
     if isinstance(law, type) or not all(hasattr(law, part) for part in parts):
         raise ValueError(f"{name} must be a law, such as Linear(5e3), got {law!r}")
@@ -490,13 +452,7 @@ def inner_law(name: str, law: Any) -> Law:
 
 
 def refuse_force_at_rest(name: str, law: Law, strain: float) -> None:
-    """Refuse a law that does not vanish at rest, or does not hold up to a strain.
-
-    Raises
-    ------
-    ValueError
-        If so.
-    """
+    """Refuse a law that does not vanish at rest, or does not hold up to a strain."""
     low, high = domain_of(law)
     if not low <= min(strain, 0.0) <= max(strain, 0.0) <= high:
         raise ValueError(
@@ -551,12 +507,8 @@ def closest_end(
 ) -> LawEnd | None:
     """The end of a law that is closest, or None if every law holds everywhere.
 
-    Parameters
-    ----------
-    domains
-        Both ends of the laws of warp, weft and shear.
-    values
-        Fibre strains of warp and weft, and shear angles, shape (n_elements, n) each.
+    Given are both ends of the laws of warp, weft and shear, and fibre strains of warp
+    and weft, and shear angles, shape (n_elements, n) each.
     """
     found = []
     for name, domain, x in zip(_QUANTITIES, domains, values, strict=True):

@@ -50,20 +50,10 @@ class _Asked(NamedTuple):
 def check_laws(fabric: Fabric, shape: tuple[int, ...]) -> None:
     """Refuse laws whose energy, value and tangent contradict each other.
 
-    Parameters
-    ----------
-    fabric
-        Gives the laws.
-    shape
-        (n_elements, n_points) of a ply's own points.  A law that differs from point to
-        point is asked there, at fewer arguments.
-
-    Raises
-    ------
-    ValueError
-        If parts of a law contradict each other where it is finite, or do not give an
-        array of real numbers of the shape of their argument; the message names the
-        fibre family or the shear, the part and the argument.
+    They are judged where they are finite, and must give arrays of real numbers of the
+    shape of their argument.  The message names the fibre family or the shear, the part
+    and the argument.  The shape, (n_elements, n_points), is of a ply's own points: a
+    law that differs from point to point is evaluated there, at fewer arguments.
     """
     warp, weft = fabric.families
     if not isinstance(fabric.tensions, TwoLaws):

@@ -81,12 +81,8 @@ def _distances(outline: ndarray, points: ndarray) -> ndarray:
 def _cut_off(corners: ndarray, distances: ndarray, near: float) -> ndarray:
     """The part of a cell within the outline: its corners, shape (2, n).
 
-    Parameters
-    ----------
-    corners, distances
-        Of each corner its position, and its distances from the sides.
-    near
-        As for `cells_of_net`.
+    Given are its corners and their distances from the sides; ``near`` as for
+    `cells_of_net`.
     """
     known = np.hstack([corners, distances])
     for side in range(2, known.shape[1]):
@@ -220,12 +216,8 @@ def mesh_along_fibres(
 class _Net:
     """Lines s₁ = a and s₂ = b within an outline in coordinates along the fibres.
 
-    Parameters
-    ----------
-    corners
-        Of the outline, shape (2, n).
-    in_spacings
-        Makes of a difference of coordinates one along x and y, in spacings.
+    The matrix ``in_spacings`` makes of a difference of coordinates one along x and y,
+    in spacings.
     """
 
     def __init__(self, corners: ndarray, in_spacings: ndarray) -> None:

@@ -2,18 +2,54 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy import ndarray
 from skfem import Mesh
 
 from .fabric import Direction, Fabric, unit_vectors
-from .law import BiaxialLaw, Law, TwoLaws, domain_of, law_at
+from .law import BiaxialLaw, TwoLaws, domain_of, law_at
 
 
 @dataclass(frozen=True, eq=False)
-class RegionalLaw:
+class _OneOfLaws:
+    """Energy and derivatives of one of several laws in each element."""
+
+    laws: Sequence[Any]
+    region: ndarray
+
+    def at(self, element: ndarray | None = None) -> Self:
+        """The law at points, by the numbers of their elements.
+
+        Parameters
+        ----------
+        element
+            Of any shape that broadcasts with the arguments of the law; all elements,
+            shape (n_elements, 1), if not given.
+        """
+        laws = [law_at(law, element) for law in self.laws]
+        return replace(self, laws=laws, region=_region_at(self.region, element))
+
+    def energy(self, x: ndarray) -> ndarray:
+        """Energy density of the law at each point; each law is asked for its own.
+
+        Elsewhere it is asked at 0: a law may warn of an argument beyond its table.
+        """
+        own = [np.where(self.region == i, x, 0.0) for i in range(len(self.laws))]
+        pairs = zip(self.laws, own, strict=True)
+        return _chosen(self.region, [law.energy(at) for law, at in pairs])
+
+    def value(self, x: ndarray) -> ndarray:
+        """Its derivative."""
+        return _chosen(self.region, [np.array(law.value(x)) for law in self.laws])
+
+    def tangent(self, x: ndarray) -> ndarray:
+        """The derivative of that."""
+        return _chosen(self.region, [law.tangent(x) for law in self.laws])
+
+
+class RegionalLaw(_OneOfLaws):
     """One of several laws in each element.
 
     Parameters
@@ -24,95 +60,26 @@ class RegionalLaw:
         Which of them each element has: whole numbers, shape (n_elements,).
     """
 
-    laws: Sequence[Law]
-    region: ndarray
-
-    def at(self, element: ndarray | None = None) -> "RegionalLaw":
-        """The law at points, by the numbers of their elements.
-
-        Parameters
-        ----------
-        element
-            Of any shape that broadcasts with the arguments of the law; all elements,
-            shape (n_elements, 1), if not given.
-        """
-        region = _region_at(self.region, element)
-        return RegionalLaw([law_at(law, element) for law in self.laws], region)
-
-    def energy(self, x: ndarray) -> ndarray:
-        """Energy density of the law at each point; each law is asked for its own.
-
-        Elsewhere it is asked at 0: a law may warn of an argument beyond its table.
-        """
-        own = (np.where(self.region == i, x, 0.0) for i in range(len(self.laws)))
-        pairs = zip(self.laws, own, strict=True)
-        return self._chosen([law.energy(at) for law, at in pairs])
-
-    def value(self, x: ndarray) -> ndarray:
-        """Its derivative."""
-        return self._chosen([law.value(x) for law in self.laws])
-
-    def tangent(self, x: ndarray) -> ndarray:
-        """The derivative of that."""
-        return self._chosen([law.tangent(x) for law in self.laws])
-
     @property
     def domain(self) -> tuple[ndarray, ndarray]:
         """The least and the largest x for which the law at each point holds."""
         low, high = zip(*(domain_of(law) for law in self.laws), strict=True)
-        return self._chosen(low), self._chosen(high)
-
-    def _chosen(self, values: Sequence[Any]) -> ndarray:
-        return _chosen(self.region, values)
+        return _chosen(self.region, low), _chosen(self.region, high)
 
 
-@dataclass(frozen=True, eq=False)
-class RegionalTensions(BiaxialLaw):
-    """One of several laws of both tensions in each element.
-
-    Parameters
-    ----------
-    laws
-        The laws.
-    region
-        Which of them each element has: whole numbers, shape (n_elements,).
-    """
-
-    laws: Sequence[BiaxialLaw]
-    region: ndarray
-
-    def at(self, element: ndarray | None = None) -> "RegionalTensions":
-        """The law at points, by the numbers of their elements; see `RegionalLaw.at`."""
-        region = _region_at(self.region, element)
-        return RegionalTensions([law_at(law, element) for law in self.laws], region)
-
-    def energy(self, strain: ndarray) -> ndarray:
-        """Energy density of the law at each point, of which each is asked at its own.
-
-        Elsewhere it is asked at 0, as those of `RegionalLaw` are.
-        """
-        own = [np.where(self.region == i, strain, 0.0) for i in range(len(self.laws))]
-        pairs = zip(self.laws, own, strict=True)
-        return _chosen(self.region, [law.energy(at) for law, at in pairs])
-
-    def value(self, strain: ndarray) -> ndarray:
-        """Its first derivatives."""
-        return _chosen(self.region, [np.array(law.value(strain)) for law in self.laws])
-
-    def tangent(self, strain: ndarray) -> ndarray:
-        """Its second derivatives."""
-        return _chosen(self.region, [law.tangent(strain) for law in self.laws])
+class RegionalTensions(_OneOfLaws, BiaxialLaw):
+    """One of several laws of both tensions in each element; `RegionalLaw` of both."""
 
     @property
     def domain(self) -> tuple[ndarray, ndarray]:
         """The least and the largest strains for which the law at each point holds."""
         families = [[law.of_family(i) for law in self.laws] for i in range(2)]
         both = [zip(*map(domain_of, laws), strict=True) for laws in families]
-        low, high = zip(*both, strict=True)
-        return self._of_both(low), self._of_both(high)
-
-    def _of_both(self, ends: Sequence[Sequence[Any]]) -> ndarray:
-        return np.array([_chosen(self.region, of_family) for of_family in ends])
+        low, high = (
+            np.array([_chosen(self.region, ends) for ends in of_both])
+            for of_both in zip(*both, strict=True)
+        )
+        return low, high
 
 
 def _region_at(region: ndarray, element: ndarray | None) -> ndarray:
@@ -162,18 +129,9 @@ class RegionalDirection:
 def fabric_on(parent: ndarray, fabric: Fabric) -> Fabric:
     """A fabric whose values per element are those of the elements of a mesh.
 
-    Parameters
-    ----------
-    parent
-        For each element of the mesh the user's element that it is part of; shape
-        (n_elements,).
-    fabric
-        The fabric, with values for either elements.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer or more values than elements.
+    Values may be of either elements; with fewer or more they are refused.  ``parent``
+    is for each element of the mesh the user's element that it is part of; shape
+    (n_elements,).
     """
     n_elements, n_originals = len(parent), parent.max() + 1
 
@@ -250,21 +208,10 @@ def _n_elements(thing: Any) -> int | None:
 def fabric_of_regions(
     mesh: Mesh, fabrics: Mapping[str, Fabric], parent: ndarray | None = None
 ) -> Fabric:
-    """The fabric of a mesh, each of whose subdomains has its own.
+    """The fabric of a mesh, each of whose subdomains has its own, by name.
 
-    Parameters
-    ----------
-    mesh
-        Has the subdomains; its elements belong to one of those that are named.
-    fabrics
-        A fabric for each of them, by name.
-    parent
-        As of `fabric_on`, where the mesh is not the user's.
-
-    Raises
-    ------
-    ValueError
-        If there is no such subdomain, or an element belongs to none or two of them.
+    Refused if there is no such subdomain, or an element belongs to none or two of them.
+    ``parent`` is that of `fabric_on`, where the mesh is not the user's.
     """
     subdomains, region = mesh.subdomains or {}, np.full(mesh.nelements, -1)
     for number, (name, fabric) in enumerate(fabrics.items()):

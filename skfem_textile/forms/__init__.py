@@ -2,8 +2,12 @@
 
 from .corners import corner_resistance
 from .form import Forms
-from .hourglass import hourglass, hourglass_rate, isotropic_hourglass
-from .out_of_plane import out_of_plane
+from .hourglass import (
+    hourglass,
+    hourglass_rate,
+    isotropic_hourglass,
+    out_of_plane,
+)
 from .shear import shear, shear_continuity
 from .tension import mean_tension, tension
 

@@ -101,15 +101,7 @@ class Clamps:
 
 
 def clamps(edges: EndEdges, turning: Sequence[ndarray]) -> Clamps:
-    """Clamped edges, and which of them turn.
-
-    Parameters
-    ----------
-    edges
-        The edges.
-    turning
-        Numbers of the edges of each clamp that turns.
-    """
+    """Clamped edges, and the numbers of the edges of each clamp that turns."""
     columns = [
         np.isin(edges.facets, facets) * (edges.A * edges.across) for facets in turning
     ]
@@ -118,16 +110,9 @@ def clamps(edges: EndEdges, turning: Sequence[ndarray]) -> Clamps:
 
 
 def boundary_edges(mesh: Mesh, A: ndarray, facets: ndarray) -> EndEdges:
-    """Some boundary edges, with the directions of fibres there.
+    """Boundary edges by their numbers, with the directions of fibres there.
 
-    Parameters
-    ----------
-    mesh
-        The mesh.
-    A
-        Unit direction of the fibres in each element, shape (2, n_elements).
-    facets
-        Numbers of boundary edges.
+    A is the unit direction of the fibres in each element, shape (2, n_elements).
     """
     ends = mesh.p[:, mesh.facets[:, facets]]
     along = ends[:, 1] - ends[:, 0]
@@ -158,22 +143,7 @@ def matrix_of_quadrilaterals(
     mirrors: EndEdges,
     d: int,
 ) -> Any:
-    """The matrix of the bending energy.
-
-    Parameters
-    ----------
-    mesh
-        A `skfem.MeshQuad`.
-    along
-        Unit directions (A, B) in each element: the same for bending.
-    D
-        As of `bending_matrix`.
-    free, clamped, mirrors
-        Edges where fibres end freely, where they are clamped, and those on planes of
-        symmetry.
-    d
-        Components of the displacement.
-    """
+    """The matrix of the bending energy on a `skfem.MeshQuad`; see `_matrix`."""
     basis = CellBasis(mesh, ElementQuad1(), intorder=3)
     overlap, stiffness = (asm(_PRODUCT, basis, D=x[:, None]) for x in (D * 0 + 1, D))
     area, D_area = (np.asarray(x.sum(axis=1)).ravel() for x in (overlap, stiffness))
@@ -289,22 +259,7 @@ def matrix_of_triangles(
     mirrors: EndEdges,
     d: int,
 ) -> Any:
-    """The matrix of the bending energy.
-
-    Parameters
-    ----------
-    mesh
-        A `skfem.MeshTri`.
-    along
-        Unit directions (A, B) in each element: the same for bending.
-    D
-        As of `bending_matrix`.
-    free, clamped, mirrors
-        Edges where fibres end freely, where they keep their direction, and those on
-        planes of symmetry.
-    d
-        Components of the displacement.
-    """
+    """The matrix of the bending energy on a `skfem.MeshTri`; see `_matrix`."""
     (a, b), (c, e) = (mesh.p[:, mesh.t[i]] - mesh.p[:, mesh.t[0]] for i in (1, 2))
     area = 0.5 * np.abs(a * e - b * c)
     curvature = hstack([_inside(mesh, along), _prescribed(mesh, clamped)])
@@ -510,7 +465,12 @@ def _matrix(
     clamped: Clamps,
     mirrors: EndEdges,
 ) -> csr_matrix:
-    """The matrix of ½ ∫ D |∇∇x : A⊗B|² for the directions (A, B) of ``along``."""
+    """The matrix of ½ ∫ D |∇∇x : A⊗B|² in space or in the plane.
+
+    The unit directions (A, B) in each element, ``along``, are the same for bending.  D
+    is that of `bending_matrix`. Fibres end freely at ``free`` edges, and ``mirrors``
+    are edges on planes of symmetry.
+    """
     mesh: Mesh = basis.mesh
     d = components(basis)
     if isinstance(basis.elem.elem, ElementQuad1):  # type: ignore[attr-defined]

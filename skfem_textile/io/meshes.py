@@ -15,7 +15,13 @@ import numpy as np
 from numpy import ndarray
 from skfem import Mesh, MeshQuad, MeshTri
 
-from ..mesh.checks import MeshError, check_mesh, refuse, refuse_positions
+from ..mesh.checks import (
+    MeshError,
+    check_mesh,
+    refuse,
+    refuse_metres,
+    refuse_positions,
+)
 from ..mesh.scikit_fem import with_names
 from ..mesh.selection import with_named_nodes
 from ..mesh.splitting import boundary_edges, named_edges, split_cells
@@ -68,12 +74,14 @@ def read_mesh(path: str | os.PathLike[str], others: Collection[str] = ()) -> Mes
     MeshError
         If the file cannot be read, has other cells than triangles and four-node
         quadrilaterals, does not lie in a plane z = const, names edges that are none of
-        the mesh, or is not a sound mesh (`check_mesh`).
+        the mesh, is not a sound mesh (`check_mesh`), or is less than 1 mm wide and
+        high, as one in metres is.
     """
     path = Path(path)
     with errors_about(path):
         raw, ignored = read_raw(path)
         mesh = _mesh(_content(raw))
+        refuse_metres(mesh.p)
     if left := [name for name in dict.fromkeys(ignored) if name not in others]:
         names = ", ".join(map(printable, left))
         log.warning("%s: not read: %s", printable(path), names)

@@ -449,9 +449,10 @@ class JumpBasis(InteriorFacetBasis):
         super().__init__(mesh, element, quadrature=_MIDDLE, **kwargs)
         other = InteriorFacetBasis(mesh, element, quadrature=_MIDDLE, side=1, **kwargs)
         set_element_dofs(self, np.vstack([self.element_dofs, other.element_dofs]))
+        first, second = np.eye(2)  # 1 at the own point of a side, 0 at the other
         self.basis = [
-            (_at_point(i, field),)
-            for i, side in enumerate((self, other))
+            (DiscreteField(np.asarray(field) * own, np.asarray(field.grad) * own),)
+            for own, side in ((first, self), (second, other))
             for (field,) in side.basis
         ]
         self._sides = np.array([self.tind, other.tind]).T
@@ -464,9 +465,3 @@ class JumpBasis(InteriorFacetBasis):
     def default_parameters(self) -> dict[str, Any]:
         """Position, and the element of each point."""
         return {"x": self.global_coordinates(), "element": self._sides}
-
-
-def _at_point(i: int, field: DiscreteField) -> DiscreteField:
-    """A field at the i-th of two points, zero at the other."""
-    factor = np.arange(2) == i
-    return DiscreteField(np.asarray(field) * factor, np.asarray(field.grad) * factor)

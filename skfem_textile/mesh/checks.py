@@ -24,6 +24,10 @@ _FAR = 1e100
 # their inverses overflow.
 _SHORT = 1e-100
 
+# Largest side in mm of the bounding box below which a mesh is in other units.  Chosen:
+# a ply narrower than a yarn is no ply, and one of less than 1 m in metres is below it.
+_SMALLEST_PLY = 1.0
+
 # Numbers of nodes or cells that a message lists.  Chosen: one line.
 _LISTED = 10
 
@@ -69,10 +73,12 @@ def check_mesh(mesh: Mesh) -> None:
     refuse(f"{cell}(s) share an edge with more than one other", crowded)
     jacobian = det(mesh.mapping().DF(gauss))  # that of a triangle is constant
     turn = np.sign(jacobian.sum(axis=1))
-    refuse(
-        f"{cell}(s) inverted or degenerate",
-        _inverted(mesh, jacobian * turn[:, None]) | _collapsed(mesh),
-    )
+    x = mesh.p[:, mesh.t]
+    length = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
+    longest = length.max(axis=0)
+    inverted = (jacobian * turn[:, None]).min(axis=1) <= _NEGLIGIBLE * longest**2
+    collapsed = length.min(axis=0) <= np.maximum(_NEGLIGIBLE * longest, _SHORT)
+    refuse(f"{cell}(s) inverted or degenerate", inverted | collapsed)
     refuse(f"{cell}(s) lie on top of a neighbour", _overlapping(mesh, turn))
     _refuse_contact(mesh, cell)
     for name, edges in (mesh.boundaries or {}).items():
@@ -81,14 +87,18 @@ def check_mesh(mesh: Mesh) -> None:
         _refuse_names(f"named nodes {name!r}", nodes, mesh.p.shape[1])
 
 
-def refuse_positions(p: ndarray) -> None:
-    """Refuse positions, shape (2, n), that are not finite or cannot be squared.
+def refuse_metres(p: ndarray) -> None:
+    """Refuse positions of a ply that is less than 1 mm wide and high."""
+    width, height = np.ptp(p, axis=1)[:2]
+    if max(width, height) < _SMALLEST_PLY * (1 - _NEGLIGIBLE):
+        raise MeshError(
+            f"the mesh is {width:.4g} mm wide and {height:.4g} mm high: in metres? "
+            "take a larger ply, or coordinates in mm"
+        )
 
-    Raises
-    ------
-    MeshError
-        If there are any, or no nodes at all.
-    """
+
+def refuse_positions(p: ndarray) -> None:
+    """Refuse positions, shape (2, n), that are not finite or cannot be squared."""
     if p.size == 0:
         raise MeshError("the mesh has no nodes")
     refuse("node(s) not finite", ~np.isfinite(p).all(axis=0))
@@ -99,19 +109,8 @@ def refuse_positions(p: ndarray) -> None:
 def refuse_nodes(p: ndarray, cells: Sequence[ndarray], what: str = "cell") -> None:
     """Refuse positions as `refuse_positions`, and cells of nodes that are not there.
 
-    Parameters
-    ----------
-    p
-        Positions, shape (2, n).
-    cells
-        Node numbers, arrays of shape (n_corners, n); counted through them all.
-    what
-        What to call a cell.
-
-    Raises
-    ------
-    MeshError
-        If there are any.
+    Cells are arrays of node numbers of the shape (n_corners, n), counted through them
+    all, and called ``what``.
     """
     refuse_positions(p)
     listed = [((t >= 0) & (t < p.shape[1])).all(axis=0) for t in cells]
@@ -137,13 +136,7 @@ def with_edges(mesh: _Mesh) -> _Mesh:
 
 
 def refuse(what: str, bad: ndarray) -> None:
-    """Refuse bad items, given as one bool for each or as their numbers.
-
-    Raises
-    ------
-    MeshError
-        If there are any.
-    """
+    """Refuse bad items, given as one bool for each or as their numbers."""
     numbers = np.flatnonzero(bad) if bad.dtype == bool else bad
     if numbers.size:
         first = ", ".join(map(str, numbers[:_LISTED]))
@@ -180,22 +173,6 @@ def _refuse_contact(mesh: Mesh, cell: str) -> None:
         contact.doubled,
     )
     refuse(f"{overlap}; one piece of the mesh lies in another", cells_within(boundary))
-
-
-def _inverted(mesh: Mesh, jacobian: ndarray) -> ndarray:
-    """Elements whose Jacobian vanishes or changes sign among the 2×2 points."""
-    return jacobian.min(axis=1) <= _NEGLIGIBLE * _edge_lengths(mesh).max(axis=0) ** 2
-
-
-def _collapsed(mesh: Mesh) -> ndarray:
-    """Elements with an edge of no length."""
-    length = _edge_lengths(mesh)
-    return length.min(axis=0) <= np.maximum(_NEGLIGIBLE * length.max(axis=0), _SHORT)
-
-
-def _edge_lengths(mesh: Mesh) -> ndarray:
-    x = mesh.p[:, mesh.t]
-    return np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=0)
 
 
 def _overlapping(mesh: Mesh, turn: ndarray) -> ndarray:

@@ -187,14 +187,8 @@ def _distance_and_share(
 def _coincident_off_cuts(joined: ndarray, seam: ndarray, n_nodes: int) -> ndarray:
     """Nodes that coincide with others and do not lie along a cut.
 
-    Parameters
-    ----------
-    joined
-        Pairs of coincident nodes, shape (2, n).
-    seam
-        Nodes of the edges that run along another in opposite direction, shape (2, n).
-    n_nodes
-        Number of nodes of the mesh.
+    ``joined`` are pairs of coincident nodes, and ``seam`` nodes of the edges that run
+    along another in opposite direction, shape (2, n) each.
     """
     place = _groups(joined, n_nodes)
     n_nodes_at = np.bincount(place)

@@ -92,21 +92,9 @@ class Pattern:
         return sum(sums, np.zeros(size)).reshape(-1, d, d)
 
     def add(self, blocks: ndarray, matrix: Any, name: str) -> None:
-        """Add a symmetric sparse matrix to the blocks of a sum.
+        """Add a symmetric sparse matrix of a term, by its name, to the blocks of a sum.
 
-        Parameters
-        ----------
-        blocks
-            As `sum` returns them.
-        matrix
-            Shape (n_unknowns, n_unknowns).
-        name
-            Name of the term that has the matrix.
-
-        Raises
-        ------
-        ValueError
-            If it is not symmetric, or couples nodes that the pattern does not.
+        Refused if it is not symmetric, or couples nodes that the pattern does not.
         """
         K = csr_matrix(matrix)
         if not K.has_canonical_format:
@@ -114,7 +102,10 @@ class Pattern:
             K.sum_duplicates()
         last = self._added.get(name)
         if last is None or K.data is not last.matrix.data:
-            if last is None or not _same_structure(K, last.matrix):
+            if last is None or not (
+                np.array_equal(K.indptr, last.matrix.indptr)
+                and np.array_equal(K.indices, last.matrix.indices)
+            ):
                 last = self._places(K)
             self._added[name] = last = last._replace(matrix=K)
             refuse_unsymmetric(name, K - K.T, K)
@@ -174,14 +165,6 @@ class _Added(NamedTuple):
     outside: ndarray
 
 
-def _same_structure(one: csr_matrix, other: csr_matrix) -> bool:
-    """Whether two matrices have entries in the same places."""
-    return (one.indptr is other.indptr and one.indices is other.indices) or (
-        np.array_equal(one.indptr, other.indptr)
-        and np.array_equal(one.indices, other.indices)
-    )
-
-
 def matrix_of_slots(
     slots: ndarray, row: ndarray, col: ndarray, shape: tuple[int, int]
 ) -> csr_matrix:
@@ -192,21 +175,9 @@ def matrix_of_slots(
 
 
 def refuse_unsymmetric(name: str, difference: Any, matrix: Any) -> None:
-    """Refuse a tangent that is no second derivative.
+    """Refuse the tangent of a term that is no second derivative.
 
-    Parameters
-    ----------
-    name
-        Name of the term.
-    difference
-        The tangent less its transpose.
-    matrix
-        The tangent.
-
-    Raises
-    ------
-    ValueError
-        If it is not symmetric.
+    ``difference`` is the tangent less its transpose.
     """
     if abs(difference).max() > _SYMMETRIC * abs(matrix).max():
         raise ValueError(

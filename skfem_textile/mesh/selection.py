@@ -69,12 +69,8 @@ def named_nodes(mesh: Mesh) -> dict[str, ndarray]:
 def edge_numbers(edges: ndarray, ends: ndarray) -> ndarray:
     """Number of the edge with given ends, shape (m,); −1 if there is none.
 
-    Parameters
-    ----------
-    edges
-        End nodes of each edge, ascending, shape (2, n).
-    ends
-        Pairs of nodes in any order, shape (2, m).
+    ``edges`` are the end nodes of each edge, ascending, shape (2, n), and ``ends``
+    pairs of nodes in any order, shape (2, m).
     """
     n = 1 + max(edges.max(initial=0), ends.max(initial=0))
     keys, (a, b) = edges[0].astype(np.int64) * n + edges[1], np.sort(ends, axis=0)

@@ -47,21 +47,9 @@ def _ends(cell: ndarray) -> ndarray:
 
 
 def named_edges(name: str, points: ndarray, edges: ndarray, ends: ndarray) -> ndarray:
-    """Numbers of the edges of a named boundary, given by their ends.
+    """Numbers of the edges of a named boundary, given as for `edge_numbers`.
 
-    Parameters
-    ----------
-    name
-        Name of the boundary.
-    points
-        Nodes, shape (2, n).
-    edges, ends
-        As for `edge_numbers`.
-
-    Raises
-    ------
-    MeshError
-        If two of the nodes are not the ends of an edge.
+    Refused if two of the nodes are not the ends of an edge.
     """
     numbers = edge_numbers(edges, ends)
     missing = ends[:, numbers < 0]
@@ -86,20 +74,9 @@ def hat_functions(mesh: Mesh, n_nodes: int) -> csr_matrix:
     """Values at all nodes of functions that are 1 at one corner and 0 at the others.
 
     They are linear along the edges of the cells, and in the middle of a cell the mean
-    of its corners.
-
-    Parameters
-    ----------
-    mesh
-        Triangles, whose further nodes are the middles of their edges; a `SplitMesh`,
-        whose corners are those of its cells; or other quadrilaterals.
-    n_nodes
-        Number of nodes.
-
-    Returns
-    -------
-    csr_matrix
-        Shape (n_corners, n_nodes).
+    of its corners.  The mesh has triangles, whose further nodes are the middles of
+    their edges, or is a `SplitMesh`, whose corners are those of its cells, or has other
+    quadrilaterals.  Shape (n_corners, n_nodes).
     """
     parts: Any = mesh
     cells = getattr(parts, "cells", ())
@@ -108,15 +85,12 @@ def hat_functions(mesh: Mesh, n_nodes: int) -> csr_matrix:
     else:
         groups = [edges_of(cells)[0], *cells] if cells else []
     n = n_nodes - sum(group.shape[1] for group in groups)
-    blocks = [identity(n), *(_means(group, n) for group in groups)]
+    blocks = [identity(n)]
+    for corners in groups:  # means of k values
+        k, m = corners.shape
+        places = corners.ravel(), np.tile(np.arange(m), k)
+        blocks.append(csr_matrix((np.full(k * m, 1 / k), places), (n, m)))
     return csr_matrix(hstack(blocks))
-
-
-def _means(corners: ndarray, n: int) -> csr_matrix:
-    """The mean of some of ``n`` values, given by their numbers, shape (k, m)."""
-    k, m = corners.shape
-    columns = np.tile(np.arange(m), k)
-    return csr_matrix((np.full(k * m, 1 / k), (corners.ravel(), columns)), (n, m))
 
 
 @dataclass(repr=False)
@@ -452,14 +426,9 @@ def _longest_first(mesh: MeshTri) -> tuple[ndarray, ndarray]:
 
 
 def _parts(t: ndarray, middle: ndarray) -> tuple[ndarray, ndarray]:
-    """Triangles between corners and middles of edges, and the parent of each.
+    """Triangles between corners a, b, c and middles of edges, and the parent of each.
 
-    Parameters
-    ----------
-    t
-        Corners a, b, c of the triangles.
-    middle
-        Nodes in the middle of ab, bc and ca; −1 where there is none.
+    ``middle`` are the nodes in the middle of ab, bc and ca; −1 where there is none.
     """
     (a, b, c), (ab, bc, ca) = t, middle
     first, second, third = middle >= 0

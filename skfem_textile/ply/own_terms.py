@@ -40,14 +40,7 @@ def corner_stiffness(fabric: Fabric, basis: CellBasis) -> float:
 class CornerTerm(ElementTerm):
     """The term of the corners, which acts where they close and nowhere else.
 
-    Parameters
-    ----------
-    stiffness
-        κ in N/mm.
-    basis
-        Basis of the displacement.
-    corners
-        Its corners.
+    The stiffness is κ in N/mm.
     """
 
     name, role = "corners", "internal"
@@ -97,14 +90,8 @@ class CornerTerm(ElementTerm):
 class BendingTerm(MatrixTerm):
     """The term ½ v·K·v, whose clamps may turn; v as of `bending_matrix`.
 
-    Parameters
-    ----------
-    name, matrix
-        As of `MatrixTerm`, the matrix that of the displacement alone.
-    whole
-        K.
-    turning
-        Clamps that turn, by the names of boundaries.
+    Its ``matrix`` is that of the displacement alone, K is the ``whole``, and
+    ``turning`` are the clamps that turn, by the names of boundaries.
     """
 
     whole: csr_matrix = field(kw_only=True)
@@ -132,10 +119,7 @@ class BendingTerm(MatrixTerm):
 def turn_of(name: str, end: Turning, t: float, d: int) -> ndarray:
     """The rotation of a clamp at the load factor t, shape (d, d).
 
-    Raises
-    ------
-    ValueError
-        If it is no finite vector in space, or no finite angle in the plane.
+    Refused if it is no finite vector in space, or no finite angle in the plane.
     """
     subject = f"fibre_ends: the turn of {name!r}"
     angle = real_numbers(subject, call_user_function(subject, end, t))
@@ -151,14 +135,8 @@ def bending_term(
 ) -> BendingTerm:
     """The term of ½ ∫ (D₁ |κ₁|² + D₂ |κ₂|² + D_t |τ|²).
 
-    Parameters
-    ----------
-    basis
-        Basis of the displacement.
-    fabric
-        Directions, taken at the mean of the nodes of each element, and stiffnesses.
-    ends
-        How fibres are held where they end, by the names of boundaries.
+    Directions are taken at the mean of the nodes of each element.  ``ends`` say how
+    fibres are held where they end, by the names of boundaries.
     """
     mesh = basis.mesh
     centres = mesh.p[:, mesh.t].mean(axis=1)[:, :, None]
@@ -189,10 +167,7 @@ def bending_term(
 def checked_ends(mesh: Mesh, ends: Mapping[str, FibreEnd]) -> dict[str, FibreEnd]:
     """Fibre ends by the names of boundaries.
 
-    Raises
-    ------
-    ValueError
-        If a boundary or an end is unknown, or two boundaries share an edge.
+    Refused if a boundary or an end is unknown, or two boundaries share an edge.
     """
     if not isinstance(ends, Mapping):
         raise ValueError(

@@ -1,4 +1,4 @@
-"""Refinement of a ply where its mesh is too coarse."""
+"""Refinement of a ply where its mesh is too coarse, or of every element in four."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
-from skfem import Mesh, MeshTri
+from skfem import Mesh, MeshQuad, MeshTri
 
 from ..fabric import Fabric
 from ..fabric.regions import fabric_on
 from ..mesh.bases import node_dofs
 from ..mesh.checks import MeshError
-from ..mesh.splitting import SplitMesh, cut, edges_of, refine_triangles
+from ..mesh.selection import named_nodes, with_named_nodes
+from ..mesh.splitting import SplitMesh, cut, refine_triangles, split
+from .parameters import Frozen, PlyParameters, Values
 
 if TYPE_CHECKING:
     from .ply import Ply
@@ -107,13 +109,8 @@ class Refinement:
         """
         vertices = self.before.nodal(u)[:, : self.before.users_mesh.nvertices]
         x = np.hstack([vertices, vertices[:, self.ends].mean(axis=1)])
-        t, n_nodes = self.ply.users_mesh.t, self.ply.nodes.shape[1]
-        pairs, _ = edges_of([t])
-        if self.ply.nodes.shape[1] > self.ply.mesh.nvertices:
-            pairs = self.ply.mesh.facets  # of quadratic triangles
-        nodes = np.hstack([x, x[:, pairs].mean(axis=1), x[:, t].mean(axis=1)])
         carried = self.ply.basis.zeros()
-        carried[node_dofs(self.ply.basis)] = nodes[:, :n_nodes]
+        carried[node_dofs(self.ply.basis)] = x @ self.ply.hat_functions()
         return carried
 
 
@@ -150,13 +147,7 @@ def refine(ply: "Ply", elements: ArrayLike) -> Refinement:
     (40, 282)
     """
     mesh, of, numbers = _triangles(ply.users_mesh, elements)
-    for term in ply.further_terms_as_given:
-        if not hasattr(term, "on"):
-            name = getattr(term, "name", term)
-            raise ValueError(
-                f"term {name!r} is of the mesh that is refined: refine the ply without "
-                "it, and build it anew"
-            )
+    _refuse_terms_of_the_mesh(ply, "refine it without the term")
     refined = refine_triangles(mesh, numbers)
     fabric, parent = ply.users_fabric, of[refined.parent]
     if isinstance(fabric, Fabric):
@@ -196,3 +187,101 @@ def _numbers(elements: ArrayLike, n: int) -> ndarray:
     if given.min() < 0 or given.max() >= n:
         raise ValueError(f"elements must be from 0 to {n - 1}")
     return np.unique(given)
+
+
+@dataclass(frozen=True, eq=False)
+class FinerPly:
+    """A ply of which every element is split in four, and the one before.
+
+    Attributes
+    ----------
+    ply
+        The finer ply.
+    parent
+        For each of its elements the one before that it is part of, shape (n_elements,).
+    before
+        The ply before.
+    """
+
+    ply: "Ply"
+    parent: ndarray
+    before: "Ply"
+
+    def carry(
+        self, u: ndarray, parameters: PlyParameters
+    ) -> tuple[ndarray, PlyParameters, ndarray]:
+        """Carry over a displacement of the ply before, and its parameters.
+
+        Returns
+        -------
+        tuple
+            The displacement, the same at the nodes that were there: not in balance, but
+            near a state.  The parameters.  Fibre tensions of the elements before, as
+            `Ply.stiffness` takes them.
+        """
+        before, ply = self.before, self.ply
+        carried = ply.basis.zeros()
+        carried[node_dofs(ply.basis)] = before.nodal(u) @ ply.hat_functions()
+        T = before.predicted_tension(u, np.zeros_like(u), parameters)
+        T = T.mean(axis=2)[:, self.parent, None]
+        tension = np.broadcast_to(T, (*T.shape[:2], ply.basis.dx.shape[1]))
+        at_rest = ply.parameters_at_rest
+        by_term = {
+            name: Values(
+                {key: self._carried(x, at_rest[name][key]) for key, x in values.items()}
+            )
+            for name, values in parameters.items()
+        }
+        return carried, Frozen(by_term), ply.arranged(tension)
+
+    def _carried(self, values: ndarray, like: ndarray) -> ndarray:
+        """Values of each element, or user's element, as those of finer ones.
+
+        ``like`` are the values at rest of the finer ones.
+        """
+        users, n = self.before.parent, like.shape[-2]
+        if values.shape[-2] != len(users):
+            values = values[..., users, :]
+        of: Any = self.parent
+        if n != len(of):  # one of each of the finer ply's user's elements
+            of = getattr(self.ply.mesh, "origin", None)
+        return np.ascontiguousarray(values[..., of, :])
+
+
+def finer_ply(ply: "Ply") -> FinerPly:
+    """Split every element of ``ply.mesh`` in four, however it came to be.
+
+    See `Ply.finer`.
+    """
+    refuse_what_has_no_finer(ply)
+    mesh, fabric = ply.mesh, ply.fabric
+    finer: Any
+    if isinstance(mesh, MeshTri):
+        refined = refine_triangles(mesh, np.arange(mesh.nelements))
+        finer, parent = refined.mesh, refined.parent
+        fabric = fabric_on(parent, fabric)
+    else:  # what is split knows where it comes from
+        plain = MeshQuad(mesh.p, mesh.t, mesh.boundaries, mesh.subdomains)
+        finer = split(with_named_nodes(plain, named_nodes(mesh)))
+        parent = finer.origin[finer.parent]
+    arguments = finer, fabric, ply.formulation, ply.further_terms_as_given
+    return FinerPly(type(ply)(*arguments, **ply.placement), parent, ply)
+
+
+def refuse_what_has_no_finer(ply: "Ply") -> None:
+    """Refuse a ply that cannot be built on a finer mesh, or carry a state there."""
+    _refuse_terms_of_the_mesh(ply, "compare a run with half the element size")
+    for term in ply.terms:
+        if term.parameters is not None and term.parameters.depends_on_steps:
+            raise ValueError(f"the {term.name} depends on the steps")
+
+
+def _refuse_terms_of_the_mesh(ply: "Ply", otherwise: str) -> None:
+    """Refuse a ply with terms that cannot be built anew on another mesh."""
+    for term in ply.further_terms_as_given:
+        if not hasattr(term, "on"):
+            name = getattr(term, "name", term)
+            raise ValueError(
+                f"term {name!r} is of the mesh alone: give an object whose on(basis) "
+                f"returns it, or {otherwise}"
+            )

@@ -36,19 +36,9 @@ _ADVICE = "residual must be the derivative of energy, tangent that of residual"
 
 
 def terms_on_basis(terms: Iterable[Term | Load], basis: CellBasis) -> tuple[Term, ...]:
-    """Terms of a ply, loads among them put on its basis.
+    """Terms of a ply, loads among them put on the basis of its displacement.
 
-    Parameters
-    ----------
-    terms
-        Terms and loads.
-    basis
-        Basis of the displacement.
-
-    Raises
-    ------
-    ValueError
-        If one is no term, or not of this ply, or has the name of another.
+    Refused if one is no term, or not of this ply, or has the name of another.
     """
     on_basis = [x.on(basis) if hasattr(x, "on") else x for x in terms]
     names: list[str] = []
@@ -100,21 +90,8 @@ def check_term(term: Term, basis: CellBasis, size: float) -> None:
     """Refuse a term with parts of another shape, not finite at rest, or at odds.
 
     Terms that advance parameters with the steps may have rates and no energy: their
-    energy, residual and tangent are not compared.
-
-    Parameters
-    ----------
-    term
-        A term.
-    basis
-        Basis of the displacement of the ply.
-    size
-        Size of its elements in mm.
-
-    Raises
-    ------
-    ValueError
-        With the name of the term, the part and what is wrong with it.
+    energy, residual and tangent are not compared.  The message has the name of the
+    term, the part and what is wrong with it; ``size`` is that of the elements in mm.
     """
     _refuse_infinite(term, "at rest", *_forces(term, basis.zeros(), 0.0))
     rng = np.random.default_rng(0)

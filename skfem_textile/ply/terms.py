@@ -322,13 +322,7 @@ class VectorTerm(Term):
 
 
 def factor_at(owner: str, factor: Factor, t: float) -> float:
-    """A factor at the load factor t.
-
-    Raises
-    ------
-    ValueError
-        If it is no finite number.
-    """
+    """A factor at the load factor t, refused if it is no finite number."""
     subject, answer = f"{owner}: its factor", factor
     if callable(factor):
         answer = call_user_function(subject, factor, t)

@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 
 from ..ply import Ply
-from ..ply.finer import refuse_what_has_no_finer
-from ..ply.refinement import marked, refine, shear_angle_jumps
+from ..ply.refinement import (
+    marked,
+    refine,
+    refuse_what_has_no_finer,
+    shear_angle_jumps,
+)
 from .conditions import Conditions, Constraints
 from .error_estimate import (
     change_of,

@@ -17,7 +17,6 @@ from ..fabric import Law, TwoLaws
 from ..ply import Ply
 from ..ply.parameters import Frozen
 from . import sealed
-from .conditions import Constraints
 from .continuation import Continuation
 from .linear.solver import Clock
 from .problem import Problem
@@ -68,29 +67,19 @@ class Saved(NamedTuple):
 
 
 class Checkpoint:
-    """The states of a run in a folder.
+    """The states of a run in a folder, which is made when a run begins.
 
     Every file is written beside its place and then renamed, so a run may be killed at
     any moment; the next removes what it left there.  ``run.npz`` identifies a run: by
-    its settings as given, and by mesh, laws, conditions and forces.
+    its ``settings`` as given, and by mesh, laws, conditions and forces of the problem.
     Every state has the name of the run, its own number, and a digest of its content and
     of all files before it.
-
-    Parameters
-    ----------
-    folder
-        The folder; made when a run begins.
-    ply, constraints
-        The ply that is loaded, and its conditions as fixed unknowns.
-    settings
-        What else the result depends on.
     """
 
     def __init__(
         self,
         folder: str | os.PathLike[str],
-        ply: Ply,
-        constraints: Constraints,
+        problem: Problem,
         settings: Mapping[str, Any],
     ) -> None:
         try:
@@ -101,8 +90,8 @@ class Checkpoint:
             ) from None
         if "\0" in str(folder):
             raise CheckpointError(f"checkpoint {str(folder)!r} is no path")
-        self._ply, self._constraints = ply, constraints
-        given = {"format": _FORMAT, **settings, **_described(ply, constraints)}
+        self._ply, self._constraints = problem.ply, problem.constraints
+        given = {"format": _FORMAT, **settings, **_described(problem)}
         self._settings = json.loads(json.dumps(given))
         self._run, self._last = "", ""
         self._lock: sealed.Lock | None = None
@@ -116,11 +105,8 @@ class Checkpoint:
     def begin(self) -> None:
         """Make the folder ready for a new run; a finished one stays until `save`.
 
-        Raises
-        ------
-        CheckpointError
-            If it holds an unfinished run, or another run writes to it, or it cannot be
-            written.
+        An error if it holds an unfinished run, another run writes to it, or it cannot
+        be written.
         """
         with self._writing():
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -140,14 +126,9 @@ class Checkpoint:
             self._last = sealed.write(beside, self._run, "run", "", settings, arrays)
 
     def save(self, number: int, state: State, progress: Progress) -> None:
-        """Write a state, and where the stepper is.
+        """Write a state, and where the stepper is; an error if that cannot be written.
 
         The first state of a run takes the place of a finished run.
-
-        Raises
-        ------
-        CheckpointError
-            If it cannot be written.
         """
         text = asdict(replace(state, parameters={}))
         text["progress"] = {
@@ -172,18 +153,10 @@ class Checkpoint:
             beside.replace(self.folder / f"{name}.npz")
 
     def load(self, replay: "Replay") -> Saved | None:
-        """Read and check every state; None if there is none.
+        """Read every state and check it by a replay; None if there is none.
 
-        Parameters
-        ----------
-        replay
-            Computes one state after the other again.
-
-        Raises
-        ------
-        CheckpointError
-            If a file is damaged or missing, or belongs to another run, or another run
-            writes to the folder.
+        An error if a file is damaged or missing, or belongs to another run, or another
+        run writes to the folder.
         """
         if not self.folder.is_dir():
             return None
@@ -343,8 +316,8 @@ class Replay:
 
     last: Trial
 
-    def __init__(self, ply: Ply, problem: Problem) -> None:
-        self._ply, self._problem = ply, problem
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
 
     def trial(self, state: State) -> tuple[Trial, ndarray]:
         """The trial of the displacement of a state, and its fixed values."""
@@ -352,18 +325,13 @@ class Replay:
         problem = self._problem.at(t)
         before = self.last.next_start() if t > 0 else None
         equilibrium = Equilibrium(u, problem.residual(u, p), p, (), state.tolerance)
-        trial = Trial.of(self._ply, problem, equilibrium, before)
+        trial = Trial.of(problem, equilibrium, before)
         return trial, problem.constraints.fixed_values(t)
 
     def compared(self, state: State, trial: Trial, fixed_values: ndarray) -> State:
-        """Compare a state with its trial; add its shares.
+        """Compare a state with its trial; add its shares; an error if they disagree.
 
         Counts and residuals are not compared: they depend on how the state was found.
-
-        Raises
-        ------
-        ValueError
-            If they disagree.
         """
         problem, (u, f, *_) = trial.problem, trial.equilibrium
         if not problem.is_fixed(u, fixed_values):
@@ -392,9 +360,9 @@ class Replay:
         return replace(state, shares=found.shares)
 
 
-def _described(ply: Ply, constraints: Constraints) -> dict[str, Any]:
+def _described(problem: Problem) -> dict[str, Any]:
     """Formulation and laws by their ``repr``, and names of conditions."""
-    law = ply.fabric.tensions
+    ply, law = problem.ply, problem.ply.fabric.tensions
     warp, weft = law.laws if isinstance(law, TwoLaws) else (law, law)
     given = {
         "formulation": ply.formulation,
@@ -405,7 +373,7 @@ def _described(ply: Ply, constraints: Constraints) -> dict[str, Any]:
     # On one line, without the place in memory.
     said = {k: re.sub(r" at 0x[0-9a-fA-F]+", "", repr(x)) for k, x in given.items()}
     texts = {name: " ".join(text.split()) for name, text in said.items()}
-    return texts | {"conditions": list(constraints.nodes)}
+    return texts | {"conditions": list(problem.constraints.nodes)}
 
 
 def _values(law: Law, most: float) -> ndarray:

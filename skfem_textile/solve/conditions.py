@@ -262,11 +262,8 @@ class Constraints:
     def fixed_values(self, t: float) -> ndarray:
         """Values of the prescribed unknowns at the load factor ``t``.
 
-        Raises
-        ------
-        ValueError
-            If two conditions prescribe different displacements of a node, or a surface
-            cannot grow.
+        Refused if two conditions prescribe different displacements of a node, or a
+        surface cannot grow.
         """
         if self.surfaces:
             self.surfaces.check(t)

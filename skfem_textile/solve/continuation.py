@@ -15,11 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from ..ply import Ply
 from ..ply.parameters import PlyParameters
 from .problem import Problem, Start
 from .states import NoEquilibriumError, State
-from .verdict import area_ratio
 
 log = logging.getLogger(__name__)
 
@@ -55,14 +53,8 @@ _DRIVES = 0.5
 class StepEnd(NamedTuple):
     """The state at the end of a hard step, as far as it is compared.
 
-    Attributes
-    ----------
-    load_factor
-        Load factor.
-    energy, reactions
-        Energy in N·mm and all components of the reactions in N.
-    energy_error, force_error
-        Their errors by the tolerance of the equilibrium.
+    Its energy in N·mm, all components of the reactions in N, and the errors of both by
+    the tolerance of the equilibrium.
     """
 
     load_factor: float
@@ -162,12 +154,8 @@ class Continuation:
 
         Parameters
         ----------
-        step
-            Length of the step.
-        state
-            The state.
-        altered
-            Projected tangents in the step.
+        step, state, altered
+            Length of the step, the state, and projected tangents in the step.
         settled
             Whether the state is the same however many steps lead to it along the path.
         """
@@ -192,22 +180,12 @@ class Continuation:
     def failed(
         self, failure: NoEquilibriumError, t: float, end: float, goal: float, by: float
     ) -> None:
-        """Shorten the step from ``t`` that failed, or go on without the path to a goal.
+        """Shorten the step from t to ``end`` that failed, or go on without the path.
 
-        Parameters
-        ----------
-        failure
-            The failure of the step from ``t`` to ``end``.
-        goal
-            The requested load factor.
-        by
-            Growth of the loads in the step, as of `load_growth`; zero where loads do
-            not drive it.
-
-        Raises
-        ------
-        NoEquilibriumError
-            If the load passes a limit, or steps fail however short they are.
+        ``goal`` is the requested load factor, and ``by`` the growth of the loads in the
+        step, as of `load_growth`; zero where loads do not drive it.  A
+        `NoEquilibriumError` says that the load passes a limit, or that steps fail
+        however short they are.
         """
         step, shortest = end - t, self.longest / 2.0**self.halvings
         known = step <= _SHORTEST_STEP or by <= _KNOWN_SHARE
@@ -250,10 +228,7 @@ class Continuation:
 def moves(problem: Problem, load_factors: Iterable[float]) -> bool:
     """Whether conditions prescribe a motion, or keep nodes on surfaces.
 
-    Raises
-    ------
-    ValueError
-        If a condition has no valid value at one of the load factors.
+    An error if a condition has no valid value at one of the load factors.
     """
     values = [problem.constraints.fixed_values(t).any() for t in load_factors]
     return problem.surfaces is not None or any(values)
@@ -268,14 +243,8 @@ def loads_drive(
 ) -> bool:
     """Whether the growth of loads drives a ply, beside displacements and surfaces.
 
-    Parameters
-    ----------
-    problem
-        The problem at the load factor of a state.
-    u, parameters, energies
-        Displacement, parameters and energies by term of the state.
-    moved
-        As of `moves`.
+    The problem is that at the load factor of a state with displacement, parameters and
+    energies by term; ``moved`` is what `moves` says.
     """
     ply, t = problem.ply, problem.load_factor
     if not problem.loaded:
@@ -305,14 +274,10 @@ def load_growth(problem: Problem, state: State, beyond: float) -> float:
 def balanced_at_rest(
     problem: Problem, load_factors: Iterable[float], tolerance: float
 ) -> bool:
-    """Whether no load moves the ply at rest at any load factor.
+    """Whether no load moves the ply at rest at any of the load factors of a run.
 
-    Parameters
-    ----------
-    problem, load_factors
-        The problem, and the load factors of the run.
-    tolerance
-        Force in N from which on a nodal force counts, be its node held or free.
+    The tolerance is the force in N from which on a nodal force counts, be its node held
+    or free.
     """
     rest, p = problem.ply.basis.zeros(), problem.ply.parameters_at_rest
     return all(
@@ -320,7 +285,7 @@ def balanced_at_rest(
     )
 
 
-def on_grown_surface(ply: Ply, problem: Problem, start: Start) -> Start:
+def on_grown_surface(problem: Problem, start: Start) -> Start:
     """An initial guess carried along geodesics onto the surface at a load factor.
 
     From there an iteration is short.  The initial guess itself where no surface grows,
@@ -333,5 +298,5 @@ def on_grown_surface(ply: Ply, problem: Problem, start: Start) -> Start:
         return start
     with np.errstate(all="ignore"):  # what is not finite is caught
         p = start.parameters
-        usable = area_ratio(ply, problem, u).min() > 0 and problem.in_domain(u, p)
+        usable = problem.area_ratio(u).min() > 0 and problem.in_domain(u, p)
         return problem.start(u, p) if usable else start

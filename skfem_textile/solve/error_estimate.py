@@ -18,9 +18,8 @@ from ..ply.parameters import PlyParameters
 from .conditions import Conditions, Constraints, turned
 from .linear import solver_named
 from .newton import definite, within_laws
-from .problem import Problem
+from .problem import Problem, Tangent
 from .states import ErrorEstimate, NoEquilibriumError, State
-from .tangent import Tangent
 
 #: Error of the shear angle over the change that halved elements make, and error of the
 #: load over the share of the energy that stabilisation and deviations carry:
@@ -54,19 +53,10 @@ _NO_LOAD = "nothing that moves carries a load"
 def estimated_error(
     ply: Ply, conditions: Conditions, solver: str, state: State
 ) -> ErrorEstimate:
-    """Estimate the error of a state.
+    """Estimate the error of a state, with the linear solver of a name.
 
     Where a finer mesh has no state near it, there is none.  That of an earlier state
     would not do, for it may be several times smaller than the error.
-
-    Parameters
-    ----------
-    ply, conditions
-        The ply and its conditions.
-    solver
-        Name of the linear solver.
-    state
-        The state.
     """
     if state.load_factor == 0:
         return ErrorEstimate(reason="there is no load yet")
@@ -91,12 +81,9 @@ def estimated_error(
 
 
 def refuse_single_nodes(ply: Ply, conditions: Conditions) -> None:
-    """Refuse conditions on nodes of the mesh that would be on more of a finer one.
+    """Refuse conditions on nodes by number that share an edge.
 
-    Raises
-    ------
-    ValueError
-        If a condition is on nodes by number that share an edge.
+    A finer mesh has further nodes between these.
     """
     named = getattr(ply.mesh, "named_nodes", {})
     for name, condition in conditions.items():
@@ -125,10 +112,7 @@ def problem_at(
 def work_of(problem: Problem, state: State) -> ndarray:
     """Work at a state of reactions and of loads in N·mm, shape (2,).
 
-    Raises
-    ------
-    ValueError
-        If nothing that moves carries a load.
+    An error if nothing that moves carries a load.
     """
     u, p = state.u, state.parameters
     work = _work(problem, problem.residual(u, p), u, p)
@@ -209,14 +193,9 @@ def _estimate(
 class _Way:
     """Increments of a problem from a displacement, within its laws.
 
-    Attributes
-    ----------
-    u, parameters, f, tangent
-        Displacement, parameters, forces and tangent after the increments.
-    number
-        How many there were.
-    whole, shortened
-        Whether the last one was not shortened, and whether any was.
+    It has displacement, parameters, forces and tangent after the ``number`` of
+    increments so far, and says whether the last one was ``whole`` and whether any was
+    ``shortened``.
     """
 
     def __init__(

@@ -1,16 +1,15 @@
 """Newton's method for an equilibrium at one load factor."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
 
 from ..ply.parameters import PlyParameters
-from .problem import EPSILON, Problem, Start, between
+from .problem import EPSILON, Problem, Start, Tangent, between, tangent_at
 from .states import Equilibrium, NoEquilibriumError
-from .tangent import Tangent, tangent_at
 
 # Fibre tension in N/mm in the first geometric stiffness of a ply whose tangent is
 # singular, and in space, off surfaces, the least one of a projected tangent.  Along
@@ -171,7 +170,7 @@ class Newton:
             tension = problem.ply.geometric_tension(u, np.zeros_like(u), p)
             tangent = definite(problem, u, p, tension)
             end = _Iterate(u, problem.residual(u, p), p, tangent)
-        if leave or progress.unfinished(end.tangent):
+        if leave or not (progress.is_balanced or end.tangent.altered):
             end = self._iterate(progress, end, _DESCENT * self.most, descend=True)
         return progress.equilibrium(end)
 
@@ -277,70 +276,57 @@ class _Iterate(NamedTuple):
         return tangent is not None and bool(tangent.altered or tangent.negative_pivots)
 
 
+@dataclass
 class _Progress:
-    """Residuals of an iteration, and when it ends."""
+    """Residuals of an iteration, and when it ends; the arguments of `Method.solve`."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        fixed_values: ndarray,
-        most_altered: float,
-        report: Report,
-    ) -> None:
-        self.problem, self.fixed_values = problem, fixed_values
-        self._most_altered, self._report = most_altered, report
-        self.residuals: list[float] = []
-        self._altered, self._tolerance, self._balanced = 0, 0.0, False
-        self._advice = _ON_SURFACE if problem.surfaces else ""
+    problem: Problem
+    fixed_values: ndarray
+    most_altered: float
+    report: Report
+    residuals: list[float] = field(default_factory=list)
+    altered: int = 0
+    tolerance: float = 0.0
+    is_balanced: bool = False
 
     def balanced(self, tangent: Tangent, u: ndarray, f: ndarray) -> bool:
         """Whether the forces balance after an increment by a tangent.
 
-        Raises
-        ------
-        NoEquilibriumError
-            If more tangents were projected than allowed, or forces are not finite.
+        An error if more tangents were projected than allowed, or forces are not finite.
         """
         problem = self.problem
         self.residuals.append(problem.unbalanced(f, u))
-        self._tolerance = tangent.tolerance(u, f)
-        self._altered += tangent.altered
-        self._report(len(self.residuals), self.residuals[-1], self._tolerance)
-        if self._altered > self._most_altered:
+        self.tolerance = tangent.tolerance(u, f)
+        self.altered += tangent.altered
+        self.report(len(self.residuals), self.residuals[-1], self.tolerance)
+        if self.altered > self.most_altered:
             raise NoEquilibriumError(
-                f"more than {self._most_altered:g} tangents were indefinite on the way",
+                f"more than {self.most_altered:g} tangents were indefinite on the way",
                 problem.around(problem.unfixed(f, u)),
-                advice=self._advice,
+                advice=_ON_SURFACE if problem.surfaces else "",
             )
-        below = self.residuals[-1] <= self._tolerance
-        self._balanced = below and problem.is_fixed(u, self.fixed_values)
-        return self._balanced
-
-    def unfinished(self, tangent: Tangent) -> bool:
-        """Whether the forces do not balance and the tangent is positive definite."""
-        return not (self._balanced or tangent.altered)
+        below = self.residuals[-1] <= self.tolerance
+        self.is_balanced = below and problem.is_fixed(u, self.fixed_values)
+        return self.is_balanced
 
     def equilibrium(self, end: _Iterate) -> Equilibrium:
-        """The equilibrium at the end of the iteration.
-
-        Raises
-        ------
-        NoEquilibriumError
-            If the forces do not balance.
-        """
+        """The equilibrium at the end of the iteration; an error if there is none."""
         problem, (u, f, p, tangent) = self.problem, end
-        residual, tolerance = self.residuals[-1], self._tolerance
-        if not self._balanced:
-            stalled = residual <= _STALLED * tolerance
-            advice = self._advice or "more steps, or a larger stabilisation"
+        residual, tolerance = self.residuals[-1], self.tolerance
+        if not self.is_balanced:
+            advice = "more steps, or a larger stabilisation"
+            if residual <= _STALLED * tolerance:
+                advice = LESS_ROUNDING
+            elif problem.surfaces:
+                advice = _ON_SURFACE
             raise NoEquilibriumError(
                 f"{residual:.2g} N unbalanced after {len(self.residuals)} iterations, "
                 f"tolerance {tolerance:.2g} N",
                 problem.around(problem.unfixed(f, u)),
-                advice=LESS_ROUNDING if stalled else advice,
+                advice=advice,
             )
         residuals = tuple(self.residuals)
-        return Equilibrium(u, f, p, residuals, tolerance, self._altered, tangent)
+        return Equilibrium(u, f, p, residuals, tolerance, self.altered, tangent)
 
 
 def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParameters]:
@@ -349,11 +335,6 @@ def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParamete
     Where the tangent at the start is singular, fibres have a tension in it.  On
     surfaces the parameters are then updated with the tension that loads cause: the ones
     at rest are too small where it is large.
-
-    Raises
-    ------
-    NoEquilibriumError
-        If it is singular even so.
     """
     u, p = start.u, start.parameters
     regular = start.tangent and start.tangent.negative_pivots is not None
@@ -364,24 +345,16 @@ def _first_tangent(problem: Problem, start: Start) -> tuple[Tangent, PlyParamete
         return definite(problem, u, p, tension), p
     size = _FIRST_TENSION
     if problem.surfaces:
-        of_loads = np.full_like(tension, _tension_of_loads(problem, start))
+        # As in a square with all of the loads along surfaces on two of its sides.  With
+        # ten times more or less a sphere takes twice the solves.
+        along = problem.nodal(problem.unfixed(problem.load(u, p), u))
+        sides = 2 * np.sqrt(problem.ply.basis.dx.sum())
+        of_loads = np.full_like(tension, np.linalg.norm(along, axis=0).sum() / sides)
         p = problem.ply.updated(p, u, problem.load_factor, of_loads)
         G = problem.ply.fabric.shear_law.tangent(np.zeros((tension.shape[1], 1))).mean()
         size = max(float(of_loads.max()), _OVER_SHEAR_STIFFNESS * G) or size
     first = np.full_like(tension, size)
     return Tangent(problem, u, p, first, contact=0.0), p
-
-
-def _tension_of_loads(problem: Problem, start: Start) -> float:
-    """Tension in N/mm of the order that loads along surfaces cause in fibres.
-
-    The tension of a square with all of the loads on two of its sides.  With ten times
-    more or less a sphere takes twice the solves.
-    """
-    u = start.u
-    along = problem.nodal(problem.unfixed(problem.load(u, start.parameters), u))
-    sides = 2 * np.sqrt(problem.ply.basis.dx.sum())
-    return float(np.linalg.norm(along, axis=0).sum() / sides)
 
 
 def definite(
@@ -395,20 +368,8 @@ def definite(
 
     The projected tangent has no compression, element matrices projected onto positive
     semi-definite ones, and on surfaces no contact forces.  In space, off surfaces, it
-    has a least fibre tension.  Where it is not definite even so, it has the
-    tensions at ``u``.
-
-    Parameters
-    ----------
-    problem, u, parameters
-        The problem, a displacement, and parameters of the terms.
-    tension, contact
-        As of `Tangent`.
-
-    Raises
-    ------
-    NoEquilibriumError
-        If it is singular.
+    has a least fibre tension.  Where it is not definite even so, it has the tensions at
+    ``u``. The arguments and the error are those of `Tangent`.
     """
     try:
         tangent = Tangent(problem, u, parameters, tension, contact=contact)
@@ -438,13 +399,7 @@ def definite(
 def within_laws(
     problem: Problem, u: ndarray, du: ndarray, parameters: PlyParameters
 ) -> ndarray:
-    """The increment, halved until every law has a value.
-
-    Raises
-    ------
-    NoEquilibriumError
-        If none is short enough.
-    """
+    """The increment, halved until every law has a value; an error if none has one."""
     for _ in range(_HALVINGS):
         if problem.in_domain(u + du, parameters):
             return du

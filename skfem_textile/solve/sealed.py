@@ -48,11 +48,6 @@ def write(
     ``run`` has 32 hexadecimal digits, ``name`` is the file's name in the run, and
     ``before`` the digest of the file before it, empty for the first.  ``text`` is what
     JSON can hold.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written.
     """
     buffer = io.BytesIO()
     np.savez(buffer, text=np.array(json.dumps(text)), **arrays)  # type: ignore[arg-type]
@@ -73,12 +68,8 @@ def write(
 def read(path: Path, run: str, before: str) -> Content:
     """Read a file; an empty ``run`` stands for any.
 
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is damaged, not of the run, or not what it was called or came after.
+    A ValueError says that it is damaged, not of the run, or not what it was called or
+    came after.
     """
     if path.exists() and not path.is_file():  # a pipe or device would never end
         raise ValueError("is no file")
@@ -110,17 +101,8 @@ class Lock:
     The system keeps it with the open file (``flock``), and lifts it however the process
     ends: a run that was killed leaves no lock behind, which a file with the number of
     its process would be.  Where the system has no such lock (Windows, some network
-    drives) there is none.
-
-    Parameters
-    ----------
-    path
-        The file or folder.
-
-    Raises
-    ------
-    BlockingIOError
-        If another run, or another part of this one, holds it.
+    drives) there is none.  A BlockingIOError says that another run, or another part of
+    this one, holds it.
     """
 
     _descriptor = -1  # also of a lock that was interrupted as it was made

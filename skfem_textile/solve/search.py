@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -82,8 +82,8 @@ class EquilibriumSearch:
 
     Attributes
     ----------
-    ply, problem, method
-        The ply, its problem, and the nonlinear solver.
+    problem, method
+        The problem of a ply, and the nonlinear solver.
     warn_only
         Checks of `CHECKS` that do not refuse a state but only warn.
     report
@@ -92,7 +92,6 @@ class EquilibriumSearch:
         Whether conditions prescribe a motion, see `moves`.
     """
 
-    ply: Ply
     problem: Problem
     method: Method
     warn_only: frozenset[str]
@@ -103,12 +102,8 @@ class EquilibriumSearch:
         """A state that passes every check, its parameters settled if they can be.
 
         Parameters that would change the state are updated and the forces balanced
-        again.  An update is halved if changes do not shrink by half.
-
-        Raises
-        ------
-        NoEquilibriumError
-            If there is none.
+        again.  An update is halved if changes do not shrink by half.  A
+        `NoEquilibriumError` says that there is no such state.
         """
         found, share, last = self._first(goal), 1.0, np.inf
         goal = goal._replace(most_altered=min(goal.most_altered, MOST_ALTERED))
@@ -116,7 +111,7 @@ class EquilibriumSearch:
             problem, (u, _, p, *_) = found.trial.problem, found.trial.equilibrium
             try:
                 with np.errstate(all="ignore"):  # what is not finite is caught
-                    after = self.ply.updated(p, u, goal.load_factor)
+                    after = problem.ply.updated(p, u, goal.load_factor)
                     if after is p:
                         return found._replace(settled=True)
                     start, change = _updated(found.trial, after)
@@ -139,21 +134,9 @@ class EquilibriumSearch:
 
         What is not balanced at rest, such as a constant weight, is held at first, and
         let go in steps that shrink where the way is hard.  Prescribed displacements
-        grow with it.  A ply that is not stable at rest may have no path from there:
-        what the shortest step cannot let go is then let go at once, by whatever way
-        the iteration takes.
-
-        Parameters
-        ----------
-        start
-            The undeformed ply.
-        fixed_values
-            Values of the fixed unknowns at the load factor 0.
-
-        Raises
-        ------
-        NoEquilibriumError
-            If there is no acceptable state.
+        grow with it to their ``fixed_values`` at the load factor 0. A ply that is not
+        stable at rest may have no path from there: what the shortest step cannot let go
+        is then let go at once, by whatever way the iteration takes.
         """
         unbalanced, u, tangent = start.f, start.u, start.tangent
         p = start.parameters
@@ -185,24 +168,16 @@ class EquilibriumSearch:
         """An equilibrium at the parameters of the start that passes every check.
 
         Loads that drive a path may jump to another equilibrium: there work must agree.
-
-        Raises
-        ------
-        NoEquilibriumError
-            If there is none.
         """
         problem = self.problem.at(goal.load_factor, goal.held)
         method, place = self.method, (goal.load_factor, goal.step)
-
-        def report(*iteration: Any) -> None:
-            self.report(Iteration(*place, method.name, *iteration))
-
         try:
             with np.errstate(all="ignore"):  # what is not finite is caught
                 equilibrium = method.solve(
-                    problem, goal.start, goal.fixed_values, goal.most_altered, report
+                    *(problem, goal.start, goal.fixed_values, goal.most_altered),
+                    lambda *done: self.report(Iteration(*place, method.name, *done)),
                 )
-                trial = Trial.of(self.ply, problem, equilibrium, goal.before)
+                trial = Trial.of(problem, equilibrium, goal.before)
                 driven = method.follows_path and loads_drive(
                     problem,
                     equilibrium.u,
@@ -254,13 +229,7 @@ def _updated(trial: Trial, parameters: PlyParameters) -> tuple[Start, float]:
 
 
 def method_of(method: str | Method) -> Method:
-    """A nonlinear solver, or the one of that name.
-
-    Raises
-    ------
-    ValueError
-        If there is none, or it is allowed no iteration.
-    """
+    """A nonlinear solver, or the one of that name; refused if it is none."""
     if isinstance(method, str):
         if method not in METHODS:
             raise ValueError(
@@ -318,7 +287,7 @@ def equilibrium_near(
     with np.errstate(all="ignore"):  # what is not finite is caught
         start = problem.start(u, parameters or ply.parameters_at_rest)
     search = EquilibriumSearch(
-        ply, problem, method_of(method), frozenset(warn_only), lambda _: None
+        problem, method_of(method), frozenset(warn_only), lambda _: None
     )
     values = constraints.fixed_values(load_factor)
     found = search(Goal(load_factor, 0.0, values, start, None))

@@ -25,12 +25,11 @@ from .error_estimate import estimated_error
 from .linear import ChosenSolver, check_solver
 from .linear.solver import Clock
 from .newton import Method
-from .problem import Problem
+from .problem import Problem, tangent_at
 from .result import Result, StepError
 from .search import EquilibriumSearch, Goal, method_of
 from .states import Equilibrium, Iteration, NoEquilibriumError, State, UserError
 from .surface import OnSurface
-from .tangent import tangent_at
 from .verdict import CHECKS, Trial
 
 log = logging.getLogger(__name__)
@@ -131,7 +130,6 @@ class LoadStepper:
         self.load_factors = np.linspace(0.0, 1.0, int(steps) + 1)[1:].tolist()
         moved = moves(self.problem, (0.0, *self.load_factors))
         self.search = EquilibriumSearch(
-            ply,
             self.problem,
             method_of(method),
             frozenset(warn_only),
@@ -148,7 +146,7 @@ class LoadStepper:
             "warn_only": sorted(warn_only),
         }
         self.checkpoint = (
-            Checkpoint(checkpoint, ply, constraints, settings) if checkpoint else None
+            Checkpoint(checkpoint, self.problem, settings) if checkpoint else None
         )
         self.surfaces = {
             k: c for k, c in conditions.items() if isinstance(c, OnSurface)
@@ -207,22 +205,13 @@ class LoadStepper:
 class Run:
     """A run of a load stepper, called once: from rest, or the end of its checkpoint.
 
-    Parameters
-    ----------
-    stepper
-        The load stepper.
-
-    Attributes
-    ----------
-    states
-        Converged states so far.
-    continuation
-        Length of the steps and the load path.
+    It has the converged ``states`` so far, and in ``continuation`` the length of the
+    steps and the load path.
     """
 
     def __init__(self, stepper: LoadStepper) -> None:
         self._stepper, self._search = stepper, stepper.search
-        self.ply, self.problem = stepper.ply, stepper.problem
+        self.problem = stepper.problem
         self.problem.clock, self._began = Clock(), perf_counter()
         longest, follows = stepper.load_factors[0], stepper.search.method.follows_path
         halvings = stepper.max_halvings
@@ -261,19 +250,13 @@ class Run:
 
     @property
     def result(self) -> Result:
-        """The result so far.
-
-        Raises
-        ------
-        RuntimeError
-            If there is no state yet.
-        """
+        """The result so far; see `LoadStepper.result`."""
         if not self.states:
             raise RuntimeError("the load stepper has not been run")
         stepper, clock = self._stepper, self.problem.clock
         chosen: Any = self.problem.system.solver
         return Result(
-            ply=self.ply,
+            ply=self.problem.ply,
             states=list(self.states),
             converged=self.states[-1].load_factor == 1.0,
             linear_solves=clock.solves,
@@ -291,7 +274,7 @@ class Run:
     def _resume(self) -> bool:
         """Start from the end of the checkpoint; False where it holds no state."""
         problem, checkpoint = self.problem, self._stepper.checkpoint
-        replay = Replay(self.ply, problem)
+        replay = Replay(problem)
         if checkpoint is None or not (saved := checkpoint.load(replay)):
             return False
         self.states, self.continuation = saved.states, saved.progress.continuation
@@ -311,7 +294,8 @@ class Run:
         A ply at rest may have motions without stiffness, but none that gains energy.
         """
         problem, checkpoint = self.problem, self._stepper.checkpoint
-        u, p = self.ply.basis.zeros(), self.ply.parameters_at_rest
+        ply = problem.ply
+        u, p = ply.basis.zeros(), ply.parameters_at_rest
         f, (energies, potentials) = problem.residual(u, p), problem.energies(u, p)
         if not np.isfinite([*f, *energies.values(), *potentials.values()]).all():
             raise ValueError("a law has no finite energy or force at rest: mend it")
@@ -322,7 +306,7 @@ class Run:
         tangent, unbalanced = tangent_at(problem, u, p), problem.unbalanced(f, u)
         tolerance = tangent.tolerance(u, f) if tangent else 0.0
         undeformed = Equilibrium(u, f, p, (unbalanced,), tolerance, 0, tangent)
-        trial = Trial(self.ply, problem, undeformed, None, energies, potentials)
+        trial = Trial(problem, undeformed, None, energies, potentials)
         state, values = trial.state(0), problem.constraints.fixed_values(0.0)
         balanced = unbalanced <= tolerance and problem.is_fixed(u, values)
         if balanced and not state.verdict.negative_pivots:
@@ -357,7 +341,7 @@ class Run:
         except ValueError as error:
             raise StepError.after(error, self.result) from None
         most_altered = self.continuation.most_altered(step, t, driven)
-        guess = on_grown_surface(self.ply, problem.at(t), start)
+        guess = on_grown_surface(problem.at(t), start)
         try:
             found = self._search(Goal(t, step, values, guess, start, most_altered))
         except NoEquilibriumError as failure:
@@ -379,17 +363,11 @@ class Run:
             term.parameters is not None
             and term.parameters.depends_on_steps
             and now[term.name] != before[term.name]
-            for term in self.ply.terms
+            for term in self.problem.ply.terms
         )
 
     def _keep(self, state: State, trial: Trial) -> None:
-        """Add a state, and make it the start of the next step.
-
-        Raises
-        ------
-        StepError
-            If the checkpoint cannot be written.
-        """
+        """Add a state, write it to a checkpoint, and start the next step from it."""
         t, stepper = state.load_factor, self._stepper
         for check, warning in trial.warnings.items():
             level = logging.INFO if check in self._warned else logging.WARNING
@@ -418,13 +396,7 @@ def _check_arguments(
     warn_only: Any,
     callbacks: Mapping[str, Callable | None],
 ) -> None:
-    """Refuse arguments that `LoadStepper` cannot use.
-
-    Raises
-    ------
-    ValueError
-        With the name of the argument, and what is wrong with it.
-    """
+    """Refuse arguments that `LoadStepper` cannot use, with what is wrong with them."""
     if isinstance(ply, type) or not hasattr(ply, "stiffness"):
         raise ValueError(f"ply must be a Ply, not {type(ply).__name__}")
     if not _is_whole(steps, 1, _MOST_STEPS):

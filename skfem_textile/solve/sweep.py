@@ -140,12 +140,8 @@ class ResultsFile:
     """A file with a line of JSON for every case that has a result, each with a digest.
 
     The file is locked.  It is changed only if it is new or holds a line that a sweep
-    wrote.
-
-    Attributes
-    ----------
-    earlier
-        Results that an earlier sweep left there, by the names of their cases.
+    wrote.  ``earlier`` are the results that an earlier sweep left there, by the names
+    of their cases.
     """
 
     def __init__(self, path: Path) -> None:
@@ -204,12 +200,7 @@ class ResultsFile:
     def add(self, name: str, result: Any) -> Any:
         """Write a result; return what a later sweep will read.
 
-        Raises
-        ------
-        OSError
-            If it cannot be written.
-        TypeError
-            If JSON cannot hold it.
+        An OSError if it cannot be written, a TypeError if JSON cannot hold it.
         """
         result_text = json.dumps(result, ensure_ascii=False, default=_as_json)
         name_text = json.dumps(name, ensure_ascii=False)

@@ -21,7 +21,6 @@ import numpy as np
 from numpy import ndarray
 
 from ..mesh.user_input import printable
-from ..ply import Ply
 from .conditions import turned
 from .problem import Problem, Start
 from .states import Equilibrium, NoEquilibriumError, State, Verdict
@@ -73,8 +72,8 @@ class Trial:
 
     Attributes
     ----------
-    ply, problem, equilibrium
-        The ply, the problem, and the equilibrium.
+    problem, equilibrium
+        The problem of a ply, and the equilibrium.
     start
         The last good state; None for a state before the load.
     energies, potentials
@@ -83,7 +82,6 @@ class Trial:
         Messages of the checks that failed and only warn, by their names.
     """
 
-    ply: Ply
     problem: Problem
     equilibrium: Equilibrium
     start: Start | None
@@ -93,14 +91,14 @@ class Trial:
 
     @classmethod
     def of(
-        cls, ply: Ply, problem: Problem, equilibrium: Equilibrium, start: Start | None
+        cls, problem: Problem, equilibrium: Equilibrium, start: Start | None
     ) -> "Trial":
         """The trial of an equilibrium, whose parameters the last good state takes."""
         u, p = equilibrium.u, equilibrium.parameters
         energies, potentials = problem.energies(u, p)
         if start and not all(p[k].same_as(own) for k, own in start.parameters.items()):
             start = problem.at(start.load_factor).start(start.u, p)
-        return cls(ply, problem, equilibrium, start, energies, potentials)
+        return cls(problem, equilibrium, start, energies, potentials)
 
     @cached_property
     def move(self) -> ndarray:
@@ -111,7 +109,7 @@ class Trial:
     @cached_property
     def area_ratio(self) -> ndarray:
         """Smallest area ratio of each element at its nodes and the fine points."""
-        return area_ratio(self.ply, self.problem, self.equilibrium.u)
+        return self.problem.area_ratio(self.equilibrium.u)
 
     @cached_property
     def works(self) -> tuple[float, float]:
@@ -135,7 +133,7 @@ class Trial:
         """
         problem, (u, _, parameters, *_) = self.problem, self.equilibrium
         place = u, problem.load_factor, parameters
-        parts = problem.clock.time("assembly", self.ply.parts, *place)
+        parts = problem.clock.time("assembly", problem.ply.parts, *place)
         roles, *columns = zip(*parts, strict=True)
         energies, forces = map(np.array, columns)
         work = (forces * self.move).sum(axis=1)
@@ -161,10 +159,8 @@ class Trial:
     def apply_checks(self, warn_only: Collection[str]) -> None:
         """Apply every check; failures of those in ``warn_only`` become ``warnings``.
 
-        Raises
-        ------
-        NoEquilibriumError
-            If an energy is not finite, or another check fails.
+        An error if an energy is not finite, a law is asked beyond its domain, or
+        another check fails.
         """
         for name, energy in (*self.energies.items(), *self.potentials.items()):
             if not np.isfinite(energy):
@@ -173,7 +169,7 @@ class Trial:
                     advice="a smaller load, or a law that is finite there",
                 )
         if not self.problem.in_domain(self.equilibrium.u, self.equilibrium.parameters):
-            end = self.ply.closest_end(self.equilibrium.u)
+            end = self.problem.ply.closest_end(self.equilibrium.u)
             raise NoEquilibriumError(
                 "a law is asked beyond its domain" + (f": {end}" if end else ""),
                 end.elements if end else (),
@@ -190,7 +186,7 @@ class Trial:
         """The equilibrium as the start of a step, its parameters advanced."""
         problem, (u, f, parameters, *_) = self.problem, self.equilibrium
         t = problem.load_factor
-        advanced = self.ply.advanced(parameters, u, t)
+        advanced = problem.ply.advanced(parameters, u, t)
         if advanced is not parameters:
             return problem.start(u, advanced, self.equilibrium.tangent)
         load, tangent = problem.load(u, parameters), self.equilibrium.tangent
@@ -198,8 +194,8 @@ class Trial:
 
     def state(self, linear_solves: int) -> State:
         """The state, after a number of linear solves since the state before."""
-        ply, problem, equilibrium = self.ply, self.problem, self.equilibrium
-        u, tangent = equilibrium.u, equilibrium.tangent
+        problem, equilibrium = self.problem, self.equilibrium
+        ply, u, tangent = problem.ply, equilibrium.u, equilibrium.tangent
         u.flags.writeable = False  # the run goes on from it
         mesh_strain = ply.fibre_strain(u, ply.fine_points)
         moved, nodes = problem.nodal(u), problem.constraints.nodes.items()
@@ -225,27 +221,13 @@ class Trial:
         )
 
 
-def area_ratio(ply: Ply, problem: Problem, u: ndarray) -> ndarray:
-    """Smallest det F of each element; negative where it faces its surface wrongly.
-
-    Elements on a surface are to face it as most of them do.
-    """
-    ratio = ply.least_area_ratio(u)
-    if problem.surfaces is None:
-        return ratio
-    d = len(problem.nodal(u))
-    elements = ply.basis.element_dofs[::d] // d
-    place = u, problem.load_factor, elements, ply.normals(u)
-    return ratio * problem.surfaces.facing(*place)
-
-
 #: Name and error of each check that fails.
 _Failures: TypeAlias = Iterator[tuple[str, NoEquilibriumError]]
 
 
 def _element_checks(trial: Trial) -> _Failures:
     """Elements that are folded, creased against a neighbour, or torn."""
-    ply, u, ratio = trial.ply, trial.equilibrium.u, trial.area_ratio
+    ply, u, ratio = trial.problem.ply, trial.equilibrium.u, trial.area_ratio
     folded = np.flatnonzero(~(ratio > 0))
     if folded.size:
         error = NoEquilibriumError(
@@ -300,7 +282,7 @@ def _energy_checks(trial: Trial) -> _Failures:
     if start is None:
         return
     before, works = start.energies, trial.works
-    if trial.ply.follows_load_factor:
+    if problem.ply.follows_load_factor:
         place = start.u, start.parameters
         before, _ = problem.energies(*place)
         f = problem.residual(*place) + problem.load(*place)
@@ -344,7 +326,7 @@ def _discretisation_checks(trial: Trial) -> _Failures:
 
 def _surface_check(trial: Trial) -> _Failures:
     """Elements that leave their surface between nodes."""
-    problem, basis = trial.problem, trial.ply.basis
+    problem, basis = trial.problem, trial.problem.ply.basis
     if problem.surfaces is None:
         return
     try:
@@ -391,7 +373,7 @@ def excess(
 ) -> str:
     """Words for the shares of a role that are too large; empty if there are none.
 
-    The role is ``stabilisation`` or ``deviation``.  Reactions of the conditions
+    The role is ``stabilisation`` or ``deviation``. Reactions of the conditions
     ``supports`` do not count.
     """
     passed = {f"{name}_reaction" for name in supports}

@@ -149,8 +149,7 @@ def _costs(arguments: tuple[Any, ...], dimension: int) -> dict[str, Any]:
     from skfem_textile import Ply
     from skfem_textile.solve.conditions import Constraints
     from skfem_textile.solve.linear import ChosenSolver
-    from skfem_textile.solve.problem import Problem
-    from skfem_textile.solve.tangent import reduced
+    from skfem_textile.solve.problem import Problem, reduced
 
     start = process_time()
     ply = Ply(*arguments, dimension=dimension)

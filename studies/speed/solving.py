@@ -23,8 +23,7 @@ from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, strip
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import ChosenSolver, check_solver
-from skfem_textile.solve.problem import Problem
-from skfem_textile.solve.tangent import reduced
+from skfem_textile.solve.problem import Problem, reduced
 
 from ..common.rivals.codes import Dolfinx, FElupe, Native, Plain
 from ..common.rivals.newton import loaded, one_iteration

@@ -141,8 +141,8 @@ def test_sound_surfaces_are_not_refused(surface, cells):
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
 @pytest.mark.parametrize("away", [0.0, 1e6])
 def test_scale_and_place_make_no_difference(scale, away):
-    body = ply(side=80.0 * scale, at=(away * scale, 0.0))
-    x = np.pad(body.nodes, ((0, 1), (0, 0)))
+    body = ply(side=80.0, at=(away, 0.0))
+    x = scale * np.pad(body.nodes, ((0, 1), (0, 0)))
     centre = scale * np.array([away, 0.0, -100.0])
     sphere = drape.Sphere(100.0 * scale, centre)
     for factor in (1e-6, 1.0, 1e6):  # of level, which need not be the distance

@@ -5,7 +5,7 @@ import pytest
 
 from skfem_textile import Tabulated
 from skfem_textile.fabric.law import mean_slope
-from skfem_textile.forms.held_stiffness import (
+from skfem_textile.ply.parameters import (
     deviation_stiffness,
     stabilisation_stiffness,
 )

@@ -54,6 +54,23 @@ def assert_same_ply(ply, other):
     assert (ply.tangent(u) != other.tangent(u)).nnz == 0
 
 
+#: A bias-extension specimen of 100 mm × 200 mm whose file is in metres.
+IN_METRES = rectangle(100, 200, (3, 6), "irregular", 0.2).scaled(1e-3)
+
+
+def test_a_file_in_metres_is_refused(tmp_path):
+    points = np.pad(IN_METRES.p, ((0, 1), (0, 0))).T
+    meshio.Mesh(points, {"quad": IN_METRES.t.T}).write(tmp_path / "m.vtu")
+    with pytest.raises(MeshError, match=r"m\.vtu: the mesh is 0\.1 mm wide .* metres"):
+        read_mesh(tmp_path / "m.vtu")
+
+
+@pytest.mark.parametrize("sides", [(1.0, 1.0), (0.1, 1.0), (0.2, 30.0)])
+def test_small_plies_and_narrow_strips_are_not_taken_for_metres(tmp_path, sides):
+    MeshQuad().refined(1).scaled(sides).save(tmp_path / "m.vtu")
+    assert read_mesh(tmp_path / "m.vtu").nelements == 4
+
+
 @pytest.mark.parametrize("mesh", [QUADS, TRIANGLES, DART])
 def test_a_ply_is_one_of_macro_elements_on_the_split_mesh(mesh):
     assert_same_ply(Ply(mesh, FABRIC), Ply(split(mesh), FABRIC, Macro()))

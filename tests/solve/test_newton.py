@@ -50,15 +50,14 @@ def test_a_step_with_kinks_takes_four_iterations(
 
 
 def test_a_state_that_was_updated_counts_as_hard_as_at_first(monkeypatch):
-    trial = SimpleNamespace(problem=None, equilibrium=("u", "f", "p"))
     ply = SimpleNamespace(updated=lambda p, u, t: "after")
+    problem = SimpleNamespace(ply=ply)
+    trial = SimpleNamespace(problem=problem, equilibrium=("u", "f", "p"))
     found = iter([Found(trial, 9, False), Found(trial, 0, False)])
     changes = iter([1.0, 0.0])
     monkeypatch.setattr(EquilibriumSearch, "_first", lambda *_: next(found))
     monkeypatch.setattr(search, "_updated", lambda *_: ("start", next(changes)))
-    again = EquilibriumSearch(ply, None, None, (), None)(
-        Goal(1.0, 1.0, None, None, None)
-    )
+    again = EquilibriumSearch(None, None, (), None)(Goal(1.0, 1.0, None, None, None))
     assert again == Found(trial, 9, True)
 
 

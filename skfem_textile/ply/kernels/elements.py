@@ -110,20 +110,10 @@ class FibreDeformation:
         return forces
 
     def stiffness(self, stress: Stress, block: slice) -> tuple[ndarray, Values]:
-        """E v vᵀ + T ∂²ε + M ∂²Γ with the stress of a block.
+        """E v vᵀ + T ∂²ε + M ∂²Γ with the stress of a block of elements.
 
-        Parameters
-        ----------
-        stress
-            That of the block.
-        block
-            Elements.
-
-        Returns
-        -------
-        tuple
-            Of each fibre with itself, per b_a b_c, shape (2, P, d (d + 1)/2, n); and of
-            warp with weft, (P, d (d + 1)/2, n), None where they do not couple.
+        Of each fibre with itself, per b_a b_c, shape (2, P, d (d + 1)/2, n); and of
+        warp with weft, (P, d (d + 1)/2, n), None where they do not couple.
         """
         T, M, E = stress
         x, y = self.v[:, :, 0, block], self.v[:, :, 1, block]
@@ -500,19 +490,9 @@ def _new_groups(basis: Any, fabric: "Fabric") -> Iterator[ElementGroup]:
 def hourglass_mode(basis: Any, dN: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     """How gradients vary in bilinear quadrilaterals: ∇N_a(ξ) = ∇N_a(0) + γ_a ∇h(ξ).
 
-    γ is the hourglass vector (Flanagan & Belytschko 1981).
-
-    Parameters
-    ----------
-    basis
-        Of bilinear quadrilaterals.
-    dN
-        ∇N_a at its points, shape (4, 2, n, P).
-
-    Returns
-    -------
-    tuple
-        ∇N_a(0), shape (4, 2, n, 1); γ, shape (4, n); ∇h, shape (2, n, P).
+    γ is the hourglass vector (Flanagan & Belytschko 1981). From ∇N_a at the points,
+    shape (4, 2, n, P), these are ∇N_a(0), shape (4, 2, n, 1), γ, shape (4, n), and ∇h,
+    shape (2, n, P).
     """
     scalar, mapping, tind = ElementQuad1(), basis.mapping, basis.tind
     fields = (scalar.gbasis(mapping, CENTRE[0], a, tind)[0] for a in range(4))

@@ -416,38 +416,26 @@ def element_forces(states: Sequence[KernelState]) -> ndarray:
 def element_matrices(states: Sequence[KernelState]) -> ndarray:
     """Sum of the element matrices of kernels on a group.
 
-    Parameters
-    ----------
-    states
-        The kernels.
-
-    Returns
-    -------
-    ndarray
-        Blocks of the pairs of nodes, shape (n_pairs, d, d, n).
+    They are blocks of the pairs of nodes, shape (n_pairs, d, d, n).
     """
     group, stresses = states[0].group, _sum_of_stresses(states)
     d, n_nodes = states[0].fibres[0].v.shape[2], len(group.nodes)
     rank_one = [s for x in states for s in x.kernel.stiffnesses(x)]
-    n_pairs = group.n_modes * (group.n_modes + 1) // 2
+    modes, n_pairs = range(group.n_modes), group.n_modes * (group.n_modes + 1) // 2
     K = np.empty((n_nodes * (n_nodes + 1) // 2, d, d, group.area.size))
     for block in group.blocks:
         k = np.zeros((n_pairs, d, d, block.stop - block.start))
         for points, (fibres, stress) in stresses.items():
             points.add_stiffness(k, *fibres.stiffness(stress.of(block), block), block)
-        for stiffness, gradients in rank_one:
-            _add_rank_one(k, gradients(block), stiffness[:, block])
+        for stiffness, gradients in rank_one:  # Σ s g_a g_cᵀ over points
+            g = gradients(block)
+            scaled = stiffness[:, block][:, None, None] * g
+            for pair, (a, c) in enumerate(combinations_with_replacement(modes, 2)):
+                k[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
         K[..., block] = (
             k if group.modes is None else nodal_blocks(k, group.modes[..., block])
         )
     return K
-
-
-def _add_rank_one(K: ndarray, g: ndarray, s: ndarray) -> None:
-    """Add Σ s g_a g_cᵀ over points to the blocks of all pairs of modes."""
-    scaled, n_modes = s[:, None, None] * g, g.shape[1]
-    for pair, (a, c) in enumerate(combinations_with_replacement(range(n_modes), 2)):
-        K[pair] += np.einsum("pin,pjn->ijn", scaled[:, a], g[:, c])
 
 
 def _sum_of_stresses(
@@ -491,17 +479,10 @@ def full_matrices(K: ndarray) -> ndarray:
 
 
 def positive_part(K: ndarray | None) -> ndarray | None:
-    """Element matrices with their negative eigenvalues set to zero.
+    """The nearest positive semi-definite element matrices (Higham 1988).
 
-    Parameters
-    ----------
-    K
-        Blocks of the pairs of nodes, shape (n_pairs, d, d, n).
-
-    Returns
-    -------
-    ndarray
-        Blocks of the nearest positive semi-definite matrices (Higham 1988).
+    Their negative eigenvalues are set to zero.  Both are blocks of the pairs of nodes,
+    shape (n_pairs, d, d, n).
     """
     if K is None or not np.isfinite(K).all():
         return K
@@ -519,14 +500,8 @@ def positive_part(K: ndarray | None) -> ndarray | None:
 def node_pair_blocks(K: ndarray, nodes: ndarray, d: int) -> ndarray:
     """Blocks of the pairs of nodes of whole symmetric matrices.
 
-    Parameters
-    ----------
-    K
-        Shape (d n_nodes, d n_nodes, n).
-    nodes
-        Nodes of the elements, shape (n_nodes, n); one may be there several times.
-    d
-        Components of the displacement.
+    K has the shape (d n_nodes, d n_nodes, n); in ``nodes``, shape (n_nodes, n), one may
+    be there several times.
     """
     n_nodes = len(nodes)
     first, second = np.triu_indices(n_nodes)

@@ -10,8 +10,7 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import SuperLU as Decomposition
 
-from .solver import SingularMatrixError, refuse_round_off
-from .superlu import OneAtATime
+from .solver import OneAtATime, SingularMatrixError, refuse_round_off
 
 # Kinds of factors, as its option ``supernodal`` numbers them: LLᵀ and LDLᵀ.
 _SUPERNODAL, _SIMPLICIAL = 2, 0

@@ -8,8 +8,7 @@ from numpy import ndarray
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU as Decomposition
 
-from .solver import SingularMatrixError
-from .superlu import OneAtATime
+from .solver import OneAtATime, SingularMatrixError
 
 # Types of matrices and phases, as its manual numbers them.
 _SYMMETRIC_INDEFINITE = -2

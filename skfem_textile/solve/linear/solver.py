@@ -6,11 +6,13 @@ Whether CHOLMOD or PARDISO is faster depends on the processor: ``auto`` measures
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
 from threading import Lock
 from time import perf_counter
 from typing import Any, NamedTuple, Protocol, TypeAlias
+from weakref import ref
 
 import numpy as np
 from numpy import ndarray
@@ -83,13 +85,7 @@ class SingularMatrixError(RuntimeError):
 
 
 def refuse_round_off(pivots: ndarray, entries: ndarray) -> None:
-    """Refuse pivots, given by magnitude, that are but round-off of the entries.
-
-    Raises
-    ------
-    SingularMatrixError
-        If there is one.
-    """
+    """Refuse pivots, given by magnitude, that are but round-off of the entries."""
     largest = pivots.max(initial=0.0)
     round_off = np.maximum(
         _LEAST_OF_ENTRY * np.abs(entries), _LEAST_OF_LARGEST * largest
@@ -157,6 +153,31 @@ class Solver(Protocol):
             If a pivot vanishes; one that is round-off may be found later.
         """
         ...
+
+
+class OneAtATime:
+    """Base of solvers that keep the factors of one matrix, the last that was used.
+
+    Factors of large matrices are most of the memory of a run.  Those of another matrix
+    are computed again.
+    """
+
+    lower: csc_matrix
+    # Weak, or memory would not be free before Python looks for cycles.
+    _held: ref | None = None
+
+    @cached_property
+    def superlu(self) -> Any:
+        """Solves indefinite systems; analysed when the first is to be solved."""
+        return SOLVERS["superlu"].build(self.lower)
+
+    def hold(self, factors: Any) -> None:
+        """Keep these factors, and no others."""
+        if self._held is None or self._held() is not factors:
+            self._held = None  # in case this fails
+            factors.refactorise()
+            factors.factorisations += 1
+            self._held = ref(factors)
 
 
 #: Makes the solver of a pattern, given as its lower triangle.
@@ -258,13 +279,7 @@ def solver_named(name: str) -> type[Solver]:
 
 
 def check_solver(name: str) -> None:
-    """Refuse a name that is unknown or needs what is not installed.
-
-    Raises
-    ------
-    ValueError
-        If it is such a name.
-    """
+    """Refuse a name that is unknown or needs what is not installed, by a ValueError."""
     if name == "auto":
         return
     if name not in [*SOLVERS]:  # a list, as the name may be no string

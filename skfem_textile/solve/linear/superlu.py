@@ -1,8 +1,6 @@
 """SciPy's SuperLU: needs nothing else, and solves what other solvers cannot pivot."""
 
 from functools import cached_property
-from typing import Any
-from weakref import ref
 
 import numpy as np
 from numpy import ndarray
@@ -92,31 +90,6 @@ class SuperLUFactors:
     def _pivoted(self) -> Decomposition:
         self.factorisations += 1
         return self._solver.pivoted(self._data)
-
-
-class OneAtATime:
-    """Base of solvers that keep the factors of one matrix, the last that was used.
-
-    Factors of large matrices are most of the memory of a run.  Those of another matrix
-    are computed again.
-    """
-
-    lower: csc_matrix
-    # Weak, or memory would not be free before Python looks for cycles.
-    _held: ref | None = None
-
-    @cached_property
-    def superlu(self) -> SuperLU:
-        """Solves indefinite systems; analysed when the first is to be solved."""
-        return SuperLU(self.lower)
-
-    def hold(self, factors: Any) -> None:
-        """Keep these factors, and no others."""
-        if self._held is None or self._held() is not factors:
-            self._held = None  # in case this fails
-            factors.refactorise()
-            factors.factorisations += 1
-            self._held = ref(factors)
 
 
 def _decomposed(A: csc_matrix, pivoting: float) -> Decomposition:

@@ -77,15 +77,7 @@ class System:
         self.solver = solver(csc_matrix(upper, (n, n)))
 
     def turned(self, blocks: ndarray, turn: csr_matrix) -> ndarray:
-        """The blocks of a tangent in unknowns that are turned, Rᵀ K R.
-
-        Parameters
-        ----------
-        blocks
-            The blocks.
-        turn
-            R, as of `Problem.turn`.
-        """
+        """Blocks of a tangent in turned unknowns, Rᵀ K R with R of `Problem.turn`."""
         d, pattern = self.dimension, self._pattern
         if self._turn is not turn:
             self._turn, R = turn, turn.tobsr(blocksize=(d, d)).data
@@ -101,19 +93,13 @@ class System:
 
 
 def nested_dissection(positions: ndarray, pairs: ndarray) -> ndarray:
-    """Nodes in an order of elimination.
+    """Nodes in an order of elimination, shape (n_nodes,).
 
     Parameters
     ----------
-    positions
-        Of the nodes, shape (2, n_nodes).
-    pairs
-        Numbers of the nodes that are coupled, shape (2, n_pairs).
-
-    Returns
-    -------
-    ndarray
-        Numbers of the nodes, shape (n_nodes,).
+    positions, pairs
+        Of the nodes, shape (2, n_nodes), and numbers of the nodes that are coupled,
+        shape (2, n_pairs).
 
     Examples
     --------

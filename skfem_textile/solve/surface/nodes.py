@@ -15,9 +15,8 @@ from scipy.sparse import bsr_matrix, csr_matrix, identity
 from skfem import CellBasis
 
 from ..states import NoEquilibriumError
-from .geodesics import exponential_map
 from .on_surface import OnSurface, SurfaceError, UserSurface
-from .surface import Gaps, OffSurfaceError, gaps, is_on, onto
+from .surface import Gaps, OffSurfaceError, exponential_map, gaps, is_on, onto
 
 # Sine of the angle between a normal and what conditions hold below which they hold the
 # node across its surface already.  Chosen: far above rounding.
@@ -117,23 +116,14 @@ class SurfaceNodes:
         self._laid: dict[float, ndarray] = {}
 
     def check(self, t: float) -> None:
-        """Refuse surfaces that are not valid at a load factor.
-
-        Raises
-        ------
-        ValueError
-            If one cannot grow out of the plane of the ply.
-        """
+        """Refuse surfaces that cannot grow out of the ply's plane at a load factor."""
         for name, condition, _ in self._parts:
             condition.at(name, t)
 
     def contact(self, u: ndarray, t: float) -> Contact:
         """The surfaces at the nodes of a displacement.
 
-        Raises
-        ------
-        NoEquilibriumError
-            If a node is held across its surface already.
+        An error if a node is held across its surface already.
         """
         if self._contact and t == self._t and np.array_equal(u, self._u):
             return self._contact
@@ -179,15 +169,7 @@ class SurfaceNodes:
         return self._turn
 
     def motion(self, u: ndarray, t: float, du: ndarray) -> ndarray:
-        """A motion of conditions, and what brings nodes onto surfaces to first order.
-
-        Parameters
-        ----------
-        u, t
-            Displacement and load factor.
-        du
-            Motion of what linear conditions fix, a DOF vector.
-        """
+        """A motion of conditions, and of nodes onto surfaces to first order."""
         contact, moved = self.contact(u, t), du.reshape(-1, 3).T.copy()
         own = contact.nodes
         missing = contact.level + (contact.gradient * moved[:, own]).sum(axis=0)
@@ -195,13 +177,7 @@ class SurfaceNodes:
         return moved.T.ravel()
 
     def onto(self, u: ndarray, t: float) -> ndarray:
-        """The displacement with the nodes brought onto their surfaces.
-
-        Raises
-        ------
-        NoEquilibriumError
-            If a node does not get there.
-        """
+        """The displacement with nodes brought onto surfaces; an error if one is not."""
         x, place = self._positions(u), 0
         for surface, own in self._surfaces(t):
             free = self._projector[place : place + len(own)]
@@ -216,17 +192,10 @@ class SurfaceNodes:
         return (x - self._X).T.ravel()
 
     def carried(self, u: ndarray, before: float, t: float) -> ndarray | None:
-        """A displacement of the ply carried to its surface at another load factor.
+        """A displacement carried from the surface at a load factor to that at another.
 
         Each node moves by the difference of the ends of its geodesics on the two.  None
         where geodesics do not lay the whole ply.
-
-        Parameters
-        ----------
-        u
-            Displacement.
-        before, t
-            Load factors of the surface on which the ply is, and of the other.
         """
         name, condition, _ = self._parts[0]
         if condition.where is not None:
@@ -256,13 +225,7 @@ class SurfaceNodes:
         return gaps(self._surfaces(t), self._positions(u), basis)
 
     def levels(self, t: float) -> ndarray:
-        """φ and ∇φ of each surface at a probe of positions, to tell surfaces apart.
-
-        Raises
-        ------
-        ValueError
-            If a surface fails there.
-        """
+        """φ and ∇φ of each surface at a probe of positions, to tell surfaces apart."""
         probe = self._X + 0.1 * np.sin(np.arange(self._X.size)).reshape(self._X.shape)
         surfaces = [(s, probe[:, own]) for s, own in self._surfaces(t)]
         try:
@@ -274,16 +237,8 @@ class SurfaceNodes:
     def facing(self, u: ndarray, t: float, elements: ndarray, n: ndarray) -> ndarray:
         """1 for elements that face their surface as most do, −1 for the others.
 
-        Elements that are not wholly on surfaces face it as most do.
-
-        Parameters
-        ----------
-        u, t
-            Displacement and load factor.
-        elements
-            Nodes of the elements, shape (n_nodes_of_element, n_elements).
-        n
-            Normals (a₁×a₂) of the elements, shape (3, n_elements).
+        Elements that are not wholly on surfaces face it as most do.  ``elements`` are
+        the nodes of each, and ``n`` their normals (a₁×a₂), shape (3, n_elements).
         """
         contact, normals = self.contact(u, t), np.full(self._X.shape, np.nan)
         unit = contact.gradient / np.linalg.norm(contact.gradient, axis=0)

@@ -156,17 +156,10 @@ class SurfaceError(NoEquilibriumError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class UserSurface:
-    """The surface of a condition; errors name the condition and what failed.
+    """The surface of a condition, by whose name errors call it.
 
     Its methods raise a `SurfaceError` if an array has another shape, or the user's
     function fails, whose error is the cause.
-
-    Parameters
-    ----------
-    name
-        Name of the condition.
-    surface
-        The surface.
     """
 
     name: str
@@ -202,22 +195,10 @@ class UserSurface:
 def _check_derivatives(surface: UserSurface, x: ndarray) -> None:
     """Refuse a surface whose parts contradict each other where a ply may lie.
 
-    They are compared at some points of it, to which slopes of level lead from nodes.
-
-    Parameters
-    ----------
-    surface
-        The surface.
-    x
-        Reference positions of the nodes in mm, shape (3, n).
-
-    Raises
-    ------
-    ValueError
-        If they do; the message names the part, the place, both numbers and the length
-        over which they differ.
-    NoEquilibriumError
-        If a function of the surface fails with an error that is not one of its domain.
+    They are compared at some points of it, to which slopes of level lead from the nodes
+    at ``x``. The message names the part, the place, both numbers and the length over
+    which they differ.  A function that fails with an error that is not one of its
+    domain fails here too.
     """
     h = _INTERVAL * float(np.ptp(x, axis=1).max())
     if not h:
@@ -281,19 +262,10 @@ def _on_surface(surface: Surface, x: ndarray, h: float) -> ndarray:
 def _contradiction(
     lines: ndarray, whole: ndarray, derivative: ndarray, h: float
 ) -> tuple[int, int, ndarray, float, float] | None:
-    """The largest contradiction on lines: row, axis, place, slope and derivative.
+    """The largest contradiction on lines, if any: row, axis, place, slope, derivative.
 
-    None where there is no contradiction.
-
-    Parameters
-    ----------
-    lines
-        Positions, shape (3, axes, places, points).
-    whole, derivative
-        Rows of what changes, and of its derivatives along the lines, shape (rows, axes,
-        places, points).
-    h
-        Length of an interval.
+    ``whole`` and ``derivative`` are rows of what changes and of its derivatives along
+    the lines, shape (rows, axes, places, points), and h is the length of an interval.
     """
     size = np.abs(derivative).max(axis=(0, 1, 2))
     rounding = _ROUNDING * np.abs(lines).max(initial=0.0)

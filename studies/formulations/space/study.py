@@ -26,8 +26,7 @@ from skfem_textile.scenes.elastica import buckled, hanging, peirce
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
-from skfem_textile.solve.problem import Problem
-from skfem_textile.solve.tangent import Tangent
+from skfem_textile.solve.problem import Problem, Tangent
 
 from ...common.figures import File, legend, panels_of, style_of
 from ...common.tables import (

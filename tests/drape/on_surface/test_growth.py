@@ -16,10 +16,10 @@ from skfem_textile import (
     equilibrium_near,
 )
 from skfem_textile.scenes import Case, double_dome
-from skfem_textile.solve import tangent as tangent_module
+from skfem_textile.solve import problem as tangent_module
 from skfem_textile.solve.continuation import on_grown_surface
+from skfem_textile.solve.problem import Tangent
 from skfem_textile.solve.states import NoEquilibriumError
-from skfem_textile.solve.tangent import Tangent
 from studies.formulations.drape import chebyshev
 from tests.helpers.laid_plies import SYMMETRY, laid, positions, problem_of, square
 
@@ -73,12 +73,12 @@ def test_a_start_on_a_grown_cylinder_is_the_rolled_ply():
     ply = square(60.0, 4, Fabric(1e4, 0.1))
     cylinder = drape.Cylinder(40.0, (0, 0, -40))
     problem, rest = problem_and_start(ply, cylinder)
-    u = on_grown_surface(ply, problem.at(0.5), rest).u
+    u = on_grown_surface(problem.at(0.5), rest).u
     half = problem.at(0.5).start(u, rest.parameters)
     exact = laid(ply, cylinder)
     assert np.abs(half.u - exact).max() > 1.0
     for start in (rest, half):
-        off = np.abs(on_grown_surface(ply, problem, start).u - exact).max()
+        off = np.abs(on_grown_surface(problem, start).u - exact).max()
         assert off < 1e-3 * 40  # as a share of the radius
 
 
@@ -102,7 +102,7 @@ def test_a_start_on_a_grown_cylinder_is_the_rolled_ply():
 def test_where_geodesics_are_no_start_the_state_before_is(surface, fabric, which):
     ply = square(60.0, 4, fabric)
     problem, rest = problem_and_start(ply, surface, **which)
-    assert on_grown_surface(ply, problem, rest) is rest
+    assert on_grown_surface(problem, rest) is rest
 
 
 FAR = 1e4

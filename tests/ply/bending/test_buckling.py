@@ -6,8 +6,7 @@ import pytest
 from skfem_textile import Condition, Fabric, OnePoint, Ply
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
-from skfem_textile.solve.problem import Problem
-from skfem_textile.solve.tangent import Tangent
+from skfem_textile.solve.problem import Problem, Tangent
 from tests.helpers.bent_plies import SIDE, square
 
 IN_PLANE = {

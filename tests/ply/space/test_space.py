@@ -22,8 +22,7 @@ from skfem_textile.scenes import bias_extension
 from skfem_textile.solve.conditions import Constraints
 from skfem_textile.solve.linear import solver_named
 from skfem_textile.solve.newton import definite
-from skfem_textile.solve.problem import Problem
-from skfem_textile.solve.tangent import Tangent
+from skfem_textile.solve.problem import Problem, Tangent
 from tests.helpers import assert_derivatives, derivative, distorted, one_quad, wobble
 
 FABRICS = {
