@@ -172,7 +172,8 @@ def test_a_wall_is_seen_from_where_it_faces(axis, tilt, side):
 def test_edge_tensions_that_do_not_balance_are_told():
     """The rest of them is at the nodes that keep the ply from sliding."""
     round_top = plate(height=lambda x, y: 30 * np.exp(-(x**2 + y**2) / 3200))
-    tool, given = drape.TriangleMesh(*round_top), {"width": 100.0, "height": 100.0}
+    tool = drape.TriangleMesh(*round_top)
+    given = {"width": 100.0, "height": 100.0, "size": (6, 6)}
     _, off_top = run(on_tool(tool, point=(30.0, 0.0, 22.6), **given))
     assert "tensions of the edges do not balance" in off_top["held_askew"]
     assert off_top["max_holding_force_N"] > 10

@@ -25,8 +25,8 @@ def load(mesh, formulation):
 
 @pytest.fixture(scope="module")
 def converged():
-    """At 64 edges across."""
-    return load(rectangle(50, 100, (64, 128)), OnePoint())
+    """At 32 edges across, which 64 change by 0.12 %."""
+    return load(rectangle(50, 100, (32, 64)), OnePoint())
 
 
 @pytest.mark.parametrize("kind", ["irregular", "delaunay"])

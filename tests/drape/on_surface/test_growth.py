@@ -9,6 +9,7 @@ from skfem_textile import (
     LoadStepper,
     Locking,
     Macro,
+    Newton,
     OnePoint,
     OnSurface,
     StepError,
@@ -153,7 +154,7 @@ def test_a_refusal_at_rest_blames_rounding_and_no_load(monkeypatch):
     plane = drape.Plane((FAR, -FAR, 0.0), (5e-5, 0.0, 1.0))
     tilted = conditions | {"on": OnSurface(plane, touch=(FAR, -FAR))}
     with pytest.raises(StepError, match="nearer to the origin"):
-        LoadStepper(ply, tilted, 1).run()
+        LoadStepper(ply, tilted, 1, method=Newton(most=4)).run()
 
 
 @pytest.mark.parametrize("tension", [0.0, 2.0])

@@ -2,7 +2,6 @@
 
 import os
 import pickle
-import shutil
 import signal
 import subprocess
 import sys
@@ -28,45 +27,47 @@ def test_a_resumed_run_gives_the_same_result_to_the_last_bit(tmp_path, kind, at)
     assert_same(resumed, whole(kind))
 
 
-# Runs a formulation, afresh or from a checkpoint.
+# Runs every formulation, afresh and from its checkpoint.
 IN_ANOTHER_PROCESS = """
 import pickle, sys
-from tests.helpers.extended_runs import stepper
-name, folder, target = sys.argv[1:]
-result = stepper(name, folder or None).run(resume=bool(folder))
-with open(target, "wb") as file:
-    pickle.dump((result.states, result.history()), file)
+from pathlib import Path
+from tests.helpers.extended_runs import FORMULATIONS, stepper
+folder, found = Path(sys.argv[1]), {}
+for name in FORMULATIONS:
+    afresh = stepper(name).run()
+    resumed = stepper(name, folder / name).run(resume=True)
+    found[name] = [(run.states, run.history()) for run in (afresh, resumed)]
+(folder / "found").write_bytes(pickle.dumps(found))
 """
 
 
-def in_another_process(name, folder, target):
-    """States and history."""
-    tests = Path(helpers.__file__).parents[1]
-    path = tests.parent, tests / "common", Path(__file__).parent
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, path))}
-    command = [sys.executable, "-c", IN_ANOTHER_PROCESS, name, folder, target]
-    arguments = [str(argument) for argument in command]
-    subprocess.run(arguments, env=environment, check=True, timeout=300)
-    return pickle.loads(target.read_bytes())
+@pytest.fixture(scope="module")
+def in_another_process(tmp_path_factory):
+    """States and histories by name of the formulation."""
+    folder = tmp_path_factory.mktemp("another process")
+    for name in extended_runs.FORMULATIONS:
+        extended_runs.interrupted(name, folder / name)
+    environment = os.environ | {"PYTHONPATH": str(Path(helpers.__file__).parents[2])}
+    command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(folder)]
+    subprocess.run(command, env=environment, check=True, timeout=300)
+    return pickle.loads((folder / "found").read_bytes())
 
 
 @pytest.mark.parametrize("name", extended_runs.FORMULATIONS)
 def test_runs_resumed_or_in_another_process_are_the_same_to_the_last_bit(
-    tmp_path, name
+    tmp_path, name, in_another_process
 ):
     """Displacements and parameters of every state, and the history."""
-    first, target = extended_runs.stepper(name).run(), tmp_path / "found"
+    first = extended_runs.stepper(name).run()
     changed = [s.parameters for s in first.states if s.load_factor in (0.25, 0.5, 1)]
     for before, after in pairwise(changed):
         assert not any(before[term].same_as(after[term]) for term in after)
-    extended_runs.interrupted(name, tmp_path / "a")
-    shutil.copytree(tmp_path / "a", tmp_path / "b")
-    resumed = extended_runs.stepper(name, tmp_path / "a").run(resume=True)
+    extended_runs.interrupted(name, tmp_path)
+    resumed = extended_runs.stepper(name, tmp_path).run(resume=True)
     assert_same(resumed, first)
     for states, history in (
         (resumed.states, resumed.history()),
-        in_another_process(name, "", target),
-        in_another_process(name, tmp_path / "b", target),
+        *in_another_process[name],
     ):
         assert history == first.history()
         for found, state in zip(states, first.states, strict=True):
