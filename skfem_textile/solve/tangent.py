@@ -20,7 +20,7 @@ from .states import NoEquilibriumError
 
 # How many times the round-off of a number a stretch has after the operations that lead
 # to it: with once, macro-elements under a small load never balance
-# (`pytest tests/solve/stepper -k round_off`).
+# (`pytest tests/solve/test_equilibrium.py -k round_off`).
 _ROUNDINGS = 4
 
 _MORE_STIFFNESS = (

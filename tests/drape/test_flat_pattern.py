@@ -7,13 +7,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from skfem import MeshQuad
+from tests.helpers.tools import in_net, rolled
 
 from skfem_textile import Fabric, MeshError, Ply, drape, equilibrium_near
 from skfem_textile.io import write_pattern
 from skfem_textile.mesh import contact
 from studies.formulations.drape import chebyshev
 from studies.formulations.drape.cases import FORMULATIONS
-from tests.helpers.laid_plies import in_net, rolled
 
 
 def on_cylinder(n):

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from tests.helpers.tools import ball, bump, plate, write
 
 from skfem_textile import Fabric, drape
 from skfem_textile.io import read_surface, read_tool_mesh
 from skfem_textile.scenes import Case, hemisphere
 from skfem_textile.scenes import drape as on_tool
-from tests.helpers.tool_files import ball, bump, plate, write
 
 
 def run(scene):
