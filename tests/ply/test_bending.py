@@ -402,7 +402,7 @@ def arc(n, formulation, jitter, slope):
     fabric = Fabric(1e4, 0.1, bending=(D, D))
     ply = Ply(mesh, fabric, formulation, dimension=3, fibre_ends=ends)
     held = {"left": Condition("left"), "right": Condition("right", (None, 0.0, 0.0))}
-    result = LoadStepper(ply, held, 4, solver="superlu").run()
+    result = LoadStepper(ply, held, 2, solver="superlu").run()
     assert result.path_resolved
     state = result.states[-1]
     x, _, z = ply.nodal(state.u)
