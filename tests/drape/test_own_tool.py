@@ -12,7 +12,7 @@ from tests.helpers.tools import ball, bump, plate, write
 
 def run(scene):
     fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
-    case = Case(scene=scene, fabric=fabric, steps=2)
+    case = Case(scene=scene, fabric=fabric, steps=1)
     result = case.run()
     return result, case.summary(result)
 

@@ -33,7 +33,7 @@ from tests.helpers.tools import square
 meshio = pytest.importorskip("meshio")
 
 
-def run(scene, steps=2, fabric=None, **more):
+def run(scene, steps=1, fabric=None, **more):
     fabric = fabric or Fabric(1e4, 0.1, scene.warp, scene.weft)
     case = Case(scene=scene, fabric=fabric, steps=steps, **more)
     result = case.run()

@@ -43,7 +43,7 @@ def tension(fabric, mesh):
     return ply
 
 
-def run(scene, formulation, E=1e4, shear=0.0, steps=4):
+def run(scene, formulation, E=1e4, shear=0.0, steps=2):
     ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
     return scene.summary(LoadStepper(ply, scene.conditions, steps).run())
 
@@ -227,7 +227,7 @@ def test_a_rotated_problem_is_the_same(formulation):
         mesh = split(mesh)
     scene = bias_extension(mesh)
     turned = scene.rotated(0.7)
-    plain, rotated = (run(s, formulation, 1e5, 0.5) for s in (scene, turned))
+    plain, rotated = (run(s, formulation, 1e5, 0.5, 4) for s in (scene, turned))
     assert rotated["energy"] == pytest.approx(plain["energy"], rel=1e-9)
     assert rotated["reaction_y"] == pytest.approx(plain["reaction_y"], rel=1e-6)
 
