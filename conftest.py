@@ -15,7 +15,6 @@ MODULES_THAT_DRAW = (
     "skfem_textile/plot/*.py",
     "skfem_textile/plot/*/*.py",
     "skfem_textile/*/figure.py",
-    "studies/*/figure*.py",
 )
 # No test times: a machine may be busy with other work.
 settings.register_profile("untimed", deadline=None)

@@ -7,6 +7,7 @@ from pathlib import Path
 from docutils import nodes
 
 from skfem_textile import __version__
+from skfem_textile.cases.write import reference
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -60,6 +61,26 @@ def keep_numbers_whole(app, document):
             text.parent.replace(text, nodes.Text(joined))
 
 
+def write_every_key(app, name, source):
+    """Write the tables of all keys of a case file in place of their marker."""
+    marker = "EVERY-KEY-OF-A-CASE"
+    if marker in source[0]:
+        source[0] = source[0].replace(marker, "\n".join(_key_tables()))
+
+
+def _key_tables():
+    table = None
+    for own in reference():
+        if own.table != table:
+            table = own.table
+            yield f"\n### `[{table}]`\n"
+            yield "| key | type | default | meaning |\n|---|---|---|---|"
+        only = f" ({own.choice})" if own.choice else ""
+        default = f"`{own.default}`" if own.default else ""
+        kind = own.kind.replace("|", "or")
+        yield f"| `{own.key}`{only} | {kind} | {default} | {own.about} |"
+
+
 def remove_comments(app, name, source):
     """Remove the markers of results, which are comments within sentences and cells."""
     source[0] = re.sub(r"<!--.*?-->", "", source[0])
@@ -67,5 +88,6 @@ def remove_comments(app, name, source):
 
 def setup(app):
     """Connect what this file adds to Sphinx."""
+    app.connect("source-read", write_every_key)
     app.connect("source-read", remove_comments)
     app.connect("doctree-read", keep_numbers_whole)

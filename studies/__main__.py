@@ -6,9 +6,8 @@
 import argparse
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
-from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -16,12 +15,11 @@ from skfem_textile.cli.interruption import INTERRUPTED, raised
 from skfem_textile.cli.output import OutputError, complain, say, silence
 
 from .common import provenance
-from .common.workers import executor_of
+from .common.running import ONE_THREAD, executor_of
+from .common.tables import grouped
 from .study import Row, Study, descriptions, load
 
 STOPPED_EARLY, BAD_INPUT = 1, 2
-
-_THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -73,7 +71,7 @@ def _answer(words: list[str]) -> int:
             _add_options(options, study)
     chosen = parser.parse_args(words)
     if chosen.study == "figures":
-        from .figures.program import main as figures
+        from .figures.pages import main as figures
 
         return figures(chosen.check)
     assert study is not None
@@ -108,7 +106,7 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
     from skfem_textile.solve.sweep import SweepError
 
     if study.timed:  # before libraries of linear algebra are loaded
-        os.environ.update(dict.fromkeys(_THREADS, "1"))
+        os.environ.update(ONE_THREAD)
     cases = _cases(study, options)
     written = [*study.written(cases), provenance.FILE]
     results = ResultFolder(options.out, written)
@@ -131,13 +129,13 @@ def _run(study: Study[Any], options: argparse.Namespace) -> int:
         if rows:
             with results as folder:
                 record = {provenance.FILE: provenance.recorded(options)}
-                _write(study.tables(rows) | record, folder)
+                for name, text in (study.tables(rows) | record).items():
+                    (folder / name).write_text(text, encoding="utf-8", newline="")
     if not (complaint and rows):
         kept.unlink(missing_ok=True)
     pictures = [name for name in study.pictures if name in written]
     if pictures and rows and code != INTERRUPTED and not options.no_render:
-        draw = partial(study.draw, rows)
-        code = _render(draw, ResultFolder(options.out, pictures), code)
+        code = _render(study, rows, ResultFolder(options.out, pictures), code)
     say(f"results in {options.out}")
     complaint = complaint or study.complaint(rows)
     if complaint:
@@ -151,15 +149,13 @@ def _cases(study: Study[Any], options: argparse.Namespace) -> list[Any]:
     if options.case is None:
         return cases
     names = [study.name(case) for case in cases]
+    chosen = set[str]()
     for pattern in options.case:
-        if not any(fnmatchcase(name, pattern) for name in names):
+        if not (named := [n for n in names if fnmatchcase(n, pattern)]):
             known = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
             raise ValueError(f"no case is named {pattern}: there are {known}")
-    return [
-        case
-        for case, name in zip(cases, names, strict=True)
-        if any(fnmatchcase(name, pattern) for pattern in options.case)
-    ]
+        chosen.update(named)
+    return [case for case, name in zip(cases, names, strict=True) if name in chosen]
 
 
 def _examine(
@@ -178,10 +174,9 @@ def _examine(
         for case, rows in sweep(
             study.examine, cases, executor, out=kept, key=study.name
         ):
-            say(study.line(rows))
-            rows_by_name[study.name(case)] = [
-                {"case": study.name(case)} | row for row in rows
-            ]
+            name = study.name(case)
+            rows_by_name[name] = [{"case": name} | row for row in rows]
+            say(study.line(rows_by_name[name]))
 
 
 def _with_earlier(
@@ -193,25 +188,16 @@ def _with_earlier(
             stored = study.stored(options.out)
         except FileNotFoundError:
             stored = []
-        earlier: dict[str, list[Row]] = {}
-        for row in stored:
-            if "case" in row:
-                earlier.setdefault(row["case"], []).append(row)
-        rows_by_name = earlier | rows_by_name
+        rows_by_name = grouped(stored, "case") | rows_by_name
     names = (study.name(case) for case in study.cases(options))
     return [row for name in names for row in rows_by_name.get(name, [])]
 
 
-def _write(texts: dict[str, str], folder: Path) -> None:
-    for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="")
-
-
-def _render(draw: Callable[[Path], None], results: Any, code: int) -> int:
+def _render(study: Study[Any], rows: list[Row], results: Any, code: int) -> int:
     """Draw the pictures, or print in one line why not; returns the exit code."""
     try:
         with results as folder:
-            draw(folder)
+            study.draw(rows, folder)
     except KeyboardInterrupt:
         complain("interrupted; the numbers are written, pictures are not")
         return INTERRUPTED

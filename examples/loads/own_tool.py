@@ -122,7 +122,7 @@ figure.savefig("pattern.png", dpi=300)
 #
 #    python -m skfem_textile run drape --tool tool.stl --trim trim.csv --fibres 30 \
 #        --width 180 --height 180 --tension 2 --size 32x32 --steps 1 \
-#        --set bending.warp_N_mm=5 --set bending.weft_N_mm=5 --out DIR
+#        --set bending.warp_N_mm=5 bending.weft_N_mm=5 --out DIR
 #
 # ``DIR`` then holds the pictures, ``pattern.svg``, the fibres of each element in
 # ``fibres.csv``, and the fields for ParaView. ``--part-mesh`` takes a mesh of the part,

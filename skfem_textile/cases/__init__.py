@@ -2,7 +2,8 @@
 
 from .build import built, case_from_file, case_from_tables
 from .read import CaseFileError, declared, read_tables
-from .schema import SCENES, CaseFile
+from .scenes import SCENES
+from .schema import CaseFile
 
 __all__ = [
     "SCENES",

@@ -19,19 +19,20 @@ from ..ply.loads import Force
 from ..scenes.case import Case
 from ..solve.surface import OnSurface
 from .read import CaseFileError, declared, read_tables
+from .scenes import AnyScene, OnTool
 from .schema import (
     MESH_KINDS,
     Bending,
     CaseFile,
     FabricOfFile,
-    OnTool,
+    Mesh,
     Shear,
     Stepping,
     Tension,
 )
 
 if TYPE_CHECKING:
-    from skfem import Mesh
+    from skfem import Mesh as SkfemMesh
 
     from ..scenes import Scene
 
@@ -112,7 +113,7 @@ def built(file: CaseFile) -> Case:
         If a file that it names cannot be read.
     """
     _refuse_contradictions(file)
-    scene = _scene(file)
+    scene = _scene(file.scene, file.mesh, file.fabric.file)
     if file.fabric.file is None:
         laws = file.tension, file.shear, file.bending
         fabric = _fabric(*laws, (scene.warp, scene.weft))
@@ -167,12 +168,11 @@ def _refuse_contradictions(file: CaseFile) -> None:
         raise ValueError("stepping.most_unknowns goes with stepping.tolerance")
 
 
-def _scene(file: CaseFile) -> "Scene":
+def _scene(scene: AnyScene, own: Mesh, fabric: str | None) -> "Scene":
     """The scene on its mesh, turned."""
-    own = file.mesh
     generated = {"size": own.size, "jitter": own.jitter, "seed": own.seed}
     generated = {key: value for key, value in generated.items() if value is not None}
-    mesh: str | Mesh = own.source
+    mesh: str | SkfemMesh = own.source
     if own.source not in MESH_KINDS:
         if not Path(own.source).is_file():
             raise ValueError(
@@ -184,20 +184,20 @@ def _scene(file: CaseFile) -> "Scene":
                 f"mesh.{next(iter(generated))} is of a mesh to make, but mesh.source "
                 "names a file: leave one of them out"
             )
-        mesh = _read(file)
-    scene = file.scene.build(mesh, **generated)
-    return scene.rotated(np.radians(getattr(file.scene, "rotate_deg", 0.0)))
+        mesh = _read(own.source, own.directions, fabric)
+    built = scene.build(mesh, **generated)
+    return built.rotated(np.radians(getattr(scene, "rotate_deg", 0.0)))
 
 
-def _read(file: CaseFile) -> "Mesh":
+def _read(source: str, directions: str | None, fabric: str | None) -> "SkfemMesh":
     """The mesh of a file, which may hold directions and the fabric too."""
     from ..io import OF_DIRECTIONS, OF_FABRICS, read_mesh
 
     others = [
-        *(OF_DIRECTIONS * _is_copy(file.mesh.directions, file.mesh.source)),
-        *(OF_FABRICS * _is_copy(file.fabric.file, file.mesh.source)),
+        *(OF_DIRECTIONS * _is_copy(directions, source)),
+        *(OF_FABRICS * _is_copy(fabric, source)),
     ]
-    return read_mesh(file.mesh.source, others)
+    return read_mesh(source, others)
 
 
 def _is_copy(named: str | None, file: str) -> bool:

@@ -15,20 +15,9 @@ import msgspec
 from msgspec import Struct
 
 from ..mesh.user_input import excerpt, printable
-from .schema import (
-    FILE,
-    MESH_KINDS,
-    SCENES,
-    CaseFile,
-    InCompression,
-    Region,
-    Scene,
-    Shear,
-    Tension,
-    Weft,
-    named,
-    tag_of,
-)
+from .scenes import SCENES, Scene
+from .schema import MESH_KINDS, CaseFile, InCompression, Region, Shear, Tension, Weft
+from .table import FILE, named, tag_of
 
 # Larger files are none that a person writes, and take long to read.
 _MOST_BYTES = 1_000_000
@@ -91,10 +80,8 @@ def declared(
         names the key.
     """
     try:
-        _refuse_functions("", tables)
+        _refuse_values("", tables)
         scene = _scene_of(tables)
-        _refuse_infinite("", tables)
-        _refuse_laws_beside_fabric(tables)
         regions = tables.get("regions", {})
         if not isinstance(regions, dict):
             raise ValueError(f"regions must be a table, not {_shown(regions)}")
@@ -144,17 +131,21 @@ def with_files(table: Any, place: Callable[[str, str], str], where: str = "") ->
     return msgspec.structs.replace(table, **changed)
 
 
-def _refuse_functions(where: str, tables: Mapping[str, Any]) -> None:
-    """Refuse what only Python can hold, before any other error is reported."""
-    for key, value in tables.items():
-        place = f"{where}{printable(key)}"
-        if callable(value):
-            raise ValueError(
-                f"{place} is a function, which a case file cannot hold: make a Case in "
-                "Python"
-            )
-        if isinstance(value, Mapping):
-            _refuse_functions(f"{place}.", value)
+def _refuse_values(where: str, value: Any) -> None:
+    """Refuse functions, which only Python can hold, and numbers that are not finite."""
+    if callable(value):
+        raise ValueError(
+            f"{where} is a function, which a case file cannot hold: make a Case in "
+            "Python"
+        )
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{where} must be a finite number, got {value}")
+    if isinstance(value, Mapping):
+        for key, part in value.items():
+            _refuse_values(f"{where}.{printable(key)}".lstrip("."), part)
+    elif isinstance(value, list | tuple):
+        for part in value:
+            _refuse_values(where, part)
 
 
 def _scene_of(tables: Mapping[str, Any]) -> type[Scene]:
@@ -168,17 +159,6 @@ def _scene_of(tables: Mapping[str, Any]) -> type[Scene]:
     return SCENES[name]
 
 
-def _refuse_laws_beside_fabric(tables: Mapping[str, Any]) -> None:
-    fabric = tables.get("fabric", {})
-    if isinstance(fabric, dict) and fabric.get("file") is not None:
-        for name in ("tension", "shear", "bending"):
-            if tables.get(name):
-                raise ValueError(
-                    f"[{name}] has a law, but fabric.file names a file that has all: "
-                    "leave one of them out"
-                )
-
-
 # ---------------------------------------------------------------------------- defaults
 
 
@@ -186,6 +166,13 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
     """All tables, with the defaults of the scene for keys that are missing."""
     found = {name: tables.get(name, {}) for name in CaseFile.__struct_fields__}
     found |= tables
+    if isinstance(found["fabric"], dict) and found["fabric"].get("file") is not None:
+        for name in ("tension", "shear", "bending"):
+            if found[name]:
+                raise ValueError(
+                    f"[{name}] has a law, but fabric.file names a file that has all: "
+                    "leave one of them out"
+                )
     of_mesh = {"size": scene.size, "jitter": scene.jitter, "seed": 1}
     bending = dict.fromkeys(("warp_N_mm", "weft_N_mm"), scene.bending)
     for name, defaults in (
@@ -248,18 +235,6 @@ def _converted(where: str, given: Any, kind: type[Any]) -> Any:
         return msgspec.convert(given, kind)
     except (msgspec.ValidationError, OverflowError) as error:
         raise ValueError(_worded(where, str(error), given, kind)) from None
-
-
-def _refuse_infinite(where: str, value: Any) -> None:
-    """Refuse numbers that are not finite, wherever they stand."""
-    if isinstance(value, float) and not math.isfinite(value):
-        raise ValueError(f"{where} must be a finite number, got {value}")
-    if isinstance(value, dict):
-        for key, part in value.items():
-            _refuse_infinite(f"{where}.{printable(key)}".lstrip("."), part)
-    elif isinstance(value, list | tuple):
-        for part in value:
-            _refuse_infinite(where, part)
 
 
 def _worded(where: str, message: str, given: Any, kind: type[Any]) -> str:

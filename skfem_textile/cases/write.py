@@ -19,7 +19,9 @@ from typing import (
 from msgspec import NODEFAULT, Meta, Struct, structs
 
 from .read import with_files
-from .schema import FILE, SCENES, CaseFile, Region, named, summary_of
+from .scenes import SCENES
+from .schema import CaseFile, Region
+from .table import FILE, named, summary_of
 
 #: The first line of a case file that a run has written.
 WRITTEN = "# The case of this folder, with every default, written by skfem-textile."

@@ -7,21 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..cases.read import CaseFileError, declared, read_tables
-from ..cases.schema import SCENES, summary_of
+from ..cases.scenes import SCENES
+from ..cases.table import summary_of
 from ..mesh.user_input import printable
 from .interruption import INTERRUPTED, raised
 from .output import OutputError, complain, say, silence
 from .parser import BAD_INPUT, command_parser, is_case_file, tables_of_options
 from .progress import STOPPED_EARLY
+from .run import run
 from .show import show
 
 if TYPE_CHECKING:
     from ..scenes.shear_test import ShearTest
-
-_STUDIES = (
-    "studies are no part of the command line: run `python -m studies NAME --out DIR` "
-    "in a checkout of the repository"
-)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -54,8 +51,6 @@ def _answer(arguments: Sequence[str]) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
-    if _is_study(arguments):
-        raise ValueError(_STUDIES)
     try:
         options = command_parser(arguments).parse_args(arguments)
         if options.command == "list":
@@ -79,8 +74,6 @@ def _run(arguments: Sequence[str]) -> int:
 
 def _run_case(options: argparse.Namespace) -> int:
     """Run a scene or a case file."""
-    from .run import run
-
     if not is_case_file(options.scene):
         tables: dict[str, Any] = {"scene": {"name": options.scene}}
         return run(declared(tables_of_options(tables, options)), options)
@@ -116,13 +109,3 @@ def _list() -> int:
     for name, scene in SCENES.items():
         say(f"{name:16}{summary_of(scene)}")
     return 0
-
-
-def _is_study(arguments: Sequence[str]) -> bool:
-    """Whether they ask for a study, which the command line once ran."""
-    words = list(arguments)
-    return (
-        words[:1] == ["study"]
-        or words[:2] == ["run", "two_element"]
-        or (words[:2] == ["run", "strip"] and "--paper" in words)
-    )

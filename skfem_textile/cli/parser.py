@@ -3,6 +3,8 @@
 import argparse
 import re
 import sys
+import tomllib
+from argparse import ArgumentTypeError
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import NoneType
@@ -18,10 +20,11 @@ from typing import (
 
 from .. import __version__
 from ..cases.read import declared
-from ..cases.schema import FILE, SCENES, CaseFile, OnTool, Scene, summary_of
+from ..cases.scenes import SCENES, OnTool, Scene
+from ..cases.schema import CaseFile
+from ..cases.table import FILE, summary_of
 from ..cases.write import key_help, meaning, tables_of
 from ..mesh.user_input import printable
-from . import words
 from .fit import TESTS
 from .output import complain, say
 from .show import add_show
@@ -147,7 +150,7 @@ def _add_report(commands: Any) -> None:
 
 def _case_file(text: str) -> Path:
     if not is_case_file(text):
-        raise argparse.ArgumentTypeError(f"{text!r} must end with {_SUFFIX}")
+        raise ArgumentTypeError(f"{text!r} must end with {_SUFFIX}")
     return Path(text)
 
 
@@ -203,7 +206,7 @@ def _add_scene(
         action="extend",
         nargs="+",
         default=[],
-        type=words.setting,
+        type=_setting,
         metavar="KEY=VALUE",
         help="any key of a case file, such as stepping.method=plain",
     )
@@ -217,7 +220,7 @@ def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
     while get_origin(kind) is Annotated or NoneType in get_args(kind):
         kind = next(one for one in get_args(kind) if one is not NoneType)
     if path == "mesh.size":
-        given |= {"type": words.size, "metavar": "NXxNY"}
+        given |= {"type": _size, "metavar": "NXxNY"}
     elif get_origin(kind) is Literal:
         given["choices"] = get_args(kind)
     elif get_origin(kind) is tuple:
@@ -226,7 +229,7 @@ def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
         given |= {"choices": get_args(first)} if get_args(first) else {"type": first}
         given["metavar"] = flag.upper()
     elif get_origin(kind) is dict:
-        given |= {"type": words.pair, "metavar": "NAME=VALUE"}
+        given |= {"type": _pair, "metavar": "NAME=VALUE"}
         given |= {"action": "append"}
     elif isinstance(kind, type):
         metavar = {float: "X", int: "N", str: "NAME"}[kind]
@@ -300,6 +303,42 @@ def _copied(value: Any) -> Any:
     return value
 
 
+def _setting(word: str) -> tuple[str, Any]:
+    """The path and the value of ``path.to.key=value``, the value as in a case file."""
+    path, equals, value = word.partition("=")
+    if not equals or "." not in path or not all(path.split(".")):
+        raise ArgumentTypeError(f"{word!r} is not like stepping.steps=5")
+    return path, _value(value)
+
+
+def _pair(word: str) -> tuple[str, Any]:
+    """The name and the value of ``NAME=VALUE``, several values with commas."""
+    name, _, value = word.partition("=")
+    if not (name and value):
+        raise ArgumentTypeError(f"{word!r} is not like top=0,40")
+    parts = [_value(part) for part in value.split(",")]
+    return name, parts if len(parts) > 1 else parts[0]
+
+
+def _value(word: str) -> Any:
+    """A value as TOML has it, numbers with commas as an array, or else the word."""
+    for text in (word, f"[{word}]"):
+        try:
+            return tomllib.loads(f"x = {text}")["x"]
+        except (ValueError, RecursionError):
+            continue
+    return word
+
+
+def _size(word: str) -> list[int]:
+    """Elements along x and y of ``NXxNY``."""
+    try:
+        nx, ny = (int(n) for n in word.split("x"))
+    except ValueError:
+        raise ArgumentTypeError(f"{word!r} is not like 10x15") from None
+    return [nx, ny]
+
+
 class _Formatter(argparse.HelpFormatter):
     """Options whose help stands on the same line."""
 
@@ -355,7 +394,7 @@ def _add_course(parser: argparse.ArgumentParser) -> None:
 
 def _folder(text: str) -> Path:
     if not text:
-        raise argparse.ArgumentTypeError("a folder must have a name")
+        raise ArgumentTypeError("a folder must have a name")
     if text.startswith("--"):  # argparse does not know it as an option
-        raise argparse.ArgumentTypeError(f"{text!r} is no option; a folder is ./{text}")
+        raise ArgumentTypeError(f"{text!r} is no option; a folder is ./{text}")
     return Path(text)

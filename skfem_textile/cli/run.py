@@ -19,7 +19,6 @@ from ..scenes.case import Case
 from ..solve.adaptive import AdaptiveStepper
 from ..solve.result import Result, StepError
 from ..solve.states import ErrorEstimate
-from ..solve.stepper import LoadStepper
 from . import results
 from .curve import CURVE, curve_of, read_test_curve, write_curve
 from .interruption import INTERRUPTED, held
@@ -66,7 +65,11 @@ def run(file: CaseFile, options: argparse.Namespace) -> int:
     hand_over = results.HandOver.read(file.output)
     written = WrittenCase(file)
     with shown("preparing the ply"):  # nets on a tool take long
-        stepper = stepper_of(case, file.stepping, _checkpoint(options))
+        checkpoint = _checkpoint(options.out, options.checkpoint, options.resume)
+        if file.stepping.tolerance is None:
+            stepper: Stepper = case.stepper(checkpoint)
+        else:
+            stepper = _adaptive(case, file.stepping, checkpoint)
     named = file.output.test_curve
     test = None if named is None else read_test_curve(named)
     refuse_foreign_case(options.out)
@@ -133,19 +136,17 @@ def versions() -> dict[str, str]:
     }
 
 
-def stepper_of(
+def _adaptive(
     case: Case, stepping: Stepping, checkpoint: Path | None
-) -> LoadStepper | AdaptiveStepper:
-    """The load stepper of a case, one to a tolerance if that is given.
+) -> AdaptiveStepper:
+    """The load stepper of a case to a tolerance.
 
     Raises
     ------
     ValueError
-        As from the steppers, or if there is a tolerance and a checkpoint.
+        As from the stepper, or if there is a checkpoint.
     """
-    if stepping.tolerance is None:
-        return case.stepper(checkpoint)
-    if checkpoint:
+    if checkpoint or stepping.tolerance is None:
         raise ValueError(
             "stepping.tolerance cannot have a checkpoint: leave one of them out"
         )
@@ -200,14 +201,16 @@ def _draw(case: Case, run: Result | StepError, test: "Curve | None", out: Path) 
     return True
 
 
-def _checkpoint(options: argparse.Namespace) -> Path | None:
+def _checkpoint(
+    out: Path, checkpoint: Path | bool | None, resume: Path | bool | None
+) -> Path | None:
     """The folder of --checkpoint or --resume, by default one in the output folder."""
-    named = {f for f in (options.checkpoint, options.resume) if f not in (None, True)}
+    named = {folder for folder in (checkpoint, resume) if isinstance(folder, Path)}
     if len(named) > 1:
         raise ValueError("--checkpoint and --resume name different folders")
-    if options.checkpoint is None and options.resume is None:
+    if checkpoint is None and resume is None:
         return None
-    return named.pop() if named else options.out / "checkpoint"
+    return named.pop() if named else out / "checkpoint"
 
 
 def _kept(stepper: "Stepper") -> str:

@@ -1,28 +1,43 @@
 """The estimated error against references, and refinement against uniform meshes."""
 
 import argparse
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from skfem_textile import (
     AdaptiveStepper,
+    Fabric,
     LoadStepper,
     Ply,
     Quadratic,
     Result,
-    StepError,
     refine,
 )
-from skfem_textile.scenes import Scene
+from skfem_textile.ply.ply import DEFAULT
+from skfem_textile.ply.terms import Formulation
+from skfem_textile.scenes import Scene, bias_extension
+from skfem_textile.solve.error_estimate import LOAD_OVER_SHARE, SHEAR_ANGLE_OVER_CHANGE
 
-from ..common.tables import csv_table
-from ..study import Row, Study
-from .cases import MOST_UNKNOWNS, TOLERANCE, Case, all_cases
-from .tables import estimates, factor, in_words, kinks, tolerances
+from ..angles.cases import G, Specimen, stored
+from ..common.figures import File, figure_of, legend, style_of
+from ..common.running import run
+from ..common.tables import having, markdown_table, percent, span, table
+from ..study import Part, Row, Study
+
+#: Of the pull at equal unknowns: angles in degrees, and unknowns at most.
+KINKS, MOST_UNKNOWNS = (30.0, 45.0, 60.0), 25_000
+
+#: Cells along a side of a rhombus of the mesh along the fibres.
+CELLS = 16
+
+#: Tolerance of the load that is asked for.
+TOLERANCE = 0.01
 
 #: Load steps of the runs that are not timed.
 STEPS = 8
@@ -33,65 +48,99 @@ STEPS = 8
 _INSIDE, _JUMP = 0.99, 1e-6
 
 
-class Adaptive(Study[Case]):
-    """Estimates, tolerances, and position errors at equal unknowns."""
+@dataclass(frozen=True)
+class Case:
+    """A pull along the bisector of the fibres, and what it is for.
 
-    files = ("adaptive.csv", "estimates.md", "factor.md", "tolerances.md", "kinks.md")
-    pictures = ("adaptive.png",)
-    sample = "judges, 45°, sheared 20°, E 100000, irregular 8"
-    volatile = (*Study.volatile, "cost")
+    Attributes
+    ----------
+    task
+        ``calibrates`` or ``judges`` the estimate, ``tolerance``, or ``kinks``.
+    degrees, gamma
+        Inclination of the fibres, and shear angle at the end.
+    E
+        Fibre stiffness in N/mm.
+    mesh, across, seed
+        Kind of mesh, its elements across, and seed.
+    """
 
-    def cases(self, options: argparse.Namespace) -> Sequence[Case]:
-        return list(all_cases())
+    task: str
+    degrees: float
+    gamma: float
+    E: float
+    mesh: str
+    across: int
+    seed: int = 1
 
-    def name(self, case: Case) -> str:
+    def __str__(self) -> str:
         return (
-            f"{case.task}, {case.degrees:g}°, sheared {case.gamma:g}°, E {case.E:g}, "
-            f"{case.mesh} {case.across}"
+            f"{self.task}, {self.degrees:g}°, sheared {self.gamma:g}°, E {self.E:g}, "
+            f"{self.mesh} {self.across}"
         )
 
-    def examine(self, case: Case) -> list[Row]:
+    def scene(self) -> Scene:
+        """The scene."""
+        theta = np.radians(self.degrees)
+        size = self.across, round(2 * self.across * np.tan(theta))
+        return bias_extension(
+            self.mesh,
+            size,
+            seed=self.seed,
+            warp=theta,
+            weft=np.pi - theta,
+            shear_angle=np.radians(self.gamma),
+        )
+
+    def ply(self, scene: Scene, formulation: Formulation = DEFAULT) -> Ply:
+        """The ply."""
+        fabric = Fabric(self.E, G, scene.warp, scene.weft)
+        return Ply(scene.mesh, fabric, formulation)
+
+    @property
+    def specimen(self) -> Specimen:
+        """The same ply in the study of angles."""
+        return Specimen(self.degrees, "linear", self.E / G)
+
+    def reference(self, scene: Scene) -> float:
+        """The load in N at the end: that of the study of angles."""
+        assert scene.load is not None
+        inextensible = scene.load(self.specimen.shear_law, 1.0)
+        share = stored()[self.specimen, round(self.gamma)]["load"]
+        return float(share * inextensible)
+
+    def scene_along_fibres(self) -> Scene:
+        """The scene up to 40 degrees on the coarser mesh of the study's references."""
+        return self.specimen.along_fibres(CELLS)
+
+    def rows(self) -> list[Row]:
         """The rows of a case; of kinks one for each mesh."""
-        row: Row = {"case": self.name(case), "task": case.task, "degrees": case.degrees}
-        scene = case.scene()
-        if case.task == "kinks":
-            return [row | found for found in _kinks(case, scene)]
-        return [row | _of_load(case, scene)]
+        scene, kinks = self.scene(), self.task == "kinks"
+        found = _kinks(self, scene) if kinks else [_of_load(self, scene)]
+        head = {"case": str(self), "task": self.task, "degrees": self.degrees}
+        return [head | row for row in found]
 
-    def line(self, rows: list[Row]) -> str:
-        row = rows[-1]
-        if row["task"] == "kinks":
-            return f"{row['case']}: {row['position_error']:.4f} mm"
-        estimate = row["estimate"]
-        said = "none" if estimate is None else f"{estimate:.4f}"
-        return f"{row['case']}: error {row['error']:.4f}, estimate {said}"
 
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        return {
-            "adaptive.csv": csv_table(rows),
-            "estimates.md": estimates(rows),
-            "factor.md": factor(rows),
-            "tolerances.md": tolerances(rows),
-            "kinks.md": kinks(rows),
-        }
-
-    def figures(self, rows: list[Row]) -> dict[str, str]:
-        return in_words(rows)
-
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        from .figure import draw_errors
-
-        draw_errors(rows, folder / "adaptive.png")
+def all_cases() -> Iterator[Case]:
+    """Every case; those that judge have other meshes and stiffnesses, more angles."""
+    meshes, gammas = ("irregular", "delaunay"), (20.0, 40.0)
+    for degrees, gamma, mesh, across in product(
+        (30.0, 45.0, 60.0), gammas, meshes, (6, 12)
+    ):
+        yield Case("calibrates", degrees, gamma, 1e6, mesh, across, seed=1)
+    angles = (30.0, 37.5, 45.0, 52.5, 60.0)
+    for degrees, gamma, mesh, across in product(angles, gammas, meshes, (8, 16)):
+        yield Case("judges", degrees, gamma, 1e5, mesh, across, seed=2)
+    for degrees, gamma, mesh in product(angles, gammas, meshes):
+        yield Case("tolerance", degrees, gamma, 1e5, mesh, 6, seed=3)
+    for kinked in KINKS:
+        yield Case("kinks", kinked, 40.0, 1e6, "delaunay", 4)
 
 
 def _of_load(case: Case, scene: Scene) -> Row:
     """Error of the load, and what was estimated."""
     ply, met = case.ply(scene), None
     if case.task == "tolerance":
-        stepper = AdaptiveStepper(
-            *(ply, scene.conditions, TOLERANCE, STEPS), most_unknowns=MOST_UNKNOWNS
-        )
-        result: Result = _best(stepper)
+        result = _refined(ply, scene, TOLERANCE, MOST_UNKNOWNS)
         met = result.summary()["tolerance_met"]
     else:
         result = LoadStepper(ply, scene.conditions).run()
@@ -116,24 +165,20 @@ def _kinks(case: Case, scene: Scene) -> list[Row]:
     """Position errors of uniform meshes, and of those that are finer at kinks."""
     rows, ply = [], case.ply(scene)
     while ply.basis.N <= MOST_UNKNOWNS:
-        rows.append(_position(scene, ply, _end(scene, ply)) | {"mesh": "uniform"})
+        rows.append(position(scene, ply, _end(scene, ply)) | {"mesh": "uniform"})
         ply = refine(ply, np.arange(ply.users_mesh.nelements)).ply
     most = max(row["unknowns"] for row in rows)
-    fine = _best(
-        AdaptiveStepper(
-            case.ply(scene), scene.conditions, 1e-6, STEPS, most_unknowns=most
-        )
-    )
-    rows.append(_position(scene, fine.ply, fine.u) | {"mesh": "refined"})
-    band = _band(case.ply(scene), scene, most)
-    rows.append(_position(scene, band, _end(scene, band)) | {"mesh": "known"})
+    fine = _refined(case.ply(scene), scene, 1e-6, most)
+    rows.append(position(scene, fine.ply, fine.u) | {"mesh": "refined"})
+    band = band_at_kinks(case.ply(scene), scene, most)
+    rows.append(position(scene, band, _end(scene, band)) | {"mesh": "known"})
     along = case.scene_along_fibres()
     ply = case.ply(along, Quadratic())
-    rows.append(_position(along, ply, _end(along, ply)) | {"mesh": "along"})
+    rows.append(position(along, ply, _end(along, ply)) | {"mesh": "along"})
     return rows
 
 
-def _band(ply: Ply, scene: Scene, most: int) -> Ply:
+def band_at_kinks(ply: Ply, scene: Scene, most: int) -> Ply:
     """A ply that is refined only in elements that kinks of the exact motion cross."""
     while True:
         corners = ply.users_mesh.p[:, ply.users_mesh.t]
@@ -154,15 +199,13 @@ def _end(scene: Scene, ply: Ply) -> ndarray:
     return LoadStepper(ply, scene.conditions, STEPS).run().u
 
 
-def _best(stepper: AdaptiveStepper) -> Result:
-    """The result, be the tolerance met or not."""
-    try:
-        return stepper.run()
-    except StepError as error:
-        return error.result
+def _refined(ply: Ply, scene: Scene, tolerance: float, most: int) -> Result:
+    """The result on the last mesh, be the tolerance met or not."""
+    given = ply, scene.conditions, tolerance, STEPS
+    return run(AdaptiveStepper(*given, most_unknowns=most))[0]
 
 
-def _position(scene: Scene, ply: Ply, u: ndarray) -> Row:
+def position(scene: Scene, ply: Ply, u: ndarray) -> Row:
     """Position errors in mm, over nodes and over the area."""
     off = ply.nodal(u) - scene.displacement(ply.nodes, 1.0)
     square = (off**2).sum(axis=0)
@@ -172,6 +215,197 @@ def _position(scene: Scene, ply: Ply, u: ndarray) -> Row:
         "position_error": np.sqrt(square.mean()),
         "over_area": np.sqrt(np.average(in_elements, weights=ply.basis.dx.sum(axis=1))),
     }
+
+
+#: Errors below this are small: an estimate is to stay below `_LEAST_LARGE` there.
+SMALL, _LEAST_LARGE = 0.005, 0.02
+
+#: Least and largest estimate over error that pass.
+PASSES = 0.5, 3.0
+
+#: What meshes of the comparison at equal unknowns are called.
+MESHES = {
+    "refined": "refined at kinks",
+    "known": "refined at the exact kinks",
+    "along": "along fibres, quadratic",
+}
+
+_POSITIONS = "position_error", "over_area"
+
+# Ends of the axes of load errors in per cent, and of position errors in mm.
+_ENDS, _POSITION_ENDS = (0.03, 30.0), (0.004, 1.0)
+
+
+def estimates(rows: Sequence[Row]) -> str:
+    """Ratios of estimate and error, of the cases that calibrate and that judge."""
+    lines = []
+    for task in ("calibrates", "judges"):
+        if found := having(rows, task=task):
+            costs = [row["cost"] for row in found]
+            cost = f"{np.median(costs):.0%}, {np.max(costs):.0%}"
+            lines.append([task, *_passed(found), cost])
+    head = [
+        "cases",
+        f"estimate over error from {PASSES[0]:g} to {PASSES[1]:g}",
+        f"error at most {SMALL:.1%}, estimate below {_LEAST_LARGE:.0%}",
+        "share of the run, median and most",
+    ]
+    return markdown_table(head, lines)
+
+
+def _passed(rows: Sequence[Row]) -> tuple[str, str]:
+    """How many estimates of large errors and of small errors pass."""
+    large = [row for row in rows if abs(row["error"]) > SMALL]
+    small = [row for row in rows if abs(row["error"]) <= SMALL]
+    ratios = [(row["estimate"] or 0.0) / abs(row["error"]) for row in large]
+    passed = sum(PASSES[0] <= ratio <= PASSES[1] for ratio in ratios)
+    below = sum((row["estimate"] or np.inf) < _LEAST_LARGE for row in small)
+    return f"{passed} of {len(large)}", f"{below} of {len(small)}"
+
+
+def factor(rows: Sequence[Row]) -> str:
+    """Error over what tells of it in the cases that calibrate, and what is taken."""
+    found = [row for row in having(rows, task="calibrates") if row["estimate"]]
+    large = [row for row in found if abs(row["error"]) > SMALL]
+    load = [abs(r["error"]) / r["carried"] for r in large]
+    taken = SHEAR_ANGLE_OVER_CHANGE
+    angle = [taken * r["angle_error"] / r["angle_estimate"] for r in found]
+    lines = [
+        [name, f"{np.median(x):.2f}", span(x, ".2f"), f"{now:g}"]
+        for name, x, now in (
+            ("load over the share of the energy", load, LOAD_OVER_SHARE),
+            ("shear angle over its change", angle, taken),
+        )
+        if x
+    ]
+    return markdown_table(["error", "median", "range", "taken"], lines)
+
+
+def tolerances(rows: Sequence[Row]) -> str:
+    """Runs to a tolerance against the reference."""
+    return table(
+        having(rows, task="tolerance"),
+        {
+            "case": lambda row: row["case"].removeprefix("tolerance, "),
+            "unknowns": "{unknowns}",
+            "error": "{error:.2%}",
+            "estimate": "{estimate:.2%}",
+            "reported as met": lambda row: "yes" if row["met"] else "no",
+        },
+    )
+
+
+def kinks(rows: Sequence[Row]) -> str:
+    """Position errors over those of uniform meshes, interpolated at equal unknowns."""
+    lines, found = [], having(rows, task="kinks")
+    for row in (row for row in found if row["mesh"] != "uniform"):
+        line = [f"{row['degrees']:g}°", MESHES[row["mesh"]], row["unknowns"]]
+        for key in _POSITIONS:
+            at = _uniform(found, row, key)
+            line += [f"{row[key]:.4f}", f"{at:.4f}", f"{row[key] / at:.2f}"]
+        lines.append(line)
+    head = ["fibres", "mesh", "unknowns"]
+    for what in ("nodes", "area"):
+        head += [f"{name}, {what}" for name in ("error (mm)", "uniform (mm)", "ratio")]
+    return markdown_table(head, lines)
+
+
+def _uniform(rows: Sequence[Row], row: Row, key: str) -> float:
+    """The error of uniform meshes with as many unknowns as a row has."""
+    uniform = having(rows, degrees=row["degrees"], mesh="uniform")
+    sizes = np.log([other["unknowns"] for other in uniform])
+    errors = np.log([other[key] for other in uniform])
+    return float(np.exp(np.interp(np.log(row["unknowns"]), sizes, errors)))
+
+
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """The results that pages say, by name."""
+    runs, found = having(rows, task="tolerance"), having(rows, task="kinks")
+    within = [row for row in runs if abs(row["error"]) <= TOLERANCE]
+    met = [row for row in runs if row["met"]]
+    right = [row for row in met if row in within]
+    words = {
+        "estimates": _passed(having(rows, task="judges"))[0],
+        "within": f"{len(within)} of {len(runs)}",
+        "met": f"{len(met)} of {len(runs)}",
+        "right": f"{len(right)} of {len(met)}",
+        "met_worst": percent(max(abs(row["error"]) for row in met), ".2f"),
+    }
+    for mesh in MESHES:
+        ratios = [
+            row[key] / _uniform(found, row, key)
+            for row in having(found, mesh=mesh)
+            for key in _POSITIONS
+        ]
+        words[mesh] = span(ratios, ".2f")
+    return words
+
+
+def draw_errors(rows: Sequence[Row], file: File = None) -> Any:
+    """Estimated against true errors of loads, and position errors by unknowns."""
+    with figure_of((8.0, 6.6), file, 9) as figure:
+        load, *positions = figure.subplots(2, 2).flat
+        _draw_loads(load, having(rows, task="judges"))
+        kinds = {"uniform": "uniform"} | MESHES
+        styles = {
+            label: style_of(i, markersize=4, linewidth=1.0)
+            for i, label in enumerate(kinds.values())
+        }
+        for axes, degrees in zip(positions, KINKS, strict=True):
+            for mesh, label in kinds.items():
+                own = having(rows, degrees=degrees, mesh=mesh)
+                errors = [row["position_error"] for row in own]
+                axes.loglog([row["unknowns"] for row in own], errors, **styles[label])
+            axes.set(title=f"Position, {degrees:g}°", xlabel="Unknowns")
+            axes.set(ylim=_POSITION_ENDS, ylabel="Error, rms over nodes (mm)")
+        legend(figure, styles, len(styles))
+    return figure
+
+
+def _draw_loads(axes: Any, rows: Sequence[Row]) -> None:
+    ends = np.array(_ENDS)
+    least, most = PASSES
+    axes.fill_between(ends, least * ends, most * ends, color="0.9")
+    axes.plot(ends, ends, color="grey", linewidth=0.8)
+    axes.axvline(100 * SMALL, color="grey", linewidth=0.8, linestyle=":")
+    known = [row for row in rows if row["estimate"] is not None]
+    errors = [100 * abs(row["error"]) for row in known]
+    axes.plot(errors, [100 * row["estimate"] for row in known], "o", markersize=3)
+    axes.set(title="Load", xlabel="True error (%)", ylabel="Estimated error (%)")
+    axes.set(xscale="log", yscale="log", xlim=_ENDS, ylim=_ENDS)
+
+
+class Adaptive(Study[Case]):
+    """Estimates, tolerances, and position errors at equal unknowns."""
+
+    parts = (
+        Part(
+            "adaptive.csv",
+            {
+                "estimates.md": estimates,
+                "factor.md": factor,
+                "tolerances.md": tolerances,
+                "kinks.md": kinks,
+            },
+            {"adaptive.png": draw_errors},
+        ),
+    )
+    sample = "judges, 45°, sheared 20°, E 100000, irregular 8"
+    volatile = (*Study.volatile, "cost")
+
+    def cases(self, options: argparse.Namespace) -> Sequence[Case]:
+        return list(all_cases())
+
+    def line(self, rows: list[Row]) -> str:
+        row = rows[-1]
+        if row["task"] == "kinks":
+            return f"{row['case']}: {row['position_error']:.4f} mm"
+        estimate = row["estimate"]
+        said = "none" if estimate is None else f"{estimate:.4f}"
+        return f"{row['case']}: error {row['error']:.4f}, estimate {said}"
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        return in_words(rows)
 
 
 STUDY = Adaptive()

@@ -1,23 +1,38 @@
-"""Plies, methods and cases of the study of angles."""
+"""Plies, meshes, converged loads and cases of the study of angles.
 
+Converged loads come from meshes along the fibres, fine where fibres are stretched.  The
+fibres that start at the corners of the clamps divide a ply of the height 2W tan θ into
+equal rhombi and halves of them.  The shear angle jumps at these fibres, and they carry
+forces that stretch spreads over narrow layers.
+"""
+
+import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from functools import cache
 from itertools import product
+from pathlib import Path
 from typing import ClassVar, Self
 
 import numpy as np
-from skfem import Mesh
+from numpy import ndarray
+from skfem import Mesh, MeshTri
 
 from skfem_textile.fabric import Fabric, Law, Linear, Sin2
+from skfem_textile.fabric.meshing import cells_of_net
+from skfem_textile.mesh.checks import with_edges
+from skfem_textile.ply import Ply
 from skfem_textile.ply.formulations import Full, Quadratic
 from skfem_textile.ply.ply import DEFAULT
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension
 from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve.result import Result
+from skfem_textile.solve.stepper import LoadStepper
 
-from ..study import Row
-from .aligned_mesh import graded_mesh
+from ..common.running import errors_only, run, warnings_collected
+from ..common.tables import Row
 
 #: Inclinations of the warp in degrees, and shear angles in degrees.
 INCLINATIONS, ANGLES = (30.0, 37.5, 45.0, 52.5, 60.0), (10, 20, 30, 40)
@@ -59,6 +74,45 @@ REFERENCES: tuple[tuple[Formulation, int], ...] = (
     (Quadratic(), 32),
 )
 
+#: Where converged loads are stored.
+FILE = Path(__file__).parents[2] / "docs" / "angles" / "references.json"
+
+#: Most by which two formulations may differ, and by which the load may change when
+#: cells are halved, as shares of the load.
+AGREEMENT = 0.005
+
+# Digits after the point that are stored.  Chosen: far finer than the agreement.
+_DIGITS = 6
+
+# A point that is nearer to a side than this share of a rhombus is on it.  Chosen: far
+# above rounding, 2e-16, and far below the narrowest cells, 1e-3.
+_NEAR = 1e-9
+
+
+def graded_mesh(theta: float, cells: int) -> Mesh:
+    """Triangles along the fibres, graded towards those that start at the corners.
+
+    Parameters
+    ----------
+    theta
+        Inclination of the fibres in radians.
+    cells
+        Number of cells along a side of a rhombus, even.
+    """
+    lines = np.concatenate([i + _graded(cells) for i in range(3)] + [[3.0]])
+    outline = np.array([[0.0, 1.0, 3.0, 2.0], [0.0, -1.0, 1.0, 2.0]])
+    s, triangles = cells_of_net(outline, lines, lines - 1, _NEAR)
+    c, t = WIDTH / 2, WIDTH / 2 * np.tan(theta)
+    return with_edges(MeshTri(np.array([[c, -c], [t, t]]) @ s, triangles))
+
+
+def _graded(cells: int) -> ndarray:
+    """Points from 0 on, below 1, that are denser at both ends."""
+    share = np.arange(cells) / cells
+    from_end = np.minimum(share, 1 - share)
+    moved = np.sinh(2 * GRADING * from_end) / np.sinh(GRADING) / 2
+    return np.where(share <= 0.5, moved, 1 - moved)
+
 
 @dataclass(frozen=True)
 class Specimen:
@@ -71,9 +125,7 @@ class Specimen:
     law: str
     ratio: float
 
-    @property
-    def name(self) -> str:
-        """What to call it."""
+    def __str__(self) -> str:
         inclination, law, ratio = self.names
         return f"{inclination}, {law}, E/G = {ratio}"
 
@@ -107,10 +159,80 @@ class Specimen:
         """The fabric of the scene."""
         return Fabric(self.ratio * G, self.shear_law, scene.warp, scene.weft)
 
+    def along_fibres(self, cells: int) -> Scene:
+        """The scene on a mesh with so many cells along a side of a rhombus."""
+        return self.scene(graded_mesh(float(np.radians(self.inclination)), cells))
+
+    def stepper(self, scene: Scene, formulation: Formulation) -> LoadStepper:
+        """The load stepper of the ply in a scene."""
+        ply = Ply(scene.mesh, self.fabric(scene), formulation)
+        return LoadStepper(ply, scene.conditions, STEPS)
+
+    def loads(self, scene: Scene, result: Result) -> dict[int, float]:
+        """The load over that of fibres that do not stretch, by shear angle in degrees.
+
+        It is nan where the run did not get to.
+        """
+        assert scene.load is not None
+        loads = dict.fromkeys(ANGLES, np.nan)
+        for state in result.states[1:]:
+            t = state.load_factor
+            reached = [angle for angle in ANGLES if abs(angle - t * ANGLES[-1]) < 1e-9]
+            for angle in reached:
+                load = scene.reaction(state)[1] / scene.load(self.shear_law, t)
+                loads[angle] = float(load)
+        return loads
+
+    def converged(self) -> Iterator[Row]:
+        """The converged load at each shear angle, over that of inextensible fibres.
+
+        ``apart`` is by how much another formulation differs, ``halving`` by how much
+        the load changed when cells were halved, both as shares of the load.  ``lost``
+        is the estimate of the share of the load that is lost to stretch.
+
+        Raises
+        ------
+        StepError
+            If a run does not reach its end.
+        """
+        loads = []
+        for formulation, cells in REFERENCES:
+            scene = self.along_fibres(cells)
+            result = self.stepper(scene, formulation).run()
+            loads.append(self.loads(scene, result))
+        other, coarse, answer = loads
+        assert scene.load_lost is not None
+        for angle in ANGLES:
+            yield {
+                "shear_angle": angle,
+                "load": answer[angle],
+                "apart": other[angle] / answer[angle] - 1,
+                "halving": answer[angle] / coarse[angle] - 1,
+                "lost": scene.load_lost(result.ply.fabric, angle / ANGLES[-1]),
+            }
+
 
 def limit(inclination: float, across: int) -> float:
     """Limit of the error of a median load, as a share of the reference."""
     return LIMITS[across] * (2 if inclination > STEEP else 1)
+
+
+def agree(row: Row) -> bool:
+    """Whether formulations and meshes of a reference agree."""
+    return max(abs(row["apart"]), abs(row["halving"])) <= AGREEMENT
+
+
+@cache
+def stored() -> dict[tuple[Specimen, int], Row]:
+    """The stored converged loads by ply and shear angle.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the file is missing.
+    """
+    rows = json.loads(FILE.read_text(encoding="utf-8"))
+    return {(Specimen.of(row), row["shear_angle"]): row for row in rows}
 
 
 SPECIMENS = tuple(Specimen(*given) for given in product(INCLINATIONS, LAWS, RATIOS))
@@ -118,19 +240,20 @@ SPECIMENS = tuple(Specimen(*given) for given in product(INCLINATIONS, LAWS, RATI
 
 @dataclass(frozen=True)
 class Reference:
-    """A converged load: the ply on meshes along its fibres."""
+    """A converged load, which is stored."""
 
     specimen: Specimen
 
-    @property
-    def name(self) -> str:
-        """What to call it."""
-        return self.specimen.name
+    def __str__(self) -> str:
+        return str(self.specimen)
 
-    def mesh(self, cells: int) -> Mesh:
-        """A mesh with so many cells along a side of a rhombus."""
-        theta = float(np.radians(self.specimen.inclination))
-        return graded_mesh(theta, WIDTH, cells, GRADING)
+    @errors_only()
+    def rows(self) -> list[Row]:
+        """A row for each shear angle."""
+        return [
+            self.specimen.row | {k: round(x, _DIGITS) for k, x in row.items()}
+            for row in self.specimen.converged()
+        ]
 
 
 @dataclass(frozen=True)
@@ -144,17 +267,39 @@ class Judged:
 
     formulation: ClassVar[Formulation] = DEFAULT
 
-    @property
-    def name(self) -> str:
-        """What to call it."""
+    def __str__(self) -> str:
         mesh = f"{self.elements}, {self.across} across, seed {self.seed}"
-        return f"{self.specimen.name}, {mesh}"
+        return f"{self.specimen}, {mesh}"
 
     def mesh(self) -> Mesh:
         """The mesh before the split inside, about square elements."""
         n, slope = self.across // 2, np.tan(np.radians(self.specimen.inclination))
         size, kind = (n, round(2 * n * slope)), MESHES[self.elements]
         return rectangle(WIDTH, 2 * WIDTH * slope, size, kind, JITTER, self.seed)
+
+    def rows(self) -> list[Row]:
+        """A row for each shear angle; loads that a run does not reach are nan."""
+        specimen = self.specimen
+        scene = specimen.scene(self.mesh())
+        with warnings_collected() as warnings:
+            result, refused = run(specimen.stepper(scene, self.formulation))
+        return [
+            {
+                **specimen.row,
+                "elements": self.elements,
+                "across": self.across,
+                "seed": self.seed,
+                "shear_angle": angle,
+                "load": load,
+                "load_over_reference": load / stored()[specimen, angle]["load"],
+                "unknowns": result.ply.basis.N,
+                "linear_solves": result.linear_solves,
+                "seconds": result.wall_time_s,
+                "warnings": " | ".join(warnings),
+                "refused": refused,
+            }
+            for angle, load in specimen.loads(scene, result).items()
+        ]
 
 
 Case = Reference | Judged

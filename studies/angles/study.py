@@ -5,37 +5,220 @@ stored.  The other parts compare the default formulation on irregular meshes wit
 """
 
 import argparse
-import json
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Any, TypeAlias
 
-from skfem_textile.solve.result import StepError
+import numpy as np
 
-from ..common.log import errors_only, warnings_collected
-from ..common.tables import csv_table
-from ..study import Row, Study
-from . import references
+from ..common.figures import File, colour_of, legend, panels_of, style_of
+from ..common.tables import (
+    furthest,
+    having,
+    markdown_table,
+    median,
+    percent,
+    span,
+)
+from ..study import Part, Row, Study
 from .cases import (
+    ACROSS,
+    AGREEMENT,
+    ANGLES,
     CHOOSING,
+    INCLINATIONS,
     JUDGING,
+    LAWS,
+    LIMITS,
+    MESHES,
+    RATIOS,
     SPECIMENS,
+    STEEP,
     Case,
-    Judged,
     Reference,
     Specimen,
+    agree,
     judged,
+    limit,
+    stored,
 )
-from .runs import loads_over_inextensible, stepper
-from .tables import agreements, are_references, in_words, split, summary
 
-_OF_REFERENCES = "references.json", "references.md"
+#: A ply, shear angle, kind of elements, and number of edges across.
+Key: TypeAlias = tuple[Specimen, int, str, int]
+
+#: Kinds of elements, and numbers of edges across.
+KINDS = tuple(product(MESHES, ACROSS))
+
+_CHECKS = "apart", "halving"
+
+# Width in degrees over which the lines of a panel stand beside each other.
+_SPREAD = 3.0
+
+
+def errors(rows: Sequence[Row]) -> dict[Key, list[float]]:
+    """Errors of the loads of the seeds, as shares of the reference."""
+    found: dict[Key, list[float]] = {}
+    for row in rows:
+        mesh = row["elements"], row["across"]
+        key = Specimen.of(row), row["shear_angle"], *mesh
+        found.setdefault(key, []).append(row["load_over_reference"] - 1)
+    return found
+
+
+def agreements(rows: Sequence[Row]) -> str:
+    """The references, and how much meshes and formulations differ."""
+    known = {specimen: having(rows, **specimen.row) for specimen in SPECIMENS}
+    lines = [
+        [
+            *specimen.names,
+            *(f"{row['load']:.4f}" for row in own),
+            *(percent(furthest(row[key] for row in own), "+.3f") for key in _CHECKS),
+            "yes" if all(map(agree, own)) else "no",
+            *(percent(-x) for x in (1 - own[-1]["load"], own[-1]["lost"])),
+        ]
+        for specimen, own in known.items()
+        if own
+    ]
+    head = ["fibres", "law", "E/G", *(f"{angle}°" for angle in ANGLES)]
+    head += ["apart", "last halving", f"within {100 * AGREEMENT:g} %"]
+    return markdown_table([*head, f"stretch at {ANGLES[-1]}°", "estimate"], lines)
+
+
+def summary(rows: Sequence[Row]) -> str:
+    """The furthest median by inclination, and how many medians are within the limit."""
+    lines, found = [], _medians(errors(rows))
+    for inclination in INCLINATIONS:
+        line = [f"{inclination:g}°"]
+        for elements, across in KINDS:
+            own = {
+                key: middle
+                for key, middle in found.items()
+                if (key[0].inclination, *key[2:]) == (inclination, elements, across)
+            }
+            most = 100 * limit(inclination, across)
+            met = f"{_within(own)} of {len(own)} within {most:g} %"
+            line += [percent(furthest(own.values())), met]
+        lines.append(line)
+    head = ["fibres"]
+    for elements, across in KINDS:
+        head += [f"{elements}, {across} across: furthest median", "met by"]
+    return markdown_table(head, lines)
+
+
+def in_words(converged: Sequence[Row], compared: Sequence[Row]) -> dict[str, str]:
+    """The results that pages say, by name, of references and of what is judged."""
+    found = errors(compared)
+    medians = _medians(found)
+    gentle = [
+        1 - row["load"]
+        for row in having(converged, ratio=max(RATIOS))
+        if row["inclination"] <= STEEP
+    ]
+    lost = [(1 - row["load"]) / row["lost"] for row in converged]
+    apart = furthest(row[key] for row in converged for key in _CHECKS)
+    single = furthest(error for off in found.values() for error in off)
+    words = {
+        "met": f"{_within(medians)} of {len(medians)}",
+        "single": percent(abs(single), ".1f"),
+        "references": percent(abs(apart), ".2f"),
+        "lost_stiff": percent(max(gentle), ".1f"),
+        "lost_most": percent(max(1 - row["load"] for row in converged), ".0f"),
+        "lost_over_estimate": span(lost, ".2f"),
+    }
+    for n in ACROSS:
+        words |= {f"limit_{n}": percent(LIMITS[n], "g")}
+        words |= {f"limit_steep_{n}": percent(2 * LIMITS[n], "g")}
+    for kind in KINDS:
+        if own := [middle for key, middle in medians.items() if key[2:] == kind]:
+            words["{}_{}".format(*kind)] = percent(abs(furthest(own)), ".1f")
+    return words
+
+
+def _medians(found: Mapping[Key, Sequence[float]]) -> dict[Key, float]:
+    """Medians of the errors that are known; nan if none is."""
+    return {key: median(off) for key, off in found.items()}
+
+
+def _within(medians: Mapping[Key, float]) -> int:
+    """How many medians are within their limits."""
+    return sum(
+        abs(middle) <= limit(key[0].inclination, key[3])
+        for key, middle in medians.items()
+    )
+
+
+def draw_loads(rows: Sequence[Row], file: File = None) -> Any:
+    """Loads at the largest shear angle: a panel for each kind of element and mesh.
+
+    Points are medians of the seeds, bars go from the least to the largest load.
+    """
+    from matplotlib.patches import Patch
+
+    lines: dict[tuple[str, float], dict[str, Any]] = {
+        (law, ratio): style_of(
+            j,
+            linestyle=("-", "--")[i],
+            markerfacecolor=(colour_of(j), "white")[i],
+            linewidth=1.0,
+            markersize=4.5,
+        )
+        for i, law in enumerate(LAWS)
+        for j, ratio in enumerate(RATIOS)
+    }
+    label, xlabel = f"Load over reference, {ANGLES[-1]}°", "Fibres to the clamps (°)"
+    form: dict[str, Any] = {"sharex": True, "sharey": "row", "xlabel": xlabel}
+    form |= {"titles": [*MESHES], "ylabels": [label] * len(ACROSS)}
+    with panels_of((8.0, 6.4), file, 9, **form) as (figure, grid):
+        for i, across in enumerate(ACROSS):
+            for j, elements in enumerate(MESHES):
+                _draw(grid[i, j], lines, rows, elements, across)
+                grid[i, j].set_title(f"{elements}, {across} across")
+        for axes in grid[-1]:
+            axes.set_xticks(INCLINATIONS)
+        names = (Specimen(0.0, *given).names[1:] for given in lines)
+        labels = (f"{law}, E/G = {ratio}" for law, ratio in names)
+        styles = dict(zip(labels, lines.values(), strict=True))
+        legend(figure, styles, 4, [Patch(color="0.9", label="limit of medians")])
+    return figure
+
+
+def _draw(
+    axes: Any, lines: Mapping, rows: Sequence[Row], elements: str, across: int
+) -> None:
+    for inclination in INCLINATIONS:
+        sides = [inclination - _SPREAD, inclination + _SPREAD]
+        widest = limit(inclination, across)
+        axes.fill_between(sides, 1 - widest, 1 + widest, color="0.9")
+    axes.axhline(1.0, color="grey", linewidth=0.8)
+    beside = np.linspace(-_SPREAD, _SPREAD, len(lines) + 2)[1:-1]
+    off = errors(rows)
+    for (given, style), shift in zip(lines.items(), beside.tolist(), strict=True):
+        loads = {}
+        for inclination in INCLINATIONS:
+            specimen = Specimen(inclination, *given)
+            own = off.get((specimen, ANGLES[-1], elements, across), [])
+            if known := [1 + error for error in own if np.isfinite(error)]:
+                loads[inclination + shift] = known
+        axes.plot(list(loads), [median(known) for known in loads.values()], **style)
+        for x, known in loads.items():
+            axes.vlines(x, min(known), max(known), style["color"], linewidth=0.8)
+    axes.grid(alpha=0.3, axis="y")
+
+
+REFERENCES = Part(
+    "references.json",
+    {"references.md": agreements},
+    cases=("*E/G = ???",),
+)
+COMPARED = Part(
+    "angles.csv", {"summary.md": summary}, {"angles.png": draw_loads}, ("*, seed *",)
+)
 
 
 class Angles(Study[Case]):
     """References, or the default formulation beside them."""
 
-    files = (*_OF_REFERENCES, "angles.csv", "summary.md")
-    pictures = ("angles.png",)
+    parts = REFERENCES, COMPARED
     sample = "45°, linear, E/G = 2e5, quads, 16 across, seed 1"
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
@@ -50,104 +233,24 @@ class Angles(Study[Case]):
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
         if options.part == "references":
             return [Reference(specimen) for specimen in SPECIMENS]
-        references.stored()  # refuses a missing file before any work
+        stored()  # refuses a missing file before any work
         return list(judged(*(JUDGING if options.part == "judging" else CHOOSING)))
 
-    def name(self, case: Case) -> str:
-        return case.name
-
-    def examine(self, case: Case) -> list[Row]:
-        """A row for each shear angle; loads that a run does not reach are nan."""
-        if isinstance(case, Judged):
-            return _judged(case)
-        with errors_only():
-            return references.computed(case)
-
     def line(self, rows: list[Row]) -> str:
-        name = Specimen.of(rows[0]).name
-        if are_references(rows):
-            found = ", ".join(f"{row['load']:.4f}" for row in rows)
-            apart, halving = (
-                max(abs(r[k]) for r in rows) for k in ("apart", "halving")
-            )
-            shares = f"apart {100 * apart:.2f} %, last halving {100 * halving:.2f} %"
-            return f"{name}: {found}; {shares}"
-        row = rows[-1]
-        found = ", ".join(f"{r['load_over_reference']:.4f}" for r in rows)
-        end = row["refused"] or f"{row['seconds']:.1f} s"
-        mesh = f"{row['elements']}, {row['across']} across, seed {row['seed']}"
-        return f"{name}, {mesh}: {found}; {end}"
-
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        converged, compared = split(rows)
-        texts = {}
-        if converged:
-            texts["references.json"] = references.text(converged)
-            texts["references.md"] = agreements(converged)
-        if compared:
-            texts["angles.csv"] = csv_table(compared)
-            texts["summary.md"] = summary(compared)
-        return texts
-
-    def stored(self, folder: Path) -> list[Row]:
-        """Rows of the references and of the cases that are judged."""
-        data = folder / "references.json"
-        text = data.read_text(encoding="utf-8") if data.is_file() else "[]"
-        return [*json.loads(text), *super().stored(folder)]
+        key = "load" if REFERENCES.of(rows) else "load_over_reference"
+        loads = ", ".join(f"{row[key]:.4f}" for row in rows)
+        return f"{rows[0]['case']}: {loads}; {rows[-1].get('refused') or 'done'}"
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        return in_words(rows)
+        return in_words(REFERENCES.of(rows), COMPARED.of(rows))
 
     def complaint(self, rows: list[Row]) -> str:
         """References on which formulations or meshes do not agree."""
-        if not are_references(rows):
-            return ""
-        doubtful = [row for row in rows if not references.agree(row)]
+        doubtful = [row for row in REFERENCES.of(rows) if not agree(row)]
         if not doubtful:
             return ""
         first = self.line(doubtful[:1])
         return f"{len(doubtful)} load(s) are not converged, first: {first}"
 
-    def written(self, cases: Sequence[Case]) -> list[str]:
-        """Files of the references, or those of the cases that are judged."""
-        if isinstance(cases[0], Reference):
-            return [*_OF_REFERENCES]
-        return [n for n in (*self.files, *self.pictures) if n not in _OF_REFERENCES]
-
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        from .figure import draw_loads
-
-        draw_loads(split(rows)[1], folder / "angles.png")
-
 
 STUDY = Angles()
-
-
-def _judged(case: Judged) -> list[Row]:
-    specimen, refused = case.specimen, ""
-    scene = specimen.scene(case.mesh())
-    with warnings_collected() as warnings:
-        try:
-            result = stepper(scene, specimen, case.formulation).run()
-        except StepError as error:
-            result, refused = error.result, str(error)
-    rows = []
-    for angle, load in loads_over_inextensible(scene, specimen, result).items():
-        reference = references.stored()[specimen, angle]["load"]
-        rows.append(
-            {
-                **specimen.row,
-                "elements": case.elements,
-                "across": case.across,
-                "seed": case.seed,
-                "shear_angle": angle,
-                "load": load,
-                "load_over_reference": load / reference,
-                "unknowns": result.ply.basis.N,
-                "linear_solves": result.linear_solves,
-                "seconds": result.wall_time_s,
-                "warnings": " | ".join(warnings),
-                "refused": refused,
-            }
-        )
-    return rows

@@ -1,49 +1,246 @@
 """Commands of pages, run as they are printed, and the results that pages say."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from ..common.tables import csv_table
-from ..study import Row, Study
-from .documented import DOCUMENTED
-from .running import results_of as results_of_command
-from .stretched import STRETCHED
-from .stretched import results_of as results_of_stretched
-from .tables import tables
-from .words import figures
+import numpy as np
+
+from ..common.tables import (
+    Column,
+    cell,
+    grouped,
+    markdown_table,
+    minus,
+    percent,
+    percent_of,
+    scientific,
+)
+from ..study import Part, Row, Study, Table
+from .documented import ALONG, DOCUMENTED, ON_TOOLS, STRETCHED, STRIPS, Results
+
+# Width in mm and inclination of the fibres of the bias extension of `_loads`.
+_WIDTH, _THETA = 50.0, np.pi / 4
+
+# Numbers from here on are written without a power of ten.
+_PLAIN = 1e-3
+
+
+def by_case(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
+    """The results of each case."""
+    return {
+        case: {row["quantity"]: row["value"] for row in own}
+        for case, own in grouped(rows, "case").items()
+    }
+
+
+def powers(number: float) -> str:
+    """A number to two digits, with a power of ten where it is small or large.
+
+    Examples
+    --------
+    >>> powers(3.81e-7), powers(0.0192), powers(1e5)
+    ('3.8·10⁻⁷', '0.019', '10⁵')
+    """
+    plain = _PLAIN <= abs(number) < 1 / _PLAIN
+    return f"{number:.2g}" if plain else scientific(number)
+
+
+def _along_fibres(found: Mapping[str, Results]) -> str:
+    stiffnesses = list(dict.fromkeys(E for _, E in ALONG))
+    lines = []
+    for formulation in dict.fromkeys(name for name, _ in ALONG):
+        line = [f"`{formulation}`"]
+        for E in stiffnesses:
+            case = found[f"mesh along the fibres, {formulation}, E = {E}"]
+            error, load = case["displacement_error_max"], case["load_over_exact"]
+            line.append(f"{powers(error)}, {load:.4f}")
+        lines.append(line)
+    head = [f"error (mm), load at E = {powers(float(E))} N/mm" for E in stiffnesses]
+    return markdown_table(["formulation", *head], lines)
+
+
+def _on_tools(found: Mapping[str, Results]) -> str:
+    head = [
+        *("command", "largest shear angle", "largest error against the exact net"),
+        *("root mean square", "bridging", "solves in 4 steps"),
+    ]
+    lines = []
+    for options in ON_TOOLS:
+        name = f"on a tool: {options}"
+        case = found[name]
+        lines.append(
+            [
+                f"`{DOCUMENTED[name].command}`",
+                f"{case['max_shear_angle_deg']:.2f}°"
+                if case["max_shear_angle_deg"] > 1
+                else _degrees(case["max_shear_angle_deg"]),
+                _degrees(case.get("shear_angle_error_max_deg")),
+                _degrees(case.get("shear_angle_error_rms_deg")),
+                f"{100 * case['bridging_share_of_area']:.0f} %",
+                f"{case['linear_solves']:.0f}",
+            ]
+        )
+    return markdown_table(head, lines)
+
+
+def _degrees(angle: float | None) -> str:
+    """An angle to a thousandth of a degree, or to two digits."""
+    if angle is None:
+        return "–"
+    return f"{angle:.3f}°" if angle < 0.1 else f"{angle:#.2g}°"
+
+
+def _fibre_stretch(found: Mapping[str, Results]) -> str:
+    lines = []
+    for name, ply in STRETCHED.items():
+        case = found[name]
+        law = ", sin²" if ply.law == "sin²" else ""
+        lines.append(
+            [
+                f"{ply.inclination:g}°{law}",
+                f"{ply.shear_angle:g}°",
+                " and ".join(powers(ratio) for ratio in ply.distinct),
+                _share(case["estimate"]),
+                _share(case["measured"]),
+            ]
+        )
+    return markdown_table(["θ", "γ", "E/G", "estimate", "measured"], lines)
+
+
+def _share(share: float) -> str:
+    """A share in per cent, with two digits behind the point below 2 %."""
+    return percent(share, ".2f" if share < 0.02 else ".1f")
+
+
+def _hole(found: Mapping[str, Results]) -> str:
+    case = found["ply with a hole, half the element size"]
+    lines = [
+        [
+            f"{case[f'triangles, {i}']:.0f}",
+            f"{case[f'unknowns, {i}']:.0f}",
+            f"{case[f'force, {i}']:.2f}",
+            f"{case[f'processor time, {i}']:.0f}",
+        ]
+        for i in (1, 2)
+    ]
+    head = ["triangles", "unknowns", "force at 40 mm (N)", "processor time (s)"]
+    return markdown_table(head, lines)
+
+
+def _whole(table: Callable[[Mapping[str, Results]], str]) -> Table:
+    """A table that is empty unless all its cases are among the rows."""
+
+    def text(rows: list[Row]) -> str:
+        try:
+            return table(by_case(rows))
+        except KeyError:
+            return ""
+
+    return text
+
+
+def _strip(case: Results) -> dict[str, str]:
+    """Results of the strip by formulation: full, point and macro."""
+    words: dict[str, str] = {}
+    for short, title in zip(("full", "point", "macro"), STRIPS, strict=True):
+        force = case[f"reaction_x, {title}"]
+        digits = ".0f" if abs(force) > 100 else ".2f"
+        position = case[f"displacement_error_rms, {title}"]
+        strain = 100 * case[f"max_fibre_strain, {title}"]
+        words |= {
+            f"strip_force_{short}": f"{force:{digits}} N",
+            f"strip_position_{short}": f"{position:.3f} mm",
+            f"strip_strain_{short}": f"{strain:.2g} %",
+        }
+    locked, point, macro = (case[f"displacement_error_rms, {t}"] for t in STRIPS)
+    words["strip_position_point_over_full"] = f"{point / locked:.1f}"
+    words["strip_position_full_over_macro"] = f"{locked / macro:.1f}"
+    return words
+
+
+def _loads(case: Results) -> dict[str, str]:
+    """Loads, the force of a fibre at a corner, and what four of them bring."""
+    load, moment = case["linear"], 0.5 * np.radians(20)
+    corner = load / (2 * np.sin(_THETA)) - _WIDTH * moment / (2 * np.cos(_THETA))
+    return {
+        "load_sin2": f"{case['sin²']:.2f} N",
+        "load_linear": f"{load:.2f} N",
+        "corner_force": f"{corner:.1f} N",
+        "corner_forces": f"{2 * corner * np.sin(_THETA):.1f} of the {load:.1f} N",
+    }
+
+
+def _half_size(case: Results) -> dict[str, str]:
+    change = case["force, 1"] / case["force, 2"] - 1
+    return {"hole_change": f"{100 * abs(change):.1f} %"}
+
+
+#: The words of each case, by their names, or a function that gives them.
+_WORDS: Mapping[str, Mapping[str, Column] | Callable[[Results], dict[str, str]]] = {
+    "strip": _strip,
+    "on a tool: hemisphere": {
+        "hemisphere_estimate": "{estimated_shear_angle_error_deg:.2f}°",
+        "hemisphere_error": "{shear_angle_error_rms_deg:.3f}°",
+    },
+    "on a tool: hemisphere --tension 0 --set bending.warp_N_mm=5 bending.weft_N_mm=5": {
+        "hemisphere_at_risk": percent_of("wrinkle_risk_share_of_area", ".0f")
+    },
+    "hanging strip": {
+        "hanging_tip": "{tip_z_mm:.1f} mm",
+        "hanging_elastica": "{exact_tip_z_mm:.1f} mm",
+    },
+    "tutorial": {"tutorial_error": percent_of("estimated_load_error, 1", ".0f")},
+    "stabilisation without shear": {
+        "unsheared_energy": percent_of("energy_share_of_stabilisation", ".1f"),
+        "unsheared_work": percent_of("work_share_of_stabilisation", ".0f"),
+        "unsheared_forces": percent_of("reaction_share_of_stabilisation", ".2f"),
+    },
+    "pull of a bias extension": {
+        "pull_at_50": "{50°:.1f} mm",
+        "pull_at_90": "{90°:.1f} mm",
+    },
+    "load of a bias extension": _loads,
+    "ply with a hole": {"hole_estimate": percent_of("estimated_load_error", ".1f")},
+    "ply with a hole, half the element size": _half_size,
+}
 
 
 class Commands(Study[str]):
     """The commands by the names of their cases; a row for each result."""
 
-    files = (
-        "commands.csv",
-        *("along_fibres.md", "on_tools.md", "fibre_stretch.md", "hole.md"),
+    parts = (
+        Part(
+            "commands.csv",
+            {
+                "along_fibres.md": _whole(_along_fibres),
+                "on_tools.md": _whole(_on_tools),
+                "fibre_stretch.md": _whole(_fibre_stretch),
+                "hole.md": _whole(_hole),
+            },
+        ),
     )
+    shown = "{quantity} {value:.4g}"
     sample = "strip"
 
     def cases(self, options: argparse.Namespace) -> Sequence[str]:
         return [*DOCUMENTED, *STRETCHED]
 
     def examine(self, case: str) -> list[Row]:
-        if case in DOCUMENTED:
-            results = results_of_command(DOCUMENTED[case])
-        else:
-            results = results_of_stretched(STRETCHED[case])
+        of_case = DOCUMENTED.get(case) or STRETCHED[case]
         return [
             {"case": case, "quantity": name, "value": value}
-            for name, value in results.items()
+            for name, value in of_case.results().items()
         ]
 
-    def line(self, rows: list[Row]) -> str:
-        values = ", ".join(f"{row['quantity']} {row['value']:.4g}" for row in rows)
-        return f"{rows[0]['case']}: {values}"
-
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        return {"commands.csv": csv_table(rows), **tables(rows)}
-
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        return figures(rows)
+        words: dict[str, str] = {}
+        for name, case in by_case(rows).items():
+            own = _WORDS.get(name, {})
+            if callable(own):
+                words |= own(case)
+            else:
+                words |= {key: str(cell(case, column)) for key, column in own.items()}
+        return {name: minus(text) for name, text in words.items()}
 
 
 STUDY = Commands()

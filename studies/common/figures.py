@@ -1,35 +1,38 @@
-"""Shared parts of the figures of studies: styles of lines, frame and legend."""
+"""Figures of studies: frames, styles of lines, logarithmic axes and legends.
+
+Matplotlib is loaded when a figure is drawn.
+"""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import matplotlib as mpl
-from matplotlib.figure import Figure
+import numpy as np
 
-from skfem_textile.plot.curves import COLOURS
-from skfem_textile.plot.picture_files import picture_path, save
+#: Where to write a picture; None for a figure that is not written.
+File = str | os.PathLike[str] | None
+
+#: Width of a printed page in inches.
+PAGE = 160 / 25.4
 
 _MARKERS = "osD^vP*Xdh"
 
 
 def colour_of(i: int) -> str:
     """The colour of the i-th kind."""
+    from skfem_textile.plot.curves import COLOURS
+
     return COLOURS[i % len(COLOURS)]
 
 
-def marker_of(i: int) -> str:
-    """The marker of the i-th kind."""
-    return _MARKERS[i % len(_MARKERS)]
+def style_of(i: int, **more: Any) -> dict[str, Any]:
+    """Colour and marker of the lines of the i-th kind."""
+    return {"color": colour_of(i), "marker": _MARKERS[i % len(_MARKERS)], **more}
 
 
 @contextmanager
-def figure_of(
-    size: tuple[float, float],
-    filename: str | os.PathLike[str] | None,
-    font_size: int = 10,
-) -> Iterator[Figure]:
+def figure_of(size: tuple[float, float], file: File, font_size: int) -> Iterator[Any]:
     """A figure of a size in inches, which is written when the block ends.
 
     Raises
@@ -37,7 +40,12 @@ def figure_of(
     ValueError, FileNotFoundError
         As from `picture_path`, before anything is drawn.
     """
-    path = None if filename is None else picture_path(filename)
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    from skfem_textile.plot.picture_files import picture_path, save
+
+    path = None if file is None else picture_path(file)
     style = {"axes.spines.top": False, "axes.spines.right": False}
     with mpl.rc_context(style | {"font.size": font_size}):
         figure = Figure(figsize=size, layout="constrained")
@@ -45,12 +53,60 @@ def figure_of(
         save(figure, path)
 
 
-def legend(figure: Figure, handles: Sequence[Any], columns: int, **more: Any) -> None:
-    """A legend below the figure."""
+@contextmanager
+def panels_of(
+    size: tuple[float, float],
+    file: File,
+    font_size: int,
+    titles: Sequence[str] = ("",),
+    ylabels: Sequence[str] = ("",),
+    xlabel: str = "",
+    **sharing: Any,
+) -> Iterator[tuple[Any, np.ndarray]]:
+    """A figure and its panels: a column for each title, a row for each label of y."""
+    with figure_of(size, file, font_size) as figure:
+        shape = len(ylabels), len(titles)
+        grid = figure.subplots(*shape, squeeze=False, **sharing)
+        for axes, title in zip(grid[0], titles, strict=True):
+            axes.set_title(title)
+        for axes, label in zip(grid[:, 0], ylabels, strict=True):
+            axes.set_ylabel(label)
+        for axes in grid[-1]:
+            axes.set_xlabel(xlabel)
+        yield figure, grid
+
+
+def legend(
+    figure: Any,
+    styles: Mapping[str, Mapping[str, Any]],
+    columns: int,
+    more: Iterable[Any] = (),
+) -> None:
+    """A legend of lines below the figure, by their labels."""
+    from matplotlib.lines import Line2D
+
+    lines = [Line2D([], [], label=label, **style) for label, style in styles.items()]
     figure.legend(
-        handles=handles,
+        handles=[*lines, *more],
         loc="outside lower center",
         ncols=columns,
         frameon=False,
-        **more,
     )
+
+
+def plain_numbers(axes: Any, form: str = "g") -> None:
+    """Label logarithmic axes with numbers in full, and none between them."""
+    from matplotlib.ticker import NullFormatter
+
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(lambda x, _: f"{x:{form if x > 1e-5 else 'g'}}")
+        axis.set_minor_formatter(NullFormatter())
+
+
+def ticks_of_decades(axes: Any) -> None:
+    """Mark values of y at decades, or three to a decade where there is about one."""
+    from matplotlib.ticker import LogLocator
+
+    low, high = axes.get_ylim()
+    few = (1.0,) if high > 20 * low else (1.0, 2.0, 5.0)
+    axes.yaxis.set_major_locator(LogLocator(subs=few))

@@ -2,11 +2,14 @@
 
 import argparse
 import json
+import os
+import platform
 import subprocess
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from . import machine_and_versions
+from .rivals.codes import interpreter
 from .tables import json_text
 
 #: The file beside the results, with the runs of each study that wrote them.
@@ -16,6 +19,11 @@ _ROOT = Path(__file__).parents[2]
 
 # Options that do not change results.
 _NO_RESULT = "study", "out", "resume", "no_render", "workers"
+
+_PACKAGES = (
+    *("skfem-textile", "scikit-fem", "numpy", "scipy", "cvxopt"),
+    *("pypardiso", "mkl", "felupe", "scikit-fem-native"),
+)
 
 
 def recorded(options: argparse.Namespace) -> str:
@@ -29,16 +37,16 @@ def recorded(options: argparse.Namespace) -> str:
         for name, value in vars(options).items()
         if value and name not in _NO_RESULT and not isinstance(value, Path)
     }
-    run = {"options": chosen, **_commit(), **machine_and_versions.described()}
+    run = {"options": chosen, **_commit(), **machine()}
     records = read(options.out)
     runs = records.get(options.study, [])
     if not options.case:
-        runs = [one for one in runs if _without_cases(one["options"]) != chosen]
+        runs = [
+            one
+            for one in runs
+            if {k: x for k, x in one["options"].items() if k != "case"} != chosen
+        ]
     return json_text(records | {options.study: [*runs, run]})
-
-
-def _without_cases(options: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in options.items() if key != "case"}
 
 
 def read(folder: Path) -> dict[str, list[dict[str, Any]]]:
@@ -49,6 +57,47 @@ def read(folder: Path) -> dict[str, list[dict[str, Any]]]:
         return {}
     records: dict[str, list[dict[str, Any]]] = json.loads(text)
     return records
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores, threads and versions; None for a package that is missing."""
+    there = interpreter()
+    versions = {name: _version(name) for name in _PACKAGES}
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "threads": os.environ.get("OMP_NUM_THREADS", "as many as cores"),
+        "system": f"{platform.system()} on {platform.machine()}",
+        "python": platform.python_version(),
+        "packages": versions | {"dolfinx": there and there[1]},
+    }
+
+
+def sentence(machine: dict[str, Any]) -> str:
+    """A machine in words."""
+    packages = machine["packages"].items()
+    there = ", ".join(f"{name} {version}" for name, version in packages if version)
+    return (
+        f"Machine: {machine['processor']}, {machine['cores']} cores, "
+        f"OMP_NUM_THREADS: {machine['threads']}; {machine['system']}, "
+        f"Python {machine['python']}, {there}."
+    )
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    names = [x.partition(":")[2].strip() for x in lines if x.startswith("model name")]
+    return names[0] if names else platform.processor()
 
 
 def _commit() -> dict[str, Any]:

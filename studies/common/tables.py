@@ -1,12 +1,21 @@
-"""Rows and tables as text: CSV, Markdown and JSON."""
+"""Rows of results as CSV, JSON and tables in Markdown, and numbers in words."""
 
 import csv
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from math import isfinite, nan
+from statistics import median as middle
+from typing import Any, TypeAlias
+
+#: A result, ready for JSON: numbers, text, lists and dicts.
+Row: TypeAlias = dict[str, Any]
+
+#: What stands in a column: a format of the entries of a row, or a function of the row.
+Column: TypeAlias = str | Callable[[Row], object]
 
 _WORDS = {"": None, "None": None, "True": True, "False": False}
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def csv_table(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -25,31 +34,60 @@ def csv_table(rows: Sequence[Mapping[str, Any]]) -> str:
     return text.getvalue()
 
 
-def rows_of_csv(text: str) -> list[dict[str, Any]]:
+def rows_of_csv(text: str) -> list[Row]:
     r"""The rows of `csv_table`: numbers, booleans and text; an empty cell is None.
+
+    A number that `csv_table` would write otherwise is text.
 
     Examples
     --------
-    >>> rows_of_csv("a,b,c\n1,,True\n2,0.5,x\n")
-    [{'a': 1, 'b': None, 'c': True}, {'a': 2, 'b': 0.5, 'c': 'x'}]
+    >>> rows_of_csv("a,b,c\n1,,True\n2,0.5,5e-1\n")
+    [{'a': 1, 'b': None, 'c': True}, {'a': 2, 'b': 0.5, 'c': '5e-1'}]
     """
     rows = csv.DictReader(io.StringIO(text))
     return [{key: _value(cell) for key, cell in row.items()} for row in rows]
 
 
-def _value(cell: str) -> Any:
+def _value(text: str) -> Any:
     """What `csv_table` wrote into a cell."""
-    if cell in _WORDS:
-        return _WORDS[cell]
+    if text in _WORDS:
+        return _WORDS[text]
     for number in (int, float):
         try:
-            return number(cell)
+            value = number(text)
         except ValueError:
             continue
-    return cell
+        return value if str(value) == text else text
+    return text
 
 
-def markdown_table(head: Sequence[object], lines: Iterable[Sequence[object]]) -> str:
+def json_text(content: Any) -> str:
+    """Content as JSON; refuses nan, which JSON does not have."""
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def having(rows: Iterable[Row], **entries: Any) -> list[Row]:
+    """The rows with these entries."""
+    return [row for row in rows if entries.items() <= row.items()]
+
+
+def grouped(rows: Iterable[Row], *keys: str) -> dict[Any, list[Row]]:
+    """Rows by what they have under a key, or as tuples under several keys.
+
+    Examples
+    --------
+    >>> rows = [{"a": 1, "b": 2}, {"a": 1, "b": 3}]
+    >>> list(grouped(rows, "a")), list(grouped(rows, "a", "b"))
+    ([1], [(1, 2), (1, 3)])
+    """
+    groups: dict[Any, list[Row]] = {}
+    for row in rows:
+        entries = tuple(row.get(key) for key in keys)
+        groups.setdefault(entries if keys[1:] else entries[0], []).append(row)
+    return groups
+
+
+def markdown_table(head: Iterable[object], lines: Iterable[Iterable[object]]) -> str:
     """A table in Markdown.
 
     Examples
@@ -59,11 +97,103 @@ def markdown_table(head: Sequence[object], lines: Iterable[Sequence[object]]) ->
     |---|---|
     | 1 | 0.5 |
     """
-    text = [f"| {' | '.join(map(str, line))} |" for line in (head, *lines)]
-    text.insert(1, "|" + "---|" * len(head))
+    text = [f"| {' | '.join(map(str, line))} |" for line in ([*head], *lines)]
+    text.insert(1, "|" + "---|" * (text[0].count(" | ") + 1))
     return "\n".join(text) + "\n"
 
 
-def json_text(content: Any) -> str:
-    """Content as JSON; refuses nan, which JSON does not have."""
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+def table(rows: Iterable[Row], columns: Mapping[str, Column]) -> str:
+    """A table in Markdown with a line for each row, by the heads of its columns.
+
+    Examples
+    --------
+    >>> columns = {"n": "{n}", "load": "{load:.1f} N", "twice": lambda r: 2 * r["n"]}
+    >>> print(table([{"n": 1, "load": 3.0}, {"n": 2, "load": None}], columns), end="")
+    | n | load | twice |
+    |---|---|---|
+    | 1 | 3.0 N | 2 |
+    | 2 | - | 4 |
+    """
+    lines = [[cell(row, column) for column in columns.values()] for row in rows]
+    return markdown_table(columns, lines)
+
+
+def cell(row: Row, column: Column) -> object:
+    """What stands in a column of a row; ``-`` if the row does not have an entry."""
+    if callable(column):
+        return column(row)
+    known = {k: x for k, x in row.items() if x is not None and x == x}
+    try:
+        return column.format_map(known)
+    except KeyError:
+        return "-"
+
+
+def on(what: str, heads: Iterable[str]) -> list[str]:
+    """Heads of columns with what they are of."""
+    return [f"{what}: {head}" for head in heads]
+
+
+def percent(share: float | None, form: str = "+.2f") -> str:
+    """A share in per cent; ``-`` if it is unknown.
+
+    Examples
+    --------
+    >>> percent(0.0125), percent(-0.5, ".0f"), percent(float("nan"))
+    ('+1.25 %', '-50 %', '-')
+    """
+    known = share is not None and isfinite(share)
+    return f"{100 * share:{form}} %" if known else "-"  # type: ignore[operator]
+
+
+def percent_of(key: str, form: str = "+.2f") -> Column:
+    """A column of shares in per cent."""
+    return lambda row: percent(row[key], form)
+
+
+def span(values: Iterable[float], form: str) -> str:
+    """The smallest and the largest value.
+
+    Examples
+    --------
+    >>> span([3.0, 1.26, 2.0], ".1f")
+    '1.3 to 3.0'
+    """
+    known = [*values]
+    return f"{min(known):{form}} to {max(known):{form}}"
+
+
+def furthest(values: Iterable[float], middle: float = 0.0) -> float:
+    """The known value that is furthest from a middle; nan if none is known.
+
+    Examples
+    --------
+    >>> furthest([0.1, -0.3, float("nan")])
+    -0.3
+    """
+    known = (x for x in values if isfinite(x))
+    return max(known, key=lambda x: abs(x - middle), default=nan)
+
+
+def median(values: Iterable[float]) -> float:
+    """The median of the known values; nan if none is known."""
+    known = [x for x in values if isfinite(x)]
+    return float(middle(known)) if known else nan
+
+
+def minus(text: str) -> str:
+    """Text with the sign of typography in place of hyphens."""
+    return text.replace("-", "−")
+
+
+def scientific(number: float, digits: int = 2) -> str:
+    """A number with a power of ten.
+
+    Examples
+    --------
+    >>> scientific(3.81e-7), scientific(6711131.8, 1), scientific(1e5)
+    ('3.8·10⁻⁷', '7·10⁶', '10⁵')
+    """
+    factor, _, power = f"{number:.{digits - 1}e}".partition("e")
+    factor = "" if float(factor) == 1 else f"{float(factor):g}·"
+    return f"{factor}10{str(int(power)).translate(_RAISED)}"

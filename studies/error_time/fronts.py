@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..study import Row
-from .reference import CODE, Load, converged
-from .timed_codes import GIVEN_UP, ThisLibrary
+from ..common.tables import Row
+from .cases import CODE, GIVEN_UP, Load, ThisLibrary, converged
 
 #: Sets of linear solvers: what rows of a set have as their solver.
 SETS = {"SciPy": ("SciPy", "MUMPS"), "fastest": ("fastest", "MUMPS")}
@@ -66,19 +65,14 @@ def _load(row: Row, reference: Load | None) -> float | None:
     return abs(load / reference.load - 1)
 
 
+_ANGLE, _LOAD = "strip, rms shear-angle error", "bias extension, load error"
+
 #: The criteria by their names.
 CRITERIA = {
-    "angle": Criterion(
-        "strip", "strip, rms shear-angle error", "°", (0.2, 0.1, 0.02), _angle
-    ),
+    "angle": Criterion("strip", _ANGLE, "°", (0.2, 0.1, 0.02), _angle),
     "force": Criterion("strip", "strip, load error", "N", (10.0, 1.0, 0.1), _force),
     "load": Criterion(
-        "bias_extension",
-        "bias extension, load error",
-        "%",
-        (0.1, 0.05, 0.03),
-        _load,
-        (0.035,),
+        *("bias_extension", _LOAD, "%", (0.1, 0.05, 0.03), _load), beside=(0.035,)
     ),
 }
 
@@ -121,11 +115,6 @@ class Point:
         if self.tolerance is None:
             return f"{self.across} across"
         return f"{self.across} across, refined to {100 * self.tolerance:g} %"
-
-    @property
-    def seconds_per_solve(self) -> float:
-        """Seconds by linear solves."""
-        return self.seconds.median / self.solves
 
 
 Method = tuple[str, str, str]
@@ -189,19 +178,16 @@ def fronts(rows: Sequence[Row], criterion: Criterion, solvers: str) -> Fronts:
     A point is on it if no other of its code takes less time for an error that is as
     small on its mesh and on all finer meshes of its element.
     """
-    by: Fronts = {}
-    for (code, _, solver), series in methods(rows, criterion).items():
-        if solver in SETS[solvers]:
-            by.setdefault(code, []).extend(series)
-    return {code: _front(points) for code, points in by.items() if points}
-
-
-def _front(points: list[Point]) -> list[Point]:
-    front: list[Point] = []
-    for point in sorted(points, key=lambda p: (p.seconds.median, p.within)):
-        if not front or point.within < front[-1].within:
-            front.append(point)
-    return front
+    found: Fronts = {}
+    series = methods(rows, criterion).items()
+    points = [x for method, own in series if method[2] in SETS[solvers] for x in own]
+    for code in dict.fromkeys(point.code for point in points):
+        front = found[code] = list[Point]()
+        own = (point for point in points if point.code == code)
+        for point in sorted(own, key=lambda p: (p.seconds.median, p.within)):
+            if not front or point.within < front[-1].within:
+                front.append(point)
+    return found
 
 
 def fastest(front: Sequence[Point], error: float) -> Point | None:
@@ -229,7 +215,7 @@ class Comparison(NamedTuple):
     @property
     def per_solve(self) -> float | None:
         """Time per linear solve of the other over that of this library."""
-        return self._over(lambda point: point.seconds_per_solve)
+        return self._over(lambda point: point.seconds.median / point.solves)
 
     def _over(self, of: Callable[[Point], float]) -> float | None:
         return of(self.other) / of(self.own) if self.own and self.other else None
@@ -275,24 +261,17 @@ def pairs(rows: Sequence[Row]) -> Iterator[Pair]:
                 continue
             common: dict[int, dict[str, Comparison]] = {}
             for name, solvers in SETS.items():
-                series = {
-                    who: _meshes(known, who, element, solvers)
+                own, other = (
+                    {
+                        point.across: point
+                        for solver in solvers
+                        for point in known.get((who, element, solver), [])
+                    }
                     for who in (ThisLibrary.code, code)
-                }
-                own, other = series.values()
+                )
                 for across in own.keys() & other.keys():
                     pair = Comparison(own[across], other[across])
                     common.setdefault(across, {})[name] = pair
             whole = [n for n, sets in common.items() if len(sets) == len(SETS)]
             if whole:
                 yield Pair(criterion.scene, common[max(whole)])
-
-
-def _meshes(
-    known: dict[Method, list[Point]], code: str, element: str, solvers: Sequence[str]
-) -> dict[int, Point]:
-    return {
-        point.across: point
-        for solver in solvers
-        for point in known.get((code, element, solver), [])
-    }

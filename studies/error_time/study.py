@@ -6,133 +6,550 @@ has done the same once before.
 """
 
 import argparse
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from itertools import product
-from pathlib import Path
-from time import perf_counter
-from typing import NamedTuple
+from typing import Any
 
-from skfem_textile.scenes import bias_extension
+import numpy as np
 
-from ..common.rivals.all_rivals import RIVALS
-from ..formulations.cases import (
-    AUTO,
-    BIAS,
-    MACRO,
-    MACRO_TRIANGLES,
-    MEAN_QUADRATIC,
-    METHODS,
-    SEEDS,
-    STRIP,
+from ..common.figures import (
+    PAGE,
+    File,
+    colour_of,
+    figure_of,
+    legend,
+    panels_of,
+    plain_numbers,
+    style_of,
 )
-from ..study import Row, Study
-from . import tables
-from .fronts import CRITERIA
-from .reference import CELLS, FORMULATIONS, Reference
-from .timed_codes import LONG, SOLVERS, OtherCode, Refined, ThisLibrary, TimedCode
-
-#: Scenes in one load step: the strip, and the bias extension to 40° at E/G = 2·10⁵.
-PROBLEMS = {
-    "strip": replace(STRIP, steps=1, last=1),
-    "bias_extension": replace(BIAS[1], scene=bias_extension, steps=1, last=1),
-}
-
-_BY_NAME = {method.name: method for method in METHODS}
-
-#: Formulations of this library by the name of their element.
-OWN = {
-    "Q4, one point": AUTO,
-    "macro, quads": MACRO,
-    "macro, triangles": MACRO_TRIANGLES,
-    "P2, 3 points": _BY_NAME["quadratic"],
-    "P2, mean stretch": MEAN_QUADRATIC,
-    "Q4, 2×2": _BY_NAME["2×2 points"],
-}
-
-#: This library with each set of solvers, then the rivals.
-CODES: tuple[TimedCode, ...] = (
-    *(ThisLibrary(*own, solver) for solver in SOLVERS for own in OWN.items()),
-    Refined("macro, refined", MACRO_TRIANGLES, "SciPy"),
-    *map(OtherCode, RIVALS),
+from ..common.tables import cell, csv_table, grouped, having, markdown_table, percent
+from ..study import Part, Row, Study
+from .cases import (
+    CELLS,
+    CODE,
+    FORMULATIONS,
+    GIVEN_UP,
+    LONG,
+    PATIENCE,
+    Reference,
+    ThisLibrary,
+    Timed,
+    all_cases,
+    converged,
+    extrapolated,
 )
+from .fronts import (
+    CRITERIA,
+    SETS,
+    Comparison,
+    Criterion,
+    Fronts,
+    Point,
+    Spread,
+    compared,
+    fastest,
+    fronts,
+    methods,
+    pairs,
+)
+from .fronts import ratios as ratios_by_error
+
+#: Scenes as tables name them.
+SCENES = {"strip": "strip", "bias_extension": "bias extension"}
+
+# Codes in the order of their colours, and what lines of sets of solvers are called.
+_CODES = (ThisLibrary.code, "scikit-fem", "FElupe", "DOLFINx", "scikit-fem-native")
+_SET_NAMES = {"SciPy": "SciPy alone", "fastest": "fastest solvers"}
+
+# Size of letters in points.
+_LETTERS = 9
+
+# Errors shown are at most these: with larger ones an answer says little.
+_MOST = {"angle": 2.0, "force": 100.0, "load": 1.0}
 
 
-class Timed(NamedTuple):
-    """A code, timed on finer and finer meshes of a scene."""
+def ratios(rows: Sequence[Row]) -> str:
+    """The fastest element and mesh of this library and of others, by error."""
+    lines = []
+    for criterion, solvers in product(CRITERIA.values(), SETS):
+        by_code = fronts(rows, criterion, solvers)
+        for error in criterion.levels:
+            pair = compared(by_code, error)
+            shares = pair.ratio, pair.solves, pair.per_solve
+            lines.append(
+                [
+                    *(criterion.label, criterion.text(error), solvers),
+                    *(_point(pair.own, criterion), _point(pair.other, criterion, True)),
+                    *map(_factor, shares),
+                ]
+            )
+    head = [
+        *("criterion", "error at most", "solvers", "skfem_textile", "fastest other"),
+        *("time ratio", "= ratio of solves", "× ratio of time per solve"),
+    ]
+    return markdown_table(head, lines)
 
-    seed: int
-    scene: str
-    code: TimedCode
 
-    @property
-    def name(self) -> str:
-        """What to call it."""
-        code = self.code
-        words = self.scene, code.code, code.element, code.solver, f"seed {self.seed}"
-        return ", ".join(words)
+def codes(rows: Sequence[Row]) -> Iterator[Row]:
+    """Every code at each error of each criterion, with its fastest element and mesh."""
+    for (name, criterion), solvers in product(CRITERIA.items(), SETS):
+        by_code = fronts(rows, criterion, solvers)
+        for error, code in product(criterion.levels, by_code):
+            point, own = (
+                fastest(by_code.get(who, []), error) for who in (code, ThisLibrary.code)
+            )
+            pair = Comparison(own, point)
+            yield {
+                "criterion": name,
+                "error_at_most": error,
+                "solvers": solvers,
+                **(_columns(point) if point else {"code": code}),
+                "time_over_ours": pair.ratio,
+                "solves_over_ours": pair.solves,
+                "time_per_solve_over_ours": pair.per_solve,
+            }
+
+
+def meshes(rows: Sequence[Row]) -> Iterator[Row]:
+    """Medians and ranges over the seeds on every mesh, for each criterion."""
+    for name, criterion in CRITERIA.items():
+        for series in methods(rows, criterion).values():
+            for point in series:
+                yield {"criterion": name} | _columns(point)
+
+
+def elements(rows: Sequence[Row]) -> str:
+    """The time of every element to the middle error of each criterion.
+
+    An element that does not reach it has its finest mesh.
+    """
+    lines = [
+        [f"**{code}**" if code == ThisLibrary.code else code, element, *cells.values()]
+        for (code, element), cells in _to_errors(rows).items()
+    ]
+    head = [f"{c.label}: {c.text(c.levels[1])}" for c in CRITERIA.values()]
+    return markdown_table(["code", "element", *head], lines)
+
+
+def _to_errors(rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, str]]:
+    """What `elements` says of each code and element, by the name of a criterion."""
+    known = {name: methods(rows, criterion) for name, criterion in CRITERIA.items()}
+    order = dict.fromkeys(method for series in known.values() for method in series)
+    return {
+        (code, element): {
+            name: _to_the_error(known[name].get((code, element, solver)), criterion)
+            for name, criterion in CRITERIA.items()
+        }
+        for code, element, solver in order
+        if solver in SETS["fastest"] or "refined" in element
+    }
+
+
+def same_mesh(rows: Sequence[Row]) -> str:
+    """Other codes over this library with the same element on the same mesh."""
+    lines = []
+    for scene, by_set in pairs(rows):
+        one = by_set["SciPy"]
+        assert one.own
+        assert one.other
+        lines.append(
+            [
+                *(SCENES[scene], one.own.element, one.other.code, one.own.across),
+                f"{one.other.solves:g} : {one.own.solves:g}",
+                *(_factor(by_set[name].per_solve) for name in SETS),
+                *(_factor(by_set[name].ratio) for name in SETS),
+            ]
+        )
+    head = [
+        *("scene", "element", "code", "across", "solves : ours"),
+        *(f"time per solve over ours, {name}" for name in SETS),
+        *(f"time over ours, {name}" for name in SETS),
+    ]
+    return markdown_table(head, lines)
+
+
+def reference(rows: Sequence[Row]) -> str:
+    """The loads on the meshes along the fibres, and their extrapolation."""
+    known = {
+        (row["element"], row["across"]): row["load"] for row in having(rows, code=CODE)
+    }
+    lines = []
+    for element in FORMULATIONS:
+        loads = [known[element, n] for n in CELLS if (element, n) in known]
+        end = f"{extrapolated(loads):.4f}" if len(loads) == len(CELLS) else "-"
+        cells = [
+            f"{known[element, n]:.4f}" if (element, n) in known else "-" for n in CELLS
+        ]
+        lines.append([f"`{element}`", *cells, end])
+    head = ["load, N", *(f"{n} cells" for n in CELLS), "extrapolated"]
+    return markdown_table(head, lines)
+
+
+def failed(rows: Sequence[Row]) -> str:
+    """The runs without a result: scene, code, element, solver, meshes and seeds."""
+    noted = [
+        row | {"why": GIVEN_UP if GIVEN_UP in note else "failed" if mesh else note}
+        for row in rows
+        for note, mesh in [(row.get("note"), row["across"])]
+        if note
+    ]
+    keys = "scene", "code", "element", "solver", "why"
+    lines = []
+    for (scene, *key), runs in grouped(noted, *keys).items():
+        across = sorted({run["across"] for run in runs if run["across"]})
+        seeds = len({run["seed"] for run in runs})
+        lines.append([SCENES[scene], *key, ", ".join(map(str, across)) or "-", seeds])
+    head = ["scene", "code", "element", "solver", "result", "across", "seeds"]
+    return markdown_table(head, lines)
+
+
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """Results for prose; see `ErrorTime.figures`."""
+    seeds = {row["seed"] for row in rows if row.get("seed") is not None}
+    words = {
+        "seeds": str(len(seeds)),
+        "long": f"{LONG:g} s",
+        "patience": f"{PATIENCE:g} s",
+    }
+    for name, criterion in CRITERIA.items():
+        for error in (*criterion.levels, *criterion.beside):
+            text = criterion.text(error)
+            words |= {f"{name}_{criterion.number(error)}": text}
+    if end := converged(rows):
+        share = end.load / end.inextensible
+        words |= {
+            "reference": f"{end.load:.2f} N",
+            "reference_share": percent(share, ".2f"),
+            "reference_below": percent(1 - share, ".1f"),
+            "reference_uncertainty": percent(end.uncertainty / end.load, ".1g"),
+            "inextensible": f"{end.inextensible:.2f} N",
+        }
+    for (name, criterion), solvers in product(CRITERIA.items(), SETS):
+        by_code = fronts(rows, criterion, solvers)
+        for error in (*criterion.levels, *criterion.beside):
+            level = criterion.number(error)
+            key = f"{name}_{level}_{solvers.lower()}"
+            words |= _pair_in_words(key, compared(by_code, error), criterion)
+        found = (compared(by_code, error).other for error in criterion.levels)
+        others = dict.fromkeys(point.code for point in found if point)
+        words |= {f"{name}_{solvers.lower()}_others": " or ".join(others)}
+    for (code, element), cells in _to_errors(rows).items():
+        if code == ThisLibrary.code:
+            words |= {f"{name}_{_key(element)}": text for name, text in cells.items()}
+    for pair in pairs(rows):
+        for solvers, one in pair.by_set.items():
+            assert one.other
+            key = f"same_{pair.scene}_{solvers.lower()}"
+            words |= {
+                f"{key}_{_key(one.other.code)}_{_key(one.other.element)}": _factor(
+                    one.ratio
+                )
+            }
+    return words | _ranges(rows)
+
+
+def _pair_in_words(key: str, pair: Comparison, criterion: Criterion) -> dict[str, str]:
+    alone = pair.own and not pair.other
+    words = {
+        f"{key}_ratio": "not reached" if alone else _factor(pair.ratio),
+        f"{key}_solves": _factor(pair.solves),
+        f"{key}_per_solve": _factor(pair.per_solve),
+        f"{key}_other_code": pair.other.code if pair.other else "none",
+    }
+    for who, point in zip(("ours", "other"), pair, strict=True):
+        parts = ["none"] * 5
+        if point:
+            parts = [
+                *(point.element, point.mesh, criterion.text(point.error.median)),
+                *(f"{point.seconds.median:.2g} s", f"{point.solves:g}"),
+            ]
+        names = "", "_mesh", "_error", "_seconds", "_solves"
+        words |= {
+            f"{key}_{who}{name}": part for name, part in zip(names, parts, strict=True)
+        }
+    return words
+
+
+def _ranges(rows: Sequence[Row]) -> dict[str, str]:
+    """Smallest and largest ratio of times with the same element on the same mesh."""
+    words = {}
+    known = [*pairs(rows)]
+    for scene, solvers in product(SCENES, SETS):
+        ones = [pair.by_set[solvers] for pair in known if pair.scene == scene]
+        for what in ("ratio", "solves", "per_solve"):
+            values = [getattr(one, what) for one in ones]
+            text = (
+                f"{_factor(min(values))} to {_factor(max(values))}" if values else "-"
+            )
+            words[f"same_{scene}_{solvers.lower()}_{what}"] = text
+    return words
+
+
+def _columns(point: Point) -> dict[str, Any]:
+    return {
+        "code": point.code,
+        "element": point.element,
+        "solver": point.solver,
+        "across": point.across,
+        "tolerance": point.tolerance,
+        "seeds": point.seeds,
+        "steps": point.steps,
+        "linear_solves": point.solves,
+        **_spread("error", point.error),
+        **_spread("error_here_and_finer", point.worst),
+        **_spread("seconds", point.seconds),
+    }
+
+
+def _spread(name: str, spread: Spread) -> dict[str, float]:
+    return {
+        name: spread.median,
+        f"{name}_least": spread.least,
+        f"{name}_most": spread.most,
+    }
+
+
+def _point(point: Point | None, criterion: Criterion, named: bool = False) -> str:
+    """Element, mesh, error and time with their ranges."""
+    if point is None:
+        return "none"
+    code = f"{point.code}, " if named else ""
+    least, most = (criterion.number(one) for one in point.error[1:])
+    error = f"{criterion.text(point.error.median)} ({least} to {most})"
+    median, least, most = (f"{one:.2g}" for one in point.seconds)
+    seconds = f"{median} s ({least} to {most})"
+    return f"{code}{point.element}, {point.mesh}: {error}, {seconds}"
+
+
+def _to_the_error(series: Sequence[Point] | None, criterion: Criterion) -> str:
+    if series is None:
+        return "-"
+    times = [p for p in series if p.within <= criterion.levels[1]]
+    if times:
+        best = min(times, key=lambda point: point.seconds.median)
+        return f"{best.seconds.median:.2g} s, {best.mesh}"
+    if not series:
+        return "no result"
+    last = series[-1]
+    return f"not reached: {criterion.text(last.error.median)} at {last.mesh}"
+
+
+def _factor(value: float | None) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.0f}" if value >= 100 else f"{value:.2g}"
+
+
+def _key(text: str) -> str:
+    """A part of the name of a result."""
+    kept = "".join(c if c.isalnum() else "_" for c in text.lower())
+    return "_".join(part for part in kept.split("_") if part)
+
+
+def draw_fronts(rows: Sequence[Row], file: File = None) -> Any:
+    """The Pareto front of each code with the fastest solvers, for two criteria.
+
+    Lines join medians, and bars are the ranges over the seeds.  The uncertainty of the
+    reference is a grey band; errors below it are open markers at its edge.
+    """
+    with figure_of((PAGE, 3.3), file, _LETTERS) as figure:
+        for axes, name in zip(figure.subplots(1, 2), ("angle", "load"), strict=True):
+            end = converged(rows) if name == "load" else None
+            floor = end.uncertainty / end.load if end else 0.0
+            known = fronts(rows, CRITERIA[name], "fastest")
+            _draw_front(axes, known, CRITERIA[name], _MOST[name], floor)
+    return figure
+
+
+def _draw_front(
+    axes: Any, by_code: Fronts, criterion: Criterion, most: float, floor: float
+) -> None:
+    ends, floor = [], criterion.factor * floor
+    for code, front in by_code.items():
+        shown = [point for point in front if point.within <= most]
+        if not shown:
+            continue
+        colour, thick = _look(code)
+        x = np.array([point.seconds for point in shown])
+        y = criterion.factor * np.array([point.worst for point in shown])
+        clear = y[:, 0] > floor
+        y = np.maximum(y, floor)
+        axes.plot(x[:, 0], y[:, 0], color=colour, linewidth=thick, zorder=3)
+        for filled, chosen in ((colour, clear), ("white", ~clear)):
+            style = {"color": colour, "markerfacecolor": filled, "markersize": 3.5}
+            axes.plot(x[chosen, 0], y[chosen, 0], "o", zorder=4, **style)
+        bars = [np.abs(values[:, 1:] - values[:, :1]).T for values in (x, y)]
+        style = {"fmt": "none", "ecolor": colour, "elinewidth": 0.8, "alpha": 0.5}
+        axes.errorbar(x[:, 0], y[:, 0], xerr=bars[0], yerr=bars[1], **style)
+        ends.append((code, x[-1, 0], y[-1, 0], colour))
+    _frame(axes, criterion, "run time (s)")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high)
+    if floor > low:
+        axes.axhspan(low, floor, color="0.85", zorder=0)
+    _label_ends(axes, ends)
+
+
+def _label_ends(axes: Any, ends: Sequence[tuple[str, float, float, str]]) -> None:
+    """Names at the ends of lines, moved apart where they would overlap."""
+    low, high = np.log(axes.get_ylim())
+    ends = sorted(ends, key=lambda end: end[2])
+    wanted = [(np.log(y) - low) / (high - low) for _, _, y, _ in ends]
+    at = _apart(wanted, 0.075)  # a line of text as a share of the height of the axes
+    for i, (code, x, y, colour) in enumerate(ends):
+        axes.annotate(
+            code.replace("skfem_textile", "this library"),
+            *((x, y), (1.02, at[i])),
+            textcoords="axes fraction",
+            color=colour,
+            va="center",
+            fontsize=_LETTERS,
+            fontweight="bold" if code == ThisLibrary.code else "normal",
+            arrowprops={
+                "arrowstyle": "-",
+                "color": colour,
+                "lw": 0.6,
+                "relpos": (0, 0.5),
+            },
+            annotation_clip=False,
+        )
+
+
+def _apart(wanted: Sequence[float], least: float) -> list[float]:
+    """Ascending places that are at least so far apart, near the wanted ones.
+
+    Examples
+    --------
+    >>> _apart([0.0, 0.5, 0.5], 0.25)
+    [0.0, 0.375, 0.625]
+    """
+    blocks: list[list[float]] = []  # of places less their distance from the first
+    for i, place in enumerate(wanted):
+        blocks.append([place - i * least])
+        while len(blocks) > 1 and np.mean(blocks[-2]) > np.mean(blocks[-1]):
+            blocks[-2:] = [blocks[-2] + blocks[-1]]
+    places = [float(np.mean(block)) for block in blocks for _ in block]
+    return [place + i * least for i, place in enumerate(places)]
+
+
+def draw_ratios(rows: Sequence[Row], file: File = None) -> Any:
+    """Time of the fastest other code over that of this library, by the error.
+
+    A panel for each criterion and a line for each set of solvers.  Below one the other
+    code is faster.  A line ends at the smallest error that a timed run of another code
+    reaches.
+    """
+    form: dict[str, Any] = {
+        "titles": [""] * len(CRITERIA),
+        "ylabels": ["time, other over this library"],
+    }
+    with panels_of((PAGE, 2.8), file, _LETTERS, **form, sharey=True) as (figure, grid):
+        for axes, (name, criterion) in zip(grid[0], CRITERIA.items(), strict=True):
+            for i, solvers in enumerate(SETS):
+                known = ratios_by_error(fronts(rows, criterion, solvers))
+                shown = [pair for pair in known if pair[0] <= _MOST[name]]
+                if not shown:
+                    continue
+                error, ratio = np.array(shown).T
+                error, colour = criterion.factor * error, colour_of(i)
+                axes.step(error, ratio, where="pre", color=colour)
+                axes.plot(error[-1], ratio[-1], "o", color=colour, markersize=3)
+            axes.axhline(1, color="0.4", linewidth=0.8)
+            _frame(axes, criterion, f"error ({criterion.unit})")
+            axes.invert_xaxis()
+        first = grid[0, 0]
+        for i, words in enumerate(_SET_NAMES.values()):
+            place = {"transform": first.transAxes, "va": "center"}
+            first.text(0.04, 0.94 - 0.1 * i, words, color=colour_of(i), **place)
+    return figure
+
+
+def draw_elements(rows: Sequence[Row], name: str, file: File = None) -> Any:
+    """Median errors of every element over its median times, with the fastest solvers.
+
+    Colours are codes, markers are elements.  ``name`` is that of a criterion.  Much
+    larger errors than those of fronts are left out.
+    """
+    criterion = CRITERIA[name]
+    with figure_of((PAGE, 4.4), file, _LETTERS) as figure:
+        axes = figure.subplots()
+        known = {
+            method: [x for x in series if x.error.median <= 10 * _MOST[name]]
+            for method, series in methods(rows, criterion).items()
+            if method[2] in SETS["fastest"] or "refined" in method[1]
+        }
+        elements = dict.fromkeys(element for _, element, _ in known)
+        markers = {x: style_of(i)["marker"] for i, x in enumerate(elements)}
+        for (code, element, _), series in known.items():
+            colour, thick = _look(code)
+            times = [point.seconds.median for point in series]
+            errors = [criterion.factor * point.error.median for point in series]
+            style = {"color": colour, "linewidth": thick / 2, "markersize": 3.5}
+            axes.plot(times, errors, marker=markers[element], **style)
+        _frame(axes, criterion, "run time (s)")
+        styles: dict[str, dict[str, Any]] = {
+            code: {"color": _look(code)[0]} for code, _, _ in known
+        }
+        for element, marker in markers.items():
+            styles[element] = {"color": "0.3", "linestyle": "", "marker": marker}
+        legend(figure, styles, 4)
+    return figure
+
+
+def _frame(axes: Any, criterion: Criterion, xlabel: str) -> None:
+    """Logarithmic axes with plain numbers, a grid and the criterion as the title."""
+    axes.set(xscale="log", yscale="log", xlabel=xlabel)
+    plain_numbers(axes, ".12g")
+    scene, _, error = criterion.label.partition(", ")
+    title = f"{scene.capitalize()}:\n{error} ({criterion.unit})"
+    axes.set_title(title, fontsize=_LETTERS, loc="left")
+    axes.grid(alpha=0.25, linewidth=0.5)
+
+
+def _look(code: str) -> tuple[str, float]:
+    """Colour and width of the line of a code."""
+    return colour_of(_CODES.index(code)), 2.0 if code == ThisLibrary.code else 1.2
 
 
 class ErrorTime(Study[Timed | Reference]):
     """Every code on both scenes, and the converged load of one."""
 
-    files = (
-        *("error_time.csv", "meshes.csv", "codes.csv", "ratios.md", "elements.md"),
-        *("same_mesh.md", "reference.md", "failed.md"),
-    )
-    pictures = (
-        *("fronts.png", "fronts.svg", "ratios.png", "ratios.svg"),
-        *("strip.png", "bias_extension.png"),
+    parts = (
+        Part(
+            "error_time.csv",
+            {
+                "meshes.csv": lambda rows: csv_table([*meshes(rows)]),
+                "codes.csv": lambda rows: csv_table([*codes(rows)]),
+                "ratios.md": ratios,
+                "elements.md": elements,
+                "same_mesh.md": same_mesh,
+                "reference.md": reference,
+                "failed.md": failed,
+            },
+            {
+                **{f"fronts.{x}": draw_fronts for x in ("png", "svg")},
+                **{f"ratios.{x}": draw_ratios for x in ("png", "svg")},
+                "strip.png": lambda rows, file: draw_elements(rows, "angle", file),
+                "bias_extension.png": (
+                    lambda rows, file: draw_elements(rows, "load", file)
+                ),
+            },
+        ),
     )
     folder = "error-time"
     timed = True
     sample = "reference, Quadratic(), 8 cells"
 
     def cases(self, options: argparse.Namespace) -> list[Timed | Reference]:
-        """The reference, then every code; the codes take turns, seed by seed.
-
-        A tolerance of the load is a share of it, and the strip has none.
-        """
-        timed = (Timed(*given) for given in product(SEEDS, PROBLEMS, CODES))
-        return [
-            *(Reference(*given) for given in product(FORMULATIONS, CELLS)),
-            *(
-                case
-                for case in timed
-                if PROBLEMS[case.scene].exact_load or not isinstance(case.code, Refined)
-            ),
-        ]
-
-    def name(self, case: Timed | Reference) -> str:
-        return case.name
-
-    def examine(self, case: Timed | Reference) -> list[Row]:
-        """The results of one code on one seed, from coarse to fine meshes.
-
-        The mesh is refined, or the tolerance reduced, until a run takes longer than
-        `LONG`.  A code that is not installed has one row that says so.
-        """
-        if isinstance(case, Reference):
-            return [case.computed()]
-        code = case.code
-        head: Row = {"scene": case.scene, "code": code.code, "element": code.element}
-        head |= {"solver": code.solver, "seed": case.seed, "across": 0}
-        if missing := code.missing():
-            return [head | {"note": f"skipped, not installed: {missing}"}]
-        rows = []
-        for refinement in code.refinements:
-            start = perf_counter()
-            row = code.measured(PROBLEMS[case.scene], refinement, case.seed)
-            rows.append(head | row)
-            took = perf_counter() - start if row["note"] else row["seconds"]
-            if took > LONG:
-                break
-        return rows
+        return all_cases()
 
     def line(self, rows: list[Row]) -> str:
-        return "\n".join(map(_line, rows))
-
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        return tables.tables(rows)
+        result = "{seconds:.3g} s, load {load:.5g} N"
+        return "\n".join(
+            f"{row['case']}, {row['across']} across: "
+            f"{row.get('note') or cell(row, result)}"
+            for row in rows
+        )
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         """Results in words.
@@ -143,28 +560,7 @@ class ErrorTime(Study[Timed | Reference]):
         and ``_solves`` of it.  ``CRITERION_ELEMENT`` is of an element of this library
         at the middle error.
         """
-        return tables.in_words(rows)
-
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        from .figure import drawn_elements, drawn_fronts, drawn_ratios
-
-        for suffix in (".png", ".svg"):
-            drawn_fronts(rows, folder / f"fronts{suffix}")
-            drawn_ratios(rows, folder / f"ratios{suffix}")
-        for name in ("angle", "load"):
-            drawn_elements(rows, name, folder / f"{CRITERIA[name].scene}.png")
+        return in_words(rows)
 
 
 STUDY = ErrorTime()
-
-
-def _line(row: Row) -> str:
-    """One result, on one line."""
-    words = (row.get(key) for key in ("scene", "code", "element", "solver", "seed"))
-    name = ", ".join(str(word) for word in words if word is not None)
-    text = f"{name}, {row['across']} across: "
-    if row.get("note"):
-        return text + row["note"]
-    angle = "" if row.get("angle") is None else f", {row['angle']:.3g}°"
-    seconds = "" if row.get("seconds") is None else f"{row['seconds']:.3g} s, "
-    return f"{text}{seconds}load {row['load']:.5g} N{angle}"

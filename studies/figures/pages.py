@@ -1,4 +1,4 @@
-"""Pages with results between markers.
+"""``python -m studies figures``: pages and tables say what the stored results say.
 
 A page says a result as ``<!--laws.worst-->3.3 %<!--/-->``: the name of a study, the
 name of one of its `Study.figures`, and the text.  Renderers of Markdown do not show the
@@ -6,8 +6,15 @@ comments.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from argparse import ArgumentParser
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
+
+from skfem_textile.cli.output import complain, say
+
+from ..common import provenance
+from ..study import Row, Study, descriptions, load
 
 ROOT = Path(__file__).parents[2]
 
@@ -16,14 +23,67 @@ PAGES = (
     ROOT / "README.md",
     ROOT / "CHANGELOG.md",
     ROOT / "paper" / "paper.md",
-    *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs" / "how-to").glob("*.md")),
-    *sorted((ROOT / "docs" / "reference").glob("*.md")),
-    *sorted((ROOT / "docs" / "tutorial").glob("*.md")),
+    *(
+        page
+        for folder in ("", "how-to", "reference", "tutorial")
+        for page in sorted((ROOT / "docs" / folder).glob("*.md"))
+    ),
 )
 
 #: A marker with the name of a result and the text between.
 MARKED = re.compile(r"<!--([a-z_0-9]+)\.(\S+?)-->(.*?)<!--/-->", re.S)
+
+# Numbers that differ by less are the same, as a share and in the unit of the column.
+# Processors and libraries of linear algebra differ by round-off, which equilibria with
+# nearly singular tangents amplify; pages show four digits at most.
+_SAME, _NOTHING = 1e-4, 1e-7
+
+
+def main(check: bool) -> int:
+    """Write every result into its page, or compare; returns the exit code.
+
+    Parameters
+    ----------
+    check
+        Write nothing.  Name each page and table that differs from the results, each
+        result in prose without a marker, and each sample that the code computes
+        differently now.
+    """
+    from .prose import unmarked
+
+    studies = {name: load(name) for name in descriptions()}
+    published = {n: s for n, s in studies.items() if _folder_of(n, s).is_dir()}
+    texts: dict[Path, str] = {}
+    for name, study in published.items():
+        texts |= _outdated_tables(study, _folder_of(name, study))
+    words: dict[str, dict[str, str]] = {}
+    defects = []
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for name in {name for name, _, _ in markers(text)} - words.keys():
+            words[name] = in_words(name, studies[name]) if name in studies else {}
+        try:
+            right = filled(text, words)
+        except ValueError as error:
+            defects.append(f"{_name(page)}: {error}")
+            continue
+        if right != text:
+            texts[page] = right
+    if check:
+        defects += [f"{_name(file)} differs from its data" for file in texts]
+        defects += unmarked()
+        for name, study in published.items():
+            folder = _folder_of(name, study)
+            if name not in provenance.read(folder):
+                defects.append(f"{_name(folder)} does not say where {name} is from")
+            defects += [f"{name}, {text}" for text in _differences(study, folder)]
+    else:
+        for file, text in texts.items():
+            file.write_text(text, encoding="utf-8", newline="")
+            say(f"wrote {_name(file)}")
+    for defect in defects:
+        complain(defect)
+    return 1 if defects else 0
 
 
 def markers(text: str) -> Iterator[tuple[str, str, str]]:
@@ -66,3 +126,73 @@ def filled(text: str, results: Mapping[str, Mapping[str, str]]) -> str:
         return f"<!--{study}.{name}-->{results[study][name]}<!--/-->"
 
     return MARKED.sub(written, text)
+
+
+def in_words(name: str, study: Study[Any]) -> dict[str, str]:
+    """The results of a study in words, and the machine and commit of its last run."""
+    folder = _folder_of(name, study)
+    words = study.figures(study.stored(folder))
+    for run in provenance.read(folder).get(name, [])[-1:]:
+        if "packages" in run:
+            words |= {"machine": provenance.sentence(run)}
+    return words
+
+
+def _folder_of(name: str, study: Study[Any]) -> Path:
+    """The folder with the published results of a study."""
+    return ROOT / "docs" / (study.folder or name)
+
+
+def _name(file: Path) -> str:
+    return str(file.relative_to(ROOT))
+
+
+def _outdated_tables(study: Study[Any], folder: Path) -> dict[Path, str]:
+    """The tables that differ from what the stored rows give, with the right text.
+
+    CSV files are among them: cells that are edited by hand seldom stay as written.
+    """
+    texts = {folder / k: text for k, text in study.tables(study.stored(folder)).items()}
+    return {
+        file: text
+        for file, text in texts.items()
+        if not file.is_file() or file.read_bytes().decode() != text
+    }
+
+
+def _differences(study: Study[Any], folder: Path) -> list[str]:
+    """How the sample of a study, computed again, differs from the stored rows."""
+    if not study.sample:
+        return []
+    parser = ArgumentParser()
+    study.add_options(parser)
+    cases = {study.name(case): case for case in study.cases(parser.parse_args([]))}
+    stored = study.stored(folder)
+    return [
+        f"{study.sample}: {column} is {value!r}, not {was!r}"
+        for row in study.examine(cases[study.sample])
+        for column, value, was in _apart(row, stored, study.volatile)
+    ]
+
+
+def _apart(
+    row: Row, stored: Iterable[Row], volatile: tuple[str, ...]
+) -> list[tuple[str, Any, Any]]:
+    """Columns in which a row differs from the stored row that is nearest to it."""
+    steady = {k: v for k, v in row.items() if not any(part in k for part in volatile)}
+    return min(
+        (
+            [(k, v, other.get(k)) for k, v in steady.items() if not _same(v, other, k)]
+            for other in stored
+        ),
+        key=len,
+        default=[("rows", len(row), 0)],
+    )
+
+
+def _same(value: Any, other: Row, column: str) -> bool:
+    was = other.get(column)
+    if isinstance(value, float) and isinstance(was, float | int):
+        both_nan = value != value and was != was
+        return both_nan or abs(value - was) <= _SAME * abs(was) + _NOTHING
+    return bool(value == was) or (value in ("", None) and was in ("", None))

@@ -2,20 +2,27 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 from skfem import Mesh
 
+from skfem_textile import Condition
 from skfem_textile.fabric import Fabric, Law, Linear, Sin2
 from skfem_textile.mesh.splitting import split
+from skfem_textile.ply import Ply
 from skfem_textile.ply.formulations import Full, Kind, Macro, OnePoint, Quadratic
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension, picture_frame, strip, trellis
 from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.scenes.strip import HEIGHT, WIDTH
 from skfem_textile.scenes.trellis import SIDE
+from skfem_textile.solve.result import Result
+from skfem_textile.solve.stepper import LoadStepper
+
+from ..common.running import errors_only, run
+from ..common.tables import Row
 
 #: Shear stiffness of the bias extension in N/mm, and its shear angles in degrees.
 G, ANGLES = 0.5, (10, 20, 30, 40, 50)
@@ -34,47 +41,39 @@ class Method:
     """An element on a kind of mesh.
 
     ``mesh`` is ``quads`` or ``triangles``.  ``parts`` is the number of parts into which
-    an edge is split, 2 for quadratic triangles.  ``formulation`` takes C, eight
-    times the shear stiffness at rest.
+    an edge is split, 2 for quadratic triangles.  The stabilisation of a method that is
+    ``scaled`` is a multiple of C, eight times the shear stiffness at rest.
     """
 
     name: str
     mesh: str
     parts: int
-    formulation: Callable[[float], Formulation]
+    unscaled: Any
+    scaled: bool = False
 
-
-def _as_is(formulation: Formulation, C: float) -> Formulation:
-    return formulation
-
-
-def _one_point(k: float, kind: Kind, C: float) -> Formulation:
-    return OnePoint(k * C, kind)
-
-
-def _macro(k: float, C: float) -> Formulation:
-    return Macro(k * C)
-
-
-def _method(name: str, mesh: str, parts: int, formulation: Formulation) -> Method:
-    return Method(name, mesh, parts, partial(_as_is, formulation))
+    def formulation(self, C: float) -> Formulation:
+        """The formulation."""
+        made: Formulation = self.unscaled
+        if self.scaled:
+            made = replace(self.unscaled, stabilisation=C * self.unscaled.stabilisation)
+        return made
 
 
 def _scaled(name: str, k: float, kind: Kind = "energy") -> Method:
-    return Method(name, "quads", 1, partial(_one_point, k, kind))
+    return Method(name, "quads", 1, OnePoint(k, kind), scaled=True)
 
 
-MACRO = _method("macro, quads", "quads", 2, Macro())
-MACRO_TRIANGLES = _method("macro, triangles", "triangles", 2, Macro())
-AUTO = _method("one point, auto", "quads", 1, OnePoint())
-PAPER = _method("one point, C_s = 1", "quads", 1, OnePoint(1.0))
-MEAN_QUADRATIC = _method(
+MACRO = Method("macro, quads", "quads", 2, Macro())
+MACRO_TRIANGLES = Method("macro, triangles", "triangles", 2, Macro())
+AUTO = Method("one point, auto", "quads", 1, OnePoint())
+PAPER = Method("one point, C_s = 1", "quads", 1, OnePoint(1.0))
+MEAN_QUADRATIC = Method(
     "quadratic, mean stretch", "triangles", 2, Quadratic(deviation=80.0)
 )
 
-QUADRATIC = _method("quadratic", "triangles", 2, Quadratic())
-SPLIT_ONE_POINT = _method("one point, triangles", "triangles", 2, OnePoint())
-FULL = _method("2×2 points", "quads", 1, Full())
+QUADRATIC = Method("quadratic", "triangles", 2, Quadratic())
+SPLIT_ONE_POINT = Method("one point, triangles", "triangles", 2, OnePoint())
+FULL = Method("2×2 points", "quads", 1, Full())
 
 #: Methods that lock where the shear angle jumps, at any E/G.
 LOCKING = QUADRATIC, FULL
@@ -82,7 +81,7 @@ LOCKING = QUADRATIC, FULL
 #: One or two methods of each formulation, those with nothing to tune first.
 METHODS = (
     *(MACRO, MACRO_TRIANGLES, AUTO, SPLIT_ONE_POINT, MEAN_QUADRATIC, QUADRATIC),
-    *(PAPER, _method("rates, C_s = 1", "quads", 1, OnePoint(1.0, "rate"))),
+    *(PAPER, Method("rates, C_s = 1", "quads", 1, OnePoint(1.0, "rate"))),
     _scaled("continuity, C_j = C", 1.0, "continuity"),
     _scaled("isotropic, κ = C", 1.0, "isotropic"),
     _scaled("isotropic, κ = C/8", 1 / 8, "isotropic"),
@@ -93,12 +92,12 @@ METHODS = (
 STABILISATIONS = (
     *(_scaled(f"C_s = {k:g} C", k) for k in (1 / 32, 1 / 8, 1 / 4, 1 / 2, 2, 4, 8, 32)),
     *(
-        Method(f"macro, C_s = {k:g} C", "quads", 2, partial(_macro, k))
+        Method(f"macro, C_s = {k:g} C", "quads", 2, Macro(k), scaled=True)
         for k in (1 / 8, 1 / 4, 1 / 2, 2, 4, 8)
     ),
 )
 DEVIATIONS = tuple(
-    _method(f"{mesh}, {c:g}", mesh, 2, Macro(deviation=(c, c)))
+    Method(f"{mesh}, {c:g}", mesh, 2, Macro(deviation=(c, c)))
     for mesh, chosen in zip(("triangles", "quads"), Macro().deviation, strict=True)
     for c in (chosen / 4, chosen / 2, chosen * 2, chosen * 4)
 )
@@ -175,6 +174,10 @@ class Case:
     across: int
     seed: int
 
+    def __str__(self) -> str:
+        names = f"{self.group}: {self.problem.name}, {self.method.name}"
+        return f"{names}, {self.across} across, {self.seed}"
+
     def scene(self) -> Scene:
         """The scene, on the mesh of the method."""
         method, formulation = self.method, self.method.formulation(1.0)
@@ -182,6 +185,74 @@ class Case:
         if method.parts == 2 and not isinstance(formulation, Quadratic):
             mesh = split(mesh)
         return self.problem.scene(mesh)
+
+    @errors_only()
+    def rows(self) -> list[Row]:
+        """Run the case; its row has nan for numbers that it does not reach."""
+        problem, scene = self.problem, self.scene()
+        formulation = self.method.formulation(problem.stabilisation)
+        ply = Ply(scene.mesh, problem.fabric(scene), formulation)
+        result, refused = run(LoadStepper(ply, scene.conditions, problem.steps))
+        row = {
+            "group": self.group,
+            "problem": problem.name,
+            "method": self.method.name,
+            "across": self.across,
+            "seed": self.seed,
+            "elements": ply.mesh.nelements,
+            "unknowns": ply.basis.N,
+            **_figures(scene, result, problem.last / problem.steps),
+            **_loads(scene, result, problem.steps),
+            "seconds": result.wall_time_s,
+            "refused": refused,
+        }
+        return [row]
+
+
+_FIGURES = (
+    *("load", "position", "angle", "strain", "mesh_fibre_strain", "min_det_F"),
+    *("negative_pivots", "stabilisation_share", "linear_solves"),
+)
+
+
+def _figures(scene: Scene, result: Result, t: float) -> Row:
+    """Figures of the state at the load factor t."""
+    reached = [s for s in result.states if s.load_factor <= t + 1e-9]
+    if reached[-1].load_factor < t - 1e-9:
+        return dict.fromkeys(_FIGURES, np.nan)
+    summary: Row = scene.summary(replace(result, states=reached))
+    driven = scene.conditions[scene.driven]
+    assert isinstance(driven, Condition)
+    led = driven.direction  # the force is whole where there is none
+    force = np.array([summary["reaction_x"], summary["reaction_y"]])
+    values = (
+        float(np.linalg.norm(force if led is None else force @ np.asarray(led)))
+        if scene.load is None
+        else summary["load_over_exact"],
+        summary["displacement_error_rms"],
+        summary["shear_angle_error_rms_deg"],
+        summary["max_fibre_strain"],
+        summary["mesh_fibre_strain"],
+        summary["min_det_F"],
+        summary["negative_pivots"],
+        summary["stabilisation_energy"] / summary["energy"],
+        sum(state.linear_solves for state in reached),
+    )
+    return dict(zip(_FIGURES, values, strict=True))
+
+
+def _loads(scene: Scene, result: Result, steps: int) -> dict[str, float]:
+    """The load over the exact one at each of the shear angles, where it is known."""
+    ratios = {f"load_{angle}": np.nan for angle in ANGLES}
+    if scene.load is None:
+        return ratios
+    for state in result.states[1:]:
+        step = state.load_factor * steps
+        if abs(step - round(step)) < 1e-9:
+            exact = scene.load(result.ply.fabric.shear_law, state.load_factor)
+            angle = ANGLES[round(step) - 1]
+            ratios[f"load_{angle}"] = scene.reaction(state)[1] / exact
+    return ratios
 
 
 def all_cases() -> Iterator[Case]:

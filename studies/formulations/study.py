@@ -1,134 +1,444 @@
 """Every formulation on every scene: strains, load, position and shear angle.
 
-Each case has its distance from the exact answer of fibres that do not stretch; tables
-and a figure show medians.
+Each case has its distance from the exact answer of fibres that do not stretch.  Tables
+and a figure show medians over the seeds; if not every seed reached a figure, the table
+says how many did.
 """
 
 import argparse
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
-from skfem_textile import Condition
-from skfem_textile.ply import Ply
-from skfem_textile.scenes import Scene
-from skfem_textile.solve.result import Result, StepError
-from skfem_textile.solve.stepper import LoadStepper
+from skfem_textile.fabric import Linear
+from skfem_textile.ply.formulations import Macro
 
-from ..common.log import errors_only
-from ..common.tables import csv_table
-from ..study import Row, Study
-from . import medians
-from .cases import ANGLES, Case, all_cases
-from .in_words import in_words
-from .tables import TABLES
+from ..angles import cases as angles
+from ..common.figures import (
+    File,
+    legend,
+    panels_of,
+    plain_numbers,
+    style_of,
+    ticks_of_decades,
+)
+from ..common.tables import (
+    furthest,
+    grouped,
+    having,
+    markdown_table,
+    median,
+    minus,
+    on,
+    percent,
+    span,
+)
+from ..study import Part, Row, Study
+from .cases import (
+    ACROSS,
+    AUTO,
+    BIAS,
+    BIAS_SIN2,
+    DEVIATIONS,
+    FOR_LOAD,
+    LOCKING,
+    MACRO,
+    MACRO_TRIANGLES,
+    MEAN_QUADRATIC,
+    METHODS,
+    PAPER,
+    QUADRATIC,
+    RESOLVED,
+    SHEARED,
+    SPLIT_ONE_POINT,
+    STABILISATIONS,
+    STRIP,
+    TRELLIS,
+    Case,
+    G,
+    Method,
+    Specimen,
+    all_cases,
+)
+
+#: The shear angles in degrees at which there are converged loads; the last is judged.
+CONVERGED_ANGLES = angles.ANGLES
+JUDGED_ANGLE = CONVERGED_ANGLES[-1]
+
+_STRAINS = "strain", "mesh_fibre_strain"
+
+#: Heads of load, position and shear angle where the exact load is zero.
+_ERRORS = ["load (N)", "position off by (mm)", "shear angle off by (°)"]
+
+# What the words of a method begin with.
+_NAMES = "quads", "triangles", "one_point", "quadratic_mean"
+
+
+def of(
+    rows: Iterable[Row], group: str, problem: Specimen, method: Method, across: int
+) -> list[Row]:
+    """Rows of the cases that differ only in their seed."""
+    names = {"group": group, "problem": problem.name, "method": method.name}
+    return having(rows, **names, across=across)
+
+
+def _median(rows: Sequence[Row], key: str) -> float:
+    return median(row[key] for row in rows)
+
+
+def exact_load(problem: Specimen, angle: int = JUDGED_ANGLE) -> float:
+    """The exact load: zero, or in the bias extension the converged one.
+
+    The converged load comes from the study of angles at the same E/G and shear angle in
+    degrees, as a share of the load of fibres that do not stretch.
+    """
+    if not problem.exact_load:
+        return 0.0
+    law = "linear" if isinstance(problem.law, Linear) else "sin²"
+    ply = angles.Specimen(45.0, law, problem.E / G)
+    return float(angles.stored()[ply, angle]["load"])
+
+
+def over_exact(rows: Sequence[Row], problem: Specimen) -> list[Row]:
+    """Loads of the bias extension at `JUDGED_ANGLE` over the exact one, as ``load``."""
+    return [{"load": row["load"] / exact_load(problem)} for row in rows]
+
+
+def load_error(rows: Sequence[Row], problem: Specimen) -> float:
+    """Median error of the load, in N or in the bias extension relative to the load."""
+    exact = exact_load(problem)
+    return median(abs(row["load"] - exact) / (exact or 1) for row in rows)
+
+
+def over_angles(rows: Sequence[Row], problem: Specimen) -> tuple[float, float]:
+    """The median and the single load over the exact one that are furthest from 1.
+
+    Of all shear angles at which there are converged loads.
+    """
+    exact = {f"load_{angle}": exact_load(problem, angle) for angle in CONVERGED_ANGLES}
+    loads = [[row[key] / load for row in rows] for key, load in exact.items()]
+    single = furthest((x for of_angle in loads for x in of_angle), 1.0)
+    return furthest(map(median, loads), 1.0), single
+
+
+def methods(rows: list[Row]) -> str:
+    """Every method at the middle refinement: strip and trellis, then bias extension."""
+    smooth, kinked = [], []
+    for method in METHODS:
+        strip, trellis, *bias = (
+            of(rows, "methods", p, method, ACROSS[1]) for p in (STRIP, TRELLIS, *BIAS)
+        )
+        smooth.append(
+            [
+                *(method.name, _cell(strip, "unknowns", _count)),
+                *(_cell(strip, key) for key in ("load", "position", "angle")),
+                *(_cell(strip, key, _strain) for key in _STRAINS),
+                *(_cell(trellis, key) for key in ("load", "position", "angle")),
+                _cell(trellis, "linear_solves", _count),
+            ]
+        )
+        kinked.append(
+            [
+                *(method.name, _cell(bias[-1], "unknowns", _count)),
+                *map(_over_exact, bias, BIAS),
+                *(_cell(bias[-1], key) for key in ("position", "angle")),
+                *(_cell(bias[-1], key, _strain) for key in _STRAINS),
+                _cell(bias[-1], "linear_solves", _count),
+            ]
+        )
+    strains = ["strain", "mesh strain"]
+    head = ["method", "unknowns", *on("strip", _ERRORS), *strains]
+    head += [*on("trellis", _ERRORS), "trellis: linear solves"]
+    text = markdown_table(head, smooth)
+    loads = [f"load over exact, E/G = {_ratio(problem)}" for problem in BIAS]
+    head = ["method", "unknowns", *loads, *_ERRORS[1:], *strains, "linear solves"]
+    kinks = markdown_table(head, kinked)
+    return text + "\n" + kinks + "\n" + _sheared(rows)
+
+
+def _sheared(rows: list[Row]) -> str:
+    """A smooth motion of a fabric with shear stiffness."""
+    lines = []
+    for method in (*FOR_LOAD, PAPER):
+        line = [method.name]
+        for across in ACROSS[:2]:
+            seeds = of(rows, "methods", SHEARED, method, across)
+            line += [_cell(seeds, key) for key in ("load", "position", "angle")]
+            line.append(_cell(seeds, "linear_solves", _count))
+        lines.append(line)
+    head = ["method"]
+    for across in ACROSS[:2]:
+        head += on(f"{across} across", [*_ERRORS, "linear solves"])
+    return markdown_table(head, lines)
+
+
+def load(rows: list[Row]) -> str:
+    """The load of the bias extension: worst median and worst case over shear angles."""
+    lines = []
+    for method in FOR_LOAD:
+        for problem in (*BIAS, *BIAS_SIN2):
+            line = [method.name, problem.name.removeprefix("bias extension, ")]
+            for across in ACROSS[1:]:
+                seeds = of(rows, "methods", problem, method, across)
+                line += [_load(x) for x in over_angles(seeds, problem)]
+            lines.append(line)
+    head = ["method", "law, E/G"]
+    for across in ACROSS[1:]:
+        head += on(f"{across} across", ["median", "worst"])
+    resolved = []
+    for method in (MACRO, AUTO):
+        line = [method.name]
+        for problem in BIAS:
+            seeds = of(rows, "resolved", problem, method, RESOLVED)
+            line.append(_over_exact(seeds, problem))
+        resolved.append(line)
+    fine = [f"{RESOLVED} across, linear", *map(_ratio, BIAS)]
+    return markdown_table(head, lines) + "\n" + markdown_table(fine, resolved)
+
+
+def constants(rows: list[Row]) -> str:
+    """Errors with other constants than ``auto`` takes."""
+    lines = []
+    for method in (*STABILISATIONS, AUTO, MACRO):
+        group = "methods" if method in METHODS else "stabilisation"
+        line = [f"**{method.name}**" if method in METHODS else method.name]
+        for problem in (STRIP, TRELLIS, *BIAS):
+            seeds = of(rows, group, problem, method, ACROSS[1])
+            if problem == STRIP:
+                line.append(_cell(seeds, "load"))
+            if problem in BIAS:
+                line.append(_over_exact(seeds, problem))
+            if problem != BIAS[0]:  # where stretch moves nodes by more than errors do
+                line.append(_cell(seeds, "position"))
+        lines.append(line)
+    load, position, _ = _ERRORS
+    head = ["C_s", *on("strip", [load, position]), *on("trellis", [position])]
+    for problem in BIAS:
+        heads = ["load over exact", position][: 1 if problem == BIAS[0] else 2]
+        head += on(f"E/G = {_ratio(problem)}", heads)
+    return markdown_table(head, lines) + "\n" + _deviations(rows)
+
+
+def _deviations(rows: list[Row]) -> str:
+    """Loads with other stiffnesses against deviations."""
+    problems = (*BIAS[::2], *BIAS_SIN2[::2])
+    lines = []
+    for chosen, c in zip((MACRO_TRIANGLES, MACRO), Macro().deviation, strict=True):
+        own = [m for m in DEVIATIONS if m.mesh == chosen.mesh]
+        for method in (*own[:2], chosen, *own[2:]):
+            group = "methods" if method is chosen else "deviation"
+            line = [f"**{chosen.mesh}, {c:g}**" if method is chosen else method.name]
+            for across in ACROSS[:2]:
+                for problem in problems:
+                    seeds = of(rows, group, problem, method, across)
+                    line.append(_over_exact(seeds, problem))
+            lines.append(line)
+    shown = [p.name.removeprefix("bias extension, ") for p in problems]
+    head = [f"{n} across: {name}" for n in ACROSS[:2] for name in shown]
+    return markdown_table(["deviation", *head], lines)
+
+
+def triangulations(rows: list[Row]) -> str:
+    """Ten Delaunay triangulations of the strip, with two fibre stiffnesses."""
+    strips = grouped(having(rows, group="triangulations"), "across")
+    lines = [
+        [
+            str(own[0]["elements"] // 3),
+            ", ".join(f"{_per_stiffness(row):.1e}" for row in own),
+            ", ".join(_strain(row["strain"]) for row in own),
+            ", ".join(f"{row['position']:.2e}" for row in own),
+            ", ".join(_count(row["negative_pivots"]) for row in own),
+        ]
+        for own in strips.values()
+    ]
+    return markdown_table(
+        ["triangles", "load / E (mm)", "strain", _ERRORS[1], "negative pivots"], lines
+    )
+
+
+def _per_stiffness(row: Row) -> float:
+    """The load of a strip over its fibre stiffness in mm."""
+    return row["load"] / float(row["problem"].rpartition(" ")[2])
+
+
+def equal(rows: list[Row]) -> str:
+    """The recommended element and the paper's, at equal unknowns."""
+    lines = []
+    for problem in (STRIP, *BIAS[1:]):
+        for across in ACROSS:
+            macro, paper = (
+                of(rows, "methods", problem, m, across) for m in (MACRO, PAPER)
+            )
+            line = [problem.name, _cell(macro, "unknowns", _count)]
+            line += [_figure(load_error(seeds, problem)) for seeds in (macro, paper)]
+            for key in ("position", "angle"):
+                line += [_cell(seeds, key) for seeds in (macro, paper)]
+            lines.append(line)
+    head = ["scene", "unknowns"]
+    for what in ("load off by", *_ERRORS[1:]):
+        head += [f"macro: {what}", f"C_s = 1: {what}"]
+    return markdown_table(head, lines)
+
+
+def _ratio(problem: Specimen) -> str:
+    return problem.name.rpartition("E/G = ")[2]
+
+
+def _figure(x: float) -> str:
+    return f"{x:.2g}"
+
+
+def _load(x: float) -> str:
+    return f"{x:.3f}" if x < 2 else f"{x:.3g}"
+
+
+def _strain(x: float) -> str:
+    return f"{x:.1e}"
+
+
+def _count(x: float) -> str:
+    return f"{x:.0f}"
+
+
+def _over_exact(rows: Sequence[Row], problem: Specimen) -> str:
+    """The load of the bias extension over the exact one."""
+    return _cell(over_exact(rows, problem), "load", _load)
+
+
+def _cell(rows: Sequence[Row], key: str, show: Callable[[float], str] = _figure) -> str:
+    """The median, and the number of rows that have a value if not all have."""
+    known = sum(not np.isnan(row[key]) for row in rows)
+    if not known:
+        return "-"
+    few = "" if known == len(rows) else f" ({known} of {len(rows)})"
+    return show(_median(rows, key)) + few
+
+
+def in_words(rows: list[Row]) -> dict[str, str]:
+    """The results by name; needs the rows of all cases."""
+    middle, stiffest = ACROSS[1], BIAS[-1]
+
+    def seeds(problem: Specimen, method: Method, across: int = middle) -> list[Row]:
+        return of(rows, "methods", problem, method, across)
+
+    def over(problem: Specimen, method: Method) -> float:
+        return _median(over_exact(seeds(problem, method), problem), "load")
+
+    def position(problem: Specimen, method: Method) -> float:
+        return _median(seeds(problem, method), "position")
+
+    smooth = [
+        position(p, MACRO) / position(p, MEAN_QUADRATIC) for p in (STRIP, TRELLIS)
+    ]
+    at_jumps = position(stiffest, MEAN_QUADRATIC) / position(stiffest, MACRO)
+    words = {
+        "cases": str(len(rows)),
+        "refused": str(sum(bool(row["refused"]) for row in rows)),
+        "closer_where_smooth": f"{_range(smooth)} times",
+        "locked": f"{_range(over(p, m) for p in BIAS for m in LOCKING)} times",
+        "quadratic": f"{over(stiffest, QUADRATIC):.2g} times",
+        "split_one_point": f"{over(stiffest, SPLIT_ONE_POINT):.2f} times",
+        "position_quadratic_mean": f"{at_jumps:.1f} times",
+    }
+    for name, method in zip(_NAMES, FOR_LOAD, strict=True):
+        for across in ACROSS[1:]:
+            furthest = [
+                over_angles(seeds(problem, method, across), problem)
+                for problem in (*BIAS, *BIAS_SIN2)
+            ]
+            medians, single = zip(*furthest, strict=True)
+            words[f"{name}_{across}"] = _per_cent(medians)
+            largest = max(abs(load - 1) for load in single)
+            words[f"{name}_{across}_worst"] = percent(largest, ".1f")
+    return words
+
+
+def _range(values: Iterable[float]) -> str:
+    """The smallest and the largest value with two digits.
+
+    Examples
+    --------
+    >>> _range([1066.2, 2.27])
+    '2.3 to 1100'
+    """
+    return span((float(f"{value:.2g}") for value in values), "g")
+
+
+def _per_cent(loads: Iterable[float]) -> str:
+    """How far loads over the exact ones are from 1, with their signs.
+
+    Examples
+    --------
+    >>> _per_cent([1.0441, 1.03]), _per_cent([0.977, 0.986])
+    ('+3.0 to +4.4 %', '−2.3 to −1.4 %')
+    """
+    return minus(span((100 * (load - 1) for load in loads), "+.1f")) + " %"
+
+
+def draw_convergence(rows: Sequence[Row], file: File = None) -> Any:
+    """Errors against unknowns: a row of panels for each error, a column for each scene.
+
+    A method has one colour in all of them.
+    """
+    from matplotlib.ticker import LogLocator
+
+    problems = STRIP, TRELLIS, BIAS[2]
+    errors: dict[str, Callable[[list[Row], Specimen], float]] = {
+        "Load error (N, or relative)": load_error,
+        "Position error (mm)": lambda seeds, _: _median(seeds, "position"),
+        "Shear-angle error (°)": lambda seeds, _: _median(seeds, "angle"),
+    }
+    shown = [m for m in METHODS if m.name not in _NOT_DRAWN]
+    styles = {
+        method.name: style_of(i, linestyle="-" if i < 7 else "--", linewidth=1.2)
+        for i, method in enumerate(shown)
+    }
+    titles = [problem.name.replace(", ", "\n", 1) for problem in problems]
+    form: dict[str, Any] = {"sharex": "col", "xlabel": "Unknowns", "titles": titles}
+    with panels_of((6.9, 6.5), file, 8, ylabels=[*errors], **form) as (figure, grid):
+        for row_of_panels, error in zip(grid, errors.values(), strict=True):
+            for axes, problem in zip(row_of_panels, problems, strict=True):
+                for method in shown:
+                    meshes = [of(rows, "methods", problem, method, n) for n in ACROSS]
+                    unknowns = [_median(seeds, "unknowns") for seeds in meshes]
+                    off = [error(seeds, problem) for seeds in meshes]
+                    axes.loglog(unknowns, off, markersize=4, **styles[method.name])
+                ticks_of_decades(axes)
+                axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                plain_numbers(axes)
+                axes.grid(alpha=0.3)
+        legend(figure, styles, 3)
+    return figure
+
+
+_NOT_DRAWN = "rates, C_s = 1", "isotropic, κ = C/8", "one point, triangles"
 
 
 class Formulations(Study[Case]):
     """Every method on every problem, on finer and finer meshes."""
 
-    files = ("formulations.csv", *(f"{name}.md" for name in TABLES))
-    pictures = ("formulations.png",)
+    parts = (
+        Part(
+            "formulations.csv",
+            {
+                "methods.md": methods,
+                "load.md": load,
+                "constants.md": constants,
+                "triangulations.md": triangulations,
+                "equal.md": equal,
+            },
+            {"formulations.png": draw_convergence},
+        ),
+    )
+    shown = "load {load:.4g}, {position:.3g} mm, {angle:.3g}°"
     sample = "methods: bias extension, linear, E/G = 2e5, macro, quads, 8 across, 1"
 
     def cases(self, options: argparse.Namespace) -> list[Case]:
         return list(all_cases())
 
-    def name(self, case: Case) -> str:
-        names = f"{case.group}: {case.problem.name}, {case.method.name}"
-        return f"{names}, {case.across} across, {case.seed}"
-
-    def line(self, rows: list[Row]) -> str:
-        (row,) = rows
-        case = f"{row['problem']}, {row['method']}, {row['across']} across"
-        off = f"load {row['load']:.4g}, {row['position']:.3g} mm, {row['angle']:.3g}°"
-        refused = f"; {row['refused']}" if row["refused"] else ""
-        return f"{case}, {row['seed']}: {off}{refused}"
-
-    @errors_only()
-    def examine(self, case: Case) -> list[Row]:
-        """Run one case; its row has nan for numbers that it does not reach."""
-        problem, scene, refused = case.problem, case.scene(), ""
-        formulation = case.method.formulation(problem.stabilisation)
-        ply = Ply(scene.mesh, problem.fabric(scene), formulation)
-        try:
-            result = LoadStepper(ply, scene.conditions, problem.steps).run()
-        except StepError as error:
-            result, refused = error.result, str(error)
-        row = {
-            "group": case.group,
-            "problem": problem.name,
-            "method": case.method.name,
-            "across": case.across,
-            "seed": case.seed,
-            "elements": ply.mesh.nelements,
-            "unknowns": ply.basis.N,
-            **_figures(scene, result, problem.last / problem.steps),
-            **_loads(scene, result, problem.steps),
-            "seconds": result.wall_time_s,
-            "refused": refused,
-        }
-        return [row]
-
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        return {
-            "formulations.csv": csv_table(rows),
-            **{f"{name}.md": table(rows) for name, table in TABLES.items()},
-        }
-
     def figures(self, rows: list[Row]) -> dict[str, str]:
         return in_words(rows)
 
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        from .figure import convergence
-
-        convergence(medians.errors(rows), folder / "formulations.png")
-
 
 STUDY = Formulations()
-
-_FIGURES = (
-    *("load", "position", "angle", "strain", "mesh_fibre_strain", "min_det_F"),
-    *("negative_pivots", "stabilisation_share", "linear_solves"),
-)
-
-
-def _figures(scene: Scene, result: Result, t: float) -> Row:
-    """Figures of the state at the load factor t."""
-    reached = [s for s in result.states if s.load_factor <= t + 1e-9]
-    if reached[-1].load_factor < t - 1e-9:
-        return dict.fromkeys(_FIGURES, np.nan)
-    summary: Row = scene.summary(replace(result, states=reached))
-    driven = scene.conditions[scene.driven]
-    assert isinstance(driven, Condition)
-    led = driven.direction  # the force is whole where there is none
-    force = np.array([summary["reaction_x"], summary["reaction_y"]])
-    values = (
-        float(np.linalg.norm(force if led is None else force @ np.asarray(led)))
-        if scene.load is None
-        else summary["load_over_exact"],
-        summary["displacement_error_rms"],
-        summary["shear_angle_error_rms_deg"],
-        summary["max_fibre_strain"],
-        summary["mesh_fibre_strain"],
-        summary["min_det_F"],
-        summary["negative_pivots"],
-        summary["stabilisation_energy"] / summary["energy"],
-        sum(state.linear_solves for state in reached),
-    )
-    return dict(zip(_FIGURES, values, strict=True))
-
-
-def _loads(scene: Scene, result: Result, steps: int) -> dict[str, float]:
-    """The load over the exact one at each of the shear angles, where it is known."""
-    ratios = {f"load_{angle}": np.nan for angle in ANGLES}
-    if scene.load is None:
-        return ratios
-    for state in result.states[1:]:
-        step = state.load_factor * steps
-        if abs(step - round(step)) < 1e-9:
-            exact = scene.load(result.ply.fabric.shear_law, state.load_factor)
-            angle = ANGLES[round(step) - 1]
-            ratios[f"load_{angle}"] = scene.reaction(state)[1] / exact
-    return ratios

@@ -16,8 +16,7 @@ from skfem.helpers import ddot, dot, grad
 from skfem_textile.fabric import kinematics as kin
 from skfem_textile.ply import Ply
 
-from .constants import ORDER, gram
-from .constraints import Constraints
+from .constraints import ORDER, Constraints, gram
 
 #: A function of one variable and its derivative.
 Profile = tuple[Callable[[ndarray], ndarray], Callable[[ndarray], ndarray]]

@@ -1,58 +1,143 @@
 """Inf-sup constants, kernels, and the motions of fibres that do not stretch."""
 
 import argparse
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
 
-from ..common.tables import csv_table
-from ..study import Row, Study
-from .cases import Case, all_cases
-from .constants import spectrum
-from .in_words import in_words
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh
+
+from skfem_textile.fabric import Fabric
+from skfem_textile.mesh.splitting import cut
+from skfem_textile.ply.formulations import Full, Macro, OnePoint, Quadratic
+from skfem_textile.ply.terms import Formulation
+from skfem_textile.scenes.rectangle import rectangle
+
+from ..common.figures import (
+    File,
+    colour_of,
+    legend,
+    panels_of,
+    plain_numbers,
+    style_of,
+    ticks_of_decades,
+)
+from ..common.tables import having, markdown_table, percent, span
+from ..study import Part, Row, Study
+from .constraints import Constraints, spectrum
 from .motions import KINKED, SMOOTH, distances, stiffness
-from .tables import constants, kernels, norms, ratios, sheared, stiffnesses
 
-#: What counts as zero must be below this share of the smallest other singular value.
-CLEAR = 0.01
+#: Stiffness of fibres and of shear in N/mm, of real fabrics at the upper end.
+E, G = 1e6, 1.0
+
+#: Spacings of nodes along a side of the unit square.
+ACROSS = (4, 8, 16, 24)
+
+#: Shear angle in degrees of the sheared state, and the finest mesh for it.
+SHEARED, SHEARED_ACROSS = 40, 16
+
+#: How often the mesh is refined on which the norm of a tension is taken; and once more,
+#: on meshes of so many spacings, to see what that changes.
+REFINED, CHECKED_ACROSS = 2, 8
 
 
-class InfSup(Study[Case]):
-    """Every method on every layout of fibres, flat and sheared."""
+@dataclass(frozen=True)
+class Method:
+    """A formulation on quadrilaterals or triangles.
 
-    files = (
-        "inf_sup.csv",
-        "constants.md",
-        "in_l2.md",
-        "kernels.md",
-        "distances.md",
-        "stiffness.md",
-        "sheared.md",
-        "norms.md",
-    )
-    pictures = ("inf_sup.png",)
-    sample = "macro-elements, triangles, 0°, irregular, 8 across, refined 2"
-    volatile = ("largest_zero",)  # round-off
+    ``parts`` is the number of spacings of nodes along an edge of the user's element.
+    """
 
-    def cases(self, options: argparse.Namespace) -> Sequence[Case]:
-        return list(all_cases())
+    name: str
+    formulation: Formulation
+    triangles: bool = False
+    parts: int = 2
 
-    def name(self, case: Case) -> str:
-        state = f", sheared {case.shear}°" if case.shear else ""
-        return (
-            f"{case.method.name}, {case.layout.name}{state}, {case.across} across, "
-            f"refined {case.refined}"
-        )
 
-    def examine(self, case: Case) -> list[Row]:
+TWO_BY_TWO = Method("2×2 points, quads", Full(), parts=1)
+ONE_POINT = Method("one point, quads", OnePoint(), parts=1)
+ONE_POINT_TRIANGLES = Method("one point, split triangles", OnePoint(), triangles=True)
+QUADRATIC = Method("quadratic triangles", Quadratic(), triangles=True)
+QUADRATIC_MEAN = Method("quadratic, mean", Quadratic(80.0), triangles=True)
+MACRO = Method("macro-elements, quads", Macro())
+MACRO_TRIANGLES = Method("macro-elements, triangles", Macro(), triangles=True)
+METHODS = (
+    TWO_BY_TWO,
+    ONE_POINT,
+    ONE_POINT_TRIANGLES,
+    QUADRATIC,
+    QUADRATIC_MEAN,
+    MACRO,
+    MACRO_TRIANGLES,
+)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Fibres at an angle in degrees to a regular or an irregular mesh."""
+
+    angle: int
+    regular: bool = True
+
+    def __str__(self) -> str:
+        return f"{self.angle}°" if self.regular else f"{self.angle}°, irregular"
+
+
+IRREGULAR = Layout(0, regular=False)
+LAYOUTS = (*(Layout(angle) for angle in (0, 15, 30, 45)), IRREGULAR)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A method on the unit square, about a flat or a sheared state."""
+
+    method: Method
+    layout: Layout
+    across: int
+    shear: int = 0
+    refined: int = REFINED
+
+    def __str__(self) -> str:
+        state = f", sheared {self.shear}°" if self.shear else ""
+        mesh = f"{self.across} across, refined {self.refined}"
+        return f"{self.method.name}, {self.layout}{state}, {mesh}"
+
+    def mesh(self) -> Mesh:
+        """The user's mesh; triangles of a regular one are squares cut in two."""
+        n = self.across // self.method.parts
+        triangles, regular = self.method.triangles, self.layout.regular
+        if not regular:
+            return rectangle(1, 1, (n, n), "delaunay" if triangles else "irregular")
+        squares: Any = rectangle(1, 1, (n, n), "aligned")
+        return cut(squares) if triangles else squares
+
+    def directions(self) -> ndarray:
+        """Unit reference directions of warp and weft, as columns."""
+        angle = np.radians(self.layout.angle)
+        c, s = np.cos(angle), np.sin(angle)
+        return np.array([[c, -s], [s, c]])
+
+    def constraints(self) -> Constraints:
+        """What the formulation asks; each family turns by half of the shear angle."""
+        A, half = self.directions(), np.radians(self.shear) / 2
+        closer = np.array([[np.cos(half), np.sin(half)], [np.sin(half), np.cos(half)]])
+        mesh = self.method.formulation.working_mesh(self.mesh())
+        fabric = Fabric(E, G, *A.T)
+        return Constraints(mesh, fabric, self.method.formulation, A @ closer @ A.T)
+
+    def rows(self) -> list[Row]:
         """Singular values, kernel and distances; of flat plies the stiffness too."""
-        asked = case.constraints()
-        found = spectrum(asked, case.refined)
+        asked = self.constraints()
+        found = spectrum(asked, self.refined)
         row: Row = {
-            "method": case.method.name,
-            "layout": case.layout.name,
-            "shear": case.shear,
-            "refined": case.refined,
-            "across": case.across,
+            "method": self.method.name,
+            "layout": str(self.layout),
+            "shear": self.shear,
+            "refined": self.refined,
+            "across": self.across,
             "unknowns": asked.basis.N,
             "constraints": asked.matrix.shape[0],
             "rank": len(found.values),
@@ -66,29 +151,273 @@ class InfSup(Study[Case]):
             from_mesh, from_kernel = distances(asked, found.kernel, profiles)
             row[f"{kind}_from_mesh"] = from_mesh
             row[f"{kind}_from_kernel"] = from_kernel
-            if not case.shear:
+            if not self.shear:
                 row[f"{kind}_stiffness"] = stiffness(asked, profiles)
         return [row]
 
-    def line(self, rows: list[Row]) -> str:
-        (row,) = rows
-        state = f", sheared {row['shear']}°" if row["shear"] else ""
-        return (
-            f"{row['method']}, {row['layout']}{state}, {row['across']} across: "
-            f"inf-sup {row['inf_sup']:.4f}, kernel {row['kernel']}"
-        )
 
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        return {
-            "inf_sup.csv": csv_table(rows),
-            "constants.md": constants(rows, "inf_sup"),
-            "in_l2.md": constants(rows, "inf_sup_in_l2"),
-            "kernels.md": kernels(rows),
-            "distances.md": ratios(rows),
-            "stiffness.md": stiffnesses(rows),
-            "sheared.md": sheared(rows),
-            "norms.md": norms(rows),
-        }
+def all_cases() -> Iterator[Case]:
+    """Every case: flat, sheared, and with the norm taken on a finer mesh."""
+    for method, layout in product(METHODS, LAYOUTS):
+        for across in ACROSS:
+            yield Case(method, layout, across)
+        if layout.regular:
+            for across in (n for n in ACROSS if n <= SHEARED_ACROSS):
+                yield Case(method, layout, across, SHEARED)
+    for method in METHODS:
+        yield Case(method, Layout(30), CHECKED_ACROSS, refined=REFINED + 1)
+
+
+#: What counts as zero must be below this share of the smallest other singular value.
+CLEAR = 0.01
+
+#: Spacings of which unknowns and constraints are counted.
+COUNTED_ACROSS = 16
+
+_KINDS = "smooth", "kinked"
+
+
+def of(
+    rows: Sequence[Row],
+    method: Method,
+    layout: Layout,
+    shear: int = 0,
+    refined: int = REFINED,
+) -> dict[int, Row]:
+    """The rows of a method on a layout, by the number of spacings."""
+    given = {"method": method.name, "layout": str(layout), "shear": shear}
+    found = having(rows, **given, refined=refined)
+    return {row["across"]: row for row in sorted(found, key=lambda row: row["across"])}
+
+
+def order(found: dict[int, float]) -> float:
+    """The power of h with which a value goes, of the two finest meshes.
+
+    Examples
+    --------
+    >>> round(order({4: 0.8, 8: 0.4, 16: 0.1}), 12)
+    2.0
+    """
+    (n, coarse), (m, fine) = list(found.items())[-2:]
+    return float(np.log(coarse / fine) / np.log(m / n))
+
+
+def constants(rows: Sequence[Row], key: str) -> str:
+    """A constant on the coarsest and the finest mesh, on regular ones its order too."""
+
+    def cell(found: dict[int, Row]) -> str:
+        values = {across: row[key] for across, row in found.items()}
+        first, *_, last = values.values()
+        regular = str(IRREGULAR) not in {row["layout"] for row in found.values()}
+        power = f", h^{round(order(values), 1) + 0.0:.1f}" if regular else ""
+        return f"{first:.2g} to {last:.2g}{power}"
+
+    return _by_layout(rows, cell, least=2)
+
+
+def ratios(rows: Sequence[Row]) -> str:
+    """How much further the kernel is from a motion than the mesh is."""
+    return _by_layout(rows, lambda found: _of_kinds(found, _from_kernel, ".2f"))
+
+
+def stiffnesses(rows: Sequence[Row]) -> str:
+    """How much stiffer than exact a ply is."""
+
+    def stiffness(row: Row, kind: str) -> float:
+        return float(row[f"{kind}_stiffness"])
+
+    return _by_layout(rows, lambda found: _of_kinds(found, stiffness, ".4g"))
+
+
+def _of_kinds(found: dict[int, Row], value: Callable, form: str) -> str:
+    """A value for both kinds of motions on the finest mesh."""
+    return ", ".join(f"{value(found[max(found)], kind):{form}}" for kind in _KINDS)
+
+
+def _from_kernel(row: Row, kind: str) -> float:
+    """The distance of the kernel from a motion over that of the mesh."""
+    return float(row[f"{kind}_from_kernel"] / row[f"{kind}_from_mesh"])
+
+
+def _by_layout(
+    rows: Sequence[Row], cell: Callable[[dict[int, Row]], str], least: int = 1
+) -> str:
+    """A line for each method, with a cell for each layout on flat plies.
+
+    ``least`` is the number of meshes that a cell needs.
+    """
+    lines = []
+    for method in METHODS:
+        found = [of(rows, method, layout) for layout in LAYOUTS]
+        cells = (cell(x) if len(x) >= least else "-" for x in found)
+        lines.append([method.name, *cells])
+    return markdown_table(["method", *LAYOUTS], lines)
+
+
+def kernels(rows: Sequence[Row]) -> str:
+    """Unknowns, constraints, and dimensions of the kernel."""
+    lines = []
+    for method in METHODS:
+        counted = [of(rows, method, x).get(COUNTED_ACROSS) for x in LAYOUTS]
+        if first := next(filter(None, counted), None):
+            sizes = [str(row["kernel"]) if row else "-" for row in counted]
+            lines.append([method.name, first["unknowns"], first["constraints"], *sizes])
+    return markdown_table(["method", "unknowns", "constraints", *LAYOUTS], lines)
+
+
+def sheared(rows: Sequence[Row]) -> str:
+    """The inf-sup constant about the flat and about the sheared state."""
+    layouts = [layout for layout in LAYOUTS if layout.regular]
+
+    def cell(method: Method, layout: Layout) -> str:
+        pair = (of(rows, method, layout, shear) for shear in (0, SHEARED))
+        return ", ".join(_inf_sup(found, SHEARED_ACROSS, ".3g") for found in pair)
+
+    lines = [[method.name, *(cell(method, x) for x in layouts)] for method in METHODS]
+    return markdown_table(["method", *layouts], lines)
+
+
+def norms(rows: Sequence[Row]) -> str:
+    """The inf-sup constant with the norm of tensions from finer and finer meshes."""
+    often, layout = (REFINED, REFINED + 1), Layout(30)
+    lines = [
+        [
+            method.name,
+            *(
+                _inf_sup(of(rows, method, layout, 0, n), CHECKED_ACROSS, ".4f")
+                for n in often
+            ),
+        ]
+        for method in METHODS
+    ]
+    return markdown_table(["method", *(f"{2**n} × {2**n} parts" for n in often)], lines)
+
+
+def _inf_sup(found: dict[int, Row], across: int, form: str) -> str:
+    return f"{found[across]['inf_sup']:{form}}" if across in found else "-"
+
+
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """The results by name; needs the rows of all cases."""
+    means = QUADRATIC_MEAN, MACRO, MACRO_TRIANGLES
+    meshes = [[*of(rows, m, layout).values()] for m in means for layout in LAYOUTS]
+    finest = [found[-1] for found in meshes]
+    regular = [found for found in meshes if found[0]["layout"] != str(IRREGULAR)]
+    falls = [1 - found[-1]["inf_sup"] / found[-2]["inf_sup"] for found in regular]
+    furthest = max(_from_kernel(row, kind) for row in finest for kind in _KINDS)
+    along, diagonal = of(rows, TWO_BY_TWO, Layout(0)), of(rows, QUADRATIC, Layout(45))
+    irregular = of(rows, ONE_POINT_TRIANGLES, IRREGULAR)
+    *erratic, last = (f"{row['inf_sup']:.2g}" for row in irregular.values())
+    twice, thrice = (
+        [of(rows, m, Layout(30), refined=n)[CHECKED_ACROSS]["inf_sup"] for m in METHODS]
+        for n in (REFINED, REFINED + 1)
+    )
+    smaller = [100 * (1 - x / coarse) for coarse, x in zip(twice, thrice, strict=True)]
+    sine = np.sin(np.radians(SHEARED))
+    return {
+        "means": _range([row["inf_sup"] for row in finest], ".2f"),
+        "means_fall": percent(max(falls), ".1f"),
+        "means_distance": percent(furthest - 1, ".0f"),
+        "along": _range([row["inf_sup"] for row in along.values()], ".2f"),
+        "erratic": f"{', '.join(erratic)} and {last}",
+        "finer_norm": f"{_range(smaller, '.1f')} %",
+        "sheared_most": f"{np.sqrt((1 + sine) / (1 - sine)):.1f}",
+        "kernel_along": str(along[COUNTED_ACROSS]["kernel"]),
+        "kernel_quadratic": str(diagonal[COUNTED_ACROSS]["kernel"]),
+    }
+
+
+def _range(values: Sequence[float], form: str) -> str:
+    """The smallest and the largest value, or the one that both are.
+
+    Examples
+    --------
+    >>> _range([0.873, 0.791], ".2f"), _range([0.936, 0.938], ".2f")
+    ('0.79 to 0.87', '0.94')
+    """
+    return " to ".join(dict.fromkeys(span(values, form).split(" to ")))
+
+
+def draw_constants(rows: Sequence[Row], file: File = None) -> Any:
+    """A column of panels for each layout of fibres, a row for each result."""
+    from matplotlib.ticker import FixedLocator, NullLocator
+
+    layouts = Layout(0), Layout(30), Layout(45), IRREGULAR
+    results = {
+        "inf_sup": "Inf-sup constant",
+        "smooth_from_kernel": "Distance, smooth motion",
+        "kinked_from_kernel": "Distance, kinked motion",
+    }
+    styles = {
+        method.name: style_of(
+            i,
+            linestyle="--" if method.triangles else "-",
+            linewidth=1.2,
+            markersize=4.5,
+            markerfacecolor="white" if method.triangles else colour_of(i),
+        )
+        for i, method in enumerate(METHODS)
+    }
+    size = 1.7 * len(layouts), 1.8 * len(results) + 0.5
+    form: dict[str, Any] = {
+        "sharex": True,
+        "sharey": "row",
+        "xlabel": "Spacings a side, 1/h",
+    }
+    form |= {"titles": [f"Fibres at {layout}" for layout in layouts]}
+    form |= {"ylabels": [*results.values()]}
+    with panels_of(size, file, 8, **form) as (figure, grid):
+        for i, key in enumerate(results):
+            for axes, layout in zip(grid[i], layouts, strict=True):
+                for method in METHODS:
+                    found = of(rows, method, layout)
+                    values = [row[key] for row in found.values()]
+                    axes.loglog(list(found), values, **styles[method.name])
+                axes.grid(alpha=0.3)
+            first = grid[i, 0]
+            first.xaxis.set_major_locator(FixedLocator(ACROSS))
+            first.xaxis.set_minor_locator(NullLocator())
+            ticks_of_decades(first)
+            plain_numbers(first)
+        for power, start in ((1, 0.075), (2, 0.012)):
+            _draw_slope(grid[0, 0], power, start)
+        legend(figure, styles, 3)
+    return figure
+
+
+def _draw_slope(axes: Any, power: int, start: float) -> None:
+    """A short line that falls with a power of h."""
+    first, last = 4.0, 7.0
+    end = start * (first / last) ** power
+    axes.plot([first, last], [start, end], color="grey", linewidth=0.8)
+    name = "h" if power == 1 else "h²"
+    axes.annotate(name, (last, end), (3, -3), textcoords="offset points", color="grey")
+
+
+class InfSup(Study[Case]):
+    """Every method on every layout of fibres, flat and sheared."""
+
+    parts = (
+        Part(
+            "inf_sup.csv",
+            {
+                "constants.md": lambda rows: constants(rows, "inf_sup"),
+                "in_l2.md": lambda rows: constants(rows, "inf_sup_in_l2"),
+                "kernels.md": kernels,
+                "distances.md": ratios,
+                "stiffness.md": stiffnesses,
+                "sheared.md": sheared,
+                "norms.md": norms,
+            },
+            {"inf_sup.png": draw_constants},
+        ),
+    )
+    shown = "inf-sup {inf_sup:.4f}, kernel {kernel}"
+    sample = "macro-elements, triangles, 0°, irregular, 8 across, refined 2"
+    volatile = ("largest_zero",)  # round-off
+
+    def cases(self, options: argparse.Namespace) -> Sequence[Case]:
+        return list(all_cases())
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         return in_words(rows)
@@ -98,15 +427,8 @@ class InfSup(Study[Case]):
         doubtful = [r for r in rows if r["largest_zero"] > CLEAR * r["inf_sup"]]
         if not doubtful:
             return ""
-        return (
-            f"{len(doubtful)} case(s) have no clear smallest singular value, first: "
-            f"{self.line(doubtful[:1])}"
-        )
-
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        from .figure import draw_constants
-
-        draw_constants(rows, folder / "inf_sup.png")
+        first = self.line(doubtful[:1])
+        return f"{len(doubtful)} case(s) have no clear smallest value, first: {first}"
 
 
 STUDY = InfSup()

@@ -5,60 +5,171 @@ default formulation is judged on irregular quadrilaterals and on Delaunay's tria
 """
 
 import argparse
-from pathlib import Path
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from typing import Any
 
 import numpy as np
+from skfem import Mesh
 
+from skfem_textile.fabric import CrimpToe, Fabric, Law, Linear, Tabulated, TensionOnly
 from skfem_textile.ply import Ply
-from skfem_textile.solve.result import StepError
+from skfem_textile.ply.formulations import Full, OnePoint, Quadratic
+from skfem_textile.ply.ply import DEFAULT
+from skfem_textile.ply.terms import Formulation
+from skfem_textile.scenes import Scene, bias_extension
+from skfem_textile.scenes.rectangle import rectangle
 from skfem_textile.solve.stepper import LoadStepper
 
-from ..common.log import warnings_collected
-from ..common.tables import csv_table
-from ..study import Row, Study
-from .cases import Case, all_cases
-from .tables import in_words, judged, references
+from ..angles.cases import (
+    ACROSS,
+    AGREEMENT,
+    ANGLES,
+    JITTER,
+    JUDGING,
+    LIMITS,
+    STEPS,
+    G,
+    Specimen,
+    graded_mesh,
+)
+from ..common.figures import File, legend, panels_of, style_of
+from ..common.running import run, warnings_collected
+from ..common.tables import furthest, having, markdown_table, median, percent
+from ..study import Part, Row, Study
+
+#: The specimen of the study of angles with the linear law: its meshes, references and
+#: limits are those of this study.
+SPECIMEN = Specimen(45.0, "linear", 2e5)
+
+#: Sides in mm, and shear angle in radians at the end.
+SIDES, ANGLE = (50.0, 100.0), np.radians(ANGLES[-1])
+
+#: Load steps of second runs with steep shear.
+MORE_STEPS = 2 * STEPS
+
+#: Stiffness of straight fibres in N/mm.
+E = SPECIMEN.ratio * G
+
+SEEDS = JUDGING[0]
 
 
-class Laws(Study[Case]):
-    """Every material with every method."""
+@dataclass(frozen=True)
+class Material:
+    """Laws of tension, of both families or of warp and weft, and of shear."""
 
-    files = ("laws.csv", "references.md", "judged.md")
-    pictures = ("laws.png",)
-    sample = "linear: default, quads, 16 across, 1"
+    name: str
+    tension: Law | float | tuple[float, float] = E
+    shear: Law | float = G
 
-    def cases(self, options: argparse.Namespace) -> list[Case]:
-        return list(all_cases())
+    def fabric(self, scene: Scene) -> Fabric:
+        """The fabric of the scene."""
+        return Fabric(self.tension, self.shear, scene.warp, scene.weft)
 
-    def name(self, case: Case) -> str:
-        seed = f", {case.seed}" if case.seed else ""
-        return f"{case.material.name}: {case.method.name}, {case.across} across{seed}"
 
-    def line(self, rows: list[Row]) -> str:
-        (row,) = rows
-        case = f"{row['material']}: {row['method']}, {row['across']} across"
-        end = row["refused"] or f"{row['load']:.3f} N, {row['linear_solves']} solves"
-        return f"{case}, {row['seed']}: {end}, {row['seconds']:.1f} s"
+def _steep_shear() -> Tabulated:
+    """A table of shear whose slope rises a hundredfold from 30° to 55°."""
+    low, high = np.radians([30.0, 55.0])
+    angles = np.radians([*np.arange(0.0, 57.5, 2.5), 60.0, 65.0])
+    rising, last = np.clip(angles, low, high), np.maximum(angles - high, 0.0)
+    rise = (high - low) / np.log(100) * (100 ** ((rising - low) / (high - low)) - 1)
+    values = G * (np.minimum(angles, low) + rise + 100 * last)
+    return Tabulated(angles, values, odd=True, extrapolation="linear")
 
-    def examine(self, case: Case) -> list[Row]:
-        """Run one case; the load of a run that is refused is nan."""
-        scene, refused = case.scene(), ""
-        ply = Ply(scene.mesh, case.material.fabric(scene), case.method.formulation)
+
+LINEAR = Material("linear")
+TOE = Material("toe", tension=CrimpToe(E, toe=0.004, initial_stiffness=10.0))
+TENSION_ONLY = Material("tension only", tension=TensionOnly(Linear(E)))
+STEEP_SHEAR = Material("steep shear", shear=_steep_shear())
+STIFF_WARP = Material("stiff warp", tension=(10 * E, E))
+MATERIALS = (LINEAR, TOE, TENSION_ONLY, STEEP_SHEAR, STIFF_WARP)
+
+
+@dataclass(frozen=True)
+class Method:
+    """A formulation on meshes with a number of element edges across, by seed."""
+
+    name: str
+    mesh: Callable[[int, int], Mesh]
+    formulation: Formulation
+    steps: int = STEPS
+
+
+def _irregular(kind: str, parts: int, across: int, seed: int) -> Mesh:
+    """A mesh whose edges the formulation splits into parts."""
+    n = across // parts
+    return rectangle(*SIDES, (n, 2 * n), kind, JITTER, seed)
+
+
+def _along_fibres(cells: int, seed: int) -> Mesh:
+    return graded_mesh(np.pi / 4, cells)
+
+
+#: The methods that are judged, and one beside them.
+QUADS = Method("default, quads", partial(_irregular, "irregular", 2), DEFAULT)
+TRIANGLES = Method("default, triangles", partial(_irregular, "delaunay", 2), DEFAULT)
+ONE_POINT = Method("one point, quads", partial(_irregular, "irregular", 1), OnePoint())
+JUDGED = {QUADS: SEEDS, TRIANGLES: SEEDS, ONE_POINT: SEEDS[:3]}
+IN_MORE_STEPS = {
+    replace(m, name=f"{m.name}, {MORE_STEPS} steps", steps=MORE_STEPS): SEEDS
+    for m in (QUADS, TRIANGLES)
+}
+
+
+def judged_methods(material: Material) -> dict[Method, tuple[int, ...]]:
+    """The methods that are judged with a material, with their seeds."""
+    return JUDGED | IN_MORE_STEPS if material is STEEP_SHEAR else JUDGED
+
+
+#: The references with their numbers of cells along a side of a rhombus: the last is
+#: the converged one.
+FULL = Method("full", _along_fibres, Full())
+QUADRATIC = Method("quadratic", _along_fibres, Quadratic())
+REFERENCES = (FULL, 16), (QUADRATIC, 16), (QUADRATIC, 32)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A run: a material and a method, on a mesh.
+
+    ``across`` is the number of element edges across, of references the number of cells
+    along a side of a rhombus.
+    """
+
+    group: str
+    material: Material
+    method: Method
+    across: int
+    seed: int
+
+    def __str__(self) -> str:
+        seed = f", {self.seed}" if self.seed else ""
+        return f"{self.material.name}: {self.method.name}, {self.across} across{seed}"
+
+    def scene(self) -> Scene:
+        """The scene, on the mesh of the method."""
+        mesh = self.method.mesh(self.across, self.seed)
+        return bias_extension(mesh, shear_angle=ANGLE)
+
+    def rows(self) -> list[Row]:
+        """Run the case; the load of a run that is refused is nan."""
+        method, scene = self.method, self.scene()
+        ply = Ply(scene.mesh, self.material.fabric(scene), method.formulation)
         with warnings_collected() as warnings:
-            try:
-                result = LoadStepper(ply, scene.conditions, case.method.steps).run()
-                load = float(scene.reaction(result.states[-1])[1])
-            except StepError as error:
-                result, refused, load = error.result, str(error), np.nan
+            result, refused = run(LoadStepper(ply, scene.conditions, method.steps))
+        load = float(scene.reaction(result.states[-1])[1])
         row = {
-            "group": case.group,
-            "material": case.material.name,
-            "method": case.method.name,
-            "across": case.across,
-            "seed": case.seed,
-            "steps": case.method.steps,
+            "group": self.group,
+            "material": self.material.name,
+            "method": method.name,
+            "across": self.across,
+            "seed": self.seed,
+            "steps": method.steps,
             "unknowns": ply.basis.N,
-            "load": load,
+            "load": np.nan if refused else load,
             "linear_solves": result.linear_solves,
             "seconds": result.wall_time_s,
             "warnings": " | ".join(warnings),
@@ -66,20 +177,201 @@ class Laws(Study[Case]):
         }
         return [row]
 
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        return {
-            "laws.csv": csv_table(rows),
-            "references.md": references(rows),
-            "judged.md": judged(rows),
-        }
+
+def all_cases() -> Iterator[Case]:
+    """Every case."""
+    for material in MATERIALS:
+        for method, cells in REFERENCES:
+            yield Case("reference", material, method, cells, 0)
+    for material in MATERIALS:
+        for method, seeds in judged_methods(material).items():
+            for across, seed in product(ACROSS, seeds):
+                yield Case("judged", material, method, across, seed)
+
+
+# Methods beside each other in a column of width 1 of the figure.
+_SPREAD = 0.25
+
+
+def of(rows: Sequence[Row], material: Material, method: Method, n: int) -> list[Row]:
+    """Rows of the cases with a material and a method, n across."""
+    return having(rows, material=material.name, method=method.name, across=n)
+
+
+def converged(rows: Sequence[Row], material: Material) -> float:
+    """The load in N of the finest reference; nan if there is none."""
+    return _loads(rows, material)[-1]
+
+
+def errors(
+    rows: Sequence[Row], material: Material, method: Method, across: int
+) -> np.ndarray:
+    """Errors of the loads of the seeds, as shares; nan if a run is refused."""
+    end = converged(rows, material)
+    own = of(rows, material, method, across)
+    return np.array([row["load"] / end - 1 for row in own])
+
+
+def _loads(rows: Sequence[Row], material: Material) -> list[float]:
+    """Loads of the references in N; nan where there is none."""
+    found = (of(rows, material, *reference) for reference in REFERENCES)
+    return [own[0]["load"] if own else np.nan for own in found]
+
+
+def _differences(loads: Sequence[float]) -> tuple[float, float]:
+    """Other formulation and last halving against the finest, as shares of the load."""
+    other, coarse, finest = loads
+    return other / finest - 1, finest / coarse - 1
+
+
+def references(rows: Sequence[Row]) -> str:
+    """The loads of the references, and how much they differ."""
+    lines = []
+    for material in MATERIALS:
+        loads = _loads(rows, material)
+        off = _differences(loads)
+        shown = [f"{x:.2f}" if np.isfinite(x) else "-" for x in loads]
+        agree = "yes" if max(map(abs, off)) <= AGREEMENT else "no"
+        lines.append([material.name, *shown, *map(percent, off), agree])
+    head = [f"{method.name}, {cells} cells: N" for method, cells in REFERENCES]
+    head += ["apart", "last halving", f"within {100 * AGREEMENT:g} %"]
+    return markdown_table(["material", *head], lines)
+
+
+def judged(rows: Sequence[Row]) -> str:
+    """Errors of loads: their medians and the worst seeds."""
+    lines = [
+        [
+            *(material.name, method.name),
+            *(text for n in ACROSS for text in _cells(rows, material, method, n)),
+        ]
+        for material in MATERIALS
+        for method in judged_methods(material)
+    ]
+    head = ["material", "method"]
+    for across in ACROSS:
+        limit = f"within {100 * LIMITS[across]:g} %"
+        head += [f"{across} across: median", "worst", limit, "warned"]
+    return markdown_table(head, lines)
+
+
+def _cells(
+    rows: Sequence[Row], material: Material, method: Method, across: int
+) -> list[str]:
+    """Median, worst, whether the median is within the limit, and warnings."""
+    off, limit = errors(rows, material, method, across), LIMITS[across]
+    known = off[np.isfinite(off)]
+    if not known.size:
+        return ["-"] * 4
+    middle, met = np.median(known), np.sum(np.abs(known) <= limit)
+    refused = off.size - known.size
+    return [
+        percent(middle) + (f" ({refused} refused)" if refused else ""),
+        percent(furthest(known)),
+        f"{'yes' if abs(middle) <= limit else 'no'}, {met} of {off.size}",
+        warned(of(rows, material, method, across)),
+    ]
+
+
+def warned(rows: Sequence[Row]) -> str:
+    """Subjects of the warnings of runs, each with the number of runs.
+
+    Examples
+    --------
+    >>> path = "the path was not resolved"
+    >>> texts = (path, f"load factor 1: deviations carry 12% | {path}", None)
+    >>> warned([{"warnings": text} for text in texts])
+    'deviations 1, path 2'
+    """
+    told = Counter(
+        subject
+        for row in rows
+        for subject in {_subject(x) for x in (row["warnings"] or "").split(" | ") if x}
+    )
+    return ", ".join(f"{subject} {n}" for subject, n in sorted(told.items())) or "-"
+
+
+def _subject(warning: str) -> str:
+    """The noun with which a warning begins."""
+    text = warning.partition(": ")[2] if warning.startswith("load factor") else warning
+    return text.removeprefix("the ").split()[0]
+
+
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """The results that pages say, by name."""
+    medians = {
+        key: median(errors(rows, *key))
+        for key in product(MATERIALS, (QUADS, TRIANGLES), ACROSS)
+    }
+    met = (
+        sum(abs(x) <= share * LIMITS[across] for (*_, across), x in medians.items())
+        for share in (1.0, 0.5)
+    )
+    changes = [
+        medians[STEEP_SHEAR, method, across]
+        - median(errors(rows, STEEP_SHEAR, more, across))
+        for method, more in zip((QUADS, TRIANGLES), IN_MORE_STEPS, strict=True)
+        for across in ACROSS
+    ]
+    differences = [_differences(_loads(rows, m)) for m in MATERIALS]
+    words = {
+        **{f"limit_{n}": percent(LIMITS[n], "g") for n in ACROSS},
+        **{key: f"{n} of {len(medians)}" for key, n in zip(_MET, met, strict=True)},
+        "references": percent(np.max(np.abs(differences)), ".2f"),
+        "in_more_steps": percent(max(map(abs, changes)), ".1f"),
+    }
+    for name, method in (("quads", QUADS), ("triangles", TRIANGLES)):
+        for across in ACROSS:
+            off = {m: abs(medians[m, method, across]) for m in MATERIALS}
+            words[f"{name}_{across}"] = percent(max(off.values()), ".1f")
+            words[f"{name}_{across}_steep"] = percent(off.pop(STEEP_SHEAR), ".1f")
+            words[f"{name}_{across}_others"] = percent(max(off.values()), ".1f")
+    return words
+
+
+_MET = "met", "met_half"
+
+
+def draw_errors(rows: Sequence[Row], file: File = None) -> Any:
+    """Errors of loads: a panel for each refinement, a point for each mesh."""
+    methods = judged_methods(LINEAR)
+    styles = [style_of(i, markersize=4.0, linestyle="") for i in range(len(methods))]
+    titles = [f"{across} across" for across in LIMITS]
+    labels = ["Error of the load (%)"]
+    with panels_of((8.0, 3.8), file, 9, titles, labels, sharey=True) as (figure, grid):
+        for axes, (across, limit) in zip(grid[0], LIMITS.items(), strict=True):
+            axes.axhspan(-100 * limit, 100 * limit, color="0.9")
+            for place, material in enumerate(MATERIALS):
+                for i, (method, style) in enumerate(zip(methods, styles, strict=True)):
+                    off = 100 * errors(rows, material, method, across)
+                    x = np.full(len(off), place + _SPREAD * (i - 1))
+                    axes.plot(x, off, alpha=0.7, **style)
+            names = [material.name for material in MATERIALS]
+            axes.set_xticks(range(len(names)), names, rotation=20)
+            axes.grid(alpha=0.3, axis="y")
+        named = zip((method.name for method in methods), styles, strict=True)
+        legend(figure, dict(named), len(methods))
+    return figure
+
+
+class Laws(Study[Case]):
+    """Every material with every method."""
+
+    parts = (
+        Part(
+            "laws.csv",
+            {"references.md": references, "judged.md": judged},
+            {"laws.png": draw_errors},
+        ),
+    )
+    shown = "{load:.3f} N, {linear_solves} solves, {seconds:.1f} s"
+    sample = "linear: default, quads, 16 across, 1"
+
+    def cases(self, options: argparse.Namespace) -> list[Case]:
+        return list(all_cases())
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         return in_words(rows)
-
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        from .figure import draw_errors
-
-        draw_errors(rows, folder / "laws.png")
 
 
 STUDY = Laws()

@@ -1,111 +1,243 @@
-"""Figs. 3 to 5 and 9 to 12 of Hamila & Boisse (2013), and the equations of §2.3."""
+"""Figs. 3 to 5 and 9 to 12 of Hamila & Boisse (2013), and the equations of §2.3.
+
+The paper's mesh is not published: the irregular meshes here are those of the scene
+`strip` with 10×15 elements, jitter 0.3 and seed 1.
+"""
 
 import argparse
-import csv
-import json
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
-from ..common.tables import csv_table, json_text, markdown_table
-from ..study import Row, Study
-from . import printed, strips
-from .strips import MEASURED
+import numpy as np
+
+from skfem_textile.fabric import Fabric
+from skfem_textile.ply import Ply
+from skfem_textile.ply.formulations import Full, Kind, OnePoint
+from skfem_textile.scenes import strip
+from skfem_textile.solve.stepper import LoadStepper
+
+from ..common.running import errors_only, run
+from ..common.tables import markdown_table
+from ..study import Part, Row, Study
+from . import two_element
 
 #: The case of the two elements of §2.3.
 TWO_ELEMENTS = "two elements"
 
-_STRIPS, _SYSTEMS = "paper.csv", "systems.json"
+_STEPS = 40
 
-# Keys of the row of the two elements.
-_REPORTED = "systems", "slips"
+#: The numbers of a strip by what tables call them, under their names in the summary.
+MEASURED = {
+    "strain": "max_fibre_strain",
+    "mesh strain": "mesh_fibre_strain",
+    "load (N)": "reaction_x",
+    "position, rms (mm)": "displacement_error_rms",
+    "max (mm)": "displacement_error_max",
+    "angle, rms (°)": "shear_angle_error_rms_deg",
+}
 
 
-class Paper(Study[strips.Strip | str]):
+class Strip(NamedTuple):
+    """A figure of the paper: the run, and what the paper says about it."""
+
+    figure: str
+    mesh: str
+    formulation: Full | OnePoint
+    strain: str
+    load: str
+
+    def __str__(self) -> str:
+        return f"Fig. {self.figure}, {self.mesh}, {self.formulation.title}"
+
+    @property
+    def is_of_rates(self) -> bool:
+        """Whether the stabilisation is the paper's, which has no energy."""
+        return isinstance(self.formulation, OnePoint) and (
+            self.formulation.kind == "rate"
+        )
+
+    def ply(self) -> Ply:
+        """The ply, unloaded."""
+        return Ply(strip(self.mesh).mesh, Fabric(1e4), self.formulation)
+
+
+def strips() -> list[Strip]:
+    """The figures of the paper, the last three with both kinds of stabilisation."""
+    return [
+        Strip("3, 5", "aligned", Full(), "< 2e-6", "almost zero"),
+        Strip("4, 5", "irregular", Full(), "9.5e-3", "140 N"),
+        Strip("9", "horizontal", Full(), "1.66e-6", "-"),
+        Strip("10", "vertical", Full(), "locks", "-"),
+        *_stabilised("energy"),
+        *_stabilised("rate"),
+    ]
+
+
+def _stabilised(kind: Kind) -> list[Strip]:
+    return [
+        Strip(figure, "irregular", OnePoint(C_s, kind), strain, load)
+        for figure, C_s, strain, load in (
+            ("11c, 12", 10.0, "1.39e-3", "not negligible"),
+            ("11a, 12", 1.0, "5.39e-4", "nearly negligible"),
+            ("11b, 12", 0.01, "2.33e-5", "close to zero"),
+        )
+    ]
+
+
+@errors_only()
+def examined(case: Strip) -> Row:
+    """Run a strip as far as it goes.
+
+    Its row has its results beside those of the paper and, as ``drawn``, what pictures
+    need: the load curve as displacements at the top of the right edge and forces on
+    that edge, the last load factor and the last displacement.
+    """
+    scene, ply, outcome = strip(case.mesh), case.ply(), "stable"
+    result, refused = run(LoadStepper(ply, scene.conditions, _STEPS))
+    if refused:
+        t = result.states[-1].load_factor
+        outcome = f"no acceptable state beyond load factor {t:.3f}; figures at that"
+    summary = scene.summary(result)
+    corner = int(np.argmax(scene.mesh.p.sum(axis=0)))
+    return {
+        "figure": case.figure,
+        "mesh": case.mesh,
+        "element": case.formulation.title,
+        "outcome": outcome,
+        "strain, paper": case.strain,
+        "load, paper": case.load,
+        **{name: summary[key] for name, key in MEASURED.items()},
+        "drawn": {
+            "curve": (
+                [float(ply.nodal(state.u)[0, corner]) for state in result.states],
+                [float(scene.reaction(state)[0]) for state in result.states],
+            ),
+            "load_factor": result.states[-1].load_factor,
+            "u": result.u.tolist(),
+        },
+    }
+
+
+def table(rows: Sequence[Row]) -> str:
+    """The strips, with the entries of their rows as columns."""
+    shown = [{k: v for k, v in row.items() if k != "case"} for row in rows]
+    lines = [
+        [f"{x:.3g}" if isinstance(x, float) else x for x in row.values()]
+        for row in shown
+    ]
+    return markdown_table(shown[0], lines)
+
+
+def draw(rows: Sequence[tuple[Strip, Row]], folder: Path) -> None:
+    """Draw the strips whose stabilisation has an energy, each with what it draws."""
+    from skfem_textile import plot
+    from skfem_textile.plot.curves import curves
+
+    drawn = [(case, row) for case, row in rows if not case.is_of_rates]
+    panels = {
+        "Fig. 5": [
+            (case, row)
+            for case, row in drawn
+            if isinstance(case.formulation, Full)
+            and case.mesh in ("aligned", "irregular")
+        ],
+        "Fig. 12": [pair for pair in drawn if pair[0].mesh == "irregular"],
+        "Fig. 12, one point only": [
+            pair for pair in drawn if isinstance(pair[0].formulation, OnePoint)
+        ],
+    }
+    curves(
+        {
+            title: {
+                f"{case.formulation.title}, {case.mesh}": tuple(row["curve"])
+                for case, row in pairs
+            }
+            for title, pairs in panels.items()
+        },
+        "Displacement (mm)",
+        "Force (N)",
+        folder / "load_curves.png",
+    )
+    plot.contact_sheet(
+        *(_last_state(case, row) for case, row in drawn),
+        titles=[_caption(case, row) for case, row in drawn],
+        filename=folder / "contact_sheet.png",
+    )
+
+
+def _last_state(case: Strip, row: Row) -> Any:
+    """The part of the result that pictures need."""
+    u = np.array(row["u"])
+    state = SimpleNamespace(u=u, load_factor=row["load_factor"])
+    return SimpleNamespace(
+        ply=case.ply(), u=u, states=[state], tool=lambda load_factor: None
+    )
+
+
+def _caption(case: Strip, row: Row) -> str:
+    """The figure's number, and how far the case came if it stopped early."""
+    caption = f"Fig. {case.figure.partition(',')[0]}"
+    if row["load_factor"] < 1:
+        return f"{caption}, t = {row['load_factor']:.2f}"
+    if isinstance(case.formulation, OnePoint):
+        caption += f", Cs = {case.formulation.stabilisation:g}"
+    return caption
+
+
+class Paper(Study[Strip | str]):
     """The strips of the figures, and the two elements."""
 
-    files = (_STRIPS, "paper.md", _SYSTEMS, "systems.md")
+    parts = (
+        Part("paper.csv", {"paper.md": table}, cases=("Fig. *",)),
+        Part(
+            "systems.json",
+            {"systems.md": lambda rows: two_element.table(**_report(rows[0]))},
+            cases=(TWO_ELEMENTS,),
+        ),
+    )
     pictures = ("contact_sheet.png", "load_curves.png")
     sample = "Fig. 4, 5, irregular, 2×2 points"
     volatile = ("drawn",)
 
-    def cases(self, options: argparse.Namespace) -> list[strips.Strip | str]:
-        return [*strips.strips(), TWO_ELEMENTS]
+    def cases(self, options: argparse.Namespace) -> list[Strip | str]:
+        return [*strips(), TWO_ELEMENTS]
 
-    def name(self, case: strips.Strip | str) -> str:
-        return case if isinstance(case, str) else case.name
-
-    def examine(self, case: strips.Strip | str) -> list[Row]:
+    def examine(self, case: Strip | str) -> list[Row]:
         """A strip is one row; the two elements are one that has their equations."""
-        if isinstance(case, str):
-            return [printed.report()]
-        return [strips.examined(case)]
+        return [two_element.report() if isinstance(case, str) else examined(case)]
 
     def line(self, rows: list[Row]) -> str:
         (row,) = rows
         if "systems" in row:
-            return printed.table(row["systems"], row["slips"])
-        return (
-            f"Fig. {row['figure']}, {row['mesh']}, {row['element']}: {row['outcome']}"
-        )
+            return two_element.table(**_report(row))
+        return f"{row['case']}: {row['outcome']}"
 
     def tables(self, rows: list[Row]) -> dict[str, str]:
-        texts = {}
-        if run := _strips(rows):
-            shown = [{k: v for k, v in row.items() if k != "case"} for row in run]
-            lines = [
-                [f"{x:.3g}" if isinstance(x, float) else x for x in row.values()]
-                for row in shown
-            ]
-            texts[_STRIPS] = csv_table(run)
-            texts["paper.md"] = markdown_table(list(shown[0]), lines)
-        for row in rows:
-            if "systems" in row:
-                texts[_SYSTEMS] = json_text({key: row[key] for key in _REPORTED})
-                texts["systems.md"] = printed.table(row["systems"], row["slips"])
-        return texts
-
-    def stored(self, folder: Path) -> list[Row]:
-        """The strips of one file, whose other cells are text, and the two elements."""
-        rows: list[Row] = []
-        if (file := folder / _STRIPS).is_file():
-            lines = file.read_text(encoding="utf-8").splitlines()
-            rows += [
-                {k: float(v) if k in MEASURED else v for k, v in cells.items()}
-                for cells in csv.DictReader(lines)
-            ]
-        if (file := folder / _SYSTEMS).is_file():
-            report = json.loads(file.read_text(encoding="utf-8"))
-            rows.append({"case": TWO_ELEMENTS, **report})
-        if not rows:
-            raise FileNotFoundError(f"no results in {folder}")
-        return rows
+        """Files without what pictures need."""
+        kept = [{k: x for k, x in row.items() if k != "drawn"} for row in rows]
+        return super().tables(kept)
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
         """The largest difference that rates make at the largest C_s."""
-        by_element = {row["element"]: row for row in _strips(rows)}
+        by_element = {row["element"]: row for row in rows if "element" in row}
         energy, rate = (by_element[f"one point, Cs = 10{x}"] for x in ("", ", rate"))
         apart = max(abs(rate[key] / energy[key] - 1) for key in MEASURED)
         return {"rate_apart": f"{100 * apart:.1f} %"}
 
-    def written(self, cases: Sequence[strips.Strip | str]) -> list[str]:
+    def written(self, cases: Sequence[Strip | str]) -> list[str]:
         """Pictures show every strip, and a run of some leaves them as they are."""
-        whole = {x.name for x in strips.strips()} <= {self.name(x) for x in cases}
-        return [*self.files, *(self.pictures if whole else ())]
+        whole = {*map(str, strips())} <= {*map(str, cases)}
+        return [*super().written(cases), *(self.pictures if whole else ())]
 
     def draw(self, rows: list[Row], folder: Path) -> None:
-        from .figures import draw
-
         drawn = [row["drawn"] for row in rows if "drawn" in row]
-        draw(list(zip(strips.strips(), drawn, strict=True)), folder)
+        draw(list(zip(strips(), drawn, strict=True)), folder)
 
 
 STUDY = Paper()
 
 
-def _strips(rows: list[Row]) -> list[Row]:
-    """The rows of strips, without what pictures need."""
-    return [
-        {key: value for key, value in row.items() if key != "drawn"}
-        for row in rows
-        if "figure" in row
-    ]
+def _report(row: Row) -> dict[str, list[Row]]:
+    return {key: row[key] for key in ("systems", "slips")}

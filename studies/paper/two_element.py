@@ -3,16 +3,20 @@
 Two elements, A = 1-2-3-4 and above it B = 4-3-6-5, clamped at nodes 1 and 2, fibres
 along x and y.  That no fibre is stretched at a point is one linear equation in the
 nodal velocities.  The paper writes these equations at 2×2 points and at the centre, and
-asks which velocities they leave free.  Coefficients are printed as 4 ∂N/∂x.
+asks which velocities they leave free.  Coefficients are printed as 4 ∂N/∂x.  What the
+paper prints stands beside what is computed here.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 from skfem import Basis, ElementQuad1, MeshQuad
 
 from skfem_textile.mesh.bases import CENTRE, GAUSS
+
+from ..common.tables import Row, markdown_table
 
 # Nodes 1 to 6.  The first mesh is that of the paper's coefficients; of the others the
 # paper (Fig. 8) gives no coordinates: these are ours.
@@ -99,12 +103,9 @@ class PrintedSystem(NamedTuple):
         Rank of the coefficients.
     solution
         The two unknowns; None if the equations leave one of them free.
-    equations
-        The paper's numbers of the rows.
-    printed
-        The rows as the paper prints them; empty if it prints none.
-    conclusion
-        What the paper says about rank and solution.
+    equations, printed, conclusion
+        Of `Printed`: the paper's numbers of the rows, the rows as it prints them, and
+        what it says about rank and solution.
     """
 
     mesh: str
@@ -130,11 +131,8 @@ class PrintedSystem(NamedTuple):
     @property
     def difference(self) -> ndarray:
         """Printed rows minus the computed rows times this factor."""
-        return (
-            self.printed - self.factor * self.rows
-            if self.printed.size
-            else self.printed
-        )
+        known = self.printed.size
+        return self.printed - self.factor * self.rows if known else self.printed
 
 
 def systems() -> list[PrintedSystem]:
@@ -150,48 +148,32 @@ def systems() -> list[PrintedSystem]:
 
 def _both_elements(mesh: str, points: str, direction: str) -> list[PrintedSystem]:
     """Element A, and element B given what element A leaves free."""
-    case = mesh, points
     a, b = _coefficients(mesh, points)[:, "xy".index(direction)]
     velocity, ratio = {"x": ("u", "w"), "y": ("v", "z")}[direction]
+
+    def system(element: str, symbol: str, matrix: ndarray, right: ndarray) -> Any:
+        rank = int(np.linalg.matrix_rank(matrix, tol=1e-9))
+        key = mesh, points, element, direction
+        printed = PRINTED.get(key, _NOT_PRINTED)
+        one, two = (3, 4) if element == "A" else (5, 6)
+        return PrintedSystem(
+            *key,
+            (f"{symbol}{one}", f"{symbol}{two}"),
+            np.column_stack([matrix, right]),
+            rank,
+            np.linalg.lstsq(matrix, right)[0] if rank == 2 else None,
+            printed.equations,
+            np.array(printed.rows),
+            printed.conclusion,
+        )
+
     node3, node4, node5, node6 = 2, 3, 3, 2  # places in the elements' lists of nodes
-    below = _system(
-        *case, "A", direction, velocity, a[:, [node3, node4]], np.zeros(len(a))
-    )
-    if below.solution is not None:  # nodes 3 and 4 are held
-        right = np.zeros(len(b))
-    else:
+    below = system("A", velocity, a[:, [node3, node4]], np.zeros(len(a)))
+    right = np.zeros(len(b))
+    if below.solution is None:  # nodes 3 and 4 are not held
         velocity, of_node3, of_node4 = ratio, 1.0, -below.rows[0, 0] / below.rows[0, 1]
         right = -(b[:, 1] * of_node3 + b[:, 0] * of_node4)
-    above = _system(*case, "B", direction, velocity, b[:, [node5, node6]], right)
-    return [below, above]
-
-
-def _system(
-    mesh: str,
-    points: str,
-    element: str,
-    direction: str,
-    symbol: str,
-    matrix: ndarray,
-    right: ndarray,
-) -> PrintedSystem:
-    rank = int(np.linalg.matrix_rank(matrix, tol=1e-9))
-    solution = np.linalg.lstsq(matrix, right)[0] if rank == 2 else None
-    nodes = (3, 4) if element == "A" else (5, 6)
-    printed = PRINTED.get((mesh, points, element, direction), _NOT_PRINTED)
-    return PrintedSystem(
-        mesh,
-        points,
-        element,
-        direction,
-        (f"{symbol}{nodes[0]}", f"{symbol}{nodes[1]}"),
-        np.column_stack([matrix, right]),
-        rank,
-        solution,
-        printed.equations,
-        np.array(printed.rows),
-        printed.conclusion,
-    )
+    return [below, system("B", velocity, b[:, [node5, node6]], right)]
 
 
 def _coefficients(mesh: str, points: str) -> ndarray:
@@ -202,3 +184,156 @@ def _coefficients(mesh: str, points: str) -> ndarray:
     return 4 * np.array([basis.basis[i][0].grad for i in range(4)]).transpose(
         2, 1, 3, 0
     )
+
+
+class Slip(NamedTuple):
+    """Something that the paper prints and that does not follow from the rest of it."""
+
+    where: str
+    printed: str
+    correct: str
+    evidence: str
+
+
+def slips() -> list[Slip]:
+    """The paper's slips, each with numbers computed here that show it."""
+    by_name = {s[:4]: s for s in systems()}
+    vertical = by_name["unaligned", "2x2", "A", "y"]
+    last = by_name["unaligned", "one point", "B", "y"]
+    return [
+        Slip(
+            "§2.2",
+            "the shear angle reaches 60°",
+            "60/55 rad",
+            f"{np.degrees(60 / 55):.2f}°",
+        ),
+        Slip(
+            "§3.3",
+            "5.39e-4 is twenty times less than 9.5e-3",
+            "their ratio",
+            f"{9.5e-3 / 5.39e-4:.1f} times",
+        ),
+        Slip(
+            "Eq. (1)",
+            "N_i = (1 - ξ_i ξ)(1 - η_i η)/4",
+            "ξ_i and η_i of the opposite sign",
+            f"N_i at its node (ξ_i, η_i) = (1, 1) is {_eq1(1, 1, 1, 1):g}, "
+            f"at the opposite one {_eq1(1, 1, -1, -1):g}",
+        ),
+        Slip(
+            "Eqs. (5.1) to (5.4)",
+            "0.38225928 v3 + 1.42661107 v4 = 0, ...",
+            "4 ∂N/∂y",
+            f"printed are {vertical.factor:g} times these",
+        ),
+        Slip(
+            "§2.3.5, last equation, left",
+            "0.8 z5 + 0.8 z6",
+            "4 ∂N/∂y",
+            f"printed are {last.factor:g} times these",
+        ),
+        Slip(
+            "§2.3.5, last equation, right",
+            "1.6",
+            "0, with v4 = -v3 from Eq. (8)",
+            f"{last.rows[0, 2] + 0.0:g}",
+        ),
+        Slip(
+            "§2.3.2, g_1 of element B",
+            "x5 - x6",
+            "x6 - x5",
+            f"at the centre det(g_1, g_2) is {_jacobian_of_B(5, 6):g} as printed, "
+            f"{_jacobian_of_B(6, 5):g} as corrected; a quarter of its area of 2 is 0.5",
+        ),
+        Slip(
+            "§3.2, rate of M̃_s",
+            "f^T B_HGL^T [u v]",
+            "f^T B_HGL [u v]",
+            f"f has {_F.shape[0]} entries, B_HGL^T {_B_HGL.T.shape[0]} rows, "
+            f"B_HGL {_B_HGL.shape[0]}",
+        ),
+    ]
+
+
+_F, _B_HGL = np.empty(4), np.empty((4, 8))  # shapes as defined in §3.1 and §3.2
+
+
+def _eq1(xi_i: float, eta_i: float, xi: float, eta: float) -> float:
+    """Eq. (1) as printed."""
+    return 0.25 * (1 - xi_i * xi) * (1 - eta_i * eta)
+
+
+def _jacobian_of_B(first: int, second: int) -> float:
+    """det(g_1, g_2) at the centre of element B, with x_first - x_second in g_1."""
+    x = dict(enumerate(np.array(MESHES["unaligned"]), start=1))
+    g1 = 0.25 * ((x[3] - x[4]) + (x[first] - x[second]))
+    g2 = 0.25 * ((x[5] - x[4]) + (x[6] - x[3]))
+    return float(np.linalg.det(np.array([g1, g2])))
+
+
+def report() -> Row:
+    """Systems and slips as plain data, ready for JSON."""
+    return {
+        "systems": [
+            {
+                **system._asdict(),
+                "unknowns": list(system.unknowns),
+                "rows": system.rows.tolist(),
+                "solution": None
+                if system.solution is None
+                else system.solution.tolist(),
+                "equations": list(system.equations),
+                "printed": system.printed.tolist(),
+                "factor": None if np.isnan(system.factor) else system.factor,
+                "difference": system.difference.tolist(),
+            }
+            for system in systems()
+        ],
+        "slips": [slip._asdict() for slip in slips()],
+    }
+
+
+def table(systems: Sequence[Row], slips: Sequence[Row]) -> str:
+    """Equations that the paper prints, systems and slips as Markdown tables.
+
+    Parameters
+    ----------
+    systems, slips
+        As from `report`.
+    """
+    equations, solutions = [], []
+    for s in systems:
+        which = f"{s['mesh']}, {s['points']}, {s['element']} along {s['direction']}"
+        solutions.append([which, s["rank"], _solution(s), s["conclusion"]])
+        compared = zip(
+            s["equations"], s["rows"], s["printed"], s["difference"], strict=False
+        )
+        for number, row, printed, difference in compared:
+            off = f"{np.abs(difference).max():.1e}"
+            off += f", after a factor {s['factor']:g}" if s["factor"] != 1 else ""
+            line = _equation(s, printed), _equation(s, row), off
+            equations.append([which, number, *line])
+    tables: dict[tuple[str, ...], Any] = {
+        ("system", "paper", "printed", "computed", "difference"): equations,
+        ("system", "rank", "solution", "paper's conclusion"): solutions,
+        ("where", "printed", "correct", "computed"): [s.values() for s in slips],
+    }
+    return "\n".join(markdown_table(list(head), x) for head, x in tables.items())
+
+
+def _equation(system: Row, row: Sequence[float]) -> str:
+    a, b, right = (round(x, 8) + 0.0 for x in row)  # no minus zero
+    first, second = system["unknowns"]
+    sign = "+" if b >= 0 else "-"
+    left = f"{a:.10g} {first} {sign} {abs(b):.10g} {second}"
+    return f"{left} = {right:.10g}"
+
+
+def _solution(system: Row) -> str:
+    first, second = system["unknowns"]
+    if system["solution"] is None:
+        a, b, right = system["rows"][0]
+        constant = f"{right / b:.6g} + " if right else ""
+        return f"{second} = {constant}{-a / b:.6g} {first}"
+    x, y = (value + 0.0 for value in system["solution"])
+    return f"{first} = {x:.6g}, {second} = {y:.6g}"

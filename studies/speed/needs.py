@@ -1,4 +1,4 @@
-"""Only what a scene needs: what each feature costs when it is used, and when it is not.
+"""Only what a scene needs: what each feature costs when used and when not, and loads.
 
 Features are added to a ply one by one.  Each ply is built and solved in a new process
 (`one_ply`), and the modules that it loads are imported in another one.  Plies that
@@ -14,17 +14,12 @@ from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import median, quantiles
-from typing import Any
 
 import skfem_textile
 
-from ..common.tables import markdown_table
-from ..study import Row
-from .measuring import Settings, spread
+from ..common.tables import Row
 from .one_ply import FEATURES, SCENES, UNUSED
-
-TABLES = "needs.md", "unused.md"
-PICTURES = "needs.png", "needs.svg"
+from .solving import Settings, spread
 
 # Elements of a ply, a square of an even number.
 _ELEMENTS = 2500
@@ -45,8 +40,14 @@ COSTS = {
 # tenth from process to process.  Chosen: with these assembly takes as long as without.
 _MALLOC = {"MALLOC_MMAP_THRESHOLD_": "4000000", "MALLOC_TRIM_THRESHOLD_": "100000000"}
 
-# The name of the first line, a process that only imports scikit-fem.
-_ALONE = SCENES[0]
+#: The name of the first line, a process that only imports scikit-fem.
+ALONE = SCENES[0]
+
+#: Packages that take long to load.
+HEAVY = (
+    *("skfem", "scipy", "meshio", "pyvista", "vtkmodules", "matplotlib", "PIL"),
+    *("rich", "msgspec", "cvxopt", "pypardiso"),
+)
 
 # Imports modules by their names in the order given, leaving out those that only others
 # can make, and prints the seconds of processor time.
@@ -64,13 +65,13 @@ print(process_time() - start)
 """
 
 
-def measured(settings: Settings) -> Row:
+def needs(settings: Settings) -> Row:
     """Costs of all features, and of features that are zero."""
     elements = min(_ELEMENTS, settings.most)
     costs: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for _ in range(_ROUNDS):
-        for name in (_ALONE, *FEATURES):
-            results = run("scene" if name == _ALONE else "feature", name, elements)
+        for name in (ALONE, *FEATURES):
+            results = run("scene" if name == ALONE else "feature", name, elements)
             costs[name]["import"].append(_import(results["modules"]))
             for cost, value in _costs(results).items():
                 costs[name][cost].append(value)
@@ -150,54 +151,6 @@ def _output(words: Sequence[str], text: str = "") -> str:
     return child.stdout
 
 
-def tables(results: Row) -> dict[str, str]:
-    """Costs in all with each feature, and shares of features that are zero."""
-    lines = [
-        [name if name == _ALONE else f"+ {name}", *_in_all(costs)]
-        for name, costs in results["features"].items()
-    ]
-    units = {"assembly": "assembly of an iteration", "solution": "its solution"}
-    head = [f"{units.get(cost, cost)}, {unit}" for cost, unit in COSTS.items()]
-    unused = [
-        [
-            f"{name}: {UNUSED[name]}",
-            len(row["further_terms"]),
-            len(row["further_modules"]),
-            *(_share(share) for share in row["shares"].values()),
-        ]
-        for name, row in results["unused"].items()
-    ]
-    compared = "further terms", "further modules", *list(COSTS)[1:]
-    return {
-        "needs.md": markdown_table(["feature", *head], lines),
-        "unused.md": markdown_table(["declared as zero", *compared], unused),
-    }
-
-
-def figures(results: Row) -> dict[str, str]:
-    """What features add, and what they cost as zero."""
-    compared = next(iter(results["unused"].values()))["rounds"]
-    words = {
-        "needs_elements": str(results["elements"]),
-        "needs_rounds": str(results["rounds"]),
-        "unused_rounds": str(compared),
-    }
-    for name, costs in added(results).items():
-        for cost, (change, scatter) in costs.items():
-            text = two_digits(change, scatter)
-            words[f"{_key(name)}_adds_{cost}"] = f"{text} {COSTS[cost]}"
-    for name, row in results["unused"].items():
-        for cost, share in row["shares"].items():
-            words[f"{name}_unused_{cost}"] = _share(share)
-        words[f"{name}_unused_terms"] = str(len(row["further_terms"]))
-        words[f"{name}_unused_modules"] = str(len(row["further_modules"]))
-    imports = results["features"][FEATURES[0]]["import"]["median"]
-    alone = results["features"][_ALONE]["import"]["median"]
-    words["import"] = f"{imports:.2f} s"
-    words["import_scikit_fem"] = f"{alone:.2f} s"
-    return words
-
-
 def added(results: Row) -> dict[str, dict[str, tuple[float, float]]]:
     """What each feature adds to each cost, and the scatter of it.
 
@@ -216,54 +169,34 @@ def added(results: Row) -> dict[str, dict[str, tuple[float, float]]]:
     return adds
 
 
-def draw(results: Row, file: Path) -> None:
-    """Draw what each feature adds to each cost."""
-    from .figure import waterfall
-
-    adds = added(results)
-    panels = {
-        f"{cost.capitalize()}, {unit}": [
-            costs.get(cost, (0.0, 0.0)) for costs in adds.values()
-        ]
-        for cost, unit in COSTS.items()
+def modules(settings: Settings) -> Row:
+    """Modules of this library, and heavy packages, of each scene."""
+    package = Path(skfem_textile.__path__[0])
+    return {
+        "modules": len(list(package.rglob("*.py"))),
+        "scenes": {name: loaded(name) for name in SCENES},
     }
-    waterfall(panels, list(adds), file)
 
 
-def two_digits(change: float, scatter: float = 0.0) -> str:
-    """Text of a change with its sign; none within its scatter.
+def loaded(scene: str) -> Row:
+    """Number of modules of this library that a scene loads, and heavy packages."""
+    results = run("scene", scene, 0)
+    return {"own": len(own_modules(results)), "heavy": heavy_of(results["modules"])}
+
+
+def heavy_of(modules: Sequence[str]) -> list[str]:
+    """Packages among `HEAVY`, of SciPy the public packages in it.
 
     Examples
     --------
-    >>> two_digits(0.123), two_digits(-321.4), two_digits(0.1, scatter=0.2)
-    ('+0.12', '−321', '≈ 0')
+    >>> heavy_of(["numpy", "scipy.sparse.linalg", "scipy._lib", "skfem.mesh"])
+    ['scipy.sparse', 'skfem']
     """
-    if abs(change) < scatter:
-        return "≈ 0"
-    digits = f"{change:+.2g}" if abs(change) < 100 else f"{change:+.0f}"
-    return digits.replace("-", "−")
-
-
-def _key(name: str) -> str:
-    """A name as it stands in the names of results."""
-    return name.replace(" ", "_").replace("-", "_").lower()
-
-
-def _in_all(costs: dict[str, Any]) -> list[str]:
-    digits = {"import": 2, "memory": 0, "assembly": 1, "solution": 0, "once": 2}
-    return [
-        f"{costs[cost]['median']:.{digits[cost]}f}" if cost in costs else ""
-        for cost in COSTS
-    ]
-
-
-def _share(share: dict[str, float]) -> str:
-    """A share in per cent with its range: median, and quartiles."""
-    middle, low, high = (_signed(100 * share[x]) for x in ("median", "low", "high"))
-    return f"{middle} % ({low} to {high} %)"
-
-
-def _signed(share: float) -> str:
-    """One digit after the point, and the sign unless it is zero."""
-    rounded = round(share, 1)
-    return f"{rounded:+.1f}".replace("-", "−") if rounded else "0.0"
+    packages = set()
+    for module in modules:
+        first, *rest = module.split(".")
+        if first == "scipy" and rest and rest[0][0] != "_" and rest[0] != "version":
+            packages.add(f"scipy.{rest[0]}")
+        elif first in HEAVY and first != "scipy":
+            packages.add(first)
+    return sorted(packages)

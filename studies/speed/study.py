@@ -1,46 +1,418 @@
 """Benchmarks, each in a process of its own, on one thread.
 
-A benchmark is a module with `measured`, whose results go to a file of JSON, and
-`tables` of these results.  Each row of the study is a benchmark with its results.
+A benchmark is a function of the settings, whose results go to a file of JSON.  Each row
+of the study is a benchmark with its results.
 """
 
 import argparse
-import json
-from collections.abc import Sequence
-from importlib import import_module
-from pathlib import Path
-from types import ModuleType
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from ..common import machine_and_versions
-from ..common.tables import json_text
-from ..common.workers import in_new_process
-from ..study import Row, Study
-from . import needs, words
-from .measuring import Settings
+from ..common import provenance
+from ..common.figures import File, colour_of, panels_of
+from ..common.running import in_new_process
+from ..common.tables import having, markdown_table, minus, span, table
+from ..study import Part, Row, Study, Table
+from . import needs, solving
+from .needs import ALONE, COSTS, added
+from .one_ply import FEATURES, UNUSED
+from .solving import PARTS, Settings
 
-BENCHMARKS = (
-    *("needs", "modules", "iteration", "scaling", "iterative"),
-    *("whole_strip", "overhead"),
-)
+#: The benchmarks by name.
+BENCHMARKS: dict[str, Callable[[Settings], Row]] = {
+    "needs": needs.needs,
+    "modules": needs.modules,
+    "iteration": solving.iteration,
+    "scaling": solving.scaling,
+    "iterative": solving.iterative,
+    "whole_strip": solving.whole_strip,
+    "overhead": solving.overhead,
+    "by_turns": solving.by_turns,
+}
+
+_PICTURES = "needs.png", "needs.svg"
+
+# Digits after the point of costs.
+_DIGITS = {"import": 2, "memory": 0, "assembly": 1, "solution": 0, "once": 2}
+
+# Colour of changes within their scatter.
+_NONE = "#bbbbbb"
+
+# Gap between a bar and its number, and room that a number takes, as shares of the
+# scale.  Chosen by eye.
+_GAP, _ROOM = 0.03, 0.36
 
 
-class Benchmark(NamedTuple):
+def needs_table(results: Row) -> str:
+    """Costs in all with each feature."""
+    units = {"assembly": "assembly of an iteration", "solution": "its solution"}
+    lines = [
+        [
+            name if name == ALONE else f"+ {name}",
+            *(
+                f"{costs[cost]['median']:.{digits}f}" if cost in costs else ""
+                for cost, digits in _DIGITS.items()
+            ),
+        ]
+        for name, costs in results["features"].items()
+    ]
+    head = [f"{units.get(cost, cost)}, {unit}" for cost, unit in COSTS.items()]
+    return markdown_table(["feature", *head], lines)
+
+
+def unused_table(results: Row) -> str:
+    """Shares of features that are zero."""
+    lines = [
+        [
+            f"{name}: {UNUSED[name]}",
+            *(len(row["further_terms"]), len(row["further_modules"])),
+            *map(_share, row["shares"].values()),
+        ]
+        for name, row in results["unused"].items()
+    ]
+    head = ["declared as zero", "further terms", "further modules", *list(COSTS)[1:]]
+    return markdown_table(head, lines)
+
+
+def modules_table(results: Row) -> str:
+    """A line for each scene."""
+    lines = [
+        [name, f"{row['own']} of {results['modules']}", ", ".join(row["heavy"])]
+        for name, row in results["scenes"].items()
+    ]
+    return markdown_table(["scene", "modules of this library", "heavy packages"], lines)
+
+
+def iteration_table(results: Row) -> str:
+    """A line for each code."""
+    lines = []
+    for name, code in results["codes"].items():
+        parts = [f"{1e3 * part:.0f}" for part in code["parts"]]
+        if len(parts) == 2:
+            parts.append("in that")
+        whole = f"{1e3 * code['seconds']['median']:.0f}"
+        lines.append([name, *parts, whole, f"{code['stock_over_this']:.2f}"])
+    head = ["code", "assembly", "factorisation", "solution", "all, ms", "stock / this"]
+    return markdown_table(head, lines)
+
+
+def scaling_table(results: Row) -> str:
+    """A line for each size."""
+    lines = [
+        [row["elements"], *(f"{row[n]:.3g}" for n in PARTS), f"{row['peak_GiB']:.2f}"]
+        for row in results["sizes"]
+    ]
+    exponents = [f"{results['exponents'][name]:.2f}" for name in PARTS]
+    lines.append(["exponent from 10⁴ on", *exponents, ""])
+    head = ["elements", *(f"{name}, s" for name in PARTS), "peak, GiB"]
+    return markdown_table(head, lines)
+
+
+def step_table(results: Row) -> str:
+    """The load step on the largest mesh."""
+    return table(
+        [results["step"]],
+        {
+            "elements": "{elements}",
+            "seconds of a step to 62.5°": "{seconds:.0f}",
+            "linear solves": "{linear_solves}",
+            "peak, GiB": "{peak_GiB:.2f}",
+        },
+    )
+
+
+def iterative_table(results: Row) -> str:
+    """A line for each mesh and stiffness."""
+    if "missing" in results:
+        return f"{results['missing']}\n"
+    return table(
+        results["sizes"],
+        {
+            "E/G": "{E_over_G:g}",
+            "elements": "{elements}",
+            "iterations": "{iterations}",
+            "iterative / direct": "{iterative_over_direct:.1f}",
+        },
+    )
+
+
+def whole_strip_table(results: Row) -> str:
+    """Both, and their ratio."""
+    own, stock = results["own"], results["stock"]
+    steps = f"scikit-fem, {stock['steps']} steps of plain Newton"
+    lines = [
+        ["skfem_textile, one step", f"{own['median']:.2f}", own["linear_solves"]],
+        [steps, f"{stock['seconds']:.0f}", stock["linear_solves"]],
+        ["ratio", f"{results['stock_over_own']:.0f}", ""],
+    ]
+    return markdown_table(["", "seconds", "linear solves"], lines)
+
+
+def overhead_table(results: Row) -> str:
+    """A line for each mesh."""
+    shares = "assembly", "factorisation_and_solution", "rest", "every_corner_once"
+    return table(
+        results["sizes"],
+        {
+            "elements": "{elements}",
+            "linear solves": "{linear_solves}",
+            "s each": "{seconds_of_a_solve:.3f}",
+            **{name.replace("_", " "): f"{{{name}:.2%}}" for name in shares},
+        },
+    )
+
+
+def by_turns_table(results: Row) -> str:
+    """A line for each formulation."""
+    rows = [
+        {"name": k, **x} for k, x in results.items() if k not in ("case", "machine")
+    ]
+    return table(
+        rows,
+        {
+            "linear solve with its assembly": "{name}",
+            "before, s": "{before:.4f}",
+            "after, s": "{after:.4f}",
+            "ratio": "{ratio:.3f}",
+        },
+    )
+
+
+def _share(share: Mapping[str, float]) -> str:
+    """A share in per cent with its range: median, and quartiles."""
+    middle, low, high = (_signed(100 * share[x]) for x in ("median", "low", "high"))
+    return f"{middle} % ({low} to {high} %)"
+
+
+def _signed(share: float) -> str:
+    """One digit after the point, and the sign unless it is zero."""
+    rounded = round(share, 1)
+    return minus(f"{rounded:+.1f}") if rounded else "0.0"
+
+
+def two_digits(change: float, scatter: float = 0.0) -> str:
+    """Text of a change with its sign; none within its scatter.
+
+    Examples
+    --------
+    >>> two_digits(0.123), two_digits(-321.4), two_digits(0.1, scatter=0.2)
+    ('+0.12', '−321', '≈ 0')
+    """
+    if abs(change) < scatter:
+        return "≈ 0"
+    return minus(f"{change:+.2g}" if abs(change) < 100 else f"{change:+.0f}")
+
+
+def _count(number: int) -> str:
+    """A whole number with thin gaps, as in the pages.
+
+    Examples
+    --------
+    >>> _count(60000)
+    '60 000'
+    """
+    return f"{number:,}".replace(",", " ")
+
+
+def _needs_in_words(results: Row) -> dict[str, str]:
+    """What features add, and what they cost as zero."""
+    features, unused = results["features"], results["unused"]
+    words = {
+        "needs_elements": str(results["elements"]),
+        "needs_rounds": str(results["rounds"]),
+        "unused_rounds": str(next(iter(unused.values()))["rounds"]),
+        "import": f"{features[FEATURES[0]]['import']['median']:.2f} s",
+        "import_scikit_fem": f"{features[ALONE]['import']['median']:.2f} s",
+    }
+    for name, costs in added(results).items():
+        key = name.replace(" ", "_").replace("-", "_").lower()
+        for cost, (change, scatter) in costs.items():
+            words[f"{key}_adds_{cost}"] = f"{two_digits(change, scatter)} {COSTS[cost]}"
+    for name, row in unused.items():
+        words[f"{name}_unused_terms"] = str(len(row["further_terms"]))
+        words[f"{name}_unused_modules"] = str(len(row["further_modules"]))
+        for cost, share in row["shares"].items():
+            words[f"{name}_unused_{cost}"] = _share(share)
+    return words
+
+
+def _modules_in_words(results: Row) -> dict[str, str]:
+    """Modules of this library that each scene loads."""
+    return {
+        f"{name.replace(' ', '_')}_modules": f"{row['own']} of {results['modules']}"
+        for name, row in results["scenes"].items()
+        if row["own"]
+    }
+
+
+def _iteration_in_words(results: Row) -> dict[str, str]:
+    """Assembly over factorisation, and times of other codes over this library's."""
+    name = "assembly over factorisation"
+    shares = [x for key, x in results["ratios"].items() if key.startswith(name)]
+    words = {"iteration_elements": _count(results["elements"])}
+    if shares:
+        words["assembly_over_factorisation"] = span(shares, ".2f")
+    for key, ratio in results["ratios"].items():
+        other, over, _ = key.partition(" over skfem_textile")
+        if over:
+            words[f"{other.split()[0].lower()}_over_this"] = f"{ratio:.1f}"
+    return words
+
+
+def _whole_strip_in_words(results: Row) -> dict[str, str]:
+    """Linear solves and the ratio of the times."""
+    return {
+        "strip_elements": _count(results["elements"]),
+        "strip_ratio": f"{results['stock_over_own']:.0f}",
+        "strip_solves": str(results["own"]["linear_solves"]),
+        "strip_stock_solves": str(results["stock"]["linear_solves"]),
+        "strip_stock_steps": str(results["stock"]["steps"]),
+    }
+
+
+def _scaling_in_words(results: Row) -> dict[str, str]:
+    """The largest mesh: its time in an iteration, its memory, and a load step on it."""
+    last = results["sizes"][-1]
+    return {
+        "largest_unknowns": _count(last["unknowns"]),
+        "largest_iteration": f"{last['iteration']:.1f} s",
+        "largest_peak": f"{last['peak_GiB']:.1f} GiB",
+        "largest_step": f"{results['step']['seconds']:.0f} s",
+        "exponents": span(results["exponents"].values(), ".2f"),
+    }
+
+
+def _iterative_in_words(results: Row) -> dict[str, str]:
+    """Conjugate gradients over the direct solver with stiff fibres, and iterations."""
+    every = results["sizes"]
+    stiff = max((row["E_over_G"] for row in every), default=0.0)
+    ratios = [row["iterative_over_direct"] for row in having(every, E_over_G=stiff)]
+    soft = [row["iterations"] for row in every if row["E_over_G"] != stiff]
+    if not (ratios and soft):
+        return {}
+    return {"iterative_ratios": span(ratios, ".0f"), "soft_iterations": span(soft, "")}
+
+
+_WORDS: dict[str, Callable[[Row], dict[str, str]]] = {
+    "needs": _needs_in_words,
+    "modules": _modules_in_words,
+    "iteration": _iteration_in_words,
+    "whole_strip": _whole_strip_in_words,
+    "scaling": _scaling_in_words,
+    "iterative": _iterative_in_words,
+}
+
+
+def draw_needs(rows: Sequence[Row], file: File = None) -> Any:
+    """Draw what each feature adds to each cost."""
+    adds = added(rows[0])
+    costs = {
+        f"{cost.capitalize()}, {unit}": [x.get(cost, (0.0, 0.0)) for x in adds.values()]
+        for cost, unit in COSTS.items()
+    }
+    return draw_waterfall(costs, list(adds), file)
+
+
+def draw_waterfall(
+    costs: Mapping[str, Sequence[tuple[float, float]]],
+    names: Sequence[str],
+    file: File = None,
+) -> Any:
+    """A panel for each cost; each bar leads from the cost without a feature to with it.
+
+    Parameters
+    ----------
+    costs
+        By the title of the panel, what each feature adds and the scatter of it.  A
+        change within its scatter is grey.
+    names
+        The features, from the top.
+    file
+        Where to write a picture.
+    """
+    with panels_of((6.3, 2.9), file, 8, [*costs], sharey=True) as (figure, grid):
+        for axes, (title, changes) in zip(grid[0], costs.items(), strict=True):
+            axes.set_title(title, fontsize=8)
+            _draw_panel(axes, changes)
+        grid[0, 0].set_yticks(range(len(names)), names)
+        grid[0, 0].invert_yaxis()
+    return figure
+
+
+def _draw_panel(axes: Any, changes: Sequence[tuple[float, float]]) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    totals = [sum(change for change, _ in changes[:i]) for i in range(len(changes) + 1)]
+    scale = max(totals)
+    for row, (change, scatter) in enumerate(changes):
+        if not change:
+            continue
+        before, after = totals[row], totals[row + 1]
+        none = row > 0 and abs(change) < scatter
+        colour = _NONE if none else colour_of(0 if change > 0 else 1)
+        axes.barh(row, change, left=before, color=colour)
+        if row + 1 < len(changes):
+            axes.plot([after] * 2, [row - 0.4, row + 1.4], color="grey", linewidth=0.5)
+        low, high = sorted((before / scale, after / scale))
+        place, ha, more = (low + high) / 2, "center", {"color": "white"}
+        if 1 - high >= _ROOM:  # behind the bar, before it, or in it, where room is
+            place, ha, more = high + _GAP, "left", {}
+        elif low >= _ROOM:
+            place, ha, more = low - _GAP, "right", {}
+        text = two_digits(change, scatter if row else 0.0)
+        axes.text(place * scale, row, text, ha=ha, va="center", fontsize=7, **more)
+    axes.set_xlim(0, 1.05 * scale)
+    axes.xaxis.set_major_locator(MaxNLocator(2))
+    axes.tick_params(axis="y", length=0)
+
+
+@dataclass(frozen=True)
+class Benchmark:
     """A benchmark with its settings."""
 
     name: str
     settings: Settings
 
-    @property
-    def module(self) -> ModuleType:
-        """The module with the functions of the benchmark."""
-        return import_module(f"studies.speed.{self.name}")
+    def __str__(self) -> str:
+        return self.name
+
+    def rows(self) -> list[Row]:
+        """The results of the benchmark and its machine, as a row."""
+        results = in_new_process(BENCHMARKS[self.name], self.settings)
+        return [{"case": self.name, "machine": provenance.machine(), **results}]
+
+
+def _of_row(function: Callable[[Row], str]) -> Table:
+    """A table of the only row of a benchmark."""
+    return lambda rows: function(rows[0])
+
+
+#: Functions of the tables of each benchmark by the names of the files.
+TABLES: dict[str, dict[str, Callable[[Row], str]]] = {
+    "needs": {"needs.md": needs_table, "unused.md": unused_table},
+    "modules": {"modules.md": modules_table},
+    "iteration": {"iteration.md": iteration_table},
+    "scaling": {"scaling.md": scaling_table, "step.md": step_table},
+    "iterative": {"iterative.md": iterative_table},
+    "whole_strip": {"whole_strip.md": whole_strip_table},
+    "overhead": {"overhead.md": overhead_table},
+    "by_turns": {"by_turns.md": by_turns_table},
+}
 
 
 class Speed(Study[Benchmark]):
     """Every benchmark."""
 
-    pictures = needs.PICTURES
+    parts = tuple(
+        Part(
+            f"{name}.json",
+            {file: _of_row(function) for file, function in tables.items()},
+            dict.fromkeys(_PICTURES, draw_needs) if name == "needs" else {},
+            cases=(name,),
+        )
+        for name, tables in TABLES.items()
+    )
     timed = True
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
@@ -54,64 +426,25 @@ class Speed(Study[Benchmark]):
         add("--after", default="", metavar="DIR", help="another: compared by turns")
 
     def cases(self, options: argparse.Namespace) -> list[Benchmark]:
-        given = {name: getattr(options, name) for name in Settings._fields}
-        compared = ("by_turns",) if options.before and options.after else ()
-        return [Benchmark(name, Settings(**given)) for name in BENCHMARKS + compared]
-
-    def name(self, case: Benchmark) -> str:
-        return case.name
-
-    def examine(self, case: Benchmark) -> list[Row]:
-        """The results of a benchmark and its machine, as a row."""
-        results = in_new_process(case.module.measured, case.settings)
-        machine = machine_and_versions.described()
-        return [{"benchmark": case.name, "machine": machine, "results": results}]
+        settings = Settings(*(getattr(options, name) for name in Settings._fields))
+        compared = options.before and options.after
+        names = [name for name in BENCHMARKS if name != "by_turns" or compared]
+        return [Benchmark(name, settings) for name in names]
 
     def line(self, rows: list[Row]) -> str:
         (row,) = rows
-        return "\n".join([f"{row['benchmark']}:", *_tables(row).values()])
-
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        texts = {}
-        for row in rows:
-            content = {"machine": row["machine"], **row["results"]}
-            texts[f"{row['benchmark']}.json"] = json_text(content)
-            texts |= _tables(row)
-        return texts
-
-    def stored(self, folder: Path) -> list[Row]:
-        files = (folder / f"{name}.json" for name in BENCHMARKS)
-        every = {f.stem: json.loads(f.read_text("utf-8")) for f in files if f.is_file()}
-        if not every:
-            raise FileNotFoundError(f"{folder} has no results of benchmarks")
-        return [
-            {"benchmark": name, "machine": content.pop("machine"), "results": content}
-            for name, content in every.items()
-        ]
+        texts = self.tables(rows).items()
+        return "\n".join(
+            [f"{row['case']}:", *(x for name, x in texts if ".md" in name)]
+        )
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        machines = (machine_and_versions.sentence(row["machine"]) for row in rows)
-        results = {row["benchmark"]: row["results"] for row in rows}
-        return {"machines": " ".join(dict.fromkeys(machines)), **words.of(results)}
-
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        results = {row["benchmark"]: row["results"] for row in rows}
-        for name in self.pictures:
-            needs.draw(results["needs"], folder / name)
-
-    def written(self, cases: Sequence[Benchmark]) -> list[str]:
-        """Results, tables and pictures of these benchmarks."""
-        names = [f"{case.name}.json" for case in cases]
-        for case in cases:
-            names += case.module.TABLES
-            names += self.pictures if case.name == "needs" else ()
-        return names
+        machines = (provenance.sentence(row["machine"]) for row in rows)
+        words = {"machines": " ".join(dict.fromkeys(machines))}
+        for row in rows:
+            if row["case"] in _WORDS:
+                words |= _WORDS[row["case"]](row)
+        return words
 
 
 STUDY = Speed()
-
-
-def _tables(row: Row) -> dict[str, str]:
-    module = Benchmark(row["benchmark"], Settings()).module
-    texts: dict[str, str] = module.tables(row["results"])
-    return texts

@@ -1,28 +1,163 @@
-"""Stiff and extreme problems of the stability study."""
+"""Stiff and extreme problems of the stability study, their laws and their scenes."""
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
+from skfem import Mesh, MeshQuad
 
-from skfem_textile.fabric import BiaxialLaw, Fabric, Law
+from skfem_textile.fabric import (
+    Asymmetric,
+    BiaxialLaw,
+    CrimpInterchange,
+    CrimpToe,
+    Fabric,
+    Law,
+    Linear,
+    Locking,
+    Polynomial,
+    Pretensioned,
+    Sin2,
+    Tabulated,
+    TensionOnly,
+)
+from skfem_textile.mesh.checks import with_edges
+from skfem_textile.mesh.splitting import split
 from skfem_textile.ply import Ply
 from skfem_textile.ply.formulations import Full, Macro, OnePoint, Quadratic
 from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension, picture_frame, strip, trellis
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.scenes.strip import HEIGHT, WIDTH
+from skfem_textile.scenes.trellis import sheared
+from skfem_textile.solve.conditions import Condition
 
-from .laws import SHEARS, TENSIONS
-from .scenes import (
-    SIZE,
-    frame_with_flat_angles,
-    net_of,
-    on_split_mesh,
-    placed_strip,
-    strip_with_flat_angles,
-)
+# Strain within which crimped fibres straighten, and pretension as a share of E.
+_TOE, _PRETENSION = 0.004, 1e-3
+
+# Points of a table of tension: strains, and tensions over the stiffness at its end.
+_STRAINS = -0.1, -0.05, 0.0, 0.002, 0.005, 0.01, 0.03
+_TENSIONS = -1e-4, -5e-5, 0.0, 1e-4, 1e-3, 5e-3, 2.5e-2
+
+# Points of a table of shear: degrees, and moments in N/mm, a hundredfold from 30 to 55.
+_DEGREES = 0, 10, 20, 30, 40, 50, 55, 65
+_MOMENTS = 0.0, 0.02, 0.04, 0.1, 0.6, 4.0, 10.0, 30.0
+
+
+def _crimp_toe(initial_stiffness: float) -> Callable[[float], Law]:
+    return lambda E: CrimpToe(E, _TOE, initial_stiffness)
+
+
+#: Laws of tension by their names, each a function of the stiffness E in N/mm.
+TENSIONS: Mapping[str, Callable[[float], Law | BiaxialLaw]] = {
+    "crimp toe, k = 1": _crimp_toe(1.0),
+    "crimp toe, k = 10": _crimp_toe(10.0),
+    "crimp toe, k = 1000": _crimp_toe(1000.0),
+    "tension only": lambda E: TensionOnly(Linear(E)),
+    "asymmetric": lambda E: Asymmetric(Linear(E), Linear(1e-3 * E)),
+    "pretensioned": lambda E: Pretensioned(TensionOnly(Linear(E)), _PRETENSION * E),
+    "interchange": lambda E: CrimpInterchange(E, (0.01, 0.003), 1e-4 * E, 1e-3, 1.0),
+    "table": lambda E: Tabulated(_STRAINS, E * np.array(_TENSIONS)),
+    "polynomial": lambda E: Polynomial((0.01 * E, 0.0, 3e3 * E)),
+}
+
+#: Laws of shear by their names.
+SHEARS: Mapping[str, Law] = {
+    "locking": Locking(0.5, np.radians(65)),
+    "shear table": Tabulated(np.radians(_DEGREES), _MOMENTS, odd=True),
+    "sin²": Sin2(0.5),
+    "shear polynomial": Polynomial((0.2, -0.4, 0.9), odd=True),
+}
+
+#: Elements along the sides of a square, unless something else is said.
+SIZE = (8, 8)
+
+
+def on_split_mesh(make: Callable[..., Scene], **options: Any) -> Scene:
+    """A scene on the mesh of the same scene, split."""
+    return make(**options | {"mesh": split(make(**options).mesh)})
+
+
+def net_of(
+    warp: float = 0,
+    crossing: float = 90,
+    shear: float = 0,
+    bend: float = 0,
+    size: tuple[int, int] = SIZE,
+    mesh: str | Mesh = "irregular",
+) -> Scene:
+    """A trellis, of angles in degrees."""
+    warp, weft = np.radians([warp, warp + crossing])
+    turns = sheared(*np.radians([shear, bend]))
+    return trellis(mesh, size, warp=warp, weft=weft, turns=turns)
+
+
+def placed_strip(scale: float, shift: float, **options: Any) -> Scene:
+    """The strip, larger and moved along x and y."""
+    scene = on_split_mesh(strip, **options) if options else strip()
+
+    def unplaced(X: ndarray) -> ndarray:
+        return (X - shift) / scale
+
+    def moved(condition: Condition) -> Condition:
+        def value(X: ndarray, t: float) -> ndarray:
+            values = scale * condition.values("", unplaced(X), t)
+            return values if condition.direction is None else values[0]
+
+        return Condition(condition.where, value, condition.direction)
+
+    return replace(
+        scene,
+        mesh=scene.mesh.scaled(scale).translated((shift, shift)),
+        conditions={
+            name: moved(c)
+            for name, c in scene.conditions.items()
+            if isinstance(c, Condition)
+        },
+        displacement=lambda X, t: scale * scene.displacement(unplaced(X), t),
+        shear_angle=lambda X, t: scene.shear_angle(unplaced(X), t),
+    )
+
+
+def strip_with_flat_angles(mesh: Mesh | None = None) -> Scene:
+    """The strip on elements with angles of 179°, or on parts of such elements."""
+    return strip(mesh or _with_flat_angles(WIDTH, HEIGHT, (10, 16)))
+
+
+def frame_with_flat_angles() -> Scene:
+    """The picture frame on elements with angles of 179°."""
+    return picture_frame(_with_flat_angles(100.0, 100.0, SIZE))
+
+
+def _with_flat_angles(width: float, height: float, size: tuple[int, int]) -> MeshQuad:
+    """Move every other node until it opens an element to an angle of 179°.
+
+    In an element with sides a, b the corner at (a, b) comes to c·(a, b), where the
+    edges to (a, 0) and (0, b) make that angle.
+    """
+    mesh = rectangle(width, height, size, "aligned")
+    a, b = width / size[0], height / size[1]
+    node = np.arange(mesh.p.shape[1]).reshape(size[1] + 1, size[0] + 1)
+    moved = node[1:-1:2, 1:-1:2].ravel()
+    points = mesh.p.copy()
+    points[:, moved] -= (1 - _opened(a, b)) * np.array([[a], [b]])
+    return with_edges(MeshQuad(points, mesh.t))
+
+
+def _opened(a: float, b: float) -> float:
+    """Share c of the diagonal at which the angle is 179°, by bisection."""
+    low, high = 0.5, 1.0
+    for _ in range(60):
+        c = 0.5 * (low + high)
+        p, q = np.array([a - c * a, -c * b]), np.array([-c * a, b - c * b])
+        cosine = p @ q / (np.linalg.norm(p) * np.linalg.norm(q))
+        low, high = (low, c) if np.degrees(np.arccos(cosine)) < 179 else (c, high)
+    return c
+
 
 # What lines of reports call the formulations.
 _ELEMENTS = {
@@ -79,6 +214,9 @@ class Extreme:
     def name(self) -> str:
         """Value, formulation and seed."""
         return self.kind + ("" if self.seed is None else f", seed {self.seed}")
+
+    def __str__(self) -> str:
+        return f"{self.family}, {self.name}"
 
     def ply(self, scene: Scene) -> Ply:
         """The ply of the scene."""

@@ -17,22 +17,36 @@ is a stable, unfolded equilibrium.
 """
 
 import argparse
-from collections.abc import Mapping
-from pathlib import Path
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
-from skfem_textile.solve.result import StepError
 from skfem_textile.solve.stepper import LoadStepper
 
-from ..common.log import errors_only
-from ..common.tables import csv_table
-from ..study import Row, Study
-from .outcomes import End, outcome
+from ..common.figures import File, figure_of
+from ..common.running import errors_only, run
+from ..common.tables import grouped, having, markdown_table, percent, span
+from ..study import Part, Row, Study
 from .problems import Extreme, extremes
 from .soundness import is_sound
-from .tables import in_words, markdown
+
+RIGHT, OTHER = "right", "on another equilibrium, and reported"
+REFUSED, MISSED = "refused", "refused though solvable"
+WRONG = "wrong"
+
+#: The outcomes, in the order of reports, with their names among the results in words.
+OUTCOMES = {
+    RIGHT: "right",
+    OTHER: "other",
+    REFUSED: "refused",
+    MISSED: "missed",
+    WRONG: "wrong",
+}
 
 STEPS = (1, 2, 5, 20, 100)
 _REFERENCE = 400
@@ -53,69 +67,119 @@ _FIGURES = (
     *("linear_solves", "factorisations"),
 )
 
+# Energies and reactions that differ by a smaller share belong to one state.
+_SAME = 0.01
 
-class Stability(Study[Extreme]):
-    """Every problem in few and in many steps, each run with its outcome."""
 
-    files = ("stability.csv", "stability.md")
-    pictures = ("outcomes.png", "outcomes.svg")
-    sample = "folding, trellis, G = 0, one point, seed 2"
+# Colours of the outcomes: dark to light where a run is sound, warm where it fails.
+_COLOURS = "#0072B2", "#9CCBE8", "#F0C04A", "#CC79A7", "#D55E00"
 
-    def cases(self, options: argparse.Namespace) -> list[Extreme]:
-        return extremes()
+# Points a letter; width and height of a bar in inches.  A page prints 6.3 inches.
+_FONT, _WIDTH, _BAR = 9, 6.3, 0.24
 
-    def name(self, case: Extreme) -> str:
-        return f"{case.family}, {case.name}"
 
-    def line(self, rows: list[Row]) -> str:
-        outcomes = " ".join(f"{row['steps']}:{row['outcome']}" for row in rows)
-        return f"{rows[0]['family']}, {rows[0]['problem']:40} {outcomes}"
+@dataclass(frozen=True, eq=False)
+class End:
+    """How a run ended.
 
-    @errors_only()
-    def examine(self, case: Extreme) -> list[Row]:
-        """The runs of one problem in `STEPS`, each with its outcome."""
-        runs = {steps: _run(case, steps) for steps in (*STEPS, _REFERENCE)}
-        reference, _ = runs[_REFERENCE]
-        solved_by = _solved_by(case, runs)
-        rows = []
-        for steps in STEPS:
-            end, figures = runs[steps]
-            both = end.converged and reference.converged
-            head = {
-                "family": case.family,
-                "problem": case.name,
-                "kind": case.kind,
-                "seed": case.seed,
-                "steps": steps,
-                "outcome": outcome(end, reference, bool(solved_by)),
-                "solvable": bool(solved_by),
-                "solved_by": solved_by,
-                "reference_sound": reference.sound,
-                "agrees": end.agrees(reference),
-                "path_resolved": end.path_resolved,
-                "energy_off": end.energy_off(reference) if both else None,
-                "reactions_off": end.reactions_off(reference) if both else None,
-            }
-            rows.append(head | figures)
-        return rows
+    Attributes
+    ----------
+    converged
+        Whether the run applied the whole load.
+    sound
+        Whether it ended on a stable, unfolded equilibrium under the whole load, and on
+        the exact motion where the mesh can represent it.
+    path_resolved
+        Whether the run says that more steps lead to the same equilibrium.
+    energy, reactions
+        Energy in N·mm, and all components of all reactions in N.
+    no_energy, no_force
+        Energy and force that are round-off.
+    """
 
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        return {
-            "stability.csv": csv_table(rows),
-            "stability.md": markdown(rows, STEPS),
+    converged: bool
+    sound: bool
+    path_resolved: bool
+    energy: float
+    reactions: ndarray
+    no_energy: float
+    no_force: float
+
+    def energy_off(self, other: "End") -> float:
+        """Difference of the energies, as a share of the larger."""
+        return _off([self.energy], [other.energy], other.no_energy)
+
+    def reactions_off(self, other: "End") -> float:
+        """Largest difference of a reaction's component, as a share of the largest."""
+        return _off(self.reactions, other.reactions, other.no_force)
+
+    def agrees(self, reference: "End") -> bool:
+        """Whether both runs ended on the same sound state."""
+        return (
+            self.sound
+            and reference.sound
+            and self.energy_off(reference) <= _SAME
+            and self.reactions_off(reference) <= _SAME
+        )
+
+
+def outcome(end: End, reference: End, solvable: bool) -> str:
+    """How a case ended, one of `OUTCOMES`.
+
+    Parameters
+    ----------
+    end
+        End of the run.
+    reference
+        End of the run with the most steps.
+    solvable
+        Whether any run of the same problem ended soundly.
+    """
+    if not end.converged:
+        return MISSED if solvable else REFUSED
+    if not end.sound:
+        return WRONG
+    if end.agrees(reference):
+        return RIGHT
+    return WRONG if end.path_resolved else OTHER
+
+
+def _off(ours: Any, theirs: Any, nothing: float) -> float:
+    """Largest difference as a share of the largest magnitude; 0 within ``nothing``."""
+    ours, theirs = np.asarray(ours), np.asarray(theirs)
+    difference = float(np.abs(ours - theirs).max())
+    if difference <= nothing:
+        return 0.0
+    return difference / float(np.abs([ours, theirs]).max())
+
+
+@errors_only()
+def examined(problem: Extreme) -> list[Row]:
+    """The runs of one problem in `STEPS`, each with its outcome."""
+    runs = {steps: _run(problem, steps) for steps in (*STEPS, _REFERENCE)}
+    reference, _ = runs[_REFERENCE]
+    solved_by = _solved_by(problem, runs)
+    rows = []
+    for steps in STEPS:
+        end, figures = runs[steps]
+        both = end.converged and reference.converged
+        head = {
+            "family": problem.family,
+            "problem": problem.name,
+            "kind": problem.kind,
+            "seed": problem.seed,
+            "steps": steps,
+            "outcome": outcome(end, reference, bool(solved_by)),
+            "solvable": bool(solved_by),
+            "solved_by": solved_by,
+            "reference_sound": reference.sound,
+            "agrees": end.agrees(reference),
+            "path_resolved": end.path_resolved,
+            "energy_off": end.energy_off(reference) if both else None,
+            "reactions_off": end.reactions_off(reference) if both else None,
         }
-
-    def figures(self, rows: list[Row]) -> dict[str, str]:
-        return in_words(rows)
-
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        from .figure import draw_outcomes
-
-        for name in self.pictures:
-            draw_outcomes(rows, folder / name)
-
-
-STUDY = Stability()
+        rows.append(head | figures)
+    return rows
 
 
 def _solved_by(problem: Extreme, runs: Mapping[int, tuple[End, Row]]) -> str:
@@ -135,11 +199,8 @@ def _run(problem: Extreme, steps: int, method: str = "newton") -> tuple[End, Row
     scene = problem.scene()
     ply = problem.ply(scene)
     stepper = LoadStepper(ply, scene.conditions, steps, method=method)
-    message, start = "", perf_counter()
-    try:
-        result = stepper.run()
-    except StepError as error:
-        result, message = error.result, str(error)
+    start = perf_counter()
+    result, message = run(stepper)
     seconds = perf_counter() - start
     summed_up = scene.summary(result)
     size = float(np.ptp(scene.mesh.p, axis=1).max())
@@ -161,3 +222,145 @@ def _run(problem: Extreme, steps: int, method: str = "newton") -> tuple[End, Row
     )
     figures = {key: summed_up[key] for key in _FIGURES}
     return end, figures | {"seconds": seconds, "message": message}
+
+
+def counts(rows: list[Row]) -> str:
+    """A line for each family."""
+    groups: dict[str, list[Row]] = {}
+    for row in rows:
+        # Problems that differ only in the seed have a line of their own.
+        kind = "" if row["seed"] is None else f": {row['kind']}"
+        groups.setdefault(row["family"] + kind, []).append(row)
+    lines = []
+    for family, group in (groups | {"all": rows}).items():
+        n = Counter(row["outcome"] for row in group)
+        right = having(group, outcome=RIGHT)
+        unresolved = sum(not row["path_resolved"] for row in right)
+        solves = [_median_solves(group, steps) for steps in (1, 20)]
+        numbers = [len(group), *(n[kind] for kind in OUTCOMES), unresolved]
+        lines.append([family, *numbers, *solves])
+    head = ["family", "cases", "right", "on another equilibrium, reported", "refused"]
+    head += ["refused though solvable", "wrong", "right, path not resolved"]
+    return markdown_table([*head, "solves, 1 step", "20 steps"], lines)
+
+
+def failures(rows: list[Row]) -> str:
+    """A line for each problem that was refused or wrong."""
+    failed = [row for row in rows if row["outcome"] in (REFUSED, MISSED, WRONG)]
+    lines = []
+    for key, group in grouped(failed, "family", "kind", "outcome").items():
+        family, kind, outcome = key
+        seeds = dict.fromkeys(row["seed"] for row in group if row["seed"] is not None)
+        of_seeds = f", seeds {', '.join(map(str, seeds))}" if seeds else ""
+        run_in = {row["steps"] for row in group}
+        *_, message = group[-1]["message"].partition("; try")[0].split(": ", 2)
+        lines.append(
+            [
+                f"{family}, {kind}{of_seeds}",
+                outcome,
+                ", ".join(str(n) for n in STEPS if n in run_in),
+                span((row["load_factor"] for row in group), ".3f"),
+                message or "-",
+            ]
+        )
+    head = ["problem", "outcome", "in steps", "up to load factor", "because"]
+    return markdown_table(head, lines)
+
+
+def _median_solves(rows: Iterable[Row], steps: int) -> str:
+    solves = [
+        row["linear_solves"]
+        for row in rows
+        if row["steps"] == steps and row["outcome"] in (RIGHT, OTHER)
+    ]
+    return f"{np.median(solves):g}" if solves else "-"
+
+
+def in_words(rows: list[Row]) -> dict[str, str]:
+    """Counts of the outcomes, and how far off the right and the other ones are."""
+    by = {name: having(rows, outcome=kind) for kind, name in OUTCOMES.items()}
+    resolved = [row for row in by["right"] if row["path_resolved"]]
+    own = [row for row in by["right"] if row["corners_energy"]]
+    problems = grouped(rows, "family", "problem")
+    laws = [key for key in problems if key[0].startswith("laws")]
+    others = [row for row in by["other"] if row["family"].startswith("laws")]
+    several = grouped(others, "family", "problem")
+    corners = (row["corners_energy"] / row["energy"] for row in own)
+    return {
+        **{name: str(len(group)) for name, group in by.items()},
+        "cases": str(len(rows)),
+        "problems": str(len(problems)),
+        "solvable": str(sum(row["solvable"] for row in rows)),
+        "other_off": _largest(map(_difference, by["other"])),
+        "other_in_laws": str(len(others)),
+        "right_resolved": str(len(resolved)),
+        "right_resolved_off": _largest(map(_difference, resolved)),
+        "right_unresolved": str(len(by["right"]) - len(resolved)),
+        "law_problems_with_several": f"{len(several)} of {len(laws)}",
+        "refused_problems": str(len({row["problem"] for row in by["refused"]})),
+        "corners": str(len(own)),
+        "corners_share": _largest(corners),
+        "right_min_det_F": f"{min(row['min_det_F'] for row in by['right']):.2g}",
+        "solves_1_step": _median_solves(rows, 1),
+        "solves_20_steps": _median_solves(rows, 20),
+    }
+
+
+def _difference(row: Row) -> float:
+    return max(row["energy_off"] or 0.0, row["reactions_off"] or 0.0)
+
+
+def _largest(shares: Iterable[float]) -> str:
+    """The largest share, in per cent with two digits."""
+    return percent(float(f"{max(shares, default=0.0):.2g}"), "g")
+
+
+def draw_outcomes(rows: Sequence[Row], file: File = None) -> Any:
+    """A bar for each family of problems, as long as its runs are many."""
+    families = {
+        family: Counter(row["outcome"] for row in own)
+        for family, own in grouped(rows, "family").items()
+    }
+    whole = sum(families.values(), Counter[str]())
+    with figure_of((_WIDTH, _BAR * (len(families) + 5)), file, _FONT) as figure:
+        axes = figure.add_subplot()
+        for y, counts in enumerate(families.values()):
+            start = 0
+            for kind, colour in zip(OUTCOMES, _COLOURS, strict=True):
+                axes.barh(y, counts[kind], left=start, color=colour, height=0.75)
+                start += counts[kind]
+        axes.set_yticks(range(len(families)), list(families))
+        axes.invert_yaxis()
+        axes.set_xlabel("Runs")
+        axes.spines["left"].set_visible(False)
+        axes.tick_params(axis="y", length=0)
+        for kind, colour in zip(OUTCOMES, _COLOURS, strict=True):
+            axes.barh(0, 0, color=colour, label=f"{kind}: {whole[kind]}")
+        figure.legend(loc="outside lower center", ncols=2, frameon=False)
+    return figure
+
+
+class Stability(Study[Extreme]):
+    """Every problem in few and in many steps, each run with its outcome."""
+
+    parts = (
+        Part(
+            "stability.csv",
+            {"stability.md": lambda rows: f"{counts(rows)}\n{failures(rows)}"},
+            {"outcomes.png": draw_outcomes, "outcomes.svg": draw_outcomes},
+        ),
+    )
+    shown = "{steps}:{outcome}"
+    sample = "folding, trellis, G = 0, one point, seed 2"
+
+    def cases(self, options: argparse.Namespace) -> list[Extreme]:
+        return extremes()
+
+    def examine(self, case: Extreme) -> list[Row]:
+        return examined(case)
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        return in_words(rows)
+
+
+STUDY = Stability()

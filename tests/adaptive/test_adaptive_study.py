@@ -5,14 +5,17 @@ import pytest
 
 from skfem_textile import Linear, refine
 from skfem_textile.mesh.bases import node_dofs
-from studies.adaptive.cases import Case, all_cases
-from studies.adaptive.study import STUDY, Adaptive, _band, _position
-from studies.adaptive.tables import (
+from studies.adaptive.study import (
     MESHES,
+    STUDY,
+    Case,
+    all_cases,
+    band_at_kinks,
     estimates,
     factor,
     in_words,
     kinks,
+    position,
     tolerances,
 )
 from studies.angles.cases import G
@@ -33,7 +36,7 @@ def test_every_case_of_a_load_has_a_reference():
 def test_a_band_at_the_exact_kinks_has_the_smallest_elements_and_few_others():
     case = Case("kinks", 45.0, 40.0, 1e6, "delaunay", 4)
     scene = case.scene()
-    coarse, band = case.ply(scene), _band(case.ply(scene), scene, 6000)
+    coarse, band = case.ply(scene), band_at_kinks(case.ply(scene), scene, 6000)
     assert 3000 < band.basis.N <= 6000
     mesh = band.users_mesh
     area = band.on_users_elements(band.basis.dx.sum(axis=1))
@@ -52,7 +55,7 @@ def test_position_errors_over_nodes_and_area_are_those_of_a_shift():
     u = ply.basis.zeros()
     shift = np.array([[0.3], [0.4]])
     u[node_dofs(ply.basis)] = scene.displacement(ply.nodes, 1.0) + shift
-    found = _position(scene, ply, u)
+    found = position(scene, ply, u)
     assert found["position_error"] == pytest.approx(0.5)
     assert found["over_area"] == pytest.approx(0.5)
 
@@ -62,7 +65,7 @@ def test_a_case_has_an_error_and_an_estimate():
     assert abs(row["error"]) < 0.1
     assert 0.4 * row["carried"] <= row["estimate"] < 0.1
     assert row["cost"] > 0
-    assert "estimate" in Adaptive().line([row])
+    assert "estimate" in STUDY.line([row])
 
 
 def row(task, error, estimate, **more):

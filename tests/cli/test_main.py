@@ -31,18 +31,6 @@ def test_an_unknown_scene_is_refused(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "command",
-    [
-        ("study", "stability", "--out", "o"),
-        ("run", "two_element", "--out", "o"),
-        ("run", "strip", "--no-render", "--paper", "--out", "o"),
-    ],
-)
-def test_studies_are_said_to_be_elsewhere(capsys, command):
-    assert "run `python -m studies NAME --out DIR`" in refused(capsys, *command)
-
-
-@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("--set", "formulation.cs_N_per_mm=-1"), "stabilisation must be"),

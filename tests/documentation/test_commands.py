@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from studies.commands import documented, running
-from studies.commands.documented import DOCUMENTED, IMPORTS, Documented
-from studies.commands.stretched import STRETCHED
+from studies.commands import documented
+from studies.commands.documented import DOCUMENTED, IMPORTS, STRETCHED, Documented
 from studies.commands.study import STUDY
 
 ROOT = Path(__file__).parents[2]
@@ -112,7 +111,7 @@ def test_lines_that_no_longer_have_the_numbers_are_an_error():
         "force:, 1": 10.1,
         "force:, 2": -0.07,
     }
-    with pytest.raises(ValueError, match="'force:' is not followed by a number"):
+    with pytest.raises(ValueError, match="no number follows 'force:'"):
         read(ROOT, "force: None")
 
 
@@ -123,5 +122,5 @@ def test_commands_find_the_files_that_their_page_offers():
         seen.extend(printed.split())
         return {}
 
-    running.results_of(Documented("docs/tutorial/index.md", "ls", read))
+    Documented("docs/tutorial/index.md", "ls", read).results()
     assert {"coupon.msh", "shear.csv", "whole.py", "examples"} <= set(seen)

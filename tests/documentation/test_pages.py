@@ -11,7 +11,7 @@ import skfem_textile
 from skfem_textile import Fabric, Force, LoadStepper, Ply, Polynomial, io, write_law
 from skfem_textile.cli import results
 from skfem_textile.cli.curve import CURVE
-from skfem_textile.cli.main import parser
+from skfem_textile.cli.parser import command_parser
 from skfem_textile.io.results import cell_fields, point_fields
 from skfem_textile.scenes import bias_extension
 
@@ -120,7 +120,7 @@ def test_the_command_line_knows_every_option_on_the_pages(tmp_path, monkeypatch)
     shown = dict(commands())
     assert len(shown) > 30
     for words in shown.values():
-        assert parser(words).parse_args(words).command == words[0]
+        assert command_parser(words).parse_args(words).command == words[0]
 
 
 @pytest.fixture(scope="module")

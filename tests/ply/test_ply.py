@@ -12,7 +12,7 @@ from skfem_textile import (
     Ply,
     Quadratic,
 )
-from skfem_textile.ply.formulations import common
+from skfem_textile.ply import formulations
 from tests.helpers import derivative, distorted, wobble
 
 
@@ -36,7 +36,7 @@ def test_no_hourglass_basis_without_stabilisation(formulation, monkeypatch):
     def refuse(*args, **kwargs):
         raise AssertionError("an hourglass basis was built")
 
-    monkeypatch.setattr(common, "HourglassBasis", refuse)
+    monkeypatch.setattr(formulations, "HourglassBasis", refuse)
     Ply(distorted(0), Fabric(), formulation)
 
 

@@ -202,10 +202,10 @@ def test_a_path_is_saved_and_taken_up_again():
 
 
 def test_the_summary_and_one_line_tell_of_a_path_that_forks(tmp_path, caplog):
-    line = "run strip --size 6x9 --set mesh.seed=0 --steps 1 --no-render "
-    options = line + "--formulation one-point --set formulation.cs_N_per_mm=0.1 --out"
+    one_point = "--formulation one-point --set formulation.cs_N_per_mm=0.1"
+    options = f"run strip --size 6x9 {one_point} mesh.seed=0 --steps 1 --no-render"
     with caplog.at_level(logging.WARNING, logger="skfem_textile"):
-        assert cli.main([*options.split(), str(tmp_path)]) == 0
+        assert cli.main([*options.split(), "--out", str(tmp_path)]) == 0
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["path_resolved"] is False
     told = [r.getMessage() for r in caplog.records if "path" in r.getMessage()]

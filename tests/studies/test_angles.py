@@ -1,6 +1,4 @@
-import csv
 import json
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -11,25 +9,24 @@ from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.solve.newton import PlainNewton
 from skfem_textile.solve.stepper import LoadStepper
 from studies.__main__ import main
-from studies.angles import cases, references, runs, tables
+from studies.angles import cases, study
 from studies.angles.cases import (
     ANGLES,
     CHOOSING,
     JUDGING,
     SPECIMENS,
     Judged,
-    Reference,
     Specimen,
 )
 from studies.angles.study import STUDY
 from studies.common import provenance
-from tests.helpers import cells, drawn_here
+from tests.helpers import cells
 
 AT_30, AT_60 = (Specimen(theta, "linear", 2e5) for theta in (30.0, 60.0))
-STORED = references.stored()
+STORED = cases.stored()
 
 
-PUBLISHED = Path(references.FILE).parent
+PUBLISHED = Path(cases.FILE).parent
 
 
 def judged_rows(specimen, angle, ratios, elements="quads", across=16):
@@ -40,7 +37,7 @@ def judged_rows(specimen, angle, ratios, elements="quads", across=16):
 def test_every_stored_reference_is_there_and_has_converged():
     assert set(STORED) == {(ply, angle) for ply in SPECIMENS for angle in ANGLES}
     assert len(STORED) == 120
-    assert [row for row in STORED.values() if not references.agree(row)] == []
+    assert [row for row in STORED.values() if not cases.agree(row)] == []
 
 
 def test_stiff_fibres_lose_what_the_scene_says_at_most():
@@ -69,9 +66,9 @@ def test_the_estimate_of_what_is_lost_holds_within_two_fifths():
     "ply", [Specimen(52.5, "linear", 2e5), Specimen(37.5, "sin²", 2e6)]
 )
 def test_a_stored_reference_can_be_computed_again(ply, formulation, difference):
-    scene = ply.scene(Reference(ply).mesh(16))
-    result = runs.stepper(scene, ply, formulation).run()
-    for angle, load in runs.loads_over_inextensible(scene, ply, result).items():
+    scene = ply.along_fibres(16)
+    result = ply.stepper(scene, formulation).run()
+    for angle, load in ply.loads(scene, result).items():
         row = STORED[ply, angle]
         stored = {
             "apart": row["load"] * (1 + row["apart"]),
@@ -82,9 +79,9 @@ def test_a_stored_reference_can_be_computed_again(ply, formulation, difference):
 
 @pytest.mark.parametrize("ply", [AT_30, AT_60])
 def test_no_cell_of_a_graded_mesh_lies_across_a_fibre_from_a_corner(ply):
-    mesh = Reference(ply).mesh(8)
-    assert ply.scene(mesh).misfit == ""
-    scene = ply.scene(mesh)
+    scene = ply.along_fibres(8)
+    mesh = scene.mesh
+    assert scene.misfit == ""
     A = np.array([scene.warp, scene.weft]).T
     side = WIDTH / (2 * np.cos(np.radians(ply.inclination)))
     along = np.linalg.solve(A, mesh.p)[:, mesh.t] / side
@@ -95,11 +92,10 @@ def test_no_cell_of_a_graded_mesh_lies_across_a_fibre_from_a_corner(ply):
     assert widest > 50 * narrowest
 
 
-def test_no_two_cases_have_one_name_and_none_judges_what_it_has_chosen():
+def test_none_judges_what_it_has_chosen():
     judging, choosing = (list(cases.judged(*part)) for part in (JUDGING, CHOOSING))
     assert len(judging) == 5 * 2 * 3 * 2 * 2 * 5
     assert len(choosing) == 3 * 2 * 3 * 2 * 2 * 3
-    assert len({STUDY.name(case) for case in judging + choosing}) == 600 + 216
     assert {case.seed for case in judging}.isdisjoint(case.seed for case in choosing)
 
 
@@ -129,7 +125,7 @@ def test_the_load_is_nan_from_where_a_run_stops(monkeypatch):
     def balks(*given):
         return LoadStepper(*given, method=PlainNewton(most=2), max_halvings=0)
 
-    monkeypatch.setattr(runs, "LoadStepper", balks)
+    monkeypatch.setattr(cases, "LoadStepper", balks)
     found = STUDY.examine(Judged(AT_30, "quads", 8, 1))
     assert [row["shear_angle"] for row in found] == list(ANGLES)
     assert all(np.isnan(row["load_over_reference"]) for row in found)
@@ -145,27 +141,15 @@ def test_medians_of_loads_that_are_known_are_judged():
     rows = judged_rows(AT_30, 10, [1.01, 1.03, 0.95])
     rows += judged_rows(AT_30, 40, [1.05, np.nan, 1.041])
     rows += judged_rows(AT_60, 40, [0.93, 0.925, 0.5], "triangles", 32)
-    summary = tables.summary(rows)
+    summary = study.summary(rows)
     assert cells(summary, "30°")[:4] == [
         *("+4.55 %", "1 of 2 within 4 %"),
         *("-", "0 of 0 within 2 %"),
     ]
     assert cells(summary, "60°")[-2:] == ["-7.50 %", "0 of 1 within 4 %"]
-    words = tables.in_words([STORED[AT_30, 40] | {"ratio": 2e6}, *rows])
+    words = study.in_words([STORED[AT_30, 40] | {"ratio": 2e6}], rows)
     assert (words["met"], words["single"]) == ("1 of 3", "50.0 %")
     assert (words["quads_16"], words["triangles_32"]) == ("4.5 %", "7.5 %")
-
-
-def test_stored_results_give_the_same_tables_and_words_of_both_parts():
-    rows = STUDY.stored(PUBLISHED)
-    texts = STUDY.tables(rows)
-    assert set(texts) == {*STUDY.files}
-    for name in set(texts) - {"angles.csv"}:
-        assert texts[name] == (PUBLISHED / name).read_text(encoding="utf-8")
-    words = STUDY.figures(rows)
-    assert words["limit_16"] == f"{100 * cases.LIMITS[16]:g} %"
-    most = max(1 - row["load"] for row in STORED.values())
-    assert words["lost_most"] == f"{100 * most:.0f} %"
 
 
 def test_references_that_do_not_agree_are_told():
@@ -173,31 +157,15 @@ def test_references_that_do_not_agree_are_told():
     bad = good | {"apart": -0.0051}
     assert STUDY.complaint([good]) == ""
     assert "1 load(s) are not converged, first: 30°" in STUDY.complaint([good, bad])
-    assert cells(tables.agreements([good]), *AT_30.names)[-3] == "yes"
-    assert cells(tables.agreements([bad]), *AT_30.names)[-3] == "no"
-
-
-def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
-    some = [Judged(AT_30, *mesh) for mesh in product(cases.MESHES, [8], [1, 2])]
-    monkeypatch.setattr("studies.angles.study.judged", lambda *_: iter(some))
-    monkeypatch.setattr(tables, "_MESHES", (("quads", 8), ("triangles", 8)))
-    monkeypatch.setitem(cases.LIMITS, 8, 0.15)
-    words = ["angles", "--out", str(tmp_path)]
-    assert main([*words, "--case", "*quads*"]) == 0
-    with open(tmp_path / "angles.csv") as file:
-        assert len(list(csv.DictReader(file))) == 2 * len(ANGLES)
-    names = {path.name for path in tmp_path.iterdir()}
-    written = {"angles.csv", "summary.md", provenance.FILE, *drawn_here(STUDY)}
-    assert names == written
-    assert "4 of 4 within 15 %" in cells((tmp_path / "summary.md").read_text(), "30°")
-    assert "30°, linear, E/G = 2e5, quads, 8 across, seed 1" in capsys.readouterr().out
+    assert cells(study.agreements([good]), *AT_30.names)[-3] == "yes"
+    assert cells(study.agreements([bad]), *AT_30.names)[-3] == "no"
 
 
 def test_references_are_written_beside_what_is_judged(tmp_path, monkeypatch):
     coarse = [(formulation, n // 8) for formulation, n in cases.REFERENCES]
-    monkeypatch.setattr(references, "REFERENCES", coarse)
+    monkeypatch.setattr(cases, "REFERENCES", coarse)
     (tmp_path / "angles.csv").touch()
-    words = ["angles", "--part", "references", "--case", AT_30.name]
+    words = ["angles", "--part", "references", "--case", str(AT_30)]
     assert main([*words, "--out", str(tmp_path)]) == 0
     stored = json.loads((tmp_path / "references.json").read_text())
     assert [row["shear_angle"] for row in stored] == list(ANGLES)

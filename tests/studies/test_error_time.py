@@ -1,6 +1,4 @@
 import argparse
-import csv
-import json
 
 import numpy as np
 import pytest
@@ -14,20 +12,27 @@ from skfem_textile import (
     Ply,
     Quadratic,
 )
-from studies.__main__ import main
+from studies.common.rivals.codes import Native, Plain
 from studies.common.rivals.newton import STEPS, NotConvergedError, Run
-from studies.common.rivals.plain import Plain
 from studies.common.rivals.rival import QUAD4, TRIANGLE6
-from studies.common.rivals.with_native import Native
 from studies.common.tables import csv_table, rows_of_csv
-from studies.error_time import fronts, reference, study, tables, timed_codes
-from studies.error_time.errors import shape_errors, unfolded
+from studies.error_time import cases, fronts, study
+from studies.error_time.cases import (
+    CELLS,
+    CODES,
+    FORMULATIONS,
+    PROBLEMS,
+    OtherCode,
+    Reference,
+    Refined,
+    ThisLibrary,
+    Timed,
+    shape_errors,
+    unfolded,
+)
 from studies.error_time.fronts import CRITERIA, SETS
-from studies.error_time.reference import CELLS, FORMULATIONS, Reference
-from studies.error_time.study import CODES, PROBLEMS, STUDY, Timed
-from studies.error_time.timed_codes import OtherCode, Refined, ThisLibrary
+from studies.error_time.study import STUDY
 from studies.formulations.cases import AUTO, BIAS, SEEDS, Case
-from tests.helpers import drawn_here
 
 OURS = ThisLibrary.code
 NO_OPTIONS = argparse.Namespace()
@@ -35,7 +40,7 @@ LOADS = {"Quadratic()": (44.0, 42.0, 41.0, 40.5), "Full()": (47.0, 43.0, 41.0, 4
 
 
 def of_reference():
-    head = {"scene": "bias_extension", "code": reference.CODE, "inextensible": 50.0}
+    head = {"scene": "bias_extension", "code": cases.CODE, "inextensible": 50.0}
     return [
         head | {"element": element, "across": cells, "load": load}
         for element, loads in LOADS.items()
@@ -117,13 +122,13 @@ def test_a_mesh_on_which_most_seeds_fail_refutes_the_coarser_ones():
 
 
 def test_a_search_that_was_given_up_ends_the_refinement_and_refutes_nothing():
-    note = f"no unfolded state in up to 5 equal steps, {timed_codes.GIVEN_UP} after 9 s"
+    note = f"no unfolded state in up to 5 equal steps, {cases.GIVEN_UP} after 9 s"
     rows = [*ROWS[:-5], *runs("FElupe", "P2", 16, 9.0, same(None), note=note)]
     assert fronts.fastest(front(rows)["FElupe"], 0.1).across == 8
 
 
 def test_the_ratio_of_times_is_that_of_solves_times_that_of_time_per_solve():
-    note = f"{timed_codes.GIVEN_UP}"
+    note = f"{cases.GIVEN_UP}"
     rows = [*ROWS[:-5], *runs("FElupe", "P2", 16, 9.0, same(None), note=note)]
     pair = fronts.compared(front(rows), 0.1)
     assert (pair.own.element, pair.other.code) == ("P2", "FElupe")
@@ -141,10 +146,10 @@ def test_another_code_that_is_faster_is_named_with_a_ratio_below_one():
     assert pair.ratio == 0.25
     for solvers in SETS:  # it has but one solver
         assert "DOLFINx" in front(faster, solvers)
-    table = tables.ratios([*ROWS[:-5], *faster])
+    table = study.ratios([*ROWS[:-5], *faster])
     assert "DOLFINx, P2, 8 across" in table
     assert "| 0.25 | 1 | 0.25 |" in table
-    words = tables.in_words([*ROWS[:-5], *faster])
+    words = study.in_words([*ROWS[:-5], *faster])
     assert words["angle_0.1_fastest_ratio"] == "0.25"
     assert words["angle_0.1_fastest_other_code"] == "DOLFINx"
     assert words["angle_0.1_scipy_ours"] == "none"
@@ -164,17 +169,17 @@ def test_the_load_of_the_bias_extension_is_judged_by_the_converged_one():
     rows = [*of_reference(), *runs(OURS, "P2", 8, 1.0, same(1.0), load=41.0)]
     for row in rows[-5:]:
         row["scene"] = "bias_extension"
-    end = reference.converged(rows)
+    end = cases.converged(rows)
     # 40.5 − 0.5, and Full's 40 − 1, extrapolated by their ratio of changes, 2.
     assert end.load == pytest.approx((40.0 + 39.0) / 2)
     assert end.uncertainty == 1.0  # of both the difference and the last change
     (series,) = fronts.methods(rows, CRITERIA["load"]).values()
     assert series[0].error.median == pytest.approx(41.0 / 39.5 - 1)
-    words = tables.in_words(rows)
+    words = study.in_words(rows)
     assert words["reference"] == "39.50 N"
     assert words["reference_share"] == "79.00 %"
     assert "| `Full()` | 47.0000 | 43.0000 | 41.0000 | 40.0000 | 39.0000 |" in (
-        tables.reference(rows)
+        study.reference(rows)
     )
 
 
@@ -182,16 +187,16 @@ def test_without_the_whole_reference_no_load_of_the_bias_extension_is_judged():
     rows = [*of_reference()[1:], *runs(OURS, "P2", 8, 1.0, same(1.0), load=41.0)]
     for row in rows[-5:]:
         row["scene"] = "bias_extension"
-    assert reference.converged(rows) is None
+    assert cases.converged(rows) is None
     assert fronts.methods(rows, CRITERIA["load"])[OURS, "P2", "fastest"] == []
-    assert "reference" not in tables.in_words(rows)
+    assert "reference" not in study.in_words(rows)
 
 
 def test_a_coarse_mesh_of_the_reference_is_near_the_load_of_the_stored_ones():
-    found = Reference("Quadratic()", 4).computed()
+    found = Reference("Quadratic()", 4).rows()[0]
     assert found["load"] / found["inextensible"] == pytest.approx(0.99, abs=0.01)
-    assert {one.name for one in STUDY.cases(NO_OPTIONS)} >= {
-        Reference(element, cells).name for element in FORMULATIONS for cells in CELLS
+    assert {str(one) for one in STUDY.cases(NO_OPTIONS)} >= {
+        str(Reference(element, cells)) for element in FORMULATIONS for cells in CELLS
     }
 
 
@@ -206,26 +211,26 @@ def test_codes_with_the_same_element_are_compared_on_the_finest_mesh_of_all_sets
     assert pair.by_set["SciPy"].other.across == 8
     assert pair.by_set["fastest"].ratio == 4.0
     assert "| strip | P2 | FElupe | 8 | 10 : 5 | 2 | 2 | 4 | 4 |" in (
-        tables.same_mesh(rows)
+        study.same_mesh(rows)
     )
-    words = tables.in_words(rows)
+    words = study.in_words(rows)
     assert words["same_strip_scipy_felupe_p2"] == "4"
     assert words["same_strip_scipy_ratio"] == "4 to 4"
 
 
 def test_an_element_that_does_not_reach_an_error_says_how_far_it_is():
     assert "| **skfem_textile** | Q4 | not reached: 0.2° at 16 across |" in (
-        tables.elements(THERE)
+        study.elements(THERE)
     )
-    assert "| **skfem_textile** | P2 | 2 s, 8 across |" in tables.elements(THERE)
-    assert tables.in_words(THERE)["angle_p2"] == "2 s, 8 across"
+    assert "| **skfem_textile** | P2 | 2 s, 8 across |" in study.elements(THERE)
+    assert study.in_words(THERE)["angle_p2"] == "2 s, 8 across"
 
 
 def test_failed_runs_and_missing_codes_are_listed():
     gone = {"scene": "strip", "code": "third", "element": "P2", "solver": "SciPy"}
     gone |= {"seed": 1, "across": 0, "note": "skipped"}
-    long = gone | {"across": 8, "note": f"{timed_codes.GIVEN_UP} after 9 s"}
-    lines = tables.failed([*ROWS, gone, long]).splitlines()[2:]
+    long = gone | {"across": 8, "note": f"{cases.GIVEN_UP} after 9 s"}
+    lines = study.failed([*ROWS, gone, long]).splitlines()[2:]
     assert lines == [
         "| strip | FElupe | P2 | fastest | failed | 16 | 5 |",
         "| strip | third | P2 | SciPy | skipped | - | 1 |",
@@ -233,23 +238,13 @@ def test_failed_runs_and_missing_codes_are_listed():
     ]
 
 
-def test_figures_and_tables_are_of_stored_rows(tmp_path):
-    rows = [*of_reference(), *ROWS]
-    stored = rows_of_csv(csv_table(rows))
-    assert tables.tables(stored) == tables.tables(
-        rows_of_csv(STUDY.tables(stored)["error_time.csv"])
-    )
-    assert STUDY.figures(stored) == tables.in_words(rows)
-    assert set(STUDY.tables(stored)) == set(STUDY.files)
-
-
-def test_the_fronts_have_a_line_for_each_code_with_its_name_at_the_end(tmp_path):
-    figures = pytest.importorskip("studies.error_time.figure")
+def test_the_fronts_have_a_line_for_each_code_with_its_name_at_the_end():
+    pytest.importorskip("matplotlib")
     loads = runs(OURS, "P2", 8, 1.0, same(1.0), load=39.6)
     for row in loads:
         row["scene"] = "bias_extension"
     rows = [*of_reference(), *ROWS, *loads]
-    angle, load = figures.drawn_fronts(rows).axes
+    angle, load = study.draw_fronts(rows).axes
     assert [text.get_text() for text in angle.texts] == ["this library"]
     drawn = angle.lines[0].get_xydata()
     points = front(ROWS)[OURS]
@@ -260,13 +255,11 @@ def test_the_fronts_have_a_line_for_each_code_with_its_name_at_the_end(tmp_path)
     np.testing.assert_allclose(load.lines[0].get_xydata(), [[1.0, edge]])
     assert load.lines[2].get_markerfacecolor() == "white"
     assert len(load.lines[2].get_xydata()) == 1
-    STUDY.draw(rows, tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == set(STUDY.pictures)
 
 
 def test_text_of_figures_is_at_least_seven_points_at_the_width_of_a_page():
-    figures = pytest.importorskip("studies.error_time.figure")
-    for figure in (figures.drawn_fronts(ROWS), figures.drawn_ratios(ROWS)):
+    pytest.importorskip("matplotlib")
+    for figure in (study.draw_fronts(ROWS), study.draw_ratios(ROWS)):
         printed = 160 / 25.4 / figure.get_size_inches()[0]
         figure.canvas.draw()
         for axes in figure.axes:
@@ -295,7 +288,7 @@ def test_the_codes_take_turns_on_each_seed():
     seeds = [case.seed for case in timed]
     assert seeds == sorted(seeds)
     assert set(seeds) == set(SEEDS)
-    names = [case.name for case in timed]
+    names = [str(case) for case in timed]
     assert len(set(names)) == len(names)
 
 
@@ -306,7 +299,7 @@ def test_the_bias_extension_is_pulled_to_40_degrees_at_a_ratio_of_200000():
     middle = scene.mesh.p.mean(axis=1, keepdims=True)
     assert np.degrees(scene.shear_angle(middle, 1.0)) == pytest.approx(40)
     assert BIAS[1].last == 4  # the other study's own
-    converged = reference.SPECIMEN
+    converged = cases.SPECIMEN
     assert converged.ratio == 2e5
     assert converged.shear_law == problem.law
     assert converged.scene(scene.mesh).load(problem.law, 1.0) == pytest.approx(
@@ -347,7 +340,7 @@ def test_the_solver_is_that_of_the_set(monkeypatch):
             taken.append(solver)
             super().__init__(*given, solver=solver)
 
-    monkeypatch.setattr(timed_codes, "LoadStepper", Kept)
+    monkeypatch.setattr(cases, "LoadStepper", Kept)
     for solver in SETS:
         own = next(c for c in CODES if c.solver == solver)
         own.measured(PROBLEMS["strip"], 4, 1)
@@ -375,7 +368,7 @@ def test_a_run_to_a_tolerance_counts_whole_and_says_what_it_is_refined_to(monkey
             results.append(super().run(resume))
             return results[-1]
 
-    monkeypatch.setattr(timed_codes, "AdaptiveStepper", Kept)
+    monkeypatch.setattr(cases, "AdaptiveStepper", Kept)
     refined = next(code for code in CODES if isinstance(code, Refined))
     problem = PROBLEMS["bias_extension"]
     found = refined.measured(problem, 0.1, 1)
@@ -384,7 +377,7 @@ def test_a_run_to_a_tolerance_counts_whole_and_says_what_it_is_refined_to(monkey
     assert len(last.rounds) > 1
     assert found["linear_solves"] == sum(one.linear_solves for one in last.rounds)
     assert found["unknowns"] == last.rounds[-1].unknowns
-    uniform = study.MACRO_TRIANGLES
+    uniform = cases.MACRO_TRIANGLES
     ply = Ply(Case("", problem, uniform, 8, 1).scene().mesh, Fabric(1e5), Macro())
     assert first.rounds[0].unknowns == ply.basis.N
     rows = [*of_reference()]
@@ -440,9 +433,9 @@ def test_a_search_that_takes_long_is_given_up(monkeypatch):
         def run(self, task, steps, repeats):
             raise NotConvergedError
 
-    monkeypatch.setattr(timed_codes, "PATIENCE", -1.0)
+    monkeypatch.setattr(cases, "PATIENCE", -1.0)
     found = OtherCode(Never(TRIANGLE6)).measured(PROBLEMS["strip"], 4, 97)
-    assert timed_codes.GIVEN_UP in found["note"]
+    assert cases.GIVEN_UP in found["note"]
 
 
 def test_a_run_of_this_library_that_stops_early_says_so(monkeypatch):
@@ -451,7 +444,7 @@ def test_a_run_of_this_library_that_stops_early_says_so(monkeypatch):
             super().__init__(ply, conditions, steps, method="plain")
             self.max_halvings = 0
 
-    monkeypatch.setattr(timed_codes, "LoadStepper", Once)
+    monkeypatch.setattr(cases, "LoadStepper", Once)
     found = CODES[5].measured(PROBLEMS["strip"], 16, 1)
     assert found["note"].startswith("stopped at load factor 0")
     assert found["angle"] is None
@@ -467,32 +460,15 @@ def test_a_method_is_refined_until_a_run_takes_long(monkeypatch):
         def measured(self, problem, across, seed):
             return {"seconds": float(across), "note": "", "across": across}
 
-    monkeypatch.setattr(study, "LONG", 10.0)
+    monkeypatch.setattr(cases, "LONG", 10.0)
     rows = STUDY.examine(Timed(1, "strip", Steady()))
     assert [one["across"] for one in rows] == [4, 6, 8, 12]
 
 
-def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
+def test_a_code_that_is_not_installed_has_one_row_that_says_so():
     class Missing(Native):
         packages = {"no_such_module": "scikit-fem-native"}  # noqa: RUF012
 
-    some = (CODES[0], CODES[3], OtherCode(Plain(TRIANGLE6)))
-    missing = OtherCode(Missing(QUAD4))
-    monkeypatch.setattr(study, "CODES", (*some, missing))
-    for kind in (ThisLibrary, OtherCode):
-        monkeypatch.setattr(kind, "refinements", (4, 6))
-    out = tmp_path / "out"
-    cases = ["--case", "strip, *seed 1"]
-    assert main(["error_time", "--out", str(out), *cases]) == 0
-    names = {path.name for path in out.iterdir()}
-    assert names == {*STUDY.files, *drawn_here(STUDY), "provenance.json"}
-    assert json.loads((out / "provenance.json").read_text())["error_time"]
-    with open(out / "error_time.csv") as file:
-        rows = list(csv.DictReader(file))
-    assert [one["across"] for one in rows] == ["4", "6"] * 3 + ["0"]
-    same = [one for one in rows if one["element"] == "P2, 3 points"]
-    assert float(same[0]["angle"]) == pytest.approx(float(same[2]["angle"]))
-    why = "skipped, not installed: scikit-fem-native"
-    assert why in (out / "failed.md").read_text()
-    said = capsys.readouterr().out
-    assert "strip, scikit-fem, P2, 3 points, SciPy, 1, 6 across: " in said
+    (row,) = Timed(1, "strip", OtherCode(Missing(QUAD4))).rows()
+    assert row["note"] == "skipped, not installed: scikit-fem-native"
+    assert row["across"] == 0

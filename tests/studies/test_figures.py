@@ -1,4 +1,4 @@
-"""Figures of studies: names that promise what is not written are refused."""
+"""Figures of studies: their panels, and names of formats that are not written."""
 
 import re
 
@@ -6,30 +6,45 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from studies.adaptive.figure import draw_errors
-from studies.angles.figure import draw_loads
-from studies.error_time.figure import drawn_elements, drawn_fronts, drawn_ratios
-from studies.formulations.figure import convergence
-from studies.inf_sup.figure import draw_constants
-from studies.laws.figure import draw_errors as draw_laws
-from studies.speed.figure import waterfall
-from studies.stability.figure import draw_outcomes
-from studies.stability.grid.figure import draw_grid
-from studies.stability.grid.tables import Cell
+from studies.adaptive.study import draw_errors
+from studies.angles.study import draw_loads
+from studies.error_time.study import draw_elements, draw_fronts, draw_ratios
+from studies.formulations.drape.study import draw_error_time
+from studies.formulations.space.study import draw_errors as draw_space
+from studies.formulations.study import draw_convergence
+from studies.inf_sup.study import draw_constants
+from studies.laws.study import draw_errors as draw_laws
+from studies.speed.study import draw_waterfall
+from studies.stability.grid.study import Cell, draw_grid
+from studies.stability.study import draw_outcomes
 
-LINES = {"a": ([1, 2], [1, 2])}
+RUNS = [{"family": "crossing", "outcome": kind} for kind in ("right", "wrong")]
+CELLS = {"code, element": {(1e2, 0.0): Cell(1.5, 1.6, 7), (1e4, 0.0): Cell()}}
+COSTS = {"s": [(2.0, 0.1), (1.0, 0.1), (0.1, 0.2)]}
 FIGURES = {
-    "errors": lambda file: draw_errors([], file),
-    "laws": lambda file: draw_laws([], file),
-    "loads": lambda file: draw_loads([], file),
-    "convergence": lambda file: convergence({"mm": {"title": LINES}}, file),
-    "fronts": lambda file: drawn_fronts([], file),
-    "ratios": lambda file: drawn_ratios([], file),
-    "elements": lambda file: drawn_elements([], "load", file),
-    "constants": lambda file: draw_constants([], file),
-    "outcomes": lambda file: draw_outcomes([{"family": "a", "outcome": "right"}], file),
-    "grid": lambda file: draw_grid({"a": {(1e2, 0.0): Cell()}}, file),
-    "waterfall": lambda file: waterfall({"s": [(1.0, 0.0)]}, "a", file),
+    "errors": lambda file=None: draw_errors([], file),
+    "laws": lambda file=None: draw_laws([], file),
+    "loads": lambda file=None: draw_loads([], file),
+    "convergence": lambda file=None: draw_convergence([], file),
+    "drape": lambda file=None: draw_error_time(
+        [{"formulation": "macro", "start": "net", "refused": "it"}], file
+    ),
+    "space": lambda file=None: draw_space([], file),
+    "fronts": lambda file=None: draw_fronts([], file),
+    "ratios": lambda file=None: draw_ratios([], file),
+    "elements": lambda file=None: draw_elements([], "load", file),
+    "constants": lambda file=None: draw_constants([], file),
+    "outcomes": lambda file=None: draw_outcomes(RUNS, file),
+    "grid": lambda file=None: draw_grid(CELLS, file),
+    "waterfall": lambda file=None: draw_waterfall(COSTS, "abc", file),
+}
+
+TITLES = {
+    "errors": ["Load", "Position, 30°", "Position, 45°", "Position, 60°"],
+    "laws": ["16 across", "32 across"],
+    "loads": ["quads, 16 across", "triangles, 16 across"],
+    "constants": ["Fibres at 0°", "Fibres at 30°"],
+    "convergence": ["strip", "trellis"],
 }
 
 
@@ -47,3 +62,18 @@ def test_other_formats_are_refused_before_any_work(tmp_path, monkeypatch, draw):
         with pytest.raises(ValueError, match=re.escape(message)):
             draw(tmp_path / f"y{suffix}")
     assert [file.name for file in tmp_path.iterdir()] == ["x.png"]
+
+
+@pytest.mark.parametrize("name", TITLES)
+def test_panels_have_titles(name):
+    titles = [axes.get_title() for axes in FIGURES[name]().axes]
+    assert titles[: len(TITLES[name])] == TITLES[name]
+
+
+def test_bars_and_cells_have_their_names_and_numbers():
+    (outcomes,), (grid, *_), (costs,) = (
+        FIGURES[name]().axes for name in ("outcomes", "grid", "waterfall")
+    )
+    assert [text.get_text() for text in outcomes.get_yticklabels()] == ["crossing"]
+    assert [text.get_text() for text in grid.texts] == ["7", "–"]
+    assert [text.get_text() for text in costs.texts] == ["+2", "+1", "≈ 0"]

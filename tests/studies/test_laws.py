@@ -5,16 +5,12 @@ import numpy as np
 import pytest
 
 from skfem_textile.solve.newton import PlainNewton
-from studies.__main__ import main
 from studies.angles import cases as cases_of_angles
-from studies.angles import references
-from studies.angles import tables as angles
+from studies.angles import study as angles
 from studies.angles.cases import ACROSS, ANGLES, STEPS
-from studies.angles.study import STUDY as ANGLES_STUDY
-from studies.common import provenance
-from studies.common.log import warnings_collected
-from studies.laws import cases, study, tables
-from studies.laws.cases import (
+from studies.common.running import warnings_collected
+from studies.laws import study
+from studies.laws.study import (
     FULL,
     LINEAR,
     MATERIALS,
@@ -24,14 +20,14 @@ from studies.laws.cases import (
     REFERENCES,
     SPECIMEN,
     STEEP_SHEAR,
+    STUDY,
     TRIANGLES,
     Case,
     judged_methods,
 )
-from studies.laws.study import STUDY
-from tests.helpers import cells, drawn_here
+from tests.helpers import cells
 
-ALL = list(cases.all_cases())
+ALL = list(study.all_cases())
 
 
 PUBLISHED = Path(__file__).parents[2] / "docs"
@@ -50,24 +46,22 @@ def test_the_shared_case_has_one_reference_and_one_limit_in_both_studies():
     """The stored loads of the linear law are those of the study of angles."""
     scene = SPECIMEN.scene(QUADS.mesh(16, 1))
     inextensible = scene.load(SPECIMEN.shear_law, 1.0)
-    reference = references.stored()[SPECIMEN, ANGLES[-1]]["load"] * inextensible
+    reference = cases_of_angles.stored()[SPECIMEN, ANGLES[-1]]["load"] * inextensible
     rows = STUDY.stored(PUBLISHED / "laws")
-    assert tables.converged(rows, LINEAR) == pytest.approx(reference, rel=2e-3)
-    _, judged = angles.split(ANGLES_STUDY.stored(PUBLISHED / "angles"))
-    of_angles = angles.errors(judged)
+    assert study.converged(rows, LINEAR) == pytest.approx(reference, rel=2e-3)
+    of_angles = angles.errors(angles.COMPARED.read(PUBLISHED / "angles"))
     for method, elements in ((QUADS, "quads"), (TRIANGLES, "triangles")):
         for across in ACROSS:
-            here = tables.errors(rows, LINEAR, method, across)
+            here = study.errors(rows, LINEAR, method, across)
             there = of_angles[SPECIMEN, ANGLES[-1], elements, across]
             np.testing.assert_allclose(here, there, atol=1e-5)
-            words = tables.in_words(rows)
+            words = study.in_words(rows)
             limit = f"{100 * cases_of_angles.limit(SPECIMEN.inclination, across):g} %"
             assert words[f"limit_{across}"] == limit
-            assert f"within {limit[:-2]} %" in tables.judged(rows)
+            assert f"within {limit[:-2]} %" in study.judged(rows)
 
 
-def test_no_two_cases_have_one_name_and_every_material_is_judged():
-    assert len({STUDY.name(c) for c in ALL}) == len(ALL)
+def test_every_material_is_judged():
     judged = {(c.material, c.method, c.across, c.seed) for c in ALL}
     for material in MATERIALS:
         for method in (QUADS, TRIANGLES):
@@ -101,17 +95,17 @@ def test_no_fibre_locks_on_meshes_along_the_fibres():
 
 
 def test_references_that_differ_by_half_a_percent_agree():
-    text = tables.references(REFERENCE)
+    text = study.references(REFERENCE)
     line = ["40.10", "40.08", "40.00", "+0.25 %", "-0.20 %", "yes"]
     assert cells(text, "linear") == line
     apart = [row(FULL, 16, 40.4), *REFERENCE[1:]]
-    assert cells(tables.references(apart), "linear")[-3:] == [
+    assert cells(study.references(apart), "linear")[-3:] == [
         "+1.00 %",
         "-0.20 %",
         "no",
     ]
     halving = [REFERENCE[0], row(QUADRATIC, 16, 40.4), REFERENCE[2]]
-    assert cells(tables.references(halving), "linear")[-1] == "no"
+    assert cells(study.references(halving), "linear")[-1] == "no"
     assert cells(text, "toe") == [*["-"] * 5, "no"]
 
 
@@ -120,12 +114,12 @@ def test_loads_are_judged_by_the_median_beside_the_finest_quadratic_triangles():
     rows = [row(QUADS, 16, x) for x in (40.4, 39.4)]
     rows += [row(QUADS, 16, 42.0, texts), row(QUADS, 16, np.nan, texts)]
     rows += [row(QUADS, 32, x) for x in (41.2, 41.0, 40.1)]
-    line = cells(tables.judged([*REFERENCE, *rows]), "linear", "default, quads")
+    line = cells(study.judged([*REFERENCE, *rows]), "linear", "default, quads")
     median, worst, within, warned = line[:4]
     assert (median, worst) == ("+1.00 % (1 refused)", "+5.00 %")
     assert (within, warned) == ("yes, 2 of 4", "deviations 2, path 2")
     assert line[4:] == ["+2.50 %", "+3.00 %", "no, 1 of 3", "-"]
-    assert cells(tables.judged(rows), "linear", "default, quads") == ["-"] * 8
+    assert cells(study.judged(rows), "linear", "default, quads") == ["-"] * 8
 
 
 def test_medians_within_the_limits_are_counted():
@@ -141,7 +135,7 @@ def test_medians_within_the_limits_are_counted():
         for method in judged_methods(material)
         for across in ACROSS
     ]
-    words = tables.in_words(rows)
+    words = study.in_words(rows)
     assert (words["met"], words["met_half"]) == ("12 of 20", "6 of 20")
     found = [words[f"quads_32{end}"] for end in ("", "_steep", "_others")]
     assert found == ["7.0 %", "7.0 %", "3.0 %"]
@@ -171,21 +165,3 @@ def test_a_refused_case_has_no_load(monkeypatch):
     (found,) = STUDY.examine(Case("judged", LINEAR, QUADS, 8, 1))
     assert np.isnan(found["load"])
     assert "stopped at load factor 0" in found["refused"]
-
-
-def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
-    some = [
-        Case("reference", LINEAR, QUADRATIC, 4, 0),
-        Case("judged", LINEAR, QUADS, 16, 1),
-    ]
-    monkeypatch.setattr(study, "all_cases", lambda: some)
-    coarse = (FULL, 2), (QUADRATIC, 2), (QUADRATIC, 4)
-    monkeypatch.setattr(tables, "REFERENCES", coarse)
-    assert main(["laws", "--out", str(tmp_path)]) == 0
-    written = {*STUDY.files, provenance.FILE, *drawn_here(STUDY)}
-    assert {p.name for p in tmp_path.iterdir()} == written
-    rows = STUDY.stored(tmp_path)
-    assert {row["steps"] for row in rows} == {STEPS}
-    line = cells((tmp_path / "judged.md").read_text(), "linear", "default, quads")
-    assert line[0] == f"{100 * (rows[1]['load'] / rows[0]['load'] - 1):+.2f} %"
-    assert "linear: default, quads, 16 across, 1: 4" in capsys.readouterr().out

@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from studies.common.tables import csv_table, markdown_table, rows_of_csv
-from studies.figures import pages, program, prose, results
-from studies.study import Study
+from studies.common.tables import rows_of_csv, table
+from studies.figures import pages, prose
+from studies.study import Part, Study
 
 PAGE = """\
 # Page
@@ -29,7 +29,16 @@ SETTINGS = '"docs/page.md" = ["with 5 % of noise"]\n'
 class Squares(Study):
     """A study of next to nothing."""
 
-    files = ("squares.csv", "squares.md")
+    parts = (
+        Part(
+            "squares.csv",
+            {
+                "squares.md": lambda rows: table(
+                    rows, {"n": "{number}", "n²": "{square}"}
+                )
+            },
+        ),
+    )
     sample = "2"
 
     def cases(self, options):
@@ -40,13 +49,6 @@ class Squares(Study):
 
     def square(self, number):
         return float(number**2)
-
-    def tables(self, rows):
-        lines = [[row["number"], row["square"]] for row in rows]
-        return {
-            "squares.csv": csv_table(rows),
-            "squares.md": markdown_table(["number", "square"], lines),
-        }
 
     def figures(self, rows):
         return {"largest": f"{max(row['square'] for row in rows):g} mm"}
@@ -65,11 +67,10 @@ def docs(tmp_path, monkeypatch):
     page, settings = tmp_path / "docs" / "page.md", tmp_path / "settings.toml"
     page.write_text(PAGE)
     settings.write_text(SETTINGS)
-    for module in (program, results):
-        monkeypatch.setattr(module, "load", lambda name: study)
-        monkeypatch.setattr(module, "ROOT", tmp_path)
-    monkeypatch.setattr(program, "descriptions", lambda: {"squares": "Squares"})
-    monkeypatch.setattr(program, "PAGES", (page,))
+    monkeypatch.setattr(pages, "load", lambda name: study)
+    monkeypatch.setattr(pages, "ROOT", tmp_path)
+    monkeypatch.setattr(pages, "descriptions", lambda: {"squares": "Squares"})
+    monkeypatch.setattr(pages, "PAGES", (page,))
     monkeypatch.setattr(prose, "CHECKED", (page,))
     monkeypatch.setattr(prose, "ROOT", tmp_path)
     monkeypatch.setattr(prose, "SETTINGS", settings)
@@ -83,7 +84,7 @@ def replaced(file, old, new):
 
 
 def test_pages_that_say_what_the_data_say_pass(docs, capsys):
-    assert program.main(check=True) == 0
+    assert pages.main(check=True) == 0
     assert capsys.readouterr().err == ""
 
 
@@ -107,26 +108,26 @@ def test_pages_that_say_what_the_data_say_pass(docs, capsys):
 )
 def test_a_change_of_a_page_or_its_data_is_found(docs, capsys, file, old, new, named):
     replaced(docs / file, old, new)
-    assert program.main(check=True) == 1
+    assert pages.main(check=True) == 1
     assert named in capsys.readouterr().err
 
 
 def test_data_that_the_code_no_longer_gives_are_found(docs, monkeypatch, capsys):
     monkeypatch.setattr(Squares, "square", lambda self, number: 1.001 * number**2)
-    assert program.main(check=True) == 1
+    assert pages.main(check=True) == 1
     said = capsys.readouterr().err
     assert "squares, 2: square is 4.004, not 4.0" in said
 
 
 def test_results_without_their_origin_are_named(docs, capsys):
     (docs / "squares" / "provenance.json").unlink()
-    assert program.main(check=True) == 1
+    assert pages.main(check=True) == 1
     assert "docs/squares does not say where squares is from" in capsys.readouterr().err
 
 
 def test_results_are_written_into_pages_and_tables(docs):
     replaced(docs / "squares" / "squares.csv", "3,9.0", "3,16.0")
-    assert program.main(check=False) == 0
+    assert pages.main(check=False) == 0
     assert (
         "by <!--squares.largest-->16 mm<!--/--> with" in (docs / "page.md").read_text()
     )

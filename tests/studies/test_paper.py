@@ -7,10 +7,9 @@ import pytest
 from skfem_textile import Full, OnePoint
 from studies.__main__ import main
 from studies.common.provenance import FILE
-from studies.paper import strips
-from studies.paper.printed import report, slips, table
-from studies.paper.study import STUDY
-from studies.paper.two_element import systems
+from studies.paper import study
+from studies.paper.study import MEASURED, STUDY, Strip
+from studies.paper.two_element import report, slips, systems, table
 
 BY_NAME = {system[:4]: system for system in systems()}
 HALF_A_DIGIT = 0.5e-8
@@ -100,9 +99,9 @@ def test_two_elements_write_their_systems_alone(tmp_path, capsys):
 
 
 FEW = [
-    strips.Strip("3", "aligned", Full(), "< 2e-6", "none"),
-    strips.Strip("11", "irregular", OnePoint(10.0), "1.39e-3", "some"),
-    strips.Strip("0", "irregular", OnePoint(0.0), "-", "-"),
+    Strip("3", "aligned", Full(), "< 2e-6", "none"),
+    Strip("11", "irregular", OnePoint(10.0), "1.39e-3", "some"),
+    Strip("0", "irregular", OnePoint(0.0), "-", "-"),
 ]
 
 
@@ -110,7 +109,7 @@ def test_strips_are_tabled_and_one_that_stops_does_not_stop_the_others(
     tmp_path, capsys, monkeypatch
 ):
     pytest.importorskip("pyvista")
-    monkeypatch.setattr(strips, "strips", lambda: FEW)
+    monkeypatch.setattr(study, "strips", lambda: FEW)
     out = tmp_path / "out"
     assert main(["paper", "--case", "Fig. *", "--out", str(out)]) == 0
     names = {"paper.csv", "paper.md", "contact_sheet.png", "load_curves.png", FILE}
@@ -131,12 +130,12 @@ def test_a_run_of_the_two_elements_keeps_strips_and_pictures(
     tmp_path, monkeypatch, capsys
 ):
     pytest.importorskip("pyvista")
-    monkeypatch.setattr(strips, "strips", lambda: FEW[:2])
+    monkeypatch.setattr(study, "strips", lambda: FEW[:2])
     out = str(tmp_path)
     assert main(["paper", "--out", out]) == 0
     names = {file.name for file in tmp_path.iterdir()}
     rows = STUDY.stored(tmp_path)
-    assert [row["case"] for row in rows] == [*(x.name for x in FEW[:2]), "two elements"]
+    assert [row["case"] for row in rows] == [*map(str, FEW[:2]), "two elements"]
     texts = {name: (tmp_path / name).read_bytes().decode() for name in STUDY.files}
     assert STUDY.tables(rows) == texts
     assert main(["paper", "--case", "two elements", "--out", out]) == 0
@@ -146,7 +145,7 @@ def test_a_run_of_the_two_elements_keeps_strips_and_pictures(
 
 def test_rates_differ_from_the_energy_by_what_differs_most():
     energy = {"figure": "11c", "element": "one point, Cs = 10"}
-    energy |= dict.fromkeys(strips.MEASURED, -2.0)
+    energy |= dict.fromkeys(MEASURED, -2.0)
     rate = energy | {"element": "one point, Cs = 10, rate", "load (N)": -2.1}
     assert STUDY.figures([energy, rate]) == {"rate_apart": "5.0 %"}
     assert STUDY.figures([energy, rate | {"strain": -1.0}]) == {"rate_apart": "50.0 %"}

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from studies import __main__
-from studies.common.tables import csv_table, rows_of_csv
-from studies.study import Study, descriptions, load
+from studies.common.tables import rows_of_csv
+from studies.study import Part, Study, descriptions, load
 from tests.helpers.sweep_cases import is_alive, wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -22,7 +22,8 @@ ROOT = Path(__file__).parents[2]
 class Squares(Study):
     """A study of next to nothing."""
 
-    files = ("squares.csv",)
+    parts = (Part("squares.csv"),)
+    shown = "{number} squared is {square}"
 
     def add_options(self, parser):
         parser.add_argument("--bad", type=int, default=-1)
@@ -36,12 +37,6 @@ class Squares(Study):
 
     def examine(self, case):
         return [{"number": case, "square": case**2, "process": os.getpid()}]
-
-    def line(self, rows):
-        return f"{rows[0]['number']}: {rows[0]['square']}"
-
-    def tables(self, rows):
-        return {"squares.csv": csv_table(rows)}
 
     def complaint(self, rows):
         bad = [row for row in rows if row["square"] == self.bad]
@@ -79,7 +74,7 @@ def test_listing_loads_no_study():
 def test_every_case_is_examined_and_reported(squares, tmp_path, capsys):
     assert squares() == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[:-1] == ["1: 1", "2: 4", "3: 9"]
+    assert lines[:-1] == [f"square of {n}: {n} squared is {n * n}" for n in (1, 2, 3)]
     assert {p.name for p in tmp_path.iterdir()} == {"squares.csv", "provenance.json"}
     assert (tmp_path / "squares.csv").read_bytes().count(b"\n") == 4
 
@@ -110,7 +105,8 @@ def test_a_run_of_some_cases_leaves_the_others_as_they_are(squares, tmp_path):
 
 def test_cases_are_chosen_by_name(squares, capsys):
     assert squares("--case", "* 3", "square of 1") == 0
-    assert capsys.readouterr().out.splitlines()[:-1] == ["1: 1", "3: 9"]
+    names = [line.partition(":")[0] for line in capsys.readouterr().out.splitlines()]
+    assert names[:-1] == ["square of 1", "square of 3"]
 
 
 @pytest.mark.parametrize(
@@ -151,8 +147,8 @@ from pathlib import Path
 from skfem_textile import Full
 from studies import __main__
 from studies.stability import study
-from studies.stability.outcomes import RIGHT
 from studies.stability.problems import Extreme
+from studies.stability.study import RIGHT
 
 study.extremes = lambda: [Extreme("family", n, None, Full()) for n in "abcd"]
 

@@ -7,9 +7,9 @@ import pytest
 
 from skfem_textile import Ply
 from studies.__main__ import main
-from studies.speed import modules, needs, one_ply, scaling, study, words
-from studies.speed.measuring import Settings
-from studies.speed.study import BENCHMARKS, STUDY, Benchmark
+from studies.speed import needs, one_ply, solving, study
+from studies.speed.solving import Settings
+from studies.speed.study import BENCHMARKS, STUDY, TABLES, Benchmark
 
 DOCS = Path(__file__).parents[2] / "docs" / "speed"
 
@@ -21,27 +21,29 @@ def stored():
     return STUDY.stored(DOCS)
 
 
+@pytest.fixture(scope="module")
+def results(stored):
+    """Results by benchmark."""
+    return {row["case"]: row for row in stored}
+
+
 def test_tables_are_made_of_the_results(stored):
-    assert {row["benchmark"] for row in stored} >= {"needs", "iteration", "scaling"}
+    assert {row["case"] for row in stored} >= {"needs", "iteration", "scaling"}
     for row in stored:
         texts = STUDY.tables([row])
-        written = STUDY.written([Benchmark(row["benchmark"], Settings())])
-        pictures = STUDY.pictures if row["benchmark"] == "needs" else ()
+        written = STUDY.written([Benchmark(row["case"], Settings())])
+        pictures = STUDY.pictures if row["case"] == "needs" else ()
         assert {*texts, *pictures} == set(written)
         for name, text in texts.items():
             assert (DOCS / name).read_text() == text
 
 
 def test_every_benchmark_has_its_functions():
-    for name in (*BENCHMARKS, "by_turns"):
-        module = Benchmark(name, Settings()).module
-        assert callable(module.measured)
-        assert callable(module.tables)
-        assert all(table.endswith(".md") for table in module.TABLES)
+    assert list(TABLES) == list(BENCHMARKS)
+    assert all(name.endswith(".md") for tables in TABLES.values() for name in tables)
 
 
-def test_one_benchmark_leaves_the_results_of_others(tmp_path, monkeypatch, stored):
-    results = {row["benchmark"]: row["results"] for row in stored}
+def test_one_benchmark_leaves_the_results_of_others(tmp_path, monkeypatch, results):
     monkeypatch.setattr(study, "in_new_process", lambda *_: results["needs"])
     others = {f.name: f.read_bytes() for f in DOCS.iterdir() if "needs" not in f.name}
     for name, content in others.items():
@@ -56,12 +58,12 @@ def test_one_benchmark_leaves_the_results_of_others(tmp_path, monkeypatch, store
 
 
 def test_exponents_are_those_of_power_laws():
-    parts = scaling._PARTS
+    parts = solving.PARTS
     rows = [
         {"elements": n} | {part: float(n) ** i for i, part in enumerate(parts)}
         for n in (10**4, 10**5, 10**6)
     ]
-    exponents = scaling._exponents(rows)
+    exponents = solving.exponents(rows)
     assert [exponents[part] for part in parts] == pytest.approx(range(len(parts)))
 
 
@@ -97,19 +99,17 @@ def test_a_feature_that_is_zero_loads_no_module():
     assert "skfem_textile.ply.ply" in zero
 
 
-def test_a_strip_loads_no_picture_file_format_or_tool(stored):
+def test_a_strip_loads_no_picture_file_format_or_tool(results):
     """Stored counts are those of the code."""
-    (row,) = (row for row in stored if row["benchmark"] == "modules")
-    strip, sphere = (modules.loaded(name) for name in ("strip", "sphere"))
+    strip, sphere = (needs.loaded(name) for name in ("strip", "sphere"))
     assert not {"meshio", "pyvista", "matplotlib", "rich"} & set(strip["heavy"])
     assert strip["own"] < sphere["own"]
     for name, now in (("strip", strip), ("sphere", sphere)):
-        assert row["results"]["scenes"][name]["own"] == now["own"]
+        assert results["modules"]["scenes"][name]["own"] == now["own"]
 
 
-def test_stored_features_that_are_zero_add_nothing(stored):
-    (row,) = (row for row in stored if row["benchmark"] == "needs")
-    for unused in row["results"]["unused"].values():
+def test_stored_features_that_are_zero_add_nothing(results):
+    for unused in results["needs"]["unused"].values():
         assert unused["further_terms"] == unused["further_modules"] == []
 
 
@@ -126,20 +126,19 @@ def test_changes_within_their_scatter_are_none():
     adds = needs.added({"features": features})
     assert adds["second"] == {"memory": (1.0, 2.0), "assembly": (3.0, 0.0)}
     assert adds["third"] == {"memory": (20.0, 4.0), "assembly": (-1.0, 0.0)}
-    assert needs.two_digits(*adds["second"]["memory"]) == "≈ 0"
-    assert needs.two_digits(*adds["third"]["memory"]) == "+20"
-    assert needs.two_digits(*adds["third"]["assembly"]) == "−1"
+    assert study.two_digits(*adds["second"]["memory"]) == "≈ 0"
+    assert study.two_digits(*adds["third"]["memory"]) == "+20"
+    assert study.two_digits(*adds["third"]["assembly"]) == "−1"
 
 
 def test_shares_have_median_and_quartiles():
     share = needs._middle([-0.02, -0.01, 0.004, 0.02, 0.03])
-    assert needs._share(share) == "+0.4 % (−1.5 to +2.5 %)"
+    assert study._share(share) == "+0.4 % (−1.5 to +2.5 %)"
     none = {"median": -0.0001, "low": -0.01, "high": 0.0}
-    assert needs._share(none) == "0.0 % (−1.0 to 0.0 %)"
+    assert study._share(none) == "0.0 % (−1.0 to 0.0 %)"
 
 
-def test_results_are_in_words(stored):
-    results = {row["benchmark"]: row["results"] for row in stored}
+def test_results_are_in_words(stored, results):
     text = STUDY.figures(stored)
     whole = results["whole_strip"]
     assert text["strip_ratio"] == f"{whole['stock_over_own']:.0f}"
@@ -147,10 +146,4 @@ def test_results_are_in_words(stored):
     assert text["bending_unused_terms"] == text["bending_unused_modules"] == "0"
     assert text["iteration_elements"] == "60 000"
     assert text["machines"].startswith("Machine: ")
-    assert words.of({}) == {}
-
-
-def test_the_waterfall_is_drawn(tmp_path, stored):
-    pytest.importorskip("matplotlib")
-    STUDY.draw(stored, tmp_path)
-    assert {file.name for file in tmp_path.iterdir()} == set(needs.PICTURES)
+    assert STUDY.figures([]) == {"machines": ""}

@@ -1,7 +1,7 @@
 """Linear solvers for the rivals that run in this process: functions of A and b."""
 
 from collections.abc import Callable
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy import ndarray
@@ -16,18 +16,18 @@ from skfem_textile.solve.linear import (
 )
 
 from .newton import NotConvergedError
-from .task import Task
+from .rival import Task
 
 #: Solution of A x = b.
 Solve: TypeAlias = Callable[[Any, ndarray], ndarray]
 
-#: ``SciPy``, SciPy's SuperLU in its own order of elimination; ``fastest``, the solver
-#: and the order of elimination of this library; ``pypardiso``, PARDISO.
-SolverName: TypeAlias = Literal["SciPy", "fastest", "pypardiso"]
 
+def solver_of(task: Task, name: str) -> Solve:
+    """The linear solver of this name for the free unknowns of a task.
 
-def solver_of(task: Task, name: SolverName) -> Solve:
-    """The linear solver of this name for the free unknowns of a task."""
+    ``SciPy``, SciPy's SuperLU in its own order of elimination; ``fastest``, the solver
+    and the order of elimination of this library; ``pypardiso``, PARDISO.
+    """
     if name == "SciPy":
         return spsolve
     return SolverOfThisLibrary(task) if name == "fastest" else _pardiso()

@@ -11,7 +11,7 @@ are no first threads, which `drape.net` has.  Here the three steps are written f
 description; the authors' program, of the MIT licence, was not copied.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy import ndarray
@@ -261,13 +261,12 @@ def differences(name: str, finer: int = 1) -> tuple[ndarray, ndarray]:
 
 def _finer(draping: Draping, finer: int) -> Draping:
     """The same ply with smaller cells, from the same origin."""
-    return Draping(
-        draping.surface,
-        draping.cell / finer,
-        (finer * (draping.nodes[0] - 1) + 1, finer * (draping.nodes[1] - 1) + 1),
-        (finer * draping.origin[0], finer * draping.origin[1]),
-        draping.place,
-        draping.degrees,
+    rows, columns = draping.nodes
+    return replace(
+        draping,
+        cell=draping.cell / finer,
+        nodes=(finer * (rows - 1) + 1, finer * (columns - 1) + 1),
+        origin=(finer * draping.origin[0], finer * draping.origin[1]),
     )
 
 

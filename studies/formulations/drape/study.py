@@ -1,49 +1,385 @@
 """Draping on a sphere, a cylinder and a cone, against exact answers."""
 
 import argparse
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
 
-from ...common.tables import csv_table, rows_of_csv
-from ...study import Row, Study
-from . import tables
-from .cases import NET, PUBLISHED, ROLLED, SPHERE, TIME, Case, all_cases
-from .error_time import timed
-from .extremes.cases import EXTREME, Extreme, all_extremes
-from .extremes.judging import WRONG, judged
-from .extremes.tables import in_words, outcomes, told_or_refused
-from .runs import row_of
+import numpy as np
 
-#: The tables of each part of the study, by the kinds of its cases.
-_TABLES: dict[tuple[str, ...], dict[str, Callable[[Sequence[Row]], str]]] = {
-    (SPHERE, NET, ROLLED): {
-        "drape.csv": csv_table,
-        "refinement.md": tables.refinement,
-        "orders.md": tables.orders,
-        "distorted.md": tables.distorted,
-        "other.md": tables.other_drapes,
-        "free_edges.md": tables.free_edges,
-        "nets.md": tables.nets,
-        "rolled.md": tables.rolled,
-    },
-    (PUBLISHED,): {
-        "published.csv": csv_table,
-        "published.md": tables.published_nets,
-    },
-    (TIME,): {"error_time.csv": csv_table},
-    (EXTREME,): {
-        "extremes.csv": csv_table,
-        "extremes.md": outcomes,
-        "extremes_off.md": told_or_refused,
-    },
+from ...common.figures import File, legend, panels_of, style_of
+from ...common.tables import (
+    Column,
+    cell,
+    grouped,
+    having,
+    markdown_table,
+    percent,
+    scientific,
+    span,
+    table,
+)
+from ...study import Part, Row, Study
+from . import chebyshev
+from .cases import (
+    EXPONENTIAL,
+    FLAT,
+    FROM_NET,
+    GROWTH,
+    NET,
+    PUBLISHED,
+    ROLLED,
+    SPHERE,
+    TIME,
+    Case,
+    all_cases,
+)
+from .extremes import EXTREME, REFUSED, RIGHT, TOLD, WRONG, Extreme, all_extremes
+from .rolled import BIAS, CYLINDER, FAN, SQUARES
+
+_DEFAULTS = {
+    field.name: field.default
+    for field in fields(Case)
+    if field.name not in ("kind", "parts", "formulation")
 }
+
+# Outcomes of extreme drapes as tables name them.
+_WORDS = {
+    RIGHT: "right",
+    TOLD: "off, and reported",
+    REFUSED: "refused",
+    WRONG: "wrong",
+}
+
+Columns = Mapping[str, Column]
+
+_MESH: Columns = {"formulation": "{formulation}", "parts a side": "{parts}"}
+_LARGEST: Columns = {"largest error of Γ in °": "{largest:.4f}"}
+_ERRORS: Columns = {**_LARGEST, "root mean square in °": "{rms:.4f}"}
+_SOLVES: Columns = {"solves": "{solves}"}
+_SECONDS: Columns = {"seconds of processor": "{seconds:.2f}"}
+_PRESSURE: Columns = {
+    "largest error of pressure": lambda r: _share(r["pressure_error"])
+}
+
+
+def _share(x: float | None) -> str:
+    return "–" if x is None else f"{x:.2%}"
+
+
+def of_runs(rows: Iterable[Row], settings: Columns, results: Columns) -> str:
+    """A table with a line for each row; one that was refused has no results."""
+    refused = ["refused", *(len(results) - 1) * ["–"]]
+    lines = [
+        [
+            *(cell(row, column) for column in settings.values()),
+            *(refused if row["refused"] else (cell(row, c) for c in results.values())),
+        ]
+        for row in rows
+    ]
+    return markdown_table([*settings, *results], lines)
+
+
+def _of(rows: Sequence[Row], kind: str, *different: str) -> list[Row]:
+    """Rows of a kind that differ from the ordinary in these settings."""
+    return [r for r in having(rows, kind=kind) if _own(r) == [*different]]
+
+
+def _own(row: Row) -> list[str]:
+    """The settings of a row that are not the ordinary ones."""
+    return [name for name, ordinary in _DEFAULTS.items() if row[name] != ordinary]
+
+
+def refinement(rows: Sequence[Row]) -> str:
+    """Error, solves and time of the Chebyshev net on regular meshes."""
+    own = [r for r in _of(rows, SPHERE) if r["formulation"] != FLAT]
+    results = {"unknowns": "{unknowns}", **_ERRORS, **_SOLVES, **_SECONDS, **_PRESSURE}
+    return of_runs(own, _MESH, results)
+
+
+def orders(rows: Sequence[Row]) -> str:
+    """Errors of 32 to 128 parts, with softer and stiffer fibres."""
+    formulation, parts = _MESH.items()
+    settings = dict([formulation, ("E in N/mm", "{stretch:g}"), parts])
+    own = [r for r in _of(rows, SPHERE) if r["parts"] >= 32]
+    own += [r for r in _of(rows, SPHERE, "stretch") if r["stretch"] > 1e5]
+    largest, rms = _ERRORS.items()
+    corner = "in the corner in °", "{in_corner:.4f}"
+    elsewhere = "largest elsewhere in °", "{but_corner:.4f}"
+    return of_runs(own, settings, dict([largest, corner, elsewhere, rms]))
+
+
+def distorted(rows: Sequence[Row]) -> str:
+    """The same where nodes have moved by 20 %."""
+    formulation, parts = _MESH.items()
+    settings = dict([formulation, ("nodes moved by 20 %", _moved), parts])
+    tension = "{least_tension:.1f} to {largest_tension:.1f}"
+    own = _of(rows, SPHERE, "distortion") + _of(rows, SPHERE, "distortion", "halvings")
+    results = {**_ERRORS, "fibre tension in N/mm": tension, **_PRESSURE}
+    return of_runs(own, settings, results)
+
+
+def _moved(row: Row) -> str:
+    halvings = row["halvings"]
+    if not halvings:
+        return "in each mesh anew"
+    return f"with {row['parts'] // 2**halvings} parts, then halved"
+
+
+def other_drapes(rows: Sequence[Row]) -> str:
+    """The same with other stiffness, starts and surfaces."""
+    words = {
+        "stretch": "E = {stretch:g} N/mm",
+        "surface": "sphere of 5000 triangles",
+        "start": "start from a {start}",
+    }
+    own = [
+        row
+        for name in words
+        for row in _of(rows, SPHERE, name)
+        if row["stretch"] <= _DEFAULTS["stretch"]
+    ]
+
+    def different(row: Row) -> str:
+        return ", ".join(
+            say.format_map(row) for k, say in words.items() if k in _own(row)
+        )
+
+    results = {**_LARGEST, **_SOLVES, "fibre strain": "{fibre_strain:.1e}"}
+    return of_runs(own, {**_MESH, "what is different": different}, results)
+
+
+def free_edges(rows: Sequence[Row]) -> str:
+    """Edges free of load: how far from the net, and with how much less energy."""
+    sphere, pulled = having(rows, kind=SPHERE), _DEFAULTS["tension"]
+    settings = {"q in N/mm": "{tension:g}", "D in N·mm": "{bending:g}"}
+    results: Columns = {
+        **_ERRORS,
+        "median in °": "{median:.2f}",
+        "Γ in the corner in °": "{corner_angle:.1f}",
+        f"energy in N·mm, {chebyshev.energy():.1f} of the net": "{energy:.1f}",
+        "elements at risk of wrinkles": "{at_risk:.0%}",
+        "stable": lambda row: "yes" if row["stable"] else "no",
+        **_SOLVES,
+    }
+    own = [row for row in sphere if row["tension"] < pulled]
+    return of_runs(own, {**_MESH, **settings, "start": "{start}"}, results)
+
+
+def nets(rows: Sequence[Row]) -> str:
+    """Error of kinematic nets."""
+    forms = "{parts}", "{largest:.5f}", "{rms:.5f}"
+    columns = dict(zip(("cells a side", *_ERRORS), forms, strict=True))
+    return table(_of(rows, NET), {**columns, **_SECONDS})
+
+
+def published_nets(rows: Sequence[Row]) -> str:
+    """Differences of nets against those by a published method."""
+    return table(
+        _of(rows, PUBLISHED, "surface"),
+        {
+            "draping": "{surface}",
+            "cells": "{cells}",
+            "largest shear angle in °": "{largest_shear:.1f}",
+            "largest difference in °": "{largest:.3f}",
+            "mean difference in °": "{mean:.4f}",
+        },
+    )
+
+
+def rolled(rows: Sequence[Row]) -> str:
+    """Shear on developable surfaces, which ought to be none, on finer meshes."""
+    found = having(rows, kind=ROLLED)
+    parts = sorted({row["parts"] for row in found})
+    lines = []
+    for key, own in grouped(found, "surface", "tension", "formulation").items():
+        surface, tension, formulation = key
+        shear = {
+            row["parts"]: "refused" if row["refused"] else f"{row['largest']:.1e}"
+            for row in own
+        }
+        shears = (shear.get(n, "–") for n in parts)
+        lines.append([surface, f"{tension:g}", formulation, *shears])
+    head = [f"shear angle in °, {n} parts" for n in parts]
+    return markdown_table(["surface", "q in N/mm", "formulation", *head], lines)
+
+
+def outcomes(rows: Sequence[Row]) -> str:
+    """How many extreme drapes of each group end how."""
+    compared = "off_net", "off_finer"
+    lines = []
+    for group, own in (grouped(rows, "group") | {"all": [*rows]}).items():
+        count = Counter(row["outcome"] for row in own)
+        alone = sum(
+            row["outcome"] == RIGHT and all(row.get(x) is None for x in compared)
+            for row in own
+        )
+        known = ([r[x] for r in own if r.get(x) is not None] for x in compared)
+        angles = [f"{max(off):.1f}" if off else "–" for off in known]
+        counts = len(own), *(count[outcome] for outcome in _WORDS), alone
+        lines.append([group, *counts, *angles])
+    head = ["what is extreme", "drapes", *_WORDS.values(), "right, but not compared"]
+    head += ["largest difference from the net in °", "from the finer mesh in °"]
+    return markdown_table(head, lines)
+
+
+def told_or_refused(rows: Sequence[Row]) -> str:
+    """The extreme drapes that are not right, and why."""
+
+    def reason(row: Row) -> str:
+        told = f" (reported: {row['told']})" if row.get("told") else ""
+        return row["reason"] + told
+
+    return table(
+        (row for row in rows if row["outcome"] != RIGHT),
+        {
+            "drape": lambda row: row["case"].partition(", ")[2],
+            "outcome": lambda row: _WORDS[row["outcome"]],
+            "why": reason,
+        },
+    )
+
+
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """Errors, orders and pressures for prose, of the parts that there are."""
+    regular = _by_mesh(_of(rows, SPHERE))
+    moved = _by_mesh(_of(rows, SPHERE, "distortion"))
+    halved = _by_mesh(_of(rows, SPHERE, "distortion", "halvings"))
+    stiff = _by_mesh(r for r in _of(rows, SPHERE, "stretch") if r["stretch"] > 1e5)
+    free = _by_mesh(r for r in _of(rows, SPHERE, "tension") if not r["tension"])
+    rolled = [r for r in having(rows, kind=ROLLED) if not r["refused"]]
+    cylinders = [r for r in rolled if r["surface"] in (CYLINDER, BIAS)]
+    along = [r["largest"] for r in rolled if r["surface"] != SQUARES]
+    net = _of(rows, PUBLISHED, "surface")
+    growth = having(rows, kind=TIME, start=GROWTH)
+    solves = [r["solves"] for r in growth if not r["refused"]]
+    finest = regular["macro", 128]
+    tensions = finest["least_tension"], finest["largest_tension"]
+    corner = chebyshev.shear_angle(np.full((2, 1), chebyshev.SIDE)).item()
+    of_edges = free["macro", 32]
+    return {
+        "largest_32": f"{regular['macro', 32]['largest']:.3f}°",
+        "solves_32": str(regular["macro", 32]["solves"]),
+        "corner": f"{np.degrees(corner):.1f}°",
+        "orders": _orders(regular, "macro", "largest"),
+        "orders_flat": _orders(regular, FLAT, "largest"),
+        "orders_rms_stiff": _orders(stiff, "macro", "rms"),
+        "tensions": f"{tensions[0]:.1f} to {tensions[1]:.1f} N/mm",
+        "pressure": _largest(r for (_, n), r in regular.items() if n >= 16),
+        "pressure_moved": _largest([moved["macro", 128]]),
+        "pressure_halved": _largest([halved["macro", 128]]),
+        "pressure_cylinder": _largest(cylinders),
+        "pressure_cone": _largest(having(rolled, surface=FAN)),
+        "rolled": f"{scientific(max(along), 1)}°",
+        "nets": f"{max(r['largest'] for r in net):.2f}°",
+        "growth_solves": span(solves, ""),
+        "free_energy": percent(1 - of_edges["energy"] / chebyshev.energy(), ".0f"),
+        "free_compression": f"{-of_edges['least_tension']:.2f} N/mm",
+    } | extremes_in_words(having(rows, kind=EXTREME))
+
+
+def extremes_in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """How many extreme drapes there are, how they end, and how many right ones warn.
+
+    Examples
+    --------
+    >>> rows = [{"outcome": "right", "told": told} for told in ("wrinkles", None)]
+    >>> words = extremes_in_words([*rows, {"outcome": "refused", "told": None}])
+    >>> words["extremes"], words["extremes_right"], words["extremes_right_reported"]
+    ('3', '2', '1 of 2')
+    """
+    count = Counter(row["outcome"] for row in rows)
+    told = sum(bool(row["told"]) for row in having(rows, outcome=RIGHT))
+    names = {RIGHT: "right", TOLD: "reported", REFUSED: "refused", WRONG: "wrong"}
+    return {
+        "extremes": str(len(rows)),
+        **{f"extremes_{name}": str(count[kind]) for kind, name in names.items()},
+        "extremes_right_reported": f"{told} of {count[RIGHT]}",
+    }
+
+
+def _by_mesh(rows: Iterable[Row]) -> dict[tuple[str, int], Row]:
+    """Rows by formulation and parts a side."""
+    return {(row["formulation"], row["parts"]): row for row in rows}
+
+
+def _orders(rows: dict[tuple[str, int], Row], formulation: str, error: str) -> str:
+    """Orders of an error from 32 to 64 parts and from 64 to 128.
+
+    Examples
+    --------
+    >>> rows = {("a", n): {"rms": n**-2} for n in (32, 64, 128)}
+    >>> _orders(rows, "a", "rms")
+    '2.0 and 2.0'
+    """
+    coarse, middle, fine = (rows[formulation, n][error] for n in (32, 64, 128))
+    return f"{np.log2(coarse / middle):.1f} and {np.log2(middle / fine):.1f}"
+
+
+def _largest(rows: Iterable[Row]) -> str:
+    """The largest error of the contact pressure, in per cent with two digits."""
+    errors = (row["pressure_error"] for row in rows)
+    return percent(max(e for e in errors if e is not None), ".2g")
+
+
+def draw_error_time(rows: Sequence[Row], file: File = None) -> Any:
+    """Root-mean-square error against processor time, a panel for each start."""
+    from matplotlib.ticker import NullFormatter
+
+    starts = EXPONENTIAL, FROM_NET, GROWTH
+    styles = {name: style_of(i) for i, name in enumerate(grouped(rows, "formulation"))}
+    form: dict[str, Any] = {
+        "titles": [f"start: {start}" for start in starts],
+        "xlabel": "seconds",
+    }
+    form |= {"ylabels": ["error of Γ in °, root mean square"]}
+    form |= {"sharex": True, "sharey": True}
+    with panels_of((8.8, 3.4), file, 10, **form) as (figure, grid):
+        for axes, start in zip(grid[0], starts, strict=True):
+            axes.set(xscale="log", yscale="log")
+            axes.xaxis.set_minor_formatter(NullFormatter())
+            axes.grid(alpha=0.3)
+            for name, style in styles.items():
+                known = having(rows, formulation=name, start=start)
+                known = [row for row in known if not row["refused"]]
+                seconds = [row["seconds"] for row in known]
+                axes.plot(seconds, [row["rms"] for row in known], **style)
+        legend(figure, styles, len(styles))
+    return figure
 
 
 class Drape(Study[Case | Extreme]):
     """Every case once, on one thread; ``--case 'time*'`` and the like run one part."""
 
-    files = tuple(name for written in _TABLES.values() for name in written)
-    pictures = ("error_time.png",)
+    parts = (
+        Part(
+            "drape.csv",
+            {
+                "refinement.md": refinement,
+                "orders.md": orders,
+                "distorted.md": distorted,
+                "other.md": other_drapes,
+                "free_edges.md": free_edges,
+                "nets.md": nets,
+                "rolled.md": rolled,
+            },
+            cases=(f"{SPHERE},*", f"{NET},*", f"{ROLLED},*"),
+        ),
+        Part(
+            "published.csv", {"published.md": published_nets}, {}, (f"{PUBLISHED},*",)
+        ),
+        Part(
+            "error_time.csv",
+            pictures={"error_time.png": draw_error_time},
+            cases=(f"{TIME},*",),
+        ),
+        Part(
+            "extremes.csv",
+            {"extremes.md": outcomes, "extremes_off.md": told_or_refused},
+            cases=(f"{EXTREME},*",),
+        ),
+    )
     timed = True
     sample = str(Case(SPHERE, 32, "macro", distortion=0.2))
 
@@ -52,58 +388,16 @@ class Drape(Study[Case | Extreme]):
 
     def line(self, rows: list[Row]) -> str:
         (row,) = rows
-        if row["refused"]:
-            return f"{row['case']}: refused, {row['refused']}"
-        if row["kind"] == EXTREME:
-            return f"{row['case']}: {row['outcome']}"
-        return f"{row['case']}: error {row['largest']:.2e}°, {row['seconds']:.2f} s"
-
-    def examine(self, case: Case | Extreme) -> list[Row]:
-        """Run one case."""
-        settings = {name: getattr(case, name) for name in case.__dataclass_fields__}
-        if isinstance(case, Extreme):
-            found = judged(case)
-        else:
-            found = timed(case) if case.kind == TIME else row_of(case)
-        return [{"case": str(case), "refused": "", **settings, **found}]
-
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        found: dict[str, str] = {}
-        for kinds, written in _TABLES.items():
-            if own := [row for row in rows if row["kind"] in kinds]:
-                found |= {name: table(own) for name, table in written.items()}
-        return found
-
-    def stored(self, folder: Path) -> list[Row]:
-        """The rows of every part; each has all columns of its part."""
-        files = [folder / name for name in self.files if name.endswith(".csv")]
-        texts = [file.read_text(encoding="utf-8") for file in files if file.is_file()]
-        if not texts:
-            raise FileNotFoundError(f"{folder} has no results")
-        return [row for text in texts for row in rows_of_csv(text)]
+        result = (
+            "{outcome}" if row["kind"] == EXTREME else "{largest:.2e}°, {seconds:.2f} s"
+        )
+        return f"{row['case']}: {row['refused'] or cell(row, result)}"
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        extremes = [row for row in rows if row["kind"] == EXTREME]
-        return tables.in_words(rows) | in_words(extremes)
-
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        from .figure import error_against_time
-
-        own = [row for row in rows if row["kind"] == TIME]
-        error_against_time(own, folder / "error_time.png")
-
-    def written(self, cases: Sequence[Case | Extreme]) -> Sequence[str]:
-        present = {case.kind for case in cases}
-        files = [
-            name
-            for kinds, written in _TABLES.items()
-            if present & {*kinds}
-            for name in written
-        ]
-        return *files, *(self.pictures if TIME in present else ())
+        return in_words(rows)
 
     def complaint(self, rows: list[Row]) -> str:
-        wrong = [row["case"] for row in rows if row.get("outcome") == WRONG]
+        wrong = [row["case"] for row in having(rows, outcome=WRONG)]
         return f"{len(wrong)} wrong: {'; '.join(wrong)}" if wrong else ""
 
 

@@ -12,7 +12,7 @@ from skfem_textile.cli import main as cli
 from skfem_textile.fabric.directions import FibreDirections
 from skfem_textile.io import read_directions, read_fabric, write_fabric
 
-from ...common.log import errors_only
+from ...common.running import errors_only
 from ..meshes.text_damage import damaged
 from ..trial import (
     UNCLEAR,

@@ -1,22 +1,45 @@
-"""Known laws, specimens with noise, and the cases of the study."""
+"""Known laws, specimens with noise, and the cases: what calibration makes of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy import ndarray
+from scipy.interpolate import CubicSpline
 
-from skfem_textile.calibration import BiasExtension, PictureFrame, ShearTest, Specimen
+from skfem_textile import AdaptiveStepper, Fabric, Full, LoadStepper, Ply, Quadratic
+from skfem_textile.calibration import (
+    BiasExtension,
+    PictureFrame,
+    ShearFit,
+    ShearTest,
+    Simulation,
+    Specimen,
+    fit_by_simulation,
+    fit_shear,
+    read_specimen,
+)
 from skfem_textile.calibration.models import Model
 from skfem_textile.calibration.shear import SHEAR_LAWS
+from skfem_textile.fabric import Law
+from skfem_textile.ply.terms import Formulation
+from skfem_textile.scenes import Scene, bias_extension, picture_frame
+from skfem_textile.scenes.bias_extension import WIDTH
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.scenes.trellis import SIDE
+
+from ...angles.cases import graded_mesh
+from ...common.running import errors_only, run
+from ...common.tables import Row
 
 #: Noise of forces over the largest, and points of a curve.
 NOISE, POINTS = 0.02, 60
 
 #: Shear angle in degrees up to which the kinematics hold, and of inverse fits.
 HOLD, BEYOND = 40.0, 50.0
+_HELD = np.radians(HOLD)
 
 #: Angles in degrees at which laws and loads are compared.
 ANGLES = (10, 20, 30, 40)
@@ -49,6 +72,21 @@ BENCHMARK: dict[tuple[float, float], tuple[float, ...]] = {
     (115.0, 230.0): (0.0051, 0.0093, 0.0117, 0.0145),
     (150.0, 450.0): (0.0061, 0.0074, 0.0130, 0.0196),
 }
+
+# Probability that a number of a normal distribution is within 1.96 deviations: 95 %.
+_TWO_SIDED = 1.959963984540054
+
+# Tolerance of the load of simulations on adaptive meshes, and their load steps.
+_TOLERANCE, _STEPS = 0.02, 4
+
+# Load steps of other simulations.
+_FINE_STEPS = 20
+
+# Cells along a side of a rhombus of the mesh along the fibres.
+_CELLS = 16
+
+# Largest jitter of meshes.
+_JITTER = 0.25
 
 
 def bias(degrees: float, width: float = 100.0, over: float = 1.0) -> BiasExtension:
@@ -94,6 +132,17 @@ def steps(test: ShearTest, n: int = POINTS, degrees: float = HOLD) -> ndarray:
     return np.linspace(0.0, float(end), n + 1)[1:]
 
 
+def _curves(
+    tests: Sequence[ShearTest], law: Law
+) -> tuple[list[ndarray], list[ndarray]]:
+    """Displacements of each test, and the forces of a law there."""
+    moved = [steps(test) for test in tests]
+    return moved, [
+        test.force(law, test.shear_angle(own))
+        for test, own in zip(tests, moved, strict=True)
+    ]
+
+
 @dataclass(frozen=True)
 class Coverage:
     """Fits of a known law to three specimens with noise, with many seeds."""
@@ -102,10 +151,61 @@ class Coverage:
     law: str
     seeds: int = SEEDS
 
-    @property
-    def name(self) -> str:
-        """What to call it."""
+    def __str__(self) -> str:
         return f"coverage: {self.test}, {self.law}"
+
+    def rows(self) -> list[Row]:
+        """How often each parameter is inside its band, and how wide the band is."""
+        tests, (model, truth) = TESTS[self.test], known(self.law)
+        law = model.build(truth)
+        moved, forces = _curves(tests, law)
+        inside, widths = [], []
+        for seed in range(self.seeds):
+            data = specimens(tests, moved, forces, seed, NOISE)
+            fit = fit_shear(data, self.law, points=truth.size).fit
+            low, high = fit.intervals.T
+            inside.append((low <= truth) & (truth <= high))
+            widths.append(high - low)
+        least = 2 * _TWO_SIDED * self.cramer_rao(forces)
+        found = np.mean(inside, axis=0), np.median(widths, axis=0), least
+        rows = zip(model.parameters, *found, strict=True)
+        return [
+            {
+                "task": "coverage",
+                "test": self.test,
+                "law": self.law,
+                "parameter": name,
+                "seeds": self.seeds,
+                "inside": float(share),
+                "width_over_cramer_rao": float(width / bound),
+            }
+            for name, share, width, bound in rows
+        ]
+
+    def cramer_rao(self, forces: list[ndarray]) -> ndarray:
+        """Least deviations of unbiased estimates, by differences of the true forces."""
+        tests, (model, truth) = TESTS[self.test], known(self.law)
+        information = np.zeros((truth.size, truth.size))
+        for test, force in zip(tests, forces, strict=True):
+            gamma = test.shear_angle(steps(test)) * (1 - 1e-12)  # inside of a table
+            columns = []
+            for i, own in enumerate(truth):
+                ends = np.repeat(truth[None], 2, axis=0)
+                ends[:, i] += np.array([-1e-5, 1e-5]) * own
+                low, high = (test.force(model.build(end), gamma) for end in ends)
+                columns.append((high - low) / (ends[1, i] - ends[0, i]))
+            J = np.transpose(columns)
+            information += J.T @ J / (NOISE * force.max()) ** 2
+        return np.sqrt(np.diag(np.linalg.inv(information)))
+
+
+@cache
+def _fine_curve(across: int) -> tuple[BiasExtension, CubicSpline]:
+    """A simulated test beyond the kinematics, with element edges across."""
+    test, (model, truth) = bias(45), known("polynomial")
+    fine = Simulation(SOFT, across, _FINE_STEPS, seed=100)
+    angles, forces, _ = fine.curve(model.build(truth), test, np.radians(BEYOND))
+    return test, CubicSpline(angles, forces)
 
 
 @dataclass(frozen=True)
@@ -115,17 +215,100 @@ class Inverse:
     across: int
     seed: int
 
-    @property
-    def name(self) -> str:
-        """What to call it."""
+    def __str__(self) -> str:
         return f"inverse: {self.across} across, seed {self.seed}"
+
+    def rows(self) -> list[Row]:
+        """An inverse fit on a coarse mesh to data of a finer one."""
+        test, curve = _fine_curve(2 * self.across)
+        moved = steps(test, POINTS, BEYOND)
+        gamma = test.shear_angle(moved)
+        truth = curve(gamma)
+        data = specimens((test,) * 3, (moved,) * 3, (truth,) * 3, self.seed, NOISE)
+        simulation = Simulation(SOFT, self.across, seed=self.seed)
+        found = fit_by_simulation(data, "polynomial", simulation)
+        law = found.fit.law
+        coarse = Simulation(SOFT, self.across, _FINE_STEPS, seed=self.seed)
+        angles, forces, stabilisation = coarse.curve(law, test, np.radians(BEYOND))
+        off = CubicSpline(angles, forces)(gamma) - truth
+        late = gamma > np.radians(ANGLES[0])
+        model, values = known("polynomial")
+        at = np.radians(ANGLES)
+        moments = law.value(at) / model.build(values).value(at) - 1
+        low, high = found.fit.intervals.T
+        return [
+            {
+                "task": "inverse",
+                "across": self.across,
+                "seed": self.seed,
+                "stabilisation": stabilisation,
+                "off_over_largest": float(np.abs(off).max() / truth.max()),
+                "off_past_10": float(np.abs(off[late] / truth[late]).max()),
+                "inside": int(np.sum((low <= values) & (values <= high))),
+                **{
+                    f"moment_{a}": float(m)
+                    for a, m in zip(ANGLES, moments, strict=True)
+                },
+            }
+        ]
 
 
 @dataclass(frozen=True)
 class Agreement:
     """A law from a picture frame and from a bias extension, both simulated."""
 
-    name: str = "agreement"
+    def __str__(self) -> str:
+        return "agreement"
+
+    def rows(self) -> list[Row]:
+        """C from a frame and a bias extension that are simulated with one fabric."""
+        model, truth = known("polynomial")
+        law = model.build(truth)
+        from_frame = fit_shear([_simulated_frame(law)]).fit.law
+        from_bias = fit_shear([_simulated_strip(law)]).fit.law
+        angles = np.arange(5, 45, 5)
+        at = np.radians(angles)
+        moments = (one.value(at) for one in (from_frame, from_bias, law))
+        rows = zip(angles, *moments, strict=True)
+        return [
+            {
+                "task": "agreement",
+                "angle": int(angle),
+                "frame": float(one),
+                "bias": float(two),
+                "apart": float(two / one - 1),
+                "frame_off": float(one / true - 1),
+            }
+            for angle, one, two, true in rows
+        ]
+
+
+def _simulated_frame(law: Law) -> Specimen:
+    """A picture frame on a mesh whose elements are equally high."""
+    test = PictureFrame(SIDE, SIDE)
+    mesh = rectangle(SIDE, SIDE, (8, 8), "horizontal", _JITTER, 1)
+    gamma, (x, y) = _sheared(picture_frame(mesh, shear_angle=_HELD), law, Full())
+    along = x * np.cos(gamma) - y * np.sin(gamma)  # the force in the turned fibres
+    force = along / np.sin(np.pi / 4 - gamma / 2)
+    return Specimen("frame", test, force, test.displacement(gamma))
+
+
+def _simulated_strip(law: Law) -> Specimen:
+    """A bias extension on a mesh along its fibres, as those of the study of angles."""
+    test, mesh = BiasExtension(WIDTH, 2 * WIDTH), graded_mesh(np.pi / 4, _CELLS)
+    scene = bias_extension(mesh, shear_angle=_HELD)
+    gamma, (_, force) = _sheared(scene, law, Quadratic())
+    return Specimen("bias", test, force, test.displacement(gamma))
+
+
+def _sheared(
+    scene: Scene, law: Law, formulation: Formulation
+) -> tuple[ndarray, ndarray]:
+    """Shear angles in radians and reactions at the ends of steps."""
+    ply = Ply(scene.mesh, Fabric(STIFF, law, scene.warp, scene.weft), formulation)
+    states = LoadStepper(ply, scene.conditions, _FINE_STEPS).run().states[1:]
+    gamma = np.array([state.load_factor for state in states]) * _HELD
+    return gamma, np.transpose([scene.reaction(state) for state in states])
 
 
 @dataclass(frozen=True)
@@ -134,10 +317,51 @@ class RoundTrip:
 
     degrees: float
 
-    @property
-    def name(self) -> str:
-        """What to call it."""
+    def __str__(self) -> str:
         return f"round trip: {self.degrees:g}°"
+
+    def rows(self) -> list[Row]:
+        """Loads of the simulation with the law that was found, beside the data's."""
+        model, truth = known("polynomial")
+        strips = TESTS[f"bias {self.degrees:g}°"]
+        law = model.build(truth)
+        data = specimens(strips, *_curves(strips, law), 1, NOISE)
+        strip, found = bias(self.degrees), fit_shear(data).fit.law
+        W, H, theta = strip.width, strip.height, strip.inclination
+        mesh = rectangle(W, H, (8, round(8 * H / W)), "irregular", _JITTER, 1)
+        scene = bias_extension(mesh, warp=theta, weft=np.pi - theta, shear_angle=_HELD)
+        ply = Ply(mesh, Fabric(STIFF, found, scene.warp, scene.weft))
+        stepper = AdaptiveStepper(ply, scene.conditions, _TOLERANCE, _STEPS)
+        with errors_only():
+            result, refused = run(stepper)
+        angles = [state.load_factor * _HELD for state in result.states]
+        forces = [scene.reaction(state)[1] for state in result.states]
+        curve, at = CubicSpline(angles, forces), np.radians(ANGLES)
+        loads = strip.force(law, at)
+        return [
+            {
+                "task": "round trip",
+                "degrees": self.degrees,
+                "angle": angle,
+                "data": float(known_load),
+                "simulated": float(load),
+                "off": float(load / known_load - 1),
+                "off_over_largest": float((load - known_load) / loads.max()),
+                "unknowns": int(result.ply.basis.N),
+                "seconds": float(result.wall_time_s),
+                "refused": refused,
+            }
+            for angle, known_load, load in zip(ANGLES, loads, curve(at), strict=True)
+        ]
+
+
+def example() -> ShearFit:
+    """A fit to three specimens that were pulled beyond the kinematics."""
+    model, truth = known("polynomial")
+    tests, law = TESTS["bias 45°"], model.build(truth)
+    moved = [steps(test, POINTS, BEYOND) for test in tests]
+    forces = [t.force(law, t.shear_angle(m)) for t, m in zip(tests, moved, strict=True)]
+    return fit_shear(specimens(tests, moved, forces, 1, NOISE))
 
 
 @dataclass(frozen=True)
@@ -148,15 +372,33 @@ class Benchmark:
     height: float
     folder: Path = field(compare=False)
 
-    @property
-    def name(self) -> str:
-        """What to call it."""
+    def __str__(self) -> str:
         return f"benchmark: {self.width:g}x{self.height:g}"
 
     @cached_property
     def file(self) -> Path:
         """The file of the curve."""
         return self.folder / f"glass_plain_{self.width:g}_{self.height:g}.csv"
+
+    def rows(self) -> list[Row]:
+        """C = F_sh cos γ of a curve of the benchmark, point by point."""
+        units = {"displacement": "mm", "force": "N"}
+        test = BiasExtension(self.width, self.height)
+        specimen = read_specimen(self.file, test, units)
+        gamma, C = specimen.pointwise(np.radians(BEYOND))
+        found = np.interp(np.radians(ANGLES), gamma, C)
+        expected = BENCHMARK[self.width, self.height]
+        return [
+            {
+                "task": "benchmark",
+                "specimen": f"{self.width:g} × {self.height:g}",
+                "angle": angle,
+                "moment": float(one),
+                "expected": other,
+                "off": float(one / other - 1),
+            }
+            for angle, one, other in zip(ANGLES, found, expected, strict=True)
+        ]
 
 
 Case = Coverage | Inverse | Agreement | RoundTrip | Benchmark

@@ -5,28 +5,155 @@ guzmalalo/bias_test, its folder ``test_data``.
 """
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from ...common.tables import csv_table, rows_of_csv
-from ...study import Row, Study
-from . import fits, tables
-from .cases import Agreement, Benchmark, Case, Coverage, Inverse, RoundTrip, all_cases
+import numpy as np
 
-# Files of the benchmark alone.
-_BENCHMARK = "benchmark.csv", "benchmark.md"
+from ...common.tables import (
+    Column,
+    cell,
+    grouped,
+    having,
+    markdown_table,
+    percent,
+    percent_of,
+    table,
+)
+from ...study import Part, Row, Study
+from .cases import ANGLES, Agreement, Case, all_cases, example
+
+#: Share of parameters that ought to lie in their bands.
+CONFIDENCE = 0.95
+
+#: Share of parameters inside their bands, and width of these over the least possible.
+INSIDE, WIDTH = (0.930, 0.970), 1.5
+
+#: Most by which loads and moments may differ, as a share, by task and column: inverse
+#: fits and the two tests of one fabric; the way from data to law to simulation; the
+#: benchmark.
+MOST = {
+    ("inverse", "off_over_largest"): 0.02,
+    ("agreement", "apart"): 0.02,
+    ("round trip", "off"): 0.03,
+    ("benchmark", "off"): 0.05,
+}
+
+
+_COLUMNS: Mapping[str, Mapping[str, Column]] = {
+    "coverage": {
+        "test": "{test}",
+        "law": "{law}",
+        "parameter": "{parameter}",
+        "seeds": "{seeds}",
+        "inside its band": percent_of("inside", ".1f"),
+        "width over Cramér–Rao": "{width_over_cramer_rao:.3f}",
+    },
+    "inverse": {
+        "across": "{across}",
+        "seed": "{seed}",
+        "stabilisation": percent_of("stabilisation", ".0f"),
+        "load, of the largest": percent_of("off_over_largest", ".2f"),
+        "load past 10°, of itself": percent_of("off_past_10", ".2f"),
+        **{f"C at {angle}°": percent_of(f"moment_{angle}") for angle in ANGLES},
+    },
+    "agreement": {
+        "angle, deg": "{angle}",
+        "C of the frame": "{frame:.5f}",
+        "C of the bias extension": "{bias:.5f}",
+        "apart": percent_of("apart"),
+        "frame off the known law": percent_of("frame_off"),
+    },
+    "benchmark": {
+        "specimen, mm": "{specimen}",
+        "angle, deg": "{angle}",
+        "C, N·mm/mm²": "{moment:.4f}",
+        "expected": "{expected:.4f}",
+        "apart": percent_of("off"),
+    },
+}
+
+
+def of_task(rows: Sequence[Row], task: str) -> str:
+    """The table of a task: bands, inverse fits, two tests of one fabric, benchmark."""
+    return table(having(rows, task=task), _COLUMNS[task])
+
+
+def round_trip(rows: Sequence[Row]) -> str:
+    """Simulated loads beside those of the data."""
+    lines = [
+        [
+            *(f"{degrees:g}°", *(percent(row["off"]) for row in own)),
+            *(own[0]["unknowns"], own[0]["refused"] or "-"),
+        ]
+        for degrees, own in grouped(having(rows, task="round trip"), "degrees").items()
+    ]
+    head = ["fibres", *(f"load at {angle}°" for angle in ANGLES)]
+    return markdown_table([*head, "unknowns", "the stepper says"], lines)
+
+
+def missed(rows: Sequence[Row]) -> list[str]:
+    """What is not as it should be."""
+    found = []
+    for row in having(rows, task="coverage"):
+        what = f"{row['test']}, {row['law']}, {row['parameter']}"
+        if not INSIDE[0] <= row["inside"] <= INSIDE[1]:
+            found.append(f"{what}: inside in {percent(row['inside'], '.1f')}")
+        if not row["width_over_cramer_rao"] <= WIDTH:
+            found.append(f"{what}: too wide")
+    for (task, key), most in MOST.items():
+        own = [row[key] for row in having(rows, task=task)]
+        if own and not np.abs(own).max() <= most:
+            found.append(f"{task}: off by {100 * np.abs(own).max():.1f} %")
+    return found
+
+
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """Ranges of what the tables show, and the scatter of a share of the seeds."""
+    bands = having(rows, task="coverage")
+    inside = [100 * row["inside"] for row in bands]
+    widest = max(row["width_over_cramer_rao"] for row in bands)
+    chance = np.sqrt(CONFIDENCE * (1 - CONFIDENCE) / bands[0]["seeds"])
+    words = {
+        "inside": f"{min(inside):.1f} to {max(inside):.1f} %",
+        "wider": percent(widest - 1, ".1f"),
+        "chance": percent(chance, ".1f"),
+    }
+    for task, key in (("inverse", "off_over_largest"), ("benchmark", "off")):
+        most = max(abs(row[key]) for row in having(rows, task=task))
+        words[task] = percent(most, ".1f")
+    return words
+
+
+def draw_fit(rows: Sequence[Row], file: Path) -> None:
+    """Draw a fit to three specimens."""
+    from skfem_textile.calibration.figure import draw
+
+    draw(example(), file)
 
 
 class Calibration(Study[Case]):
     """Bands, inverse fits, agreement of tests, the way to a simulation and back."""
 
-    files = (
-        *("calibration.csv", "coverage.md", "inverse.md", "agreement.md"),
-        *("round_trip.md", *_BENCHMARK),
+    parts = (
+        Part(
+            "calibration.csv",
+            {
+                "coverage.md": lambda rows: of_task(rows, "coverage"),
+                "inverse.md": lambda rows: of_task(rows, "inverse"),
+                "agreement.md": lambda rows: of_task(rows, "agreement"),
+                "round_trip.md": round_trip,
+            },
+            {"fit.png": draw_fit},
+            ("coverage:*", "inverse:*", "agreement", "round trip:*"),
+        ),
+        Part(
+            "benchmark.csv",
+            {"benchmark.md": lambda rows: of_task(rows, "benchmark")},
+            cases=("benchmark:*",),
+        ),
     )
-    pictures = ("fit.png",)
-    sample = Agreement().name
+    sample = str(Agreement())
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
@@ -40,61 +167,20 @@ class Calibration(Study[Case]):
     def cases(self, options: argparse.Namespace) -> Sequence[Case]:
         return all_cases(options.benchmark)
 
-    def name(self, case: Case) -> str:
-        return case.name
-
-    def examine(self, case: Case) -> list[Row]:
-        tasks: dict[type[Any], Callable[[Any], list[Row]]] = {
-            Coverage: fits.covered,
-            Inverse: fits.inverse,
-            Agreement: lambda case: fits.agreement(),
-            RoundTrip: fits.round_trip,
-            Benchmark: fits.benchmark,
-        }
-        return tasks[type(case)](case)
-
     def line(self, rows: list[Row]) -> str:
-        text = getattr(tables, rows[0]["task"].replace(" ", "_"))(rows)
-        return "\n".join(text.splitlines()[2:])
-
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        texts = {
-            "calibration.csv": csv_table([r for r in rows if r["task"] != "benchmark"]),
-            "coverage.md": tables.coverage(rows),
-            "inverse.md": tables.inverse(rows),
-            "agreement.md": tables.agreement(rows),
-            "round_trip.md": tables.round_trip(rows),
-        }
-        if own := tables.of(rows, "benchmark"):
-            contents = csv_table(own), tables.benchmark(rows)
-            texts |= dict(zip(_BENCHMARK, contents, strict=True))
-        return texts
-
-    def stored(self, folder: Path) -> list[Row]:
-        """The rows of known laws and of the benchmark, each with the columns of its."""
-        rows = super().stored(folder)
-        benchmark = folder / _BENCHMARK[0]
-        if benchmark.is_file():
-            rows += rows_of_csv(benchmark.read_text(encoding="utf-8"))
-        return rows
+        columns = _COLUMNS.get(rows[0]["task"], {"load": percent_of("off")})
+        shown = (
+            ", ".join(f"{head} {cell(row, column)}" for head, column in columns.items())
+            for row in rows
+        )
+        return f"{rows[0]['case']}: {'; '.join(shown)}"
 
     def figures(self, rows: list[Row]) -> dict[str, str]:
-        return tables.in_words(rows)
-
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        from skfem_textile.calibration.figure import draw
-
-        draw(fits.example(), folder / "fit.png")
+        return in_words(rows)
 
     def complaint(self, rows: list[Row]) -> str:
-        missed = tables.missed(rows)
-        return f"{len(missed)} target(s) missed, first: {missed[0]}" if missed else ""
-
-    def written(self, cases: Sequence[Case]) -> list[str]:
-        """The files of the benchmark are kept where its curves are not at hand."""
-        has_benchmark = any(isinstance(case, Benchmark) for case in cases)
-        names = (*self.files, *self.pictures)
-        return [name for name in names if has_benchmark or name not in _BENCHMARK]
+        found = missed(rows)
+        return f"{len(found)} target(s) missed, first: {found[0]}" if found else ""
 
 
 STUDY = Calibration()

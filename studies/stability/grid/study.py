@@ -12,13 +12,13 @@ equilibrium; `soundness` judges every end.
 """
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from itertools import count, islice, product
-from pathlib import Path
-from typing import ClassVar, TypeAlias
+from statistics import median
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -30,20 +30,27 @@ from skfem_textile.ply.terms import Formulation
 from skfem_textile.scenes import Scene, bias_extension
 from skfem_textile.scenes.bias_extension import WIDTH
 from skfem_textile.scenes.rectangle import rectangle
-from skfem_textile.solve.result import StepError
 from skfem_textile.solve.stepper import LoadStepper
 
-from ...angles.aligned_mesh import graded_mesh
-from ...common.log import errors_only
+from ...angles.cases import Specimen
+from ...common.figures import File, panels_of
+from ...common.rivals.codes import Dolfinx, FElupe
 from ...common.rivals.newton import STEPS, NotConvergedError
-from ...common.rivals.rival import QUAD4, TRIANGLE6, Rival
-from ...common.rivals.task import Task
-from ...common.rivals.with_dolfinx import Dolfinx
-from ...common.rivals.with_felupe import FElupe
-from ...common.tables import csv_table
-from ...study import Row, Study
+from ...common.rivals.rival import QUAD4, TRIANGLE6, Rival, Task
+from ...common.running import errors_only, run
+from ...common.tables import markdown_table, percent, scientific
+from ...study import Part, Row, Study
 from ..soundness import is_sound
-from .tables import OURS, REFERENCE, cells, figures, markdown
+
+#: Names in the column ``code``: this library, and converged loads.
+OURS, REFERENCE = "this library, macro-elements", "converged"
+
+#: Share of the converged load by which a load may differ and be right.
+LIMIT = 0.05
+
+#: Outcomes of a cell: within `LIMIT` of the converged load, not within it, and without
+#: a stable, unfolded equilibrium on most of its meshes.
+RIGHT, OFF, NONE = "right", "off", "none"
 
 #: Ratios E/G, and the largest moves of nodes as shares of the spacing.
 RATIOS = (1e2, 1e4, 1e5, 1e6, 1e8, 1e10)
@@ -64,50 +71,43 @@ RIVALS: tuple[tuple[Rival, Formulation], ...] = (
     (Dolfinx(TRIANGLE6), Quadratic()),
 )
 
-#: Formulations of the references, with cells along a side of a rhombus.  The last gives
-#: the load, the one before has cells twice as wide, the first is another formulation.
-REFERENCES: tuple[tuple[Formulation, int], ...] = (
-    (Full(), 16),
-    (Quadratic(), 16),
-    (Quadratic(), 32),
+# Ratios E/G up to which errors of this library are given in words.
+_UP_TO = 1e4, 1e6, 1e8
+
+# Names of codes in the names of results.
+_SHORT = {OURS: "ours", "FElupe": "felupe", "DOLFINx": "dolfinx"}
+
+# Width and height of the figure in inches: as printed, 160 mm wide.
+_SIZE = 6.3, 2.9
+
+# Loads over the converged load between which cells have one colour.
+_BOUNDS = (0.1, 1 - LIMIT, 1 + LIMIT, 2.0, 10.0, 100.0, 1e4, 1e8)
+_COLOURS = (
+    *("#CC79A7", "#0072B2", "#fee391", "#fec44f", "#fe9929", "#cc4c02", "#662506"),
 )
 
-# Grading of the meshes of the references, as in the study of angles, and load steps.
-_GRADING, _REFERENCE_STEPS = 6.0, 8
+# Colour of cells without a result, and of numbers on dark and on light cells.
+_NO_RESULT, _ON_DARK, _ON_LIGHT = "#d9d9d9", "white", "black"
+
+# Luminance below which a cell is dark.
+_DARK = 0.5
 
 
 @dataclass(frozen=True)
 class Reference:
-    """The converged load at E/G."""
+    """The converged load at E/G: that of the study of angles with linear laws."""
 
     ratio: float
+    code: ClassVar[str] = REFERENCE
 
-    @property
-    def name(self) -> str:
-        """A name that no other case has."""
+    def __str__(self) -> str:
         return f"{REFERENCE}, E/G = {self.ratio:.0e}"
 
-    def row(self) -> Row:
-        """The load over that of fibres that do not stretch.
-
-        ``halving`` and ``apart`` are the changes of the load when cells are halved and
-        with another formulation, as shares of the load.
-        """
-        loads = []
-        for formulation, n in REFERENCES:
-            mesh = graded_mesh(np.pi / 4, WIDTH, n, _GRADING)
-            scene = bias_extension(mesh, shear_angle=np.radians(ANGLE))
-            ply = _ply(scene, self.ratio, formulation)
-            result = LoadStepper(ply, scene.conditions, _REFERENCE_STEPS).run()
-            loads.append(_load(scene, scene.reaction(result.states[-1])))
-        other, coarse, load = loads
-        return {
-            "code": REFERENCE,
-            "ratio": self.ratio,
-            "load": load,
-            "halving": load / coarse - 1,
-            "apart": other / load - 1,
-        }
+    def rows(self) -> list[Row]:
+        """The load over that of fibres that do not stretch."""
+        *_, row = Specimen(45.0, "linear", self.ratio).converged()
+        shares = {name: row[name] for name in ("load", "halving", "apart")}
+        return [{"code": self.code, "ratio": self.ratio, **shares}]
 
 
 @dataclass(frozen=True)
@@ -119,28 +119,24 @@ class Ours:
     seed: int
     code: ClassVar[str] = OURS
 
-    @property
-    def name(self) -> str:
-        """A name that no other case has."""
-        return _name(self.code, self.ratio, self.distortion, self.seed)
+    def __str__(self) -> str:
+        return _name(self)
 
-    def row(self) -> Row:
+    def rows(self) -> list[Row]:
         """Load, linear solves with those of abandoned steps, and soundness."""
         scene = _scene("irregular", ACROSS // 2, self.distortion, self.seed)
         ply = _ply(scene, self.ratio, Macro())
-        try:
-            result, note = LoadStepper(ply, scene.conditions, 1).run(), ""
-        except StepError as error:
-            result, note = error.result, str(error)
+        result, note = run(LoadStepper(ply, scene.conditions, 1))
         last = result.states[-1]
         sound = is_sound(ply, scene, last.u, last.parameters)
-        return {
+        row = {
             "load": _load(scene, scene.reaction(last)),
             "steps": len(result.states) - 1,
             "linear_solves": result.linear_solves,
             "sound": result.converged and sound,
             "note": note,
         }
+        return [_head(self) | row]
 
 
 @dataclass(frozen=True)
@@ -158,13 +154,14 @@ class Theirs:
         rival, _ = RIVALS[self.rival]
         return f"{rival.code}, {rival.shape.name}"
 
-    @property
-    def name(self) -> str:
-        """A name that no other case has."""
-        return _name(self.code, self.ratio, self.distortion, self.seed)
+    def __str__(self) -> str:
+        return _name(self)
 
-    def row(self) -> Row:
+    def rows(self) -> list[Row]:
         """Load, linear solves and soundness of the run with the fewest steps."""
+        return [_head(self) | self._run()]
+
+    def _run(self) -> Row:
         rival, formulation = RIVALS[self.rival]
         if missing := rival.missing():
             return {"note": f"skipped, not installed: {missing}"}
@@ -176,16 +173,16 @@ class Theirs:
         note = ""
         for steps in STEPS:
             try:
-                run = rival.run(task, steps, repeats=0)
+                end = rival.run(task, steps, repeats=0)
             except NotConvergedError as error:
                 note = note or str(error)
                 continue
             row = {
-                "load": _load(scene, task.reaction(run.f)),
+                "load": _load(scene, task.reaction(end.f)),
                 "steps": steps,
-                "linear_solves": run.linear_solves,
+                "linear_solves": end.linear_solves,
             }
-            if is_sound(ply, scene, run.u):
+            if is_sound(ply, scene, end.u):
                 return row | {"sound": True, "note": ""}
             note = "not stable, or folded"
         return row | {"sound": False, "note": note}
@@ -194,66 +191,13 @@ class Theirs:
 Case: TypeAlias = Reference | Ours | Theirs
 
 
-class Grid(Study[Case]):
-    """Every code at every E/G and distortion."""
-
-    files = ("grid.csv", "grid.md")
-    pictures = ("grid.png", "grid.svg")
-    folder = "stability"
-    sample = f"{OURS}, E/G = 1e+05, 0.45, seed 1"
-
-    def cases(self, options: argparse.Namespace) -> list[Case]:
-        """The references first."""
-        cells = list(product(RATIOS, DISTORTIONS))
-        ours = [
-            Ours(ratio, distortion, seed)
-            for ratio, distortion in cells
-            for seed in seeds("irregular", ACROSS // 2, distortion)
-        ]
-        theirs = [
-            Theirs(i, ratio, distortion, seed)
-            for (i, (rival, _)), (ratio, distortion) in product(
-                enumerate(RIVALS), cells
-            )
-            for seed in seeds(*mesh_of(rival), distortion)
-        ]
-        return [*map(Reference, RATIOS), *ours, *theirs]
-
-    def name(self, case: Case) -> str:
-        return case.name
-
-    @errors_only()
-    def examine(self, case: Case) -> list[Row]:
-        """Run one case; loads are shares of the load of fibres that do not stretch."""
-        if isinstance(case, Reference):
-            return [case.row()]
-        of_case = "code", "ratio", "distortion", "seed"
-        return [{name: getattr(case, name) for name in of_case} | case.row()]
-
-    def line(self, rows: list[Row]) -> str:
-        (row,) = rows
-        mesh = f", {row['distortion']:g}, seed {row['seed']}" if "seed" in row else ""
-        load = f"{row['load']:.4g}" if row.get("load") else row["note"]
-        return f"{row['code']}, E/G = {row['ratio']:.0e}{mesh}: {load}"
-
-    def tables(self, rows: list[Row]) -> dict[str, str]:
-        return {"grid.csv": csv_table(rows), "grid.md": markdown(rows)}
-
-    def figures(self, rows: list[Row]) -> dict[str, str]:
-        return figures(rows)
-
-    def draw(self, rows: list[Row], folder: Path) -> None:
-        from .figure import draw_grid
-
-        for name in self.pictures:
-            draw_grid(cells(rows), folder / name)
+def _name(case: Ours | Theirs) -> str:
+    mesh = f"{case.distortion:g}, seed {case.seed}"
+    return f"{case.code}, E/G = {case.ratio:.0e}, {mesh}"
 
 
-STUDY = Grid()
-
-
-def _name(code: str, ratio: float, distortion: float, seed: int) -> str:
-    return f"{code}, E/G = {ratio:.0e}, {distortion:g}, seed {seed}"
+def _head(case: Ours | Theirs) -> Row:
+    return {x: getattr(case, x) for x in ("code", "ratio", "distortion", "seed")}
 
 
 def mesh_of(rival: Rival) -> tuple[str, int]:
@@ -290,3 +234,213 @@ def _load(scene: Scene, reaction: np.ndarray) -> float:
     """The load over that of fibres that do not stretch."""
     assert scene.load is not None
     return float(reaction[1] / scene.load(Linear(G), 1.0))
+
+
+class Cell(NamedTuple):
+    """Medians over the meshes that differ in their seeds.
+
+    Attributes
+    ----------
+    load
+        Load over the converged load; None where most meshes have no result.
+    worst
+        The load that is farthest from the converged load.
+    solves
+        Linear solves.
+    """
+
+    load: float | None = None
+    worst: float | None = None
+    solves: float | None = None
+
+    @property
+    def outcome(self) -> str:
+        """One of `RIGHT`, `OFF` and `NONE`."""
+        if self.load is None:
+            return NONE
+        return RIGHT if abs(self.load - 1) <= LIMIT else OFF
+
+
+#: Cells of each code by E/G and distortion.
+Cells: TypeAlias = dict[str, dict[tuple[float, float], Cell]]
+
+
+def cells(rows: Sequence[Row]) -> Cells:
+    """The cells of every code; those without a converged load are left out."""
+    converged = {r["ratio"]: r["load"] for r in rows if r["code"] == REFERENCE}
+    groups: dict[str, dict[tuple[float, float], list[Row]]] = {}
+    for row in rows:
+        if row.get("sound") is not None and row["ratio"] in converged:
+            of_code = groups.setdefault(row["code"], {})
+            of_code.setdefault((row["ratio"], row["distortion"]), []).append(row)
+    return {
+        code: {at: _cell(group, converged[at[0]]) for at, group in of_code.items()}
+        for code, of_code in groups.items()
+    }
+
+
+def _cell(rows: list[Row], converged: float) -> Cell:
+    sound = [row for row in rows if row["sound"]]
+    if 2 * len(sound) <= len(rows):
+        return Cell()
+    loads = [row["load"] / converged for row in sound]
+    solves = median(row["linear_solves"] for row in sound)
+    return Cell(median(loads), max(loads, key=lambda x: abs(x - 1)), solves)
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """A line for each code and E/G: loads over the converged load, and solves."""
+    lines, every = [], cells(rows)
+    distortions = sorted({at[1] for of_code in every.values() for at in of_code})
+    for code, of_code in every.items():
+        for ratio in sorted({at[0] for at in of_code}):
+            line = (of_code.get((ratio, x), Cell()) for x in distortions)
+            lines.append([code, scientific(ratio), *map(_in_table, line)])
+    return markdown_table(
+        ["code, element", "E/G", *(f"{x:g}" for x in distortions)], lines
+    )
+
+
+def _in_table(cell: Cell) -> str:
+    if cell.load is None:
+        return "none"
+    return f"{times(cell.load)} ({cell.solves:.0f})"
+
+
+def times(ratio: float) -> str:
+    """A ratio with two or three digits, as a power of ten from 10⁴ on.
+
+    Examples
+    --------
+    >>> times(1.2345), times(52.03), times(6711131.8)
+    ('1.23', '52', '7·10⁶')
+    """
+    if ratio >= 1e4:
+        return scientific(ratio, 1)
+    return f"{ratio:.2f}" if ratio < 10 else f"{ratio:.0f}"
+
+
+def in_words(rows: Sequence[Row]) -> dict[str, str]:
+    """Counts of outcomes and the largest load of each code, and errors of this library.
+
+    ``ours_median_to_1e6`` is the largest error of a median up to E/G = 10⁶, and
+    ``ours_worst_to_1e6`` that of a single mesh.
+    """
+    words, every = {}, cells(rows)
+    for code, of_code in every.items():
+        name = _SHORT.get(code) or _SHORT[code.partition(",")[0]]
+        outcomes = [cell.outcome for cell in of_code.values()]
+        for outcome in (RIGHT, OFF, NONE):
+            count = outcomes.count(outcome)
+            words[f"{name}_{outcome}"] = f"{count} of {len(outcomes)}"
+        loads = [cell.load for cell in of_code.values() if cell.load is not None]
+        words[f"{name}_largest"] = times(max(loads, default=0.0))
+    for most in _UP_TO:
+        ours = [cell for (x, _), cell in every.get(OURS, {}).items() if x <= most]
+        to = f"to_{most:.0e}".replace("e+0", "e")
+        words[f"ours_median_{to}"] = _largest_error(cell.load for cell in ours)
+        words[f"ours_worst_{to}"] = _largest_error(cell.worst for cell in ours)
+    unsure = (
+        max(abs(row["halving"]), abs(row["apart"]))
+        for row in rows
+        if row["code"] == REFERENCE
+    )
+    words["converged_to"] = f"{100 * max(unsure, default=0.0):.1g} %"
+    return words
+
+
+def _largest_error(loads: Iterable[float | None]) -> str:
+    """The largest error of loads over the converged load, in per cent."""
+    errors = (abs(load - 1) for load in loads if load is not None)
+    return percent(max(errors, default=0.0), ".1f")
+
+
+def draw_grid(cells: Cells, file: File = None) -> Any:
+    """A panel for each code; the colour is the load, the number the linear solves."""
+    import matplotlib as mpl
+    from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
+
+    ratios = sorted({at[0] for of_code in cells.values() for at in of_code})
+    distortions = sorted({at[1] for of_code in cells.values() for at in of_code})
+    colours = ListedColormap(list(_COLOURS))
+    norm = BoundaryNorm(_BOUNDS, len(_COLOURS))
+    names = [code.replace(", ", "\n", 1) for code in cells]
+    with panels_of(_SIZE, file, 8, names, ["E/G"], sharey=True) as (figure, grid):
+        for axes, name, of_code in zip(grid[0], names, cells.values(), strict=True):
+            axes.set_title(name, fontsize=9)
+            pixels = np.ones((len(ratios), len(distortions), 3))
+            for i, j in np.ndindex(pixels.shape[:2]):
+                cell = of_code.get((ratios[i], distortions[j]), Cell())
+                colour = _NO_RESULT if cell.load is None else colours(norm(cell.load))
+                pixels[i, j] = to_rgb(colour)
+                dark = np.dot(pixels[i, j], (0.299, 0.587, 0.114)) < _DARK
+                text = "–" if cell.solves is None else f"{cell.solves:.0f}"
+                place = {"ha": "center", "va": "center"}
+                axes.text(j, i, text, color=_ON_DARK if dark else _ON_LIGHT, **place)
+            axes.imshow(pixels, aspect="auto", origin="lower")
+            axes.set_xticks(
+                range(len(distortions)), [f"{x:g}"[-3:] for x in distortions]
+            )
+            axes.set_xticks(np.arange(0.5, len(distortions) - 1), minor=True)
+            axes.set_yticks(np.arange(0.5, len(ratios) - 1), minor=True)
+            axes.grid(which="minor", color="white", linewidth=0.8)
+            axes.spines[:].set_visible(False)
+            axes.tick_params(which="both", length=0)
+        grid[0, 0].set_yticks(range(len(ratios)), map(scientific, ratios))
+        grid[0, len(cells) // 2].set_xlabel("Largest move of a node / spacing")
+        scale = mpl.cm.ScalarMappable(norm, colours)
+        bar = figure.colorbar(scale, ax=list(grid[0]), pad=0.01, spacing="uniform")
+        labels = f"{1 - LIMIT:g}", f"{1 + LIMIT:g}", "2", "10", "100", "10⁴"
+        bar.set_ticks(_BOUNDS[1:-1], labels=labels)
+        bar.set_label("Load / converged load")
+    return figure
+
+
+class Grid(Study[Case]):
+    """Every code at every E/G and distortion."""
+
+    parts = (
+        Part(
+            "grid.csv",
+            {"grid.md": markdown},
+            {
+                "grid.png": lambda rows, file: draw_grid(cells(rows), file),
+                "grid.svg": lambda rows, file: draw_grid(cells(rows), file),
+            },
+        ),
+    )
+    folder = "stability"
+    sample = f"{OURS}, E/G = 1e+05, 0.45, seed 1"
+
+    def cases(self, options: argparse.Namespace) -> list[Case]:
+        """The references first."""
+        cells = list(product(RATIOS, DISTORTIONS))
+        ours = [
+            Ours(ratio, distortion, seed)
+            for ratio, distortion in cells
+            for seed in seeds("irregular", ACROSS // 2, distortion)
+        ]
+        theirs = [
+            Theirs(i, ratio, distortion, seed)
+            for (i, (rival, _)), (ratio, distortion) in product(
+                enumerate(RIVALS), cells
+            )
+            for seed in seeds(*mesh_of(rival), distortion)
+        ]
+        return [*map(Reference, RATIOS), *ours, *theirs]
+
+    @errors_only()
+    def examine(self, case: Case) -> list[Row]:
+        """Run one case; loads are shares of the load of fibres that do not stretch."""
+        return case.rows()
+
+    def line(self, rows: list[Row]) -> str:
+        (row,) = rows
+        load = f"{row['load']:.4g}" if row.get("load") else row["note"]
+        return f"{row['case']}: {load}"
+
+    def figures(self, rows: list[Row]) -> dict[str, str]:
+        return in_words(rows)
+
+
+STUDY = Grid()

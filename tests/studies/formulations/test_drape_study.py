@@ -1,6 +1,5 @@
 """The study of drapes: its surfaces, its judgement, its parts."""
 
-from argparse import Namespace
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +7,17 @@ import pytest
 
 from skfem_textile import drape
 from studies.common.tables import csv_table
-from studies.formulations.drape import chebyshev, tables
+from studies.formulations.drape import chebyshev
+from studies.formulations.drape import extremes as judging
+from studies.formulations.drape import study as tables
 from studies.formulations.drape.cases import FLAT, FORMULATIONS, SPHERE, TIME, Case
-from studies.formulations.drape.extremes import judging
-from studies.formulations.drape.extremes.cases import Extreme
-from studies.formulations.drape.extremes.runs import Drape, draped
-from studies.formulations.drape.extremes.surfaces import SURFACES, Mirrored
+from studies.formulations.drape.extremes import (
+    SURFACES,
+    Drape,
+    Extreme,
+    Mirrored,
+    draped,
+)
 from studies.formulations.drape.study import STUDY
 
 ON_SPHERE = Extreme("", "sphere", False, cells=4)
@@ -32,11 +36,6 @@ def test_derivatives_of_surfaces_are_those_of_differences(name, mirrored):
     np.testing.assert_allclose(surface.gradient(x), slope, atol=1e-7)
     np.testing.assert_allclose(surface.hessian(x), bend.swapaxes(0, 1), atol=1e-7)
     assert surface.level(np.zeros((3, 1))) == pytest.approx(0)
-
-
-def test_every_case_has_a_name_of_its_own():
-    names = [STUDY.name(case) for case in STUDY.cases(Namespace())]
-    assert len(set(names)) == len(names)
 
 
 def test_a_right_drape_is_right_and_its_mirror_image_too():
@@ -84,18 +83,18 @@ def test_a_part_writes_its_own_files_alone():
 def test_stored_rows_are_those_of_every_part_that_was_written(tmp_path):
     with pytest.raises(FileNotFoundError):
         STUDY.stored(tmp_path)
-    judged = {"case": "a", "kind": "extreme", "group": "g", "refused": ""}
+    judged = {"case": "extreme, a", "kind": "extreme", "group": "g", "refused": ""}
     judged |= {"outcome": "right", "reason": "", "told": "", "off_net": 2.0}
-    net = {"case": "n", "kind": "net", "refused": "", "parts": 16}
+    net = {"case": "net, n", "kind": "net", "refused": "", "parts": 16}
     net |= {"surface": "analytic", "start": "net", "largest": 0.1, "rms": 0.01}
-    alone = judged | {"case": "b", "off_net": None}
+    alone = judged | {"case": "extreme, b", "off_net": None}
     texts = STUDY.tables([judged, alone])
     *_, line = texts["extremes.md"].splitlines()
     assert line.startswith("| all | 2 | 2 | 0 | 0 | 0 | 1 |")
     for name, text in (texts | {"drape.csv": csv_table([net])}).items():
         (tmp_path / name).write_text(text, newline="")
     rows = STUDY.stored(tmp_path)
-    assert [row["case"] for row in rows] == ["n", "a", "b"]
+    assert [row["case"] for row in rows] == ["net, n", "extreme, a", "extreme, b"]
     again = STUDY.tables(rows[1:])
     assert again == texts
 
@@ -114,8 +113,8 @@ def test_a_surface_has_a_line_with_the_shear_of_every_mesh():
 
 def test_a_row_that_was_refused_says_so():
     row = {"kind": SPHERE, "refused": "no state", "formulation": "macro", "parts": 8}
-    columns = ("formulation", lambda r: r["formulation"]), ("x", lambda r: r["x"])
-    text = tables.table([row], columns[:1], (*columns[1:], columns[1]))
+    results = {"x": "{x}", "y": "{x}"}
+    text = tables.of_runs([row], {"formulation": "{formulation}"}, results)
     assert text.splitlines()[-1] == "| macro | refused | – |"
 
 

@@ -13,9 +13,7 @@ from skfem_textile import (
     Ply,
     Quadratic,
 )
-from studies.__main__ import main
-from studies.common.provenance import FILE
-from studies.formulations import cases, medians, study, tables
+from studies.formulations import cases, study
 from studies.formulations.cases import (
     AUTO,
     BIAS,
@@ -25,14 +23,11 @@ from studies.formulations.cases import (
     MACRO_TRIANGLES,
     MEAN_QUADRATIC,
     METHODS,
-    PAPER,
     STRIP,
     TRELLIS,
     Case,
 )
-from studies.formulations.in_words import in_words
-from studies.formulations.study import STUDY
-from tests.helpers import drawn_here
+from studies.formulations.study import STUDY, in_words
 
 ALL = list(cases.all_cases())
 
@@ -51,10 +46,6 @@ def test_the_study_covers_every_formulation_and_scene():
     assert {c.seed for c in methods} == {1, 2, 3, 4, 5}
     assert {c.across for c in methods} == {8, 16, 32}
     assert {c.problem.E / 0.5 for c in methods if c.problem in BIAS} == {2e4, 2e5, 2e6}
-
-
-def test_no_two_cases_have_one_name():
-    assert len({STUDY.name(c) for c in ALL}) == len(ALL)
 
 
 def test_it_covers_ten_triangulations_of_400_to_4000_triangles():
@@ -94,16 +85,16 @@ def test_a_case_is_measured_at_40_degrees_and_its_load_at_every_angle():
 
 def test_loads_of_the_bias_extension_are_judged_by_converged_ones():
     """Fibres of finite stiffness, which stretch, carry less than inextensible ones."""
-    assert medians.exact_load(STRIP) == medians.exact_load(FRAME) == 0
+    assert study.exact_load(STRIP) == study.exact_load(FRAME) == 0
     for laws in (BIAS, BIAS_SIN2):
-        soft, stiff, stiffest = map(medians.exact_load, laws)
+        soft, stiff, stiffest = map(study.exact_load, laws)
         assert soft < stiff < stiffest < 1
-    assert medians.exact_load(BIAS[1]) == pytest.approx(0.986, abs=0.001)
-    exact = medians.exact_load(BIAS[0])
+    assert study.exact_load(BIAS[1]) == pytest.approx(0.986, abs=0.001)
+    exact = study.exact_load(BIAS[0])
     rows = [{"load": 1.1 * exact}, {"load": 0.8 * exact}, {"load": 1.1 * exact}]
-    assert medians.load_error(rows, BIAS[0]) == pytest.approx(0.1)
-    assert medians.load_error(rows, STRIP) == pytest.approx(1.1 * exact)
-    over = [row["load"] for row in medians.over_exact(rows, BIAS[0])]
+    assert study.load_error(rows, BIAS[0]) == pytest.approx(0.1)
+    assert study.load_error(rows, STRIP) == pytest.approx(1.1 * exact)
+    over = [row["load"] for row in study.over_exact(rows, BIAS[0])]
     assert over == pytest.approx([1.1, 0.8, 1.1])
 
 
@@ -119,7 +110,7 @@ def test_the_load_is_the_force_along_what_is_prescribed():
 def test_a_refused_case_keeps_what_it_reached(monkeypatch):
     """Eight iterations of plain Newton do not get these coarse triangles to 50°."""
     newton = partial(LoadStepper, method=PlainNewton(8), max_halvings=0)
-    monkeypatch.setattr(study, "LoadStepper", newton)
+    monkeypatch.setattr(cases, "LoadStepper", newton)
     (row,) = STUDY.examine(case(BIAS[2], METHODS[5], 8))
     assert "stopped at load factor 0.8" in row["refused"]
     assert row["load_40"] > 100
@@ -131,46 +122,18 @@ def test_a_refused_case_keeps_what_it_reached(monkeypatch):
 
 def test_the_furthest_load_is_the_one_furthest_from_the_exact():
     rows = [
-        {f"load_{a}": x * medians.exact_load(BIAS[0], a) for a in (10, 20, 30, 40)}
+        {f"load_{a}": x * study.exact_load(BIAS[0], a) for a in (10, 20, 30, 40)}
         for x in (0.99, 1.02, 0.9)
     ]
     rows[2]["load_10"] = np.nan
-    assert medians.over_angles(rows, BIAS[0]) == pytest.approx((0.99, 0.9))
-    assert np.isnan(medians.over_angles([], BIAS[0])).all()
+    assert study.over_angles(rows, BIAS[0]) == pytest.approx((0.99, 0.9))
+    assert np.isnan(study.over_angles([], BIAS[0])).all()
 
 
 def test_a_figure_that_some_seeds_miss_says_how_many_have_it():
     rows = [{"load": x} for x in (1.0, np.nan, 3.0)]
-    assert tables._cell(rows, "load") == "2 (2 of 3)"
-    assert tables._cell(rows[1:2], "load") == "-"
-
-
-def test_the_study_writes_its_report(tmp_path, monkeypatch, capsys):
-    some = [
-        *(case(p, m, 8) for p in (STRIP, BIAS[0]) for m in (MACRO, PAPER, AUTO)),
-        case(
-            replace(STRIP, name="strip, E = 1e4"),
-            *(MACRO_TRIANGLES, 8, 1, "triangulations"),
-        ),
-        case(BIAS[0], MEAN_QUADRATIC, 8),
-    ]
-    monkeypatch.setattr(study, "all_cases", lambda: some)
-    for module in (tables, medians):
-        monkeypatch.setattr(module, "ACROSS", (4, 8, 16))
-    out = tmp_path / "out"
-    assert main(["formulations", "--out", str(out)]) == 0
-    names = {p.name for p in out.iterdir()}
-    assert names == {*STUDY.files, *drawn_here(STUDY), FILE}
-    rows = STUDY.stored(out)
-    texts = {name: (out / name).read_bytes().decode() for name in STUDY.files}
-    assert STUDY.tables(rows) == texts
-    assert [row["method"] for row in rows[:3]] == [m.name for m in (MACRO, PAPER, AUTO)]
-    assert rows[0]["position"] < rows[1]["position"]
-    macro = next(
-        x for x in (out / "methods.md").read_text().splitlines() if "macro" in x
-    )
-    assert macro.startswith("| macro, quads | 234 |")
-    assert "strip, macro, quads, 8 across, 1: load" in capsys.readouterr().out
+    assert study._cell(rows, "load") == "2 (2 of 3)"
+    assert study._cell(rows[1:2], "load") == "-"
 
 
 def test_words_are_ratios_of_medians_and_loads_that_are_furthest_off():
@@ -179,8 +142,8 @@ def test_words_are_ratios_of_medians_and_loads_that_are_furthest_off():
         {
             **{"group": c.group, "problem": c.problem.name, "method": c.method.name},
             **{"across": c.across, "refused": "", "position": 0.1},
-            "load": medians.exact_load(c.problem),
-            **{f"load_{a}": _exact(c.problem, a) for a in medians.CONVERGED_ANGLES},
+            "load": study.exact_load(c.problem),
+            **{f"load_{a}": _exact(c.problem, a) for a in study.CONVERGED_ANGLES},
         }
         for c in ALL
     ]
@@ -191,7 +154,7 @@ def test_words_are_ratios_of_medians_and_loads_that_are_furthest_off():
     assert words["triangles_32_worst"] == "0.0 %"
 
     def change(problem, method, across=16, seeds=5, **factors):
-        chosen = medians.of(rows, "methods", problem, method, across)
+        chosen = study.of(rows, "methods", problem, method, across)
         for row in chosen[:seeds]:
             row |= {key: row[key] * factor for key, factor in factors.items()}
 
@@ -214,4 +177,4 @@ def test_words_are_ratios_of_medians_and_loads_that_are_furthest_off():
 
 def _exact(problem, angle):
     """The converged load, where there is one."""
-    return medians.exact_load(problem, angle) if problem.exact_load else np.nan
+    return study.exact_load(problem, angle) if problem.exact_load else np.nan

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from studies.stability import outcomes as ends
-from studies.stability import tables
-from studies.stability.outcomes import End, outcome
+from studies.stability import study as ends
+from studies.stability.study import End, outcome
 
 
 def end(energy=2.0, reactions=(5.0, -1.0), **others):
@@ -61,7 +60,7 @@ def test_each_of_the_five_outcomes_is_counted_by_itself():
     rows += [row(ends.RIGHT, 0.009, path_resolved=False, problem="q")]
     rows += [row(ends.OTHER, 0.85, path_resolved=False)] * 2
     rows += [row(ends.MISSED), row(ends.WRONG)] + [row(ends.REFUSED)] * 4
-    words = tables.in_words(rows)
+    words = ends.in_words(rows)
     counts = {"right": "4", "other": "2", "refused": "4", "missed": "1", "wrong": "1"}
     assert {name: words[name] for name in counts} == counts
     assert (words["cases"], words["problems"], words["solvable"]) == ("12", "2", "8")

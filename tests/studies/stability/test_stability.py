@@ -12,8 +12,8 @@ from skfem_textile.scenes import Scene, picture_frame, strip
 from skfem_textile.solve.verdict import CHECKS
 from studies.__main__ import main
 from studies.common import provenance
-from studies.stability import outcomes as ends
 from studies.stability import study
+from studies.stability import study as ends
 from studies.stability.problems import Extreme, extremes
 from studies.stability.study import STUDY
 from tests.helpers import drawn_here
@@ -219,7 +219,7 @@ def test_the_study_writes_its_report(tmp_path, few_steps, monkeypatch, capsys):
     assert "| folding: turned over, 2×2 | 4 | 2 | 0 | 2 | 0 | 0 | 0 |" in table
     assert "| folding, turned over, 2×2, seeds 0 | refused | 1, 5 | 0.66" in table
     assert "2 element(s) folded, det F" in table
-    assert "plain, one, one point " in capsys.readouterr().out
+    assert "plain, one, one point: 1:right" in capsys.readouterr().out
 
 
 #: A tenth of the problems of the study, drawn by this seed.

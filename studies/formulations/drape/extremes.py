@@ -1,0 +1,461 @@
+"""Stiff and extreme drapes, each judged by checks that do not use the solver.
+
+- Every node is on the surface.
+- Motions along the surface change the energy in second order only, and raise it.
+- Fibres along the sides of inextensible plies lie as the kinematic net does.  Both
+  planes of symmetry hold a thread of it straight, so that nothing about it is free,
+  but for threads that end at a hole.
+- The mirror image of a surface has the same shear angles.
+- A mesh of half the element size has the same shear angles and positions.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from skfem import Mesh, MeshQuad, MeshTri
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    LoadStepper,
+    OnSurface,
+    Ply,
+    Quadratic,
+    Surface,
+    Traction,
+    drape,
+    equilibrium_near,
+)
+from skfem_textile.ply.own_terms import FibreEnd
+from skfem_textile.solve.conditions import Conditions
+from skfem_textile.solve.error_estimate import estimated_error
+from skfem_textile.solve.result import StepError
+from skfem_textile.solve.states import NoEquilibriumError, State
+from skfem_textile.solve.stepper import DEFAULT_WARN_ONLY
+from skfem_textile.solve.surface import distance, onto
+from skfem_textile.solve.verdict import excess
+
+from ...common.tables import Row
+from . import cases
+
+#: Slope of a wall of 60°, and the side of the quarter ply in mm.
+STEEP, SIDE = np.sqrt(3.0), 100.0
+
+# Radii in mm of what is not flat beside the walls.
+_TIP, _BUMP, _WAVE = 40.0, 50.0, 40.0
+
+#: The kind of all cases.
+EXTREME = "extreme"
+
+FORMULATIONS = cases.FORMULATIONS | {"quadratic": Quadratic(80.0)}
+
+SHEAR = 0.1
+
+# Largest move of inner nodes as a share of the element size.
+_DISTORTION = 0.25
+
+# Step in mm of a difference of positions.
+_STEP = 1e-3
+
+# Equal steps in which a surface grows.
+_STEPS = 4
+
+#: Outcomes: right; off by more than is allowed, as the state itself tells; refused with
+#: a reason; wrong.
+RIGHT, TOLD, REFUSED, WRONG = "right", "told", "refused", "wrong"
+
+#: Largest distance from the surface in mm.
+OFF_SURFACE = 1e-8
+
+#: Allowed: root mean square of the difference of shear angles in degrees, difference of
+#: positions as a share of the elements that are computed on.
+ANGLE, POSITION = 3.0, 0.25
+
+#: Largest difference of shear angles from those of the mirror image in degrees.
+OFF_MIRROR = 1e-4
+
+#: Rotation in degrees that fibres of the strain 1 make, where the net has no strain.
+ANGLE_OVER_STRAIN = 100.0
+
+# Motions in mm that are tried, their number, and the energy to first order over that
+# to second that is none.
+_MOTION, _MOTIONS, _FIRST_ORDER = 1e-4, 5, 1e-2
+
+# Cells of the net along a side.
+_CELLS = 64
+
+# E/G from which fibres are as good as inextensible.
+_INEXTENSIBLE = 1e4
+
+
+def _rounded_cone(x: ndarray, y: ndarray) -> drape.Height:
+    """Walls of 60° far from a tip that is rounded."""
+    s = np.sqrt(x * x + y * y + _TIP**2)
+    height = (_TIP - s, -x / s, -y / s)
+    second = (x * x / s**3 - 1 / s, x * y / s**3, y * y / s**3 - 1 / s)
+    return drape.Height(*(STEEP * a for a in (*height, *second)))
+
+
+def _bump(x: ndarray, y: ndarray) -> drape.Height:
+    """Gauss's bell, the steepest slope of which is 60°."""
+    s, top = _BUMP, STEEP * _BUMP * np.exp(0.5)
+    h = top * np.exp(-0.5 * (x * x + y * y) / s**2)
+    second = ((x * x / s**2 - 1), x * y / s**2, (y * y / s**2 - 1))
+    return drape.Height(
+        h - top, -x / s**2 * h, -y / s**2 * h, *(a / s**2 * h for a in second)
+    )
+
+
+def _waves(x: ndarray, y: ndarray) -> drape.Height:
+    """Waves along x, the steepest slope of which is 60°; nothing shears on them."""
+    zero, a = np.zeros_like(x), STEEP * _WAVE
+    c, s = np.cos(x / _WAVE), np.sin(x / _WAVE)
+    return drape.Height(a * (c - 1), -STEEP * s, zero, -a / _WAVE**2 * c, zero, zero)
+
+
+def _saddle(x: ndarray, y: ndarray) -> drape.Height:
+    """A saddle, the slope of which is 60° at the distance of the side."""
+    zero, a = np.zeros_like(x), 0.5 * STEEP / SIDE
+    return drape.Height(
+        a * (x * x - y * y), 2 * a * x, -2 * a * y, zero + 2 * a, zero, zero - 2 * a
+    )
+
+
+#: Surfaces by name; the sphere and the cylinder are steeper than 60° at the corner.
+SURFACES: dict[str, Surface] = {
+    "sphere": drape.Sphere(100.0, (0.0, 0.0, -100.0)),
+    "cylinder": drape.Cylinder(60.0, (0.0, 0.0, -60.0)),
+    "cone": drape.HeightField(_rounded_cone),
+    "bump": drape.HeightField(_bump),
+    "waves": drape.HeightField(_waves),
+    "saddle": drape.HeightField(_saddle),
+    "double dome": drape.double_dome(60.0, 180.0, 75.0, 0.25, 60.0),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Mirrored:
+    """A surface mirrored in the plane z = 0, and its two sides exchanged."""
+
+    surface: Surface
+
+    def level(self, x: ndarray) -> ndarray:
+        """φ, shape (n,)."""
+        return -self.surface.level(_mirrored(x))
+
+    def gradient(self, x: ndarray) -> ndarray:
+        """∇φ, shape (3, n)."""
+        return -_mirrored(self.surface.gradient(_mirrored(x)))
+
+    def hessian(self, x: ndarray) -> ndarray:
+        """∇²φ, shape (3, 3, n)."""
+        H = self.surface.hessian(_mirrored(x))
+        return -_mirrored(_mirrored(H).swapaxes(0, 1)).swapaxes(0, 1)
+
+
+def _mirrored(v: ndarray) -> ndarray:
+    """Vectors with their last component turned round."""
+    return np.concatenate([v[:2], -v[2:]])
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """One case.
+
+    Attributes
+    ----------
+    group
+        What is extreme about it.
+    surface
+        Name of `SURFACES`.
+    bias
+        Whether the fibres run at ±45° and not along the sides.
+    stiffness
+        E/G; G is 0.1 N/mm.
+    formulation
+        Name of `FORMULATIONS`.
+    cells
+        The user's elements a side.
+    mesh
+        Regular or distorted quadrilaterals, or triangles, or with a hole.
+    bending
+        D of both families in N·mm.
+    tension
+        Tension on the free edges in N/mm.
+    mirrored
+        Whether the surface is mirrored.
+    growing
+        Whether the surface grows out of the plane, in place of a start along geodesics.
+    kind
+        `EXTREME`.
+    """
+
+    group: str
+    surface: str
+    bias: bool
+    stiffness: float = 1e6
+    formulation: str = "macro"
+    cells: int = 4
+    mesh: str = "regular"
+    bending: float = 0.0
+    tension: float = 1.0
+    mirrored: bool = False
+    growing: bool = False
+    kind: str = EXTREME
+
+    def __str__(self) -> str:
+        words = [self.kind, self.group, self.surface, "±45" if self.bias else "0/90"]
+        words += [f"E/G={self.stiffness:g}", self.formulation, f"{self.cells} cells"]
+        words += [self.mesh, f"D={self.bending:g}", f"q={self.tension:g}"]
+        return ", ".join(words)
+
+    def rows(self) -> list[Row]:
+        """Run the case, and compare what it found."""
+        return [{"case": str(self), "refused": "", **asdict(self), **judged(self)}]
+
+
+def all_extremes() -> Iterator[Extreme]:
+    """All cases, group by group."""
+    every = list(product(SURFACES, (False, True)))
+    for on in every:
+        for stiffness in (1e2, 1e4, 1e6, 1e8):
+            yield Extreme("stiffness", *on, stiffness)
+            yield Extreme("stiffness", *on, stiffness, "one point", 8)
+        for mesh in ("distorted", "distorted triangles", "hole"):
+            yield Extreme("mesh", *on, mesh=mesh)
+        yield Extreme("mesh", *on, formulation="one point", cells=8, mesh="distorted")
+        yield Extreme("mesh", *on, formulation="quadratic", mesh="triangles")
+        yield Extreme("mesh", *on, formulation="quadratic", mesh="hole")
+        yield Extreme("mesh", *on, formulation="2×2 points", cells=8)
+        yield Extreme("coarse", *on, cells=2)
+        yield Extreme("coarse", *on, formulation="one point", cells=3)
+        for bending in (1.0, 1e2, 1e3):
+            yield Extreme("bending", *on, bending=bending)
+        yield Extreme("bending alone", *on, bending=10.0, tension=0.0)
+        yield Extreme("bending alone", *on, bending=1e3, tension=0.0)
+        yield Extreme("free edges", *on, tension=0.0)
+        yield Extreme("mirrored", *on, mirrored=True)
+        yield Extreme("growing", *on, growing=True)
+
+
+class Drape(NamedTuple):
+    """A ply on its surface, and the state that was found."""
+
+    ply: Ply
+    conditions: Conditions
+    surface: Surface
+    state: State
+
+    @property
+    def positions(self) -> ndarray:
+        """Positions of the nodes in mm, shape (3, n_nodes)."""
+        return np.pad(self.ply.nodes, ((0, 1), (0, 0))) + self.ply.nodal(self.state.u)
+
+    @property
+    def angle(self) -> ndarray:
+        """Shear angle in degrees, the mean over each of the user's elements."""
+        of_parts = self.ply.shear_angle(self.state.u).mean(axis=1)
+        return np.degrees(self.ply.on_users_elements(of_parts))
+
+
+def draped(case: Extreme, halvings: int = 0) -> Drape:
+    """Drape a ply, its elements halved a number of times.
+
+    Raises
+    ------
+    NoEquilibriumError, StepError
+        If no state is found.
+    """
+    surface = SURFACES[case.surface]
+    surface = Mirrored(surface) if case.mirrored else surface
+    mesh = mesh_of(case)
+    mesh = mesh.refined(halvings).with_defaults() if halvings else mesh
+    names = ("right", "top") if case.tension else ()
+    loads = [
+        Traction(name, _outwards(surface, i, case.tension), factor=lambda t: t)
+        for i, name in enumerate(names)
+    ]
+    c, s = (np.sqrt(0.5), np.sqrt(0.5)) if case.bias else (1.0, 0.0)
+    fabric = Fabric(
+        *(case.stiffness * SHEAR, SHEAR),
+        warp=(c, s),
+        weft=(-s, c),
+        bending=(case.bending, case.bending),
+    )
+    formulation = FORMULATIONS[case.formulation]
+    ends: dict[str, FibreEnd] = {}
+    if case.bending:
+        ends = {"left": "mirror", "bottom": "mirror"}
+    ply = Ply(mesh, fabric, formulation, loads, dimension=3, fibre_ends=ends)
+    conditions: Conditions = {
+        "on": OnSurface(surface),
+        "x": Condition("left", (0.0, None, None)),
+        "y": Condition("bottom", (None, 0.0, None)),
+    }
+    if case.growing:
+        run = LoadStepper(ply, conditions, _STEPS).run()
+        return Drape(ply, conditions, surface, run.states[-1])
+    start = drape.displacement(ply.nodes, drape.exponential_map(surface, ply.nodes))
+    state = equilibrium_near(ply, conditions, start, warn_only=DEFAULT_WARN_ONLY)
+    return Drape(ply, conditions, surface, state)
+
+
+def mesh_of(case: Extreme) -> Mesh:
+    """The user's mesh."""
+    s = np.linspace(0, SIDE, case.cells + 1)
+    of = MeshTri if "triangles" in case.mesh else MeshQuad
+    mesh = of.init_tensor(s, s)
+    if "distorted" in case.mesh:
+        inner = ((mesh.p > 0) & (mesh.p < SIDE)).all(axis=0)
+        moves = np.random.default_rng(1).uniform(-1, 1, mesh.p.shape)
+        moves *= _DISTORTION * SIDE / case.cells
+        mesh = replace(mesh, doflocs=mesh.p + inner * moves)
+    if case.mesh == "hole":
+        centres = mesh.p[:, mesh.t].mean(axis=1)
+        hole = (np.abs(centres / SIDE - 0.625) < 0.13).all(axis=0)
+        mesh = mesh.remove_elements(np.flatnonzero(hole))
+    return mesh.with_defaults()
+
+
+def _outwards(surface: Surface, side: int, tension: float) -> Callable:
+    """Dead traction along the geodesics that leave the ply across a side."""
+
+    def at(X: ndarray) -> ndarray:
+        points = X.reshape(2, -1)
+        step = np.zeros((2, 1))
+        step[side] = _STEP
+        there, back = (
+            drape.exponential_map(surface, points + sign * step) for sign in (1, -1)
+        )
+        along = (there - back) / np.linalg.norm(there - back, axis=0)
+        return tension * along.reshape(3, *X.shape[1:])
+
+    return at
+
+
+def judged(case: Extreme) -> Row:
+    """Run a case, and compare what it found."""
+    try:
+        found = draped(case)
+    except (NoEquilibriumError, StepError) as error:
+        return {"outcome": REFUSED, "reason": str(error)}
+    row: Row = {
+        "solves": found.state.linear_solves,
+        "strain": found.state.verdict.max_fibre_strain,
+        "at_risk": float(
+            drape.wrinkle_risk(found.ply, found.state.u, found.state.parameters).mean()
+        ),
+        "element_size": float(found.ply.element_size),
+        "off_surface": float(np.abs(distance(found.surface, found.positions)).max()),
+        "first_order": _first_order(case, found),
+    }
+    row |= _against_net(case, found) | _against_finer(case, found)
+    if case.mirrored:
+        other = draped(replace(case, mirrored=False))
+        row["off_mirror"] = float(np.abs(found.angle - other.angle).max())
+    complaints = _complaints(row)
+    told = _told(found)
+    outcome = WRONG if complaints else RIGHT
+    if complaints and told and not _is_unsound(row):
+        outcome = TOLD
+    return {"outcome": outcome, "reason": "; ".join(complaints), "told": told, **row}
+
+
+def _told(found: Drape) -> str:
+    """Why a state says itself that it may be off; empty if it does not."""
+    ply, state = found.ply, found.state
+    estimate = estimated_error(ply, found.conditions, "superlu", state).shear_angle
+    reasons = {
+        "wrinkles": drape.wrinkle_risk(ply, state.u, state.parameters).any(),
+        "stabilisation": excess(state.shares, "stabilisation"),
+        "deviations": excess(state.shares, "deviation"),
+        "estimated error": np.degrees(estimate or 0.0) > ANGLE,
+    }
+    return ", ".join(reason for reason, given in reasons.items() if given)
+
+
+def _is_unsound(row: Row) -> bool:
+    """Whether a state is off its surface, or no stable equilibrium."""
+    return not (
+        row["off_surface"] <= OFF_SURFACE and 0 <= row["first_order"] <= _FIRST_ORDER
+    )
+
+
+def _complaints(row: Row) -> list[str]:
+    """What is wrong with a state."""
+    found = []
+    if _is_unsound(row):
+        found.append("no stable equilibrium on the surface")
+    if row.get("off_net", 0.0) > ANGLE + ANGLE_OVER_STRAIN * row["strain"]:
+        found.append(f"{row['off_net']:.1f}° off the net")
+    if row.get("off_finer", 0.0) > ANGLE:
+        found.append(f"{row['off_finer']:.1f}° off the finer mesh")
+    if row.get("off_mirror", 0.0) > OFF_MIRROR:
+        found.append(f"{row['off_mirror']:.1e}° off the mirror image")
+    if row.get("moved", 0.0) > POSITION * row["element_size"]:
+        found.append(f"{row['moved']:.1f} mm off the finer mesh")
+    return found
+
+
+def _first_order(case: Extreme, found: Drape) -> float:
+    """Energy to first order over that to second of motions along the surface.
+
+    At most of a few smooth motions that symmetry allows; −1 where one lowers the
+    energy.  The positions at either end are brought onto the surface.
+    """
+    ply, x = found.ply, found.positions
+    rng, largest = np.random.default_rng(0), 0.0
+    free = np.ones_like(x, dtype=bool)
+    for i, name in enumerate(("left", "bottom")):
+        nodes = found.conditions["xy"[i]].nodes(name, ply.basis)
+        free[i, nodes] = False
+    projectors = np.array([np.diag(f) for f in free.T.astype(float)])
+    for _ in range(_MOTIONS):
+        phase, waves = rng.uniform(0, 6, (3, 1)), rng.uniform(-4, 4, (3, 2)) / SIDE
+        v = _MOTION * np.sin(waves @ ply.nodes + phase) * free
+        ends = [onto(found.surface, x + sign * v, projectors) for sign in (1, -1)]
+        energies = [_energy(found, end) for end in (*ends, x)]
+        first = abs(energies[0] - energies[1]) / 2
+        second = (energies[0] + energies[1]) / 2 - energies[2]
+        round_off = 1e-12 * sum(abs(e) for e in found.state.energies.values())
+        if second < -round_off - first:
+            return -1.0
+        largest = max(largest, first / max(second, round_off, 1e-300))
+    return float(largest)
+
+
+def _energy(found: Drape, x: ndarray) -> float:
+    u = drape.displacement(found.ply.nodes, x)
+    return found.ply.energy(u, found.state.load_factor, found.state.parameters)
+
+
+def _against_net(case: Extreme, found: Drape) -> Row:
+    """How far the shear angles are from those of the net, root mean square."""
+    inextensible = case.stiffness >= _INEXTENSIBLE and case.tension and not case.bending
+    if case.bias or not inextensible or case.mesh == "hole":
+        return {}
+    cells = (0, _CELLS)
+    try:
+        net = drape.net(found.surface, SIDE / _CELLS, cells, cells)
+    except ValueError:
+        return {}
+    element = found.ply.users_mesh.element_finder()(*net.centres().reshape(2, -1))
+    angle = np.degrees(net.shear_angle().ravel())
+    off = found.angle - np.bincount(element, angle) / np.bincount(element)
+    return {"off_net": float(np.sqrt(np.mean(off**2)))}
+
+
+def _against_finer(case: Extreme, found: Drape) -> Row:
+    """How far shear angles and positions are from those with elements halved."""
+    try:
+        finer = draped(case, halvings=1)
+    except (NoEquilibriumError, StepError):
+        return {}
+    off = found.angle - finer.angle.reshape(4, -1).mean(axis=0)
+    n = found.ply.users_mesh.p.shape[1]
+    moved = np.linalg.norm((found.positions[:, :n] - finer.positions[:, :n]), axis=0)
+    return {"off_finer": float(np.sqrt(np.mean(off**2))), "moved": float(moved.max())}

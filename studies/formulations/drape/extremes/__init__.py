@@ -1,1 +1,0 @@
-"""Stiff and extreme drapes: which end right, which are refused, and which are wrong."""

@@ -1,0 +1,459 @@
+"""Benchmarks of solutions: iterations, whole runs, larger and larger meshes.
+
+Each benchmark is a function of the settings whose results are ready for JSON.
+"""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from importlib.util import find_spec
+from statistics import median
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.sparse.linalg import cg
+
+from skfem_textile import Fabric, Full, LoadStepper, OnePoint, Ply
+from skfem_textile.ply.terms import Formulation
+from skfem_textile.scenes import Scene, strip
+from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.linear import ChosenSolver, check_solver
+from skfem_textile.solve.problem import Problem
+from skfem_textile.solve.tangent import reduced
+
+from ..common.rivals.codes import Dolfinx, FElupe, Native, Plain
+from ..common.rivals.newton import loaded, one_iteration
+from ..common.rivals.rival import QUAD4, QUAD4_CENTRE, Rival, Task
+from ..common.running import in_new_process
+from ..common.tables import Row
+
+# Stiffnesses of fibres and of shear in N/mm, and the load factor of iterations.
+_E, _G, _LOAD_FACTOR = 1e4, 0.5, 0.02
+
+# Elements of iterations and of the whole strip.
+_SIZE = 60_000
+
+# Rounds of iterations in which codes take turns; and of iterations by the size.
+_ROUNDS, _ROUNDS_OF_SIZE = 4, 3
+
+#: Elements, as the rivals call them, and as formulations with the same energy.
+ELEMENTS: dict[str, Formulation] = {
+    "Q4, one point": OnePoint(8 * _G),
+    "Q4, 2×2": Full(),
+}
+
+#: This library with each of its solvers.
+SOLVERS = {"SciPy only": "superlu", "pardiso": "pardiso", "cholmod": "cholmod"}
+
+RIVALS: tuple[Rival, ...] = (
+    *(Plain(QUAD4_CENTRE, C_s=1.0), Plain(QUAD4)),
+    *(FElupe(QUAD4), FElupe(QUAD4, "pypardiso"), Dolfinx(QUAD4), Native(QUAD4)),
+)
+
+# Meshes of `scaling`, of `iterative` and, as elements along both sides, `overhead`.
+_SIZES = 1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000
+_OF_ITERATIVE = 10_000, 30_000, 100_000, 300_000
+_OF_OVERHEAD = (20, 30), (60, 100), (200, 300)
+
+#: The timed parts of `scaling`, in the order of the table.
+PARTS = "once", "assembly", "factorisation", "solution", "iteration"
+
+_MOST_ITERATIONS = 500
+
+# Load steps of plain Newton in `whole_strip`, and repeats of this library.
+_STEPS, _REPEATS = 20, 5
+
+# Turns of two checkouts, and what each of them runs.
+_TURNS = 5
+_MEASURE = """
+import json, time
+from skfem_textile import Condition, Fabric, Full, LoadStepper, Macro, OnePoint, Ply
+from skfem_textile.scenes import strip
+from skfem_textile.mesh.splitting import split
+
+seconds = {}
+for name, size, formulation in (
+    ("one point", (100, 150), OnePoint()),
+    ("2×2 points", (60, 90), Full()),
+    ("macro-elements", (50, 75), Macro()),
+):
+    scene = strip("aligned", size)
+    mesh = split(scene.mesh) if name == "macro-elements" else scene.mesh
+    ply = Ply(mesh, Fabric(1e4, 0.5), formulation)
+    conditions = {"clamp": Condition("bottom"), "pull": Condition("top", (1.0, 1.0))}
+    stepper = LoadStepper(ply, conditions, 2, solver="cholmod")
+    began = time.process_time()
+    result = stepper.run()
+    seconds[name] = (time.process_time() - began) / result.linear_solves
+print(json.dumps(seconds))
+"""
+
+
+class Settings(NamedTuple):
+    """Settings that a user may choose.
+
+    Parameters
+    ----------
+    most
+        No mesh has more elements.
+    solver
+        The linear solver of `scaling` and `whole_strip`.
+    before, after
+        Two checkouts of this project, for `by_turns`.
+    """
+
+    most: int = 1_000_000
+    solver: str = "auto"
+    before: str = ""
+    after: str = ""
+
+
+def seconds(function: Callable[..., Any], *arguments: Any) -> tuple[Any, float]:
+    """The result of a function, and the seconds that it took."""
+    start = perf_counter()
+    result = function(*arguments)
+    return result, perf_counter() - start
+
+
+def strip_of(elements: int, **more: Any) -> Scene:
+    """The strip on about this number of elements."""
+    across = (elements / 1.5) ** 0.5
+    return strip(size=(round(across), round(1.5 * across)), **more)
+
+
+def spread(times: Sequence[float]) -> dict[str, float]:
+    """Median, least and most."""
+    return {"median": median(times), "least": min(times), "most": max(times)}
+
+
+class _Iteration:
+    """Newton iterations of a ply near a displacement, in timed parts."""
+
+    def __init__(self, ply: Ply, scene: Scene, solver: str) -> None:
+        start = perf_counter()
+        constraints = Constraints(ply.basis, scene.conditions)
+        self.problem = Problem(ply, constraints, partial(ChosenSolver, solver))
+        self.system = self.problem.system
+        self.set_up = perf_counter() - start
+        self.ply = ply
+        self.u = scene.displacement(ply.nodes, _LOAD_FACTOR).T.ravel()
+
+    def round(self) -> list[float]:
+        """Seconds of assembly, factorisation and solution."""
+        ply, system = self.ply, self.system
+        u = self.u = (1 + 1e-9) * self.u  # else the ply would keep its strains
+        times = [perf_counter()]
+        f = ply.residual(u)
+        K = reduced(system, ply.stiffness(u))
+        times.append(perf_counter())
+        factors = system.solver.factorise(K.upper.data)
+        assert factors.definite
+        times.append(perf_counter())
+        factors.solve(-f[system.free])
+        times.append(perf_counter())
+        return np.diff(times).tolist()
+
+
+def _this_library(element: str, solver: str, scene: Scene) -> Callable[[], list[float]]:
+    ply = Ply(scene.mesh, Fabric(_E, _G), ELEMENTS[element])
+    return _Iteration(ply, scene, SOLVERS[solver]).round
+
+
+def _other_code(rival: Rival, scene: Scene) -> Callable[[], list[float]]:
+    shape, share = rival.shape, iter(1 + 1e-9 * np.arange(1, 100))
+    task = Task(scene, shape.element, shape.rule, _E, _G)
+    system = rival.system(task) if not isinstance(rival, Dolfinx) else None
+    u = scene.displacement(scene.mesh.p, _LOAD_FACTOR).T.ravel()
+
+    def one_round() -> list[float]:
+        """Seconds of assembly, and of factorisation and solution together."""
+        moved = next(share) * u  # else factors might be kept
+        if system:
+            return [*one_iteration(system, moved)]
+        return [*rival.iterations(task, moved, 1)[0]]  # has one before
+
+    return one_round
+
+
+def iteration(settings: Settings) -> Row:
+    """One Newton iteration on 60 000 quadrilaterals, beside other codes.
+
+    Residual, tangent, factorisation and solution at one displacement.  Each code has a
+    warm process.  The processes take turns in each round.
+    """
+    elements = min(_SIZE, settings.most)
+    codes, missing = _codes()
+    times: dict[str, list[list[float]]] = {name: [] for name in codes}
+    for _ in range(_ROUNDS):
+        for name, rows in times.items():
+            rows += in_new_process(_timed, name, elements)
+    stock = {e: median(t[-1] for t in times[f"{e}: scikit-fem"]) for e in ELEMENTS}
+    results = {}
+    for name, rows in sorted(times.items()):
+        *parts, whole = zip(*rows, strict=True)
+        results[name] = {
+            "seconds": spread(whole),
+            "parts": [median(part) for part in parts],
+            "stock_over_this": stock[name.partition(":")[0]] / median(whole),
+        }
+    return {
+        "elements": elements,
+        "rounds": _ROUNDS,
+        "missing": missing,
+        "codes": results,
+        "ratios": _ratios(results),
+    }
+
+
+def _codes() -> tuple[dict[str, tuple[Any, ...]], dict[str, str]]:
+    """What makes each installed code, by name; and why others are missing."""
+    codes: dict[str, tuple[Any, ...]] = {}
+    missing = {}
+    for element in ELEMENTS:
+        for solver in SOLVERS:
+            name = f"{element}: skfem_textile, {solver}"
+            try:
+                check_solver(SOLVERS[solver])
+            except ValueError as error:
+                missing[name] = str(error)
+            else:
+                codes[name] = _this_library, element, solver
+    for rival in RIVALS:
+        name = f"{rival.shape.name}: {rival.code}"
+        if needed := rival.missing():
+            missing[name] = f"needs {needed}"
+        else:
+            codes[name] = _other_code, rival
+    return codes, missing
+
+
+def _timed(name: str, elements: int) -> list[list[float]]:
+    """Two iterations of one code, after a first one to warm up."""
+    make, *given = _codes()[0][name]
+    one_round = make(*given, strip_of(elements))
+    rounds = [one_round() for _ in range(3)][1:]
+    return [[*parts, sum(parts)] for parts in rounds]
+
+
+def _ratios(codes: dict[str, Row]) -> dict[str, float]:
+    """Ratios of the times, if all the codes are there."""
+    own, ratios = "Q4, 2×2: skfem_textile, cholmod", {}
+    for rival in ("DOLFINx", "FElupe with Pardiso"):
+        pair = [codes[name] for name in (f"Q4, 2×2: {rival}", own) if name in codes]
+        if len(pair) == 2:
+            one, other = (code["seconds"]["median"] for code in pair)
+            ratios[f"{rival} over skfem_textile with cholmod"] = one / other
+    for element in ELEMENTS:
+        if code := codes.get(f"{element}: skfem_textile, cholmod"):
+            assembly, factorisation, _ = code["parts"]
+            ratios[f"assembly over factorisation, {element}"] = assembly / factorisation
+    return ratios
+
+
+def scaling(settings: Settings) -> Row:
+    """Cost of a Newton iteration against the number of elements, and peak memory.
+
+    It measures 10³ to 10⁶ jittered quadrilaterals, each size in a new process.  It
+    times the work that is done once (bases, pattern, order of elimination, symbolic
+    analysis) and one iteration, and fits power laws through the sizes from 10⁴ on.
+    """
+    sizes = [size for size in _SIZES if size <= settings.most]
+    rows = [in_new_process(_of_size, size, settings.solver) for size in sizes]
+    step = in_new_process(_whole_step, sizes[-1], settings.solver)
+    measures = {"sizes": rows, "exponents": exponents(rows), "step": step}
+    return {"solver": settings.solver, **measures}
+
+
+def _of_size(size: int, solver: str) -> Row:
+    """Seconds of each part at one size, and the peak of the memory in GiB."""
+    scene = strip_of(size)
+    ply, built = seconds(Ply, scene.mesh, Fabric(_E, _G), OnePoint(4.0))
+    iterations = _Iteration(ply, scene, solver)
+    rounds = [iterations.round() for _ in range(1 + _ROUNDS_OF_SIZE)]
+    assembly, factorisation, solution = map(median, zip(*rounds[1:], strict=True))
+    return {
+        "elements": ply.mesh.nelements,
+        "unknowns": int(ply.basis.N),
+        "once": built + iterations.set_up,
+        "assembly": assembly,
+        "factorisation": factorisation,
+        "solution": solution,
+        "iteration": assembly + factorisation + solution,
+        "peak_GiB": _peak(),
+    }
+
+
+def _whole_step(size: int, solver: str) -> Row:
+    """The whole load in one step: seconds, linear solves and the peak of the memory."""
+    scene = strip_of(size, jitter=0.3)
+    ply = Ply(scene.mesh, Fabric(1e4), Full())
+    result = LoadStepper(ply, scene.conditions, steps=1, solver=solver).run()
+    return {
+        "elements": ply.mesh.nelements,
+        "seconds": result.wall_time_s,
+        "linear_solves": result.linear_solves,
+        "peak_GiB": _peak(),
+    }
+
+
+def _peak() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+
+
+def exponents(rows: list[Row]) -> dict[str, float]:
+    """Exponents of power laws through the sizes from 10⁴ elements on, for each part."""
+    large = [row for row in rows if row["elements"] > 9_000] or rows
+    n = np.log([row["elements"] for row in large])
+    return {
+        part: float(np.polyfit(n, np.log([row[part] for row in large]), 1)[0])
+        for part in PARTS
+    }
+
+
+def iterative(settings: Settings) -> Row:
+    """Conjugate gradients beside direct solvers, on larger and larger plies.
+
+    Both solve one system with a definite tangent.  The direct solver is timed for order
+    and analysis, factorisation and solution.  Conjugate gradients are timed for set-up
+    and solution to 10⁻⁸; their smoothed aggregation (pyamg) knows the rigid motions.
+    """
+    if find_spec("pyamg") is None:
+        return {"missing": "skipped, needs pyamg: pip install pyamg", "sizes": []}
+    sizes = [size for size in _OF_ITERATIVE if size <= settings.most]
+    return {
+        "sizes": [_both_ways(n, E_over_G) for E_over_G in (2e4, 2.0) for n in sizes]
+    }
+
+
+def _both_ways(size: int, E_over_G: float) -> Row:
+    """Seconds and iterations on one mesh."""
+    import pyamg
+
+    scene = strip_of(size)
+    ply = Ply(scene.mesh, Fabric(E_over_G * _G, _G), OnePoint(8 * _G))
+    iterations = _Iteration(ply, scene, "auto")
+    system, u = iterations.system, iterations.u
+    b, K = -ply.residual(u)[system.free], reduced(system, ply.stiffness(u))
+    system.solver.factorise(K.upper.data)  # a large one chooses the solver by it
+    factors, factorised = seconds(system.solver.factorise, K.upper.data)
+    assert factors.definite
+    x, solved = seconds(factors.solve, b)
+
+    A = (K.upper + K.upper.T).tocsr()
+    A.setdiag(K.upper.diagonal())
+    X, Y = ply.nodes[:, system.free // 2]
+    along_x = system.free % 2 == 0
+    rigid = np.stack([along_x, ~along_x, np.where(along_x, -Y, X)], axis=1) * 1.0
+    levels, set_up = seconds(pyamg.smoothed_aggregation_solver, A, rigid)
+    iterates: list[None] = []
+    options = {
+        "rtol": 1e-8,
+        "maxiter": _MOST_ITERATIONS,
+        "M": levels.aspreconditioner(),
+        "callback": lambda _: iterates.append(None),
+    }
+    (y, info), iterated = seconds(lambda: cg(A, b, **options))
+    return {
+        "elements": ply.mesh.nelements,
+        "E_over_G": E_over_G,
+        "direct": {
+            "analysis": iterations.set_up,
+            "factorisation": factorised,
+            "solution": solved,
+        },
+        "iterative": {"set_up": set_up, "solution": iterated},
+        "iterations": len(iterates),
+        "converged": info == 0,
+        "difference": float(np.abs(x - y).max() / np.abs(x).max()),
+        "iterative_over_direct": (set_up + iterated) / (factorised + solved),
+    }
+
+
+def overhead(settings: Settings) -> Row:
+    """The cost of the load stepper beside assembly and factorisation, and of corners.
+
+    Seconds of a linear solve, and the share of each part, on each mesh.
+    """
+    sizes = [size for size in _OF_OVERHEAD if size[0] * size[1] <= settings.most]
+    return {"sizes": [_shares(size) for size in sizes]}
+
+
+def _shares(size: tuple[int, int]) -> Row:
+    scene = strip(size=size)
+    ply = Ply(scene.mesh, Fabric(1e4, 0.5), OnePoint(100.0))
+    result = LoadStepper(ply, scene.conditions, steps=4).run()
+    whole = result.wall_time_s
+    rest = whole - result.assembly_time_s - result.solve_time_s
+    moved = [(1 + 1e-9 * i) * result.u for i in range(9)]  # every displacement is new
+    corners = median(seconds(ply.corners.area_ratio, u)[1] for u in moved)
+    return {
+        "elements": ply.mesh.nelements,
+        "linear_solves": result.linear_solves,
+        "seconds_of_a_solve": whole / result.linear_solves,
+        "assembly": result.assembly_time_s / whole,
+        "factorisation_and_solution": result.solve_time_s / whole,
+        "rest": rest / whole,
+        "every_corner_once": corners * result.linear_solves / whole,
+    }
+
+
+def whole_strip(settings: Settings) -> Row:
+    """The whole strip on 60 000 quadrilaterals, beside plain Newton in scikit-fem.
+
+    Both load the same ply to 62.5°, with 2×2 points, which have one equilibrium.  Plain
+    Newton takes the equal steps that it needs.  This library begins with one.
+    """
+    scene = strip_of(min(_SIZE, settings.most), jitter=0.3)
+
+    def own() -> Any:
+        ply = Ply(scene.mesh, Fabric(_E), Full())
+        return LoadStepper(ply, scene.conditions, 1, solver=settings.solver).run()
+
+    own()  # to warm up
+    runs = [seconds(own) for _ in range(_REPEATS)]
+    result, times = runs[0][0], [took for _, took in runs]
+    task = Task(scene, QUAD4.element, QUAD4.rule, _E, 0.0)
+    (u, _, solves), took = seconds(
+        lambda: loaded(Plain(QUAD4).system(task), task.values(_STEPS))
+    )
+    return {
+        "elements": scene.mesh.nelements,
+        "own": spread(times) | {"linear_solves": result.linear_solves},
+        "stock": {"seconds": took, "linear_solves": solves, "steps": _STEPS},
+        "stock_over_own": took / median(times),
+        "largest_difference_mm": float(np.abs(u - result.u).max()),
+    }
+
+
+def by_turns(settings: Settings) -> Row:
+    """One Newton iteration in two checkouts of this project, by turns.
+
+    For each checkout it measures the processor time of a linear solve with its
+    assembly, the least over the turns, and gives the ratio of both.
+    """
+    turns = [
+        (_seconds(settings.before), _seconds(settings.after)) for _ in range(_TURNS)
+    ]
+    results = {}
+    for name in turns[0][0]:
+        before, after = (min(turn[i][name] for turn in turns) for i in range(2))
+        results[name] = {"before": before, "after": after, "ratio": after / before}
+    return results
+
+
+def _seconds(checkout: str) -> dict[str, float]:
+    child = subprocess.run(
+        [sys.executable, "-c", _MEASURE],
+        env={**os.environ, "PYTHONPATH": os.path.abspath(checkout)},
+        cwd=checkout,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    seconds: dict[str, float] = json.loads(child.stdout)
+    return seconds

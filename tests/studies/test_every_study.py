@@ -1,0 +1,72 @@
+"""What holds of every study: names, stored results, and the files of a run."""
+
+from argparse import ArgumentParser
+from pathlib import Path
+
+import pytest
+
+from studies.__main__ import main
+from studies.common import provenance
+from studies.study import descriptions, load
+
+DOCS = Path(__file__).parents[2] / "docs"
+STUDIES = {name: load(name) for name in descriptions() if name != "hostile"}
+
+#: Cases that take less time than the samples.
+QUICK = {
+    "commands": "pull of a bias extension",
+    "stability": "crossing, crossing 30°, 2×2",
+}
+
+each_study = pytest.mark.parametrize("name", STUDIES)
+
+
+def cases_of(study, *words):
+    parser = ArgumentParser()
+    study.add_options(parser)
+    return [study.name(case) for case in study.cases(parser.parse_args(words))]
+
+
+@each_study
+def test_no_two_cases_have_one_name_and_the_sample_is_a_case(name):
+    study = STUDIES[name]
+    names = cases_of(study)
+    if name == "angles":
+        names += cases_of(study, "--part", "choosing")
+        names += cases_of(study, "--part", "references")
+    assert len(set(names)) == len(names)
+    assert study.sample in {"", *names}
+
+
+@each_study
+def test_stored_rows_give_the_tables_on_file_and_the_words(name):
+    study = STUDIES[name]
+    folder = DOCS / (study.folder or name)
+    rows = study.stored(folder)
+    for file, text in study.tables(rows).items():
+        assert (folder / file).read_bytes().decode() == text, file
+    assert study.figures(rows)
+
+
+@pytest.mark.parametrize("name", [name for name in STUDIES if name != "paper"])
+def test_stored_rows_give_the_pictures(name, tmp_path):
+    pytest.importorskip("matplotlib")
+    study = STUDIES[name]
+    study.draw(study.stored(DOCS / (study.folder or name)), tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == {*study.pictures}
+
+
+@pytest.mark.parametrize("name", [name for name in STUDIES if name != "speed"])
+def test_a_run_writes_its_files_and_its_rows_give_them_again(name, tmp_path, capsys):
+    study, out = STUDIES[name], tmp_path / "out"
+    case = QUICK.get(name, study.sample)
+    words = [name, "--case", case, "--out", str(out), "--no-render"]
+    assert main(words) == 0
+    assert case in capsys.readouterr().out
+    rows = study.stored(out)
+    assert {row["case"] for row in rows} == {case}
+    texts = study.tables(rows)
+    assert {*texts} <= {*study.files}
+    assert {file.name for file in out.iterdir()} == {*texts, provenance.FILE}
+    for file, text in texts.items():
+        assert (out / file).read_bytes().decode() == text
