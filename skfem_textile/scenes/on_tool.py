@@ -75,7 +75,7 @@ _NO_NET = (
 # Measured on boxes and domes with walls of 50° and fillets of 6 to 60 mm, against
 # elements of a quarter of the size: up to 27° all shear angles are within 0.9°, from
 # 36° to 50° the largest errors are 0.4° to 2.9°
-# (`pytest tests/drape/corners/test_coarse_elements.py` has one of each).
+# (`pytest tests/drape/test_coarse_elements.py` has one of each).
 _COARSE = 30.0
 
 

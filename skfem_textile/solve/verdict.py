@@ -62,7 +62,7 @@ _CORNER_SHARE = 0.01
 # not follow the surface: of an arc that turns by a radian, or of a square on a sphere
 # with sides of half the radius.  Measured: at a fillet with the radius of an element it
 # is 0.13 to 0.15, with twice that radius 0.08 to 0.09
-# (`pytest tests/drape/corners/test_between_nodes.py`).
+# (`pytest tests/drape/test_between_nodes.py`).
 _GAP = 0.125
 
 

@@ -1,9 +1,24 @@
-"""Curves of tests from CSV files."""
+"""Curves of tests: their files, and what their beginning tells."""
+
+import re
 
 import numpy as np
 import pytest
 
-from skfem_textile.calibration import BiasExtension, read_curve, read_specimen
+from skfem_textile import CrimpToe, Linear, Polynomial
+from skfem_textile.calibration import (
+    BiasExtension,
+    PictureFrame,
+    Specimen,
+    fit_shear,
+    read_curve,
+    read_specimen,
+)
+from skfem_textile.calibration.biaxial import BiaxialCurve, fit_tension
+from skfem_textile.calibration.curves import force_at_rest, seems_swapped
+from skfem_textile.calibration.report import shear_report, tension_report
+
+# Curves of tests from CSV files
 
 
 def written(tmp_path, text):
@@ -54,3 +69,114 @@ def test_what_is_no_test_is_refused_in_one_line(tmp_path, text, said):
         read_specimen(written(tmp_path, text), BiasExtension(50.0, 100.0))
     assert "\n" not in str(told.value)
     assert "test.csv" in str(told.value)
+
+
+# A force at rest, swapped columns and unloading are told; noise tells nothing
+
+
+SOFTENING = Polynomial((0.3, 0.0, -0.3, 0.0, 0.6))
+BIAS, FRAME = BiasExtension(100.0, 200.0), PictureFrame(200.0, 160.0)
+
+
+def curve(test, law, n=60, seed=0, noise=0.0):
+    """Equal steps of the displacement to 39 degrees: displacement, angle, force."""
+    end = float(test.displacement(np.radians(39.0)))
+    moved = np.linspace(0.0, end, n + 1)[seed % 2 :]
+    angle = test.shear_angle(moved)
+    force = test.force(law, angle)
+    noisy = (
+        noise * force.max() * np.random.default_rng(seed).standard_normal(len(force))
+    )
+    return moved, angle, force + noisy
+
+
+def notes(moved, force, test=BIAS):
+    return " ".join(
+        shear_report(fit_shear([Specimen("one", test, force, moved)]))["notes"]
+    )
+
+
+@pytest.mark.parametrize("n", [20, 60, 300])
+@pytest.mark.parametrize("law", [Linear(0.1), SOFTENING, Polynomial((0, 0, 0.5))])
+@pytest.mark.parametrize("test", [BIAS, FRAME])
+def test_noise_is_no_force_at_rest_and_swaps_no_columns(test, law, n):
+    for noise in (0.0, 0.02, 0.05):
+        for seed in range(200):
+            moved, angle, force = curve(test, law, n, seed, noise)
+            assert force_at_rest(angle, force) == 0
+            assert not seems_swapped(moved, force)
+
+
+def test_noise_of_a_crimped_fabric_is_no_force_at_rest():
+    strain = np.linspace(0.0, 0.02, 40)
+    force = 100.0 * CrimpToe(1e4, 0.004, 10.0).value(strain)
+    for seed in range(200):
+        noise = 0.02 * force.max() * np.random.default_rng(seed).standard_normal(40)
+        assert force_at_rest(strain, force + noise) == 0
+
+
+def test_a_force_at_rest_is_told_with_its_size_and_that_it_is_not_subtracted():
+    moved, angle, force = curve(BIAS, SOFTENING)
+    offset = 0.1 * force.max()
+    found = []
+    for seed in range(200):
+        noisy = curve(BIAS, SOFTENING, seed=2 * seed, noise=0.02)[2]
+        found.append(force_at_rest(curve(BIAS, SOFTENING)[1], noisy + offset))
+    assert np.mean(np.array(found) > 0) > 0.99
+    assert np.median(found) == pytest.approx(offset, rel=0.1)
+    assert force_at_rest(angle, force - offset) == pytest.approx(-offset, rel=0.1)
+    said = re.search(
+        r"one: the force is about (.*) N at rest, 9 % of the largest, and is not subtr",
+        notes(moved, force + offset),
+    )
+    assert float(said[1]) == pytest.approx(offset, rel=0.1)
+    assert "at rest" not in notes(moved, force)
+
+
+@pytest.mark.parametrize(("n", "over"), [(120, 6), (120, 12), (300, 4), (300, 30)])
+def test_a_force_that_rises_steeply_from_rest_is_none_at_rest(n, over):
+    moved, angle, force = curve(BIAS, SOFTENING, n)
+    steep = force + 0.3 * force.max() * np.tanh(moved / moved[over])
+    assert force_at_rest(angle, steep) == 0
+
+
+def test_a_curve_that_begins_late_or_has_few_points_tells_no_force_at_rest():
+    _, angle, force = curve(BIAS, SOFTENING)
+    late = slice(10, None)
+    assert force_at_rest(angle[late], force[late] + 10) == 0
+    few = slice(None, None, 12)
+    assert force_at_rest(angle[few], force[few] + 10) == 0
+
+
+def test_displacements_that_are_not_counted_from_rest_are_told():
+    moved, angle, force = curve(BIAS, SOFTENING, seed=0)
+    assert "begins far from rest" in notes(moved + 15.0, force)
+    late = angle > np.radians(12)  # and with a force
+    assert "begins far from rest" not in notes(moved[late], force[late])
+
+
+def test_strains_in_another_unit_are_told():
+    strain = np.log1p(np.tile(np.linspace(0.05, 2.0, 40), (2, 1)))
+    pull = BiaxialCurve("pull", strain, 1e3 * strain, (100.0, 100.0))
+    said = tension_report(fit_tension([pull], "linear"))["warp"]["notes"]
+    assert "pull, warp: strains go up to 200 %: look at their unit" in said
+
+
+def test_forces_in_equal_steps_are_told():
+    moved, _, force = curve(BIAS, SOFTENING)
+    scale = moved[-1] / force[-1]
+    assert "look whether the columns are swapped" in notes(force * scale, moved / scale)
+
+
+def test_units_of_the_other_column_are_refused(tmp_path):
+    file = tmp_path / "swapped.csv"
+    file.write_text("displacement (N),force (mm)\n1,2\n")
+    with pytest.raises(ValueError, match="look whether columns are swapped"):
+        read_curve(file)
+
+
+def test_unloading_alone_is_told():
+    moved, _, force = curve(BIAS, SOFTENING)
+    said = notes(moved[::-1], force[::-1])
+    assert "the test only goes back" in said
+    assert "back and forth" not in said

@@ -1,5 +1,6 @@
-"""A scene pays only for what it needs: by counting calls."""
+"""A scene pays only for what it needs: calls and imports."""
 
+import subprocess
 import sys
 from collections import Counter
 from subprocess import run
@@ -12,6 +13,9 @@ from skfem_textile.mesh.pattern import Pattern
 from skfem_textile.ply.kernels import kernel as kernels
 from skfem_textile.scenes import picture_frame, strip
 from skfem_textile.solve.linear import superlu
+
+# A scene pays only for what it needs: by counting calls
+
 
 KERNELS = {
     "tension": kernels.TensionKernel,
@@ -88,3 +92,33 @@ def test_a_run_of_few_elements_loads_no_package_that_is_not_needed():
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
     assert child.stdout.strip() == "[]"
+
+
+HEAVY = (
+    "pyvista",
+    "vtk",
+    "vtkmodules",
+    "matplotlib",
+    "meshio",
+    "rich",
+    "PIL",
+    "dask",
+    "threadpoolctl",
+    "msgspec",
+    "tomli_w",
+    "jinja2",
+)
+OPTIONAL_SOLVERS = ("cvxopt", "pypardiso")
+
+
+def test_importing_the_package_loads_nothing_that_is_only_used_later():
+    script = (
+        "import sys, skfem_textile, skfem_textile.scenes;"
+        f"print([m for m in {HEAVY + OPTIONAL_SOLVERS!r} if m in sys.modules]);"
+        "import skfem_textile.cli.main; sys.modules.pop('msgspec');"
+        f"print([m for m in {HEAVY + OPTIONAL_SOLVERS!r} if m in sys.modules])"
+    )
+    child = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert child.stdout.split() == ["[]", "[]"]

@@ -13,7 +13,7 @@ from skfem_textile.io import write_pattern
 from skfem_textile.mesh import contact
 from studies.formulations.drape import chebyshev
 from studies.formulations.drape.cases import FORMULATIONS
-from tests.helpers.laid_plies import in_net, rolled
+from tests.helpers.tools import in_net, rolled
 
 
 def on_cylinder(n):

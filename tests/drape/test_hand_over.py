@@ -10,7 +10,7 @@ from skfem import MeshQuad, MeshTri
 from skfem_textile import Fabric, MeshError, Ply, Quadratic, drape
 from skfem_textile.io import read_tool_mesh, write_fibres
 from studies.formulations.drape import chebyshev
-from tests.helpers.laid_plies import in_net, rolled
+from tests.helpers.tools import in_net, rolled
 
 
 def on_cylinder(n=24, turn=0.0, mesh=MeshQuad):

@@ -1,10 +1,19 @@
-"""Kinematic nets and exponential maps, against exact answers."""
+"""Kinematic nets and exponential maps, against exact answers and a published method."""
 
 import numpy as np
 import pytest
 
 from skfem_textile import drape
 from studies.formulations.drape.chebyshev import SIDE, SPHERE, shear_angle
+from studies.formulations.drape.published import (
+    DRAPINGS,
+    corner_shear,
+    differences,
+    published_net,
+)
+
+# Kinematic nets and exponential maps, against exact answers
+
 
 ANGLES = (0.3, 0.3 + np.pi / 2)
 CYLINDER = drape.Cylinder(60.0, (0, 0, -60))
@@ -196,3 +205,52 @@ def test_a_geodesic_through_the_tip_of_a_cone_is_refused_where_it_ends():
     assert np.isfinite(x).all()
     with pytest.raises(ValueError, match=r"geodesic leaves|no way to the surface"):
         drape.exponential_map(cone, X, point=start)
+
+
+# Nets against those by the method of KinDrape, which is written out in the studies
+
+
+POLE = DRAPINGS["hemisphere, from the pole"]
+
+
+def test_cells_of_the_published_net_have_sides_of_one_length_on_the_mould():
+    x = published_net(POLE, np.array([-4.0, -4.0, np.sqrt(1e4 - 32)]))
+    for axis in (1, 2):
+        sides = np.linalg.norm(np.diff(x, axis=axis), axis=0)
+        np.testing.assert_allclose(sides, POLE.cell, rtol=1e-10)
+    np.testing.assert_allclose(np.linalg.norm(x, axis=0), 100.0, rtol=1e-12)
+
+
+def test_generator_cells_of_the_published_net_are_square_on_a_sphere():
+    """And the net is symmetric about the diagonals of its first cell."""
+    x = published_net(POLE, np.array([-4.0, -4.0, np.sqrt(1e4 - 32)]))
+    for strip in (x[:, 11:13], x[:, :, 11:13].swapaxes(1, 2)):
+        corners = np.stack(
+            [strip[:, 0, :-1], strip[:, 1, :-1], strip[:, 1, 1:], strip[:, 0, 1:]], 1
+        )
+        assert np.degrees(corner_shear(corners).max()) < 1e-5
+    np.testing.assert_allclose(x[[1, 0, 2]], x.swapaxes(1, 2), atol=1e-5)
+
+
+@pytest.mark.parametrize("name", DRAPINGS)
+def test_shear_angles_of_nets_agree_within_a_degree_and_better_with_finer_cells(name):
+    """First threads and generator cells tend to the same net, with second order."""
+    means = []
+    for finer in (1, 2):
+        shear, off = differences(name, finer)
+        assert shear.max() > 20
+        assert np.abs(off).max() < 1.0
+        means.append(np.abs(off).mean())
+    assert means[0] < 0.05
+    assert np.log2(means[0] / means[1]) > 1.7
+
+
+def test_the_cubic_mould_has_the_derivatives_that_it_states():
+    surface = DRAPINGS["double-curved mould"].surface
+    x = np.random.default_rng(1).uniform(50, 450, (3, 20))
+    for i, h in enumerate(1e-3 * np.eye(3)):
+        one, other = x + h[:, None], x - h[:, None]
+        slope = (surface.level(one) - surface.level(other)) / 2e-3
+        np.testing.assert_allclose(surface.gradient(x)[i], slope, atol=1e-6)
+        bend = (surface.gradient(one) - surface.gradient(other)) / 2e-3
+        np.testing.assert_allclose(surface.hessian(x)[i], bend, atol=1e-8)

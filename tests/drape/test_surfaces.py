@@ -1,14 +1,29 @@
-"""Surfaces: derivatives, curvatures that are known, growth, smoothed triangles."""
+"""Surfaces: derivatives, curvatures, growth, triangles, and their check."""
+
+from functools import partial
 
 import meshio
 import numpy as np
 import pytest
+from skfem import MeshQuad
 
-from skfem_textile import drape
+from skfem_textile import (
+    Condition,
+    Fabric,
+    LoadStepper,
+    MeshError,
+    OnSurface,
+    Ply,
+    StepError,
+    drape,
+    equilibrium_near,
+)
 from skfem_textile.io import read_surface
-from skfem_textile.mesh.checks import MeshError
 from skfem_textile.solve.surface import Grown, OffSurfaceError, is_on, onto
-from tests.helpers import sphere
+from tests.helpers import facing_out, graph, sphere
+
+# Surfaces: derivatives, curvatures that are known, growth, smoothed triangles
+
 
 RNG = np.random.default_rng(1)
 
@@ -175,3 +190,331 @@ def test_a_surface_beside_the_box_has_no_triangles_there():
     x, t = drape.triangles_on(sphere, np.full(3, -1.0), np.full(3, 1.0), 8)
     assert x.shape == (3, 0)
     assert t.shape == (3, 0)
+
+
+# Meshes of triangles as tools: their edges, and what a ply on them asks of them
+
+
+SIDE, CELLS = 60.0, 30
+
+
+def bowl(hole=0.0):
+    """A shallow bowl over a square of triangles, with a square hole in its middle."""
+    s = np.linspace(-SIDE / 2, SIDE / 2, CELLS + 1)
+    p, t = graph(s, lambda x, y: (x**2 + y**2) / 200)
+    centres = p[:2, t].mean(axis=1)
+    return drape.TriangleMesh(p, t[:, np.abs(centres).max(axis=0) > hole / 2])
+
+
+def on_bowl(x, y):
+    x, y = np.broadcast_arrays(x, y)
+    return np.array([x, y, (x**2 + y**2) / 200])
+
+
+def test_points_over_the_triangles_are_not_beyond_their_edges():
+    rng = np.random.default_rng(1)
+    x = on_bowl(*rng.uniform(-SIDE / 2, SIDE / 2, (2, 400)))
+    tool = bowl()
+    assert not tool.beyond_edges(x).any()
+    np.testing.assert_array_equal(tool.beyond_edges(tool.facets.points), 0.0)
+
+
+@pytest.mark.parametrize("off", [1.0, 5.0, 40.0])
+def test_points_beyond_edges_and_corners_are_told_with_their_distance(off):
+    side = SIDE / 2
+    x = on_bowl(
+        np.array([side + off, -side - off, 7.3, side + off]),
+        np.array([0.0, 11.1, side + off, side + off]),
+    )
+    beyond = bowl().beyond_edges(x)
+    flat = off * np.array([1, 1, 1, np.sqrt(2)])
+    assert (beyond > 0.9 * flat).all()
+    assert (beyond < 1.2 * flat).all()
+
+
+def test_points_in_a_hole_are_beyond_its_edges():
+    tool, whole = bowl(hole=20.0), bowl()
+    x = on_bowl(np.array([0.0, 8.0, 9.9, 10.1, 20.0]), np.zeros(5))
+    np.testing.assert_allclose(tool.beyond_edges(x), [10, 2, 0, 0, 0], rtol=0.05)
+    assert not whole.beyond_edges(x).any()
+
+
+def test_a_closed_surface_has_no_edges_to_go_beyond():
+    x, t = drape.triangles_on(drape.Sphere(1.0), *np.full((2, 3), [[-1.1], [1.1]]), 12)
+    t = facing_out(x, t)
+    rng = np.random.default_rng(2)
+    assert not drape.TriangleMesh(x, t).beyond_edges(rng.normal(size=(3, 99))).any()
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e160, 1e306])
+def test_a_surface_whose_areas_are_not_finite_is_refused(scale):
+    facets = bowl().facets
+    with pytest.raises(MeshError, match=r"extend over .* mm: give a file in mm"):
+        drape.TriangleMesh(scale * facets.points, facets.triangles())
+
+
+def test_derivatives_at_the_same_points_are_found_once(monkeypatch):
+    tool, found = bowl(), []
+    mean = tool._quadrics.mean
+    monkeypatch.setattr(tool._quadrics, "mean", lambda x: found.append(1) or mean(x))
+    x = on_bowl(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    level, gradient, hessian = tool.level(x), tool.gradient(x), tool.hessian(x.copy())
+    assert len(found) == 1
+    moved = x.copy()
+    moved[0] += 1.0
+    assert not np.array_equal(tool.level(moved), level)
+    assert len(found) == 2
+    x[0] += 1.0  # what was asked for last, changed in place
+    np.testing.assert_array_equal(tool.level(x), tool.level(moved))
+    for values in (gradient, hessian):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 0.0
+
+
+def test_points_near_and_far_are_found_alike_together_and_alone():
+    """However many vertices reach them."""
+    tool, rng = bowl(), np.random.default_rng(3)
+    x = rng.normal(size=(3, 60)) * rng.choice([1.0, 30.0, 900.0], 60)
+    level, hessian = tool.level(x), tool.hessian(x)
+    for i in range(60):
+        one = tool.level(x[:, [i]]), tool.hessian(x[:, [i]])
+        np.testing.assert_allclose(one[0], level[i], rtol=1e-12)
+        np.testing.assert_allclose(one[1][..., 0], hessian[..., i], rtol=1e-9)
+
+
+def test_geodesics_on_triangles_are_those_of_the_surface_they_stand_for():
+    side = np.linspace(-25, 25, 7)
+    X = np.array(np.meshgrid(side, side)).reshape(2, -1)
+    exact = drape.HeightField(
+        lambda x, y: drape.Height(
+            *((x**2 + y**2) / 200, x / 100, y / 100),
+            *(0.01 + 0 * x, 0 * x, 0.01 + 0 * x),
+        )
+    )
+    off = drape.exponential_map(bowl(), X) - drape.exponential_map(exact, X)
+    assert np.abs(off).max() < 1e-3 * np.linalg.norm(X, axis=0).max()
+
+
+# Surfaces whose gradient or Hessian contradicts them are refused, and no others
+
+
+class Changed:
+    """A surface of which one part is changed."""
+
+    def __init__(self, surface, **changes):
+        for part in ("level", "gradient", "hessian"):
+            own = getattr(surface, part)
+            change = changes.get(part, lambda values: values)
+            setattr(self, part, lambda x, own=own, change=change: change(own(x)))
+
+
+def ply(side=100.0, cells=6, at=(0.0, 0.0)):
+    s = np.linspace(0, side, cells + 1)
+    mesh = MeshQuad.init_tensor(s + at[0], s + at[1]).with_defaults()
+    return Ply(mesh, Fabric(1e4, 0.1), dimension=3)
+
+
+def bind(surface, **settings):
+    LoadStepper(ply(**settings), {"tool": OnSurface(surface)}, 1)
+
+
+def height(function):
+    return drape.HeightField(
+        lambda x, y: drape.Height(*function(x, y, np.zeros_like(x)))
+    )
+
+
+SPHERE = drape.Sphere(150.0, (0, 0, -150))
+TORUS = drape.Torus(200.0, 80.0, (200.0, 0.0, 0.0), (0, 1, 0))
+DOME = drape.double_dome()
+
+
+def first_row(values):
+    changed = values.copy()
+    changed[0] *= 1.1
+    return changed
+
+
+@pytest.mark.parametrize("surface", [SPHERE, DOME, drape.Cylinder(60.0, (0, 0, -60))])
+@pytest.mark.parametrize(
+    ("part", "change"),
+    [
+        ("gradient", lambda g: -g),
+        ("gradient", lambda g: 1.05 * g),
+        ("gradient", np.zeros_like),
+        ("gradient", first_row),
+        ("hessian", lambda H: -H),
+        ("hessian", np.zeros_like),
+        ("hessian", lambda H: 2 * H),
+        ("hessian", first_row),
+    ],
+)
+def test_a_part_that_contradicts_another_is_refused_before_any_work(
+    surface, part, change
+):
+    whole = {"gradient": "level", "hessian": "gradient"}[part]
+    number = r"-?\d[\d.e+-]*"
+    message = (
+        rf"condition 'tool': {part} of the surface differs from the slope of {whole} "
+        rf"at \({number}, {number}, {number}\): along [xyz] .*{whole}.* changes by "
+        rf"{number} per mm, and .*{part}.* is {number}; slopes are over 0.1 mm: "
+    )
+    wrong, body = Changed(surface, **{part: change}), ply()
+    with pytest.raises(ValueError, match=message) as error:
+        LoadStepper(body, {"tool": OnSurface(wrong)}, 1)
+    assert "\n" not in str(error.value)
+    start = drape.displacement(body.nodes, drape.exponential_map(surface, body.nodes))
+    with pytest.raises(ValueError, match="differs from the slope"):
+        equilibrium_near(body, {"tool": OnSurface(wrong)}, start)
+
+
+def test_the_message_has_both_numbers_at_the_place():
+    sphere = drape.Sphere(150.0, (0, 0, -150))
+    wrong = Changed(sphere, hessian=lambda H: 0.5 * H)
+    with pytest.raises(ValueError, match="differs") as error:
+        bind(wrong)
+    words = str(error.value).split()
+    slope, own = float(words[words.index("by") + 1]), words[words.index("is") + 1]
+    assert float(own.strip(";")) == pytest.approx(0.5 * slope, rel=0.01)
+
+
+SOUND = {
+    "plane above": drape.Plane((0, 0, 40.0), (0.1, 0.2, 1)),
+    "pole in the middle": drape.Sphere(150.0, (50.0, 50.0, -150.0)),
+    "equator": drape.Sphere(60.0, (0, 0, -60)),
+    "large sphere": drape.Sphere(1e6, (0, 0, -1e6)),
+    "tip": drape.Cone(0.8, (50.0, 50.0, 0.0), (0, 0, -1)),
+    "tip at a node": drape.Cone(0.8, (0.0, 0.0, 0.0), (0, 0, -1)),
+    "on the axis of a torus": drape.Torus(60.0, 20.0, (50.0, 50.0, -20.0)),
+    "torus": TORUS,
+    "double dome": DOME,
+    "grown": Grown(SPHERE, np.zeros(3), 0.3),
+    "not grown": Grown(SPHERE, np.zeros(3), 0.0),
+    "parabola on one side alone": height(
+        lambda x, y, o: (
+            *(
+                np.where(x > 50, (x - 50) ** 2 / 80, o),
+                np.where(x > 50, (x - 50) / 40, o),
+            ),
+            *(o, np.where(x > 50, 1 / 40, o), o, o),
+        )
+    ),
+    "a roof": height(
+        lambda x, y, o: (abs(x - 50) / 2, np.sign(x - 50) / 2, o, o, o, o)
+    ),
+    "not beyond the nodes": height(
+        lambda x, y, o: (np.sqrt(x), 0.5 / np.sqrt(x), o, -0.25 * x**-1.5, o, o)
+    ),
+}
+
+
+@pytest.mark.parametrize("surface", SOUND.values(), ids=SOUND)
+@pytest.mark.parametrize("cells", [1, 4, 5, 16])
+def test_sound_surfaces_are_not_refused(surface, cells):
+    with np.errstate(all="ignore"):
+        body = ply(cells=cells)
+        OnSurface(surface).check("tool", np.pad(body.nodes, ((0, 1), (0, 0))))
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
+@pytest.mark.parametrize("away", [0.0, 1e6])
+def test_scale_and_place_make_no_difference(scale, away):
+    body = ply(side=80.0, at=(away, 0.0))
+    x = scale * np.pad(body.nodes, ((0, 1), (0, 0)))
+    centre = scale * np.array([away, 0.0, -100.0])
+    sphere = drape.Sphere(100.0 * scale, centre)
+    for factor in (1e-6, 1.0, 1e6):  # of level, which need not be the distance
+        level = {
+            part: lambda v, f=factor: f * v for part in ("level", "gradient", "hessian")
+        }
+        OnSurface(Changed(sphere, **level)).check("tool", x)
+        wrong = level | {"hessian": lambda v, f=factor: 0.9 * f * v}
+        with pytest.raises(ValueError, match="hessian of the surface differs"):
+            OnSurface(Changed(sphere, **wrong)).check("tool", x)
+
+
+@pytest.mark.parametrize("side", [20.0, 60.0, 150.0, 400.0])
+def test_triangles_are_sound_up_to_their_edges_and_beyond(side):
+    s = np.linspace(-40, 40, 25)
+    body = ply(side=side, cells=8, at=(-side / 2, -side / 2))
+    waves = graph(s, lambda x, y: 20 * np.cos(x / 20) * np.cos(y / 25))
+    tool = drape.TriangleMesh(*waves)
+    nodes = np.pad(body.nodes, ((0, 1), (0, 0)))
+    OnSurface(tool).check("tool", nodes)
+    with pytest.raises(ValueError, match="gradient of the surface differs"):
+        OnSurface(Changed(tool, gradient=lambda g: 1.05 * g)).check("tool", nodes)
+
+
+def limited(error, lowest=-np.inf, furthest=100.0):
+    """A sphere that raises an error of points that are low or far away."""
+
+    def call(part, x):
+        if np.min(x[2]) < lowest or np.max(x[0]) > furthest:
+            raise error("beyond the table")
+        return getattr(SPHERE, part)(x)
+
+    surface = Changed(SPHERE)
+    for part in ("level", "gradient", "hessian"):
+        setattr(surface, part, partial(call, part))
+    return surface
+
+
+@pytest.mark.parametrize("error", [RuntimeError, ValueError, KeyError, OverflowError])
+def test_a_surface_that_is_not_defined_beyond_the_nodes_is_not_refused(error):
+    nodes = np.pad(ply().nodes, ((0, 1), (0, 0)))
+    assert nodes[0].max() == 100
+    OnSurface(limited(error)).check("tool", nodes)
+
+
+def test_another_error_beyond_the_nodes_is_told_with_its_cause():
+    said = "'tool': level of the surface fails: TypeError beyond the table"
+    with pytest.raises(ValueError, match=said) as found:
+        bind(limited(TypeError))
+    assert isinstance(found.value.__cause__, TypeError)
+
+
+def test_arrays_of_another_shape_beside_the_nodes_are_refused():
+    nodes = ply().nodes.shape[1]
+    wrong = Changed(SPHERE, hessian=lambda H: H if H.shape[2] == nodes else H[0])
+    with pytest.raises(ValueError, match="hessian of the surface must have the shape"):
+        bind(wrong)
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyError])
+@pytest.mark.parametrize("lowest", [-2.0, -30.0])
+def test_a_run_whose_surface_ends_stops_at_the_last_good_state(error, lowest):
+    """In an iteration, or where geodesics carry the ply before it."""
+    tool = OnSurface(limited(error, lowest, np.inf))
+    held = {"tool": tool, "x": Condition([0], (0.0, 0.0, None))}
+    held["turn"] = Condition([1], (0.0, None, None))
+    said = f"of the surface fails: {error.__name__} .?beyond the table.?; try a surface"
+    with pytest.raises(StepError, match=said) as stop:
+        LoadStepper(bent(ply()), held, 2).run()
+    assert "\n" not in str(stop.value)
+
+
+def test_a_surface_that_fails_where_the_ply_touches_it_is_refused():
+    def single(part, x):
+        if x.shape[1] == 1:
+            raise KeyError("one point")
+        return getattr(SPHERE, part)(x)
+
+    surface = Changed(SPHERE)
+    for part in ("level", "gradient", "hessian"):
+        setattr(surface, part, partial(single, part))
+    said = "'tool': level of the surface fails: KeyError 'one point'"
+    with pytest.raises(ValueError, match=said) as found:
+        LoadStepper(ply(), {"tool": OnSurface(surface)}, 1).run()
+    assert isinstance(found.value.__cause__, KeyError)
+
+
+def test_a_surface_that_fails_beside_the_nodes_has_no_checkpoint(tmp_path):
+    body = ply()
+    held = {"tool": OnSurface(limited(KeyError)), "x": Condition([0], (0.0, 0.0, None))}
+    said = "'tool': level of the surface fails: KeyError 'beyond the table'"
+    with pytest.raises(ValueError, match=said):
+        LoadStepper(bent(body), held, 1, checkpoint=tmp_path / "run").run()
+
+
+def bent(body):
+    return Ply(body.mesh, Fabric(1e4, 0.1, bending=(5.0, 5.0)), dimension=3)

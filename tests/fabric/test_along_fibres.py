@@ -76,7 +76,7 @@ def extension(degrees, n, **options):
     )
 
 
-def solve(scene, formulation, E, G=0.5, steps=4):
+def solve(scene, formulation, E, G=0.5, steps=2):
     ply = Ply(scene.mesh, Fabric(E, G, scene.warp, scene.weft), formulation)
     return scene.summary(LoadStepper(ply, scene.conditions, steps).run())
 

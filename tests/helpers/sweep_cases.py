@@ -1,4 +1,4 @@
-"""What several tests of sweeps need; worker processes can import it."""
+"""What tests of several processes need; worker processes can import it."""
 
 import hashlib
 import json
@@ -13,7 +13,25 @@ import numpy as np
 from threadpoolctl import threadpool_info
 
 from skfem_textile import StepError
-from tests.helpers.processes import wait_until
+
+# What tests of several processes need
+
+
+def is_alive(pid):
+    try:
+        return "zombie" not in Path(f"/proc/{pid}/status").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def wait_until(condition, seconds=60):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it does not come to pass"
+        time.sleep(0.01)
+
+
+# What several tests of sweeps need; worker processes can import it
 
 
 def process_pool(n):

@@ -6,8 +6,7 @@ from skfem import MeshQuad
 
 from skfem_textile import Fabric, Linear, LoadStepper, Macro, OnePoint, Ply, Sin2
 from skfem_textile.scenes import bias_extension, strip
-from skfem_textile.solve.conditions import Constraints
-from tests.helpers import assert_derivatives, distorted, place_of, wobble
+from tests.helpers import distorted, wobble
 from tests.helpers.random_plies import Crimped
 
 
@@ -120,46 +119,6 @@ def test_a_warning_is_shown_once_and_logged_for_every_state(caplog):
     ]
     assert len(told) == len(result.states) - 1
     assert told == [logging.WARNING] + [logging.INFO] * (len(told) - 1)
-
-
-def test_it_is_held_during_a_step_so_that_the_tangent_is_exact():
-    ply = Ply(distorted(2), Fabric(1e3, Sin2(0.5)), OnePoint("auto"))
-    parameters = ply.updated(ply.parameters_at_rest, wobble(ply, 1))
-    assert_derivatives(ply, wobble(ply, 2), wobble(ply, 3, 1.0), parameters)
-
-
-def test_a_state_has_the_stiffnesses_with_which_its_forces_balance():
-    scene = bias_extension(size=(6, 12))
-    result = run(scene, OnePoint("auto"), shear=Sin2(0.5))
-    ply, last = result.ply, result.states[-1]
-    assert ply.energies(*place_of(last)) == last.energies
-    free = Constraints(ply.basis, scene.conditions).free
-    assert np.abs(ply.residual(*place_of(last))[free]).max() <= last.tolerance
-    updated = ply.updated(last.parameters, last.u)
-    assert updated is not last.parameters
-    assert ply.energy(last.u, 1.0, updated) != sum(last.energies.values())
-
-
-def test_a_resumed_run_has_them_too(tmp_path):
-    scene = bias_extension(size=(4, 8))
-    whole = run(scene, OnePoint("auto"), shear=Sin2(0.5))
-
-    def interrupt(state):
-        if state.load_factor == 0.5:
-            raise KeyboardInterrupt
-
-    options = {"shear": Sin2(0.5), "checkpoint": tmp_path / "c"}
-    with pytest.raises(KeyboardInterrupt):
-        run(scene, OnePoint("auto"), on_step=interrupt, **options)
-    fabric = Fabric(1e4, Sin2(0.5), scene.warp, scene.weft)
-    again = LoadStepper(
-        Ply(scene.mesh, fabric, OnePoint("auto")),
-        scene.conditions,
-        4,
-        checkpoint=tmp_path / "c",
-    ).run(resume=True)
-    np.testing.assert_array_equal(again.u, whole.u)
-    assert again.history() == whole.history()
 
 
 @pytest.mark.parametrize("G", [0.5, 0.0])

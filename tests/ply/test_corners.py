@@ -103,7 +103,7 @@ def test_strips_with_little_stabilisation_end_unfolded(seed):
     """Without resistance these end with a corner at det F < 0, or not at all."""
     scene = strip(size=(6, 9), seed=seed)
     ply = Ply(scene.mesh, Fabric(1e4), OnePoint(1.0))
-    ends_unfolded(ply, scene.conditions, 5)
+    ends_unfolded(ply, scene.conditions, 3)
 
 
 @pytest.mark.parametrize("scale", [0.1, 10.0])
@@ -114,7 +114,7 @@ def test_how_stiff_corners_are_decides_little(scale, seed, monkeypatch):
     )
     scene = strip(size=(6, 9), seed=seed)
     ply = Ply(scene.mesh, Fabric(1e4), OnePoint(1.0))
-    ends_unfolded(ply, scene.conditions, 5)
+    ends_unfolded(ply, scene.conditions, 3)
 
 
 @pytest.mark.parametrize("seed", [0, 12, 16])
@@ -123,4 +123,4 @@ def test_macro_elements_sheared_by_60_degrees_end_unfolded(seed):
     mesh = split(bias_extension("delaunay", (6, 12), seed=seed, shear_angle=angle).mesh)
     scene = bias_extension(mesh, shear_angle=angle)
     ply = Ply(mesh, Fabric(1e4, 0.1, scene.warp, scene.weft), Macro())
-    ends_unfolded(ply, scene.conditions, 4)
+    ends_unfolded(ply, scene.conditions, 2)

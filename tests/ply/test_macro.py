@@ -43,7 +43,7 @@ def tension(fabric, mesh):
     return ply
 
 
-def run(scene, formulation, E=1e4, shear=0.0, steps=4):
+def run(scene, formulation, E=1e4, shear=0.0, steps=2):
     ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
     return scene.summary(LoadStepper(ply, scene.conditions, steps).run())
 
@@ -221,30 +221,15 @@ def test_delaunay_triangles_of_the_strip_meet_the_bars():
 
 
 @pytest.mark.parametrize("formulation", [Macro(), Quadratic(80.0)])
-def test_a_rotated_problem_and_a_resumed_run_are_the_same(formulation, tmp_path):
+def test_a_rotated_problem_is_the_same(formulation):
     mesh = rectangle(50, 100, (3, 6), "delaunay", 0.25)
     if isinstance(formulation, Macro):
         mesh = split(mesh)
     scene = bias_extension(mesh)
     turned = scene.rotated(0.7)
-    plain, rotated = (run(s, formulation, 1e5, 0.5) for s in (scene, turned))
+    plain, rotated = (run(s, formulation, 1e5, 0.5, 4) for s in (scene, turned))
     assert rotated["energy"] == pytest.approx(plain["energy"], rel=1e-9)
     assert rotated["reaction_y"] == pytest.approx(plain["reaction_y"], rel=1e-6)
-
-    def stepper():
-        ply = Ply(mesh, Fabric(1e5, 0.5, scene.warp, scene.weft), formulation)
-        return LoadStepper(ply, scene.conditions, 4, checkpoint=tmp_path / "c")
-
-    interrupted = stepper()
-
-    def interrupt(state):
-        if state.load_factor == 0.5:
-            raise KeyboardInterrupt
-
-    interrupted.on_step = interrupt
-    with pytest.raises(KeyboardInterrupt):
-        interrupted.run()
-    assert stepper().run(resume=True).summary()["energy"] == plain["energy"]
 
 
 def test_half_of_a_ply_takes_half_of_the_force(monkeypatch):

@@ -19,7 +19,7 @@ from skfem_textile.scenes.rectangle import rectangle
 GAMMA = np.radians(40.0)
 
 
-def solve(scene, law=0.5, C_s=5.0, steps=4):
+def solve(scene, law=0.5, C_s=5.0, steps=2):
     ply = Ply(scene.mesh, Fabric(1e4, law, scene.warp, scene.weft), OnePoint(C_s))
     return scene.summary(LoadStepper(ply, scene.conditions, steps).run())
 

@@ -84,7 +84,7 @@ REFERENCE = {
 }
 
 
-def run(scene, formulation, shear=0.0, steps=20, E=1e4):
+def run(scene, formulation, shear=0.0, steps=5, E=1e4):
     ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
     return LoadStepper(ply, scene.conditions, steps).run()
 

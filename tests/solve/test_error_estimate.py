@@ -30,7 +30,7 @@ FORMULATIONS = [MACRO, OnePoint(), Full(), Quadratic(20.0)]
 def pulled(kind="irregular", formulation=MACRO, across=6, E=1e5, shear=0.5):
     scene = bias_extension(kind, (across, 2 * across))
     ply = Ply(scene.mesh, Fabric(E, shear, scene.warp, scene.weft), formulation)
-    return LoadStepper(ply, scene.conditions, 4).run()
+    return LoadStepper(ply, scene.conditions, 2).run()
 
 
 @pytest.mark.parametrize("kind", ["irregular", "delaunay"])

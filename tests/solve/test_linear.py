@@ -1,17 +1,28 @@
+"""Linear solvers, and the choice of one."""
+
 import gc
+import json
+from importlib import import_module
+from importlib.util import find_spec
 from weakref import ref
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_matrix, diags, tril
+from scipy.sparse import csc_matrix, csr_matrix, diags, identity, tril
+from skfem import MeshQuad
 
+from skfem_textile import Condition, Fabric, Full, LoadStepper, Ply
 from skfem_textile.scenes import strip
 from skfem_textile.solve.linear import (
     SOLVERS,
+    ChosenSolver,
     SingularMatrixError,
     nested_dissection,
     solver_named,
 )
+from skfem_textile.solve.linear import solver as linear
+from skfem_textile.solve.linear.solver import Offer
+from skfem_textile.solve.linear.superlu import SuperLU
 
 
 @pytest.fixture(params=SOLVERS)
@@ -156,3 +167,230 @@ def test_dissection_orders_every_node_and_ends_with_one_that_keeps_halves_apart(
     kept = np.isin(pairs, order[-17:], invert=True).all(axis=0)
     below = mesh.p[1] < last.mean()
     assert not np.any(below[pairs[0, kept]] != below[pairs[1, kept]])
+
+
+LARGE = linear.MEASURED_FROM
+
+
+class Fakes:
+    """Solvers that a clock of their own finds slow or fast."""
+
+    def __init__(self, monkeypatch):
+        self._monkeypatch, self.time, self.factorised = monkeypatch, 0.0, []
+        monkeypatch.setattr(linear, "SOLVERS", {"superlu": SOLVERS["superlu"]})
+        monkeypatch.setattr(linear, "_MEASURED", {})
+        monkeypatch.setattr(linear, "perf_counter", lambda: self.time)
+
+    def add(self, name, *seconds, fails=None):
+        """A solver that takes so long the first, second, ... time, or fails."""
+
+        fakes = self
+
+        class Fake(SuperLU):
+            def factorise(self, data):
+                if fails:
+                    raise fails
+                fakes.factorised.append((name, len(data)))
+                times = [one for one, _ in fakes.factorised].count(name)
+                fakes.time += seconds[min(times, len(seconds)) - 1]
+                return super().factorise(data)
+
+        class OfFake(Offer):
+            build = Fake
+
+        first = {name: OfFake("", "scipy", 0, True)}
+        others = {k: o for k, o in linear.SOLVERS.items() if k != "superlu"}
+        offers = others | first | {"superlu": SOLVERS["superlu"]}
+        self._monkeypatch.setattr(linear, "SOLVERS", offers)
+
+
+@pytest.fixture
+def fakes(monkeypatch):
+    return Fakes(monkeypatch)
+
+
+def chosen(n=LARGE, name="auto", times=1):
+    """What is chosen of a system of so many unknowns, factorised so often."""
+    lower = identity(n, format="csc")
+    solver = ChosenSolver(name, lower)
+    for _ in range(times):
+        solver.factorise(lower.data)
+    return solver.choice
+
+
+@pytest.mark.parametrize("order", [("slow", "fast"), ("fast", "slow")])
+def test_the_faster_one_is_taken_and_the_reason_tells_the_times(fakes, order):
+    for name in order:
+        fakes.add(name, {"slow": 0.21, "fast": 0.16}[name])
+    name, reason = chosen()
+    assert name == "fast"
+    assert "slow 0.21 s" in reason
+    assert "fast 0.16 s" in reason
+    assert reason.endswith("measured on this machine")
+
+
+def test_the_first_time_does_not_count_as_it_warms_up(fakes):
+    fakes.add("steady", 0.2)
+    fakes.add("warm", 9.0, 0.1)
+    assert chosen().name == "warm"
+
+
+def test_a_process_measures_once(fakes):
+    fakes.add("slow", 0.2)
+    fakes.add("fast", 0.1)
+    first = chosen()
+    fakes.factorised.clear()
+    assert chosen(2 * LARGE, times=3) == first
+    assert [name for name, _ in fakes.factorised] == ["fast"] * 3
+
+
+def test_nothing_is_measured_below_the_size_from_which_it_pays(fakes):
+    fakes.add("slow", 0.2)
+    fakes.add("fast", 0.1)
+    name, reason = chosen(LARGE - 1)
+    assert name == "slow"  # the first known
+    assert f"not measured below {LARGE} unknowns" in reason
+    assert [name for name, _ in fakes.factorised] == ["slow"]
+
+
+def test_a_solver_that_is_asked_for_is_taken_unmeasured(fakes):
+    fakes.add("slow", 0.2)
+    fakes.add("fast", 0.1)
+    assert chosen(name="slow") == ("slow", "asked for")
+    assert [name for name, _ in fakes.factorised] == ["slow"]
+
+
+def test_one_solver_alone_is_not_measured(fakes):
+    fakes.add("alone", 0.2)
+    assert chosen() == ("alone", "fastest known of those installed")
+    assert [name for name, _ in fakes.factorised] == ["alone"]
+
+
+@pytest.mark.parametrize("fails", [ImportError(), MemoryError(), SingularMatrixError()])
+def test_a_solver_that_fails_loses(fakes, fails):
+    fakes.add("broken", fails=fails)
+    fakes.add("whole", 0.1)
+    name, reason = chosen()
+    assert name == "whole"
+    assert "broken failed" in reason
+
+
+def test_where_all_say_singular_it_is_the_matrix_and_no_choice_is_made(fakes):
+    fakes.add("one", fails=SingularMatrixError())
+    fakes.add("other", fails=SingularMatrixError())
+    with pytest.raises(SingularMatrixError):
+        chosen()
+    fakes.add("one", 0.2)
+    fakes.add("other", 0.1)
+    assert chosen().name == "other"
+
+
+def test_a_matrix_that_is_not_definite_tells_nothing_and_the_next_one_does(fakes):
+    lower = identity(LARGE, format="csc")
+    fakes.add("slow", 0.2)
+    fakes.add("fast", 0.1)
+    solver = ChosenSolver("auto", lower)
+    assert not solver.factorise(-lower.data).definite
+    assert solver.choice == ("slow", "fastest known of those installed")
+    assert solver.factorise(lower.data).definite
+    assert solver.choice.name == "fast"
+
+
+def test_of_very_large_systems_what_is_eliminated_first_is_measured(fakes):
+    fakes.add("slow", 0.2)
+    fakes.add("fast", 0.1)
+    n = linear._MOST_MEASURED + 1
+    chosen(n)
+    measured = [size for _, size in fakes.factorised]
+    assert measured == [n - 1] * 4 + [n]
+
+
+def test_factors_are_of_the_matrix_whatever_is_measured_before(fakes):
+    fakes.add("slow", 0.2)
+    fakes.add("fast", 0.1)
+    n = LARGE
+    d, e = np.full(n, 4.0), np.full(n, -1.0)
+    rows = np.stack([np.arange(n), np.arange(1, n + 1)]).T.ravel()[:-1]
+    data = np.stack([d, e]).T.ravel()[:-1]
+    indptr = np.append(2 * np.arange(n), 2 * n - 1)
+    lower = csc_matrix((data, rows, indptr), (n, n))
+    x = np.sin(np.arange(n))
+    A = lower + lower.T - 4.0 * identity(n)
+    found = ChosenSolver("auto", lower).factorise(data).solve(A @ x)
+    np.testing.assert_allclose(found, x, atol=1e-12)
+
+
+def test_the_log_tells_a_choice_once(fakes, caplog):
+    fakes.add("slow", 0.2)
+    fakes.add("fast", 0.1)
+    with caplog.at_level("INFO", logger="skfem_textile"):
+        _, reason = chosen(times=3)
+    assert [r.getMessage() for r in caplog.records] == [f"linear solver fast: {reason}"]
+
+
+def pulled(X, t):
+    return np.tile([[0.02 * t], [0.05 * t]], X.shape[1])
+
+
+def run(solver="auto", folder=None, resume=False):
+    ply = Ply(MeshQuad().refined(2), Fabric(1e4, shear=1.0), Full())
+    conditions = {
+        "clamp": Condition(lambda X: X[1] == 0),
+        "pull": Condition(lambda X: X[1] == 1, pulled),
+    }
+    stepper = LoadStepper(ply, conditions, 2, solver=solver, checkpoint=folder)
+    return stepper.run(resume)
+
+
+def test_a_measurement_is_on_the_clock_but_not_among_the_factorisations(
+    fakes, monkeypatch
+):
+    fakes.add("slow", 0.2)
+    fakes.add("fast", 0.1)
+    plain = run()
+    monkeypatch.setattr(linear, "MEASURED_FROM", 10)
+    fakes.factorised.clear()
+    result = run()
+    slow = [name for name, _ in fakes.factorised].count("slow")
+    fast = len(fakes.factorised) - slow
+    summary = result.summary()
+    assert summary["solver"] == "fast"
+    assert summary["solver_reason"].startswith("fastest of slow 0.20 s, fast 0.10 s")
+    assert summary["factorisations"] == plain.factorisations
+    assert (slow, fast) == (2, 2 + plain.factorisations)
+    assert summary["solve_time_s"] == pytest.approx(0.2 * slow + 0.1 * fast)
+    json.dumps(summary)
+
+
+def test_a_run_is_resumed_whichever_solver_is_chosen(fakes, monkeypatch, tmp_path):
+    fakes.add("slow", 0.2)
+    fakes.add("fast", 0.1)
+    whole = run(folder=tmp_path)
+    (tmp_path / "state_000002.npz").unlink()
+    monkeypatch.setattr(linear, "MEASURED_FROM", 10)
+    resumed = run(folder=tmp_path, resume=True)
+    assert (whole.solver.name, resumed.solver.name) == ("slow", "fast")
+    np.testing.assert_allclose(resumed.u, whole.u, atol=1e-12)
+
+
+def test_auto_passes_over_a_package_that_is_not_whole(monkeypatch, caplog):
+    def broken(name, package=None):
+        if name == "scipy" or package:
+            return import_module(name, package)
+        raise ImportError(f"no {name}")
+
+    monkeypatch.setattr(linear, "import_module", broken)
+    monkeypatch.setattr(linear, "find_spec", lambda name: True)
+    assert chosen(LARGE - 1).name == "superlu"
+    assert "solver cholmod: no cvxopt.cholmod" in caplog.text
+
+
+def test_auto_takes_superlu_for_few_unknowns_and_the_fastest_known_for_more():
+    assert chosen(100).name == "superlu"
+    installed = (k for k, o in SOLVERS.items() if find_spec(o.package))
+    assert chosen(LARGE - 1).name == next(installed)
+
+
+def test_superlu_is_no_rival_of_those_that_have_to_be_installed():
+    assert not SOLVERS["superlu"].rival
+    assert solver_named("superlu") is SuperLU

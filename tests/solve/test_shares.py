@@ -41,7 +41,7 @@ FORMULATIONS = {
 SCENES = {bias_extension: 2, strip: 1.5, trellis: 1, picture_frame: 1}
 
 
-def case(scene, name, across=16, E=1e4, G=0.5, formulation=None, steps=4):
+def case(scene, name, across=16, E=1e4, G=0.5, formulation=None, steps=2):
     """A scene with so many elements along its short side."""
     own, parts, made = FORMULATIONS[name]
     size = across // parts, round(SCENES[scene] * across) // parts

@@ -57,12 +57,15 @@ def test_a_check_may_be_switched_to_a_warning(caplog):
 
 
 @pytest.mark.parametrize(
-    "steps",
-    [1, 5, 20, *(pytest.param(n, marks=pytest.mark.long) for n in (10, 50, 100))],
+    ("C_s", "steps"),
+    [
+        *((1.0, 1), (1.0, 5), (1.0, 20), (0.01, 20)),
+        *(pytest.param(1.0, n, marks=pytest.mark.long) for n in (10, 50, 100)),
+    ],
 )
-def test_the_strip_ends_on_a_stable_state_from_any_number_of_steps(steps):
+def test_the_strip_ends_on_a_stable_state_from_any_number_of_steps(C_s, steps):
     """C_s = 1 has at least four equilibria, and not all are stable."""
-    result = run(OnePoint(1.0), steps)
+    result = run(OnePoint(C_s), steps)
     summary = result.summary()
     assert summary["stable"]
     assert summary["negative_pivots"] == 0
@@ -88,12 +91,6 @@ def test_the_strip_takes_few_linear_solves(formulation, steps, most):
     energy = energy_in_40_steps(formulation)
     assert result.summary()["energy"] == pytest.approx(energy, rel=1e-6)
     assert result.linear_solves <= most
-
-
-def test_little_stabilisation_ends_on_a_stable_state():
-    result = run(OnePoint(0.01), 20)
-    assert result.summary()["stable"]
-    assert stiffness_of(result, strip()) > 0
 
 
 def test_stiff_fibres_leave_the_shape_as_it_is():
@@ -127,8 +124,11 @@ def pushed_in(by):
     return LoadStepper(ply, {"edge": Condition("edge", value)}, 4)
 
 
+FOLDED = r"1 element\(s\) folded, det F.*\(element \d\); try a larger stab"
+
+
 def test_an_element_that_folds_at_its_corner_is_named():
-    with pytest.raises(StepError, match=r"1 element\(s\) folded, det F") as error:
+    with pytest.raises(StepError, match=FOLDED) as error:
         pushed_in(0.3).run()
     (element,) = error.value.elements
     result = error.value.result
@@ -166,11 +166,6 @@ def test_fibres_that_grow_ever_stiffer_may_be_stretched_as_far_as_one_likes():
     held = {"clamp": Condition("bottom"), "pull": Condition("top", (0.0, 2.0))}
     ply = Ply(mesh, Fabric(Stiffening(), 1.0), Full())
     assert LoadStepper(ply, held, 4).run().summary()["stable"]
-
-
-def test_an_error_names_elements_and_what_to_try():
-    with pytest.raises(StepError, match=r"\(element \d\); try a larger stab"):
-        pushed_in(0.3).run()
 
 
 @pytest.mark.parametrize("steps", [1, pytest.param(4, marks=pytest.mark.long), 20])

@@ -14,7 +14,7 @@ import pytest
 from studies import __main__
 from studies.common.tables import rows_of_csv
 from studies.study import Part, Study, descriptions, load
-from tests.helpers.processes import is_alive, wait_until
+from tests.helpers.sweep_cases import is_alive, wait_until
 
 ROOT = Path(__file__).parents[2]
 

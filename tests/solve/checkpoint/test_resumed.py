@@ -1,23 +1,37 @@
-"""A run that was interrupted or killed is resumed to the same end."""
+"""Runs that are resumed, told from others, and written."""
 
 import os
 import pickle
-import shutil
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from skfem_textile import CheckpointError, Newton, StepError
+from skfem_textile import (
+    CheckpointError,
+    Condition,
+    CrimpInterchange,
+    Fabric,
+    LoadStepper,
+    Newton,
+    OnePoint,
+    Ply,
+    Sin2,
+    StepError,
+)
 from skfem_textile.cli import main as cli
+from skfem_textile.scenes import bias_extension
 from tests import helpers
-from tests.helpers import extended_runs
+from tests.helpers import Coupled, distorted, extended_runs, full_disk, place_of
 from tests.helpers.strip_runs import assert_same, interrupted_at, stepper, whole
+
+# A run that was interrupted or killed is resumed to the same end
 
 
 @pytest.mark.parametrize("kind", ["energy", "rate"])
@@ -28,45 +42,47 @@ def test_a_resumed_run_gives_the_same_result_to_the_last_bit(tmp_path, kind, at)
     assert_same(resumed, whole(kind))
 
 
-# Runs a formulation, afresh or from a checkpoint.
+# Runs every formulation, afresh and from its checkpoint.
 IN_ANOTHER_PROCESS = """
 import pickle, sys
-from tests.helpers.extended_runs import stepper
-name, folder, target = sys.argv[1:]
-result = stepper(name, folder or None).run(resume=bool(folder))
-with open(target, "wb") as file:
-    pickle.dump((result.states, result.history()), file)
+from pathlib import Path
+from tests.helpers.extended_runs import FORMULATIONS, stepper
+folder, found = Path(sys.argv[1]), {}
+for name in FORMULATIONS:
+    afresh = stepper(name).run()
+    resumed = stepper(name, folder / name).run(resume=True)
+    found[name] = [(run.states, run.history()) for run in (afresh, resumed)]
+(folder / "found").write_bytes(pickle.dumps(found))
 """
 
 
-def in_another_process(name, folder, target):
-    """States and history."""
-    tests = Path(helpers.__file__).parents[1]
-    path = tests.parent, tests / "common", Path(__file__).parent
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, path))}
-    command = [sys.executable, "-c", IN_ANOTHER_PROCESS, name, folder, target]
-    arguments = [str(argument) for argument in command]
-    subprocess.run(arguments, env=environment, check=True, timeout=300)
-    return pickle.loads(target.read_bytes())
+@pytest.fixture(scope="module")
+def in_another_process(tmp_path_factory):
+    """States and histories by name of the formulation."""
+    folder = tmp_path_factory.mktemp("another process")
+    for name in extended_runs.FORMULATIONS:
+        extended_runs.interrupted(name, folder / name)
+    environment = os.environ | {"PYTHONPATH": str(Path(helpers.__file__).parents[2])}
+    command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(folder)]
+    subprocess.run(command, env=environment, check=True, timeout=300)
+    return pickle.loads((folder / "found").read_bytes())
 
 
 @pytest.mark.parametrize("name", extended_runs.FORMULATIONS)
 def test_runs_resumed_or_in_another_process_are_the_same_to_the_last_bit(
-    tmp_path, name
+    tmp_path, name, in_another_process
 ):
     """Displacements and parameters of every state, and the history."""
-    first, target = extended_runs.stepper(name).run(), tmp_path / "found"
+    first = extended_runs.stepper(name).run()
     changed = [s.parameters for s in first.states if s.load_factor in (0.25, 0.5, 1)]
     for before, after in pairwise(changed):
         assert not any(before[term].same_as(after[term]) for term in after)
-    extended_runs.interrupted(name, tmp_path / "a")
-    shutil.copytree(tmp_path / "a", tmp_path / "b")
-    resumed = extended_runs.stepper(name, tmp_path / "a").run(resume=True)
+    extended_runs.interrupted(name, tmp_path)
+    resumed = extended_runs.stepper(name, tmp_path).run(resume=True)
     assert_same(resumed, first)
     for states, history in (
         (resumed.states, resumed.history()),
-        in_another_process(name, "", target),
-        in_another_process(name, tmp_path / "b", target),
+        *in_another_process[name],
     ):
         assert history == first.history()
         for found, state in zip(states, first.states, strict=True):
@@ -165,3 +181,260 @@ def test_a_run_killed_at_any_moment_is_resumed(tmp_path, capsys, steps, kills):
         assert cli.main([*command, "-v", "--out", str(out), "--resume"]) == 0
         assert "resumed at load factor" in capsys.readouterr().err
         assert (out / "history.csv").read_text() == history
+
+
+# A checkpoint of another run is refused, however little tells them apart
+
+
+def test_a_law_of_both_strains_is_resumed_and_told_from_another(tmp_path):
+    laws = [CrimpInterchange(1e4, c, 1.0, 1e-2, 100.0) for c in (0.01, 0.02)]
+    interrupted_at(tmp_path / "c", 0.3, E=laws[0])
+    with pytest.raises(CheckpointError, match=r"warp law was Crimp.*, is Crimp.*0.02"):
+        stepper(tmp_path / "c", E=laws[1]).run(resume=True)
+    whole = stepper(None, E=laws[0]).run()
+    assert_same(stepper(tmp_path / "c", E=laws[0]).run(resume=True), whole)
+
+
+class Hidden(Coupled):
+    """A law whose repr does not tell its coupling."""
+
+    def __repr__(self):
+        return "Hidden()"
+
+
+def test_a_coupling_that_the_repr_hides_is_told_apart(tmp_path):
+    interrupted_at(tmp_path / "c", 0.3, E=Hidden(1e4, 100.0))
+    told = "its values of the tensions beside a stretched family differ"
+    with pytest.raises(CheckpointError, match=told):
+        stepper(tmp_path / "c", E=Hidden(1e4, 101.0)).run(resume=True)
+
+
+@pytest.mark.parametrize(
+    ("other", "what"),
+    [
+        ({"C_s": 2.0}, r"formulation was OnePoint\(stabilisation=1.0.* is .*=2.0"),
+        ({"E": 1e10}, "warp law was Linear.*10000.0.* is .*10000000000.0"),
+        ({"E": (1e4, 2e4)}, "weft law was"),
+        ({"E": CrimpInterchange(1e4, 0.01, 1.0, 1e-3, 1.0)}, "warp law was Linear"),
+        ({"kind": "rate"}, "formulation was .*'energy'.* is .*'rate'"),
+        ({"C_s": "auto"}, "formulation was .*1.0.* is .*'auto'"),
+        ({"steps": 7}, "steps was"),
+        ({"method": "plain"}, "method was"),
+        ({"warn_only": []}, "warn_only was"),
+    ],
+)
+def test_a_checkpoint_of_another_run_is_refused(half, other, what):
+    with pytest.raises(CheckpointError, match=f"of another run: .*{what}") as error:
+        stepper(half, **other).run(resume=True)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"C_s": 2.0},
+        {"shear": 1.0},
+        {"shear": Sin2(0.5)},
+        {"path": lambda t: t**2},
+    ],
+    ids=["stabilisation", "shear", "law", "path"],
+)
+def test_what_stiff_fibres_hide_is_told_apart_too(tmp_path, other):
+    def square(C_s=1.0, shear=0.5, path=lambda t: t):
+        mesh = distorted(1).with_defaults()
+        ply = Ply(mesh, Fabric(1e10, shear), OnePoint(C_s))
+        pull = Condition("top", lambda X, t: 0 * X + 0.1 * path(t))
+        held = {"clamp": Condition("bottom"), "pull": pull}
+        return LoadStepper(ply, held, 2, checkpoint=tmp_path / "c")
+
+    square().run()
+    with pytest.raises(CheckpointError, match="of another run"):
+        square(**other).run(resume=True)
+
+
+def test_a_state_of_another_run_is_refused(tmp_path):
+    for name, E in (("a", 1e4), ("b", 2e4)):
+        interrupted_at(tmp_path / name, 0.5, E=E)
+    state = "state_000001.npz"
+    (tmp_path / "b" / state).rename(tmp_path / "a" / state)
+    with pytest.raises(CheckpointError, match=r"000001\.npz is of another run"):
+        stepper(tmp_path / "a").run(resume=True)
+
+
+@pytest.mark.parametrize("C_s", [("auto", 1.0), (1.0, "auto")])
+def test_a_stabilisation_that_begins_as_the_automatic_one_is_not_taken_for_it(
+    tmp_path, C_s
+):
+    """Here C_s is automatically 10⁻⁴ E = 1 N/mm: the first forces are the same."""
+    interrupted_at(tmp_path / "c", 0.5, C_s=C_s[0])
+    with pytest.raises(CheckpointError, match="another run: formulation was") as error:
+        stepper(tmp_path / "c", C_s=C_s[1]).run(resume=True)
+    assert "\n" not in str(error.value)
+
+
+@dataclass(frozen=True)
+class Cubic:
+    """M_s = G Γ + a Γ³, of which the repr tells nothing."""
+
+    a: float
+
+    def energy(self, x):
+        return 0.25 * x**2 + 0.25 * self.a * x**4
+
+    def value(self, x):
+        return 0.5 * x + self.a * x**3
+
+    def tangent(self, x):
+        return 0.5 + 3 * self.a * x**2
+
+    def __repr__(self):
+        return "Cubic()"
+
+
+@pytest.mark.parametrize(
+    ("other", "what"),
+    [
+        ({"shear": Cubic(1e-6)}, "values of the shear law differ"),
+        ({"slope": (1.0, 0.3)}, "fixed directions differ"),
+        ({"names": ("low", "high", "side")}, "conditions was"),
+        ({"warp": (1.0, 1e-6)}, "fibre directions differ"),
+    ],
+)
+def test_what_the_first_forces_do_not_tell_is_told_apart_too(tmp_path, other, what):
+    def square(
+        shear=None, slope=(1.0, 0.2), names=("clamp", "pull", "roll"), warp=(1.0, 0.0)
+    ):
+        fabric = Fabric(1e10, shear or Cubic(0.0), warp)
+        ply = Ply(distorted(1).with_defaults(), fabric, OnePoint())
+        middle = np.abs(ply.nodes - 0.5).sum(axis=0).argsort()[:1]
+        held = (
+            Condition("bottom"),
+            Condition("top", 0.01, (0, 1)),
+            Condition(middle, 0.0, slope),
+        )
+        conditions = dict(zip(names, held, strict=True))
+        return LoadStepper(ply, conditions, 2, checkpoint=tmp_path / "c")
+
+    square().run()
+    with pytest.raises(CheckpointError, match=f"of another run: .*{what}"):
+        square(**other).run(resume=True)
+
+
+# What is written, and what is left of it where that fails or is cut short
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_any_work(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(CheckpointError, match="cannot write checkpoint"):
+        stepper(tmp_path / "file" / "c", on_iteration=pytest.fail).run()
+
+
+def test_a_full_disk_stops_the_run_and_keeps_its_states(tmp_path, monkeypatch):
+    monkeypatch.setattr(np, "savez", full_after(3, np.savez))
+    with pytest.raises(StepError, match=r"cannot write checkpoint .*: No space") as e:
+        stepper(tmp_path / "c").run()
+    assert e.value.result.states[-1].load_factor > 0
+    monkeypatch.undo()
+    assert_same(stepper(tmp_path / "c").run(resume=True), whole())
+
+
+def test_a_state_that_is_not_written_leaves_no_trace(tmp_path, monkeypatch):
+    scene = bias_extension(size=(4, 8))
+    fabric = Fabric(1e4, Sin2(0.5), scene.warp, scene.weft)
+    ply = Ply(scene.mesh, fabric, OnePoint())
+    monkeypatch.setattr(np, "savez", full_after(3, np.savez))
+    with pytest.raises(StepError, match="cannot write checkpoint") as e:
+        LoadStepper(ply, scene.conditions, 4, checkpoint=tmp_path / "c").run()
+    last = e.value.result.states[-1]
+    assert ply.energies(*place_of(last)) == last.energies
+
+
+def full_after(number, savez):
+    calls = []
+
+    def full(*arguments, **arrays):
+        calls.append(arguments)
+        if len(calls) > number:
+            raise OSError(28, "No space left on device")
+        savez(*arguments, **arrays)
+
+    return full
+
+
+def test_a_finished_run_stays_until_the_next_has_a_state_on_disk(tmp_path, monkeypatch):
+    first = stepper(tmp_path / "c").run()
+    for number in (0, 1):
+        monkeypatch.setattr(np, "savez", full_after(number, np.savez))
+        with pytest.raises(CheckpointError, match="No space left"):
+            stepper(tmp_path / "c", C_s=2.0).run()
+        monkeypatch.undo()
+        assert_same(stepper(tmp_path / "c").run(resume=True), first)
+
+
+@pytest.mark.parametrize("at", range(10))
+def test_a_new_run_that_is_killed_as_it_takes_the_place_of_the_old(
+    tmp_path, monkeypatch, at
+):
+    """Either run is resumed to its own end, or it is told that it cannot be."""
+    stepper(tmp_path / "c").run()
+    calls = []
+
+    def killed(act):
+        def call(*arguments):
+            calls.append(arguments)
+            if len(calls) > at:
+                raise KeyboardInterrupt
+            return act(*arguments)
+
+        return call
+
+    for name in ("unlink", "replace"):
+        monkeypatch.setattr(Path, name, killed(getattr(Path, name)))
+    with pytest.raises(KeyboardInterrupt):
+        stepper(tmp_path / "c", C_s=2.0).run()
+    monkeypatch.undo()
+    if sorted((tmp_path / "c").glob("state*")):
+        C_s = 1.0 if at < 7 else 2.0
+        with pytest.raises(CheckpointError, match="is of another run: formulation was"):
+            stepper(tmp_path / "c", C_s=3.0 - C_s).run(resume=True)
+        resumed = stepper(tmp_path / "c", C_s=C_s).run(resume=True)
+        assert_same(resumed, whole(C_s=C_s))
+    else:
+        stepper(tmp_path / "c", C_s=2.0).run(resume=True)
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_the_next_run_removes_what_a_killed_one_left_half_done(tmp_path, resume):
+    folder = tmp_path / "c"
+    if resume:
+        interrupted_at(folder, 0.5)
+    folder.mkdir(exist_ok=True)
+    for name in (".run.npz", ".state_000009.npz", "own.npz"):
+        (folder / name).write_bytes(b"half a fi")
+    assert stepper(folder).run(resume=resume).converged
+    assert not list(folder.glob(".*"))
+    assert (folder / "own.npz").exists()
+
+
+def test_a_full_disk_is_left_no_half_of_a_file(tmp_path, monkeypatch):
+    def fill(state):
+        monkeypatch.setattr("os.fsync", full_disk)
+
+    told = (
+        "cannot write checkpoint .*/c: No space left on device; what it holds remains"
+    )
+    with pytest.raises(StepError, match=told):
+        stepper(tmp_path / "c", on_step=fill).run()
+    assert not list((tmp_path / "c").glob(".*"))
+
+
+def test_two_runs_do_not_write_to_one_checkpoint(tmp_path):
+    def another(state):
+        with pytest.raises(CheckpointError, match="another run is writing to"):
+            stepper(tmp_path / "c").run(resume=True)
+        told.append(state)
+
+    told = []
+    stepper(tmp_path / "c", on_step=another).run()
+    assert told
+    stepper(tmp_path / "c").run()

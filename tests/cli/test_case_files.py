@@ -1,0 +1,439 @@
+"""Case files: what they say, what is refused, and those that a run leaves."""
+
+import shutil
+import tomllib
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from skfem_textile import (
+    Asymmetric,
+    CrimpToe,
+    Fabric,
+    Force,
+    Linear,
+    Pretensioned,
+    Sin2,
+    Tabulated,
+    TensionOnly,
+)
+from skfem_textile.cases import CaseFileError, case_from_file, case_from_tables
+from skfem_textile.cli import main as cli
+from skfem_textile.fabric.directions import FibreDirections, directions_of
+from skfem_textile.fabric.files import write_law
+from skfem_textile.io import write_directions, write_fabric
+from skfem_textile.scenes import bias_extension
+from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers.command_line import MESH, QUICK, refused
+from tests.helpers.specimen import (
+    SHEAR,
+    SPECIMEN,
+    assert_runs_alike,
+    run,
+    summary_of,
+    written,
+)
+
+# What a case file says: the scene, its laws and regions, and what is left out
+
+
+def test_a_file_says_all_that_a_case_has(tmp_path):
+    case = case_from_file(written(tmp_path))
+    assert case.scene.name == "specimen"
+    assert case.scene.mesh.nelements == 21
+    assert list(case.scene.conditions) == ["bottom", "top"]
+    assert case.scene.driven == "top"
+    assert case.scene.rotation == pytest.approx(np.radians(20))
+    law = case.fabric.families[0].tension
+    assert law == TensionOnly(CrimpToe(1000, 0.004, 10))
+    assert case.fabric.shear_law.domain == pytest.approx((-np.pi / 3, np.pi / 3))
+    assert case.formulation.stabilisation == 2
+    assert isinstance(case.loads[0], Force)
+    assert (case.steps, case.solver, case.pictures) == (2, "superlu", False)
+
+
+def test_the_written_case_has_every_default(tmp_path):
+    assert cli.main(["run", "strip", *QUICK, "--out", str(tmp_path / "out")]) == 0
+    text = (tmp_path / "out" / "case.toml").read_text()
+    assert tomllib.loads(text) == {
+        "scene": {"name": "strip", "rotate_deg": 0.0},
+        "mesh": {"source": "irregular", "size": [3, 4], "jitter": 0.3, "seed": 1},
+        "fabric": {"units": "N mm"},
+        "tension": {
+            "law": "linear",
+            "stiffness_N_per_mm": 1e4,
+            "compression": "law",
+            "pretension_N_per_mm": 0.0,
+        },
+        "shear": {
+            "law": "linear",
+            "stiffness_N_per_mm": 1.0,
+            "wrinkling_angle_deg": 90.0,
+        },
+        "bending": {"warp_N_mm": 0.0, "weft_N_mm": 0.0, "twist_N_mm": 0.0},
+        "formulation": {"name": "macro", "cs_N_per_mm": 10.0},
+        "loads": {"force_N": {}},
+        "stepping": {
+            "steps": 3,
+            "most_unknowns": 50_000,
+            "method": "newton",
+            "warn_only": ["work", "stabilisation", "deviation", "corners", "surface"],
+            "solver": "auto",
+        },
+        "output": {"pictures": False},
+    }
+    assert "# tolerance is not given" in text
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        *("strip", "picture_frame", "trellis", "bias_extension", "specimen"),
+        *("cantilever", "buckling"),
+    ],
+)
+def test_init_writes_the_defaults_of_a_scene(tmp_path, capsys, scene):
+    file = tmp_path / "new.toml"
+    assert cli.main(["init", str(file), "--scene", scene]) == 0
+    text = file.read_text()
+    assert max(map(len, text.splitlines())) <= 88
+    plain, said = case_from_tables({"scene": {"name": scene}}), case_from_file(file)
+    assert said.scene.name == scene
+    assert np.array_equal(said.scene.mesh.p, plain.scene.mesh.p)
+    assert said.fabric.families[0].tension == plain.fabric.families[0].tension
+    capsys.readouterr()
+    assert "exists" in refused(capsys, "init", str(file))
+    assert file.read_text() == text
+
+
+REGIONS = """
+[scene]
+name = "specimen"
+[mesh]
+source = "two.vtk"
+[tension]
+stiffness_N_per_mm = 1000
+[regions.patch]
+weft_deg = 100
+[regions.patch.shear]
+law = "sin2"
+stiffness_N_per_mm = 7
+[stepping]
+steps = 1
+[output]
+pictures = false
+"""
+
+
+def test_a_region_has_laws_and_fibres_of_its_own(tmp_path):
+    mesh = rectangle(50, 100, (4, 8), "aligned")
+    file = tmp_path / "regions.toml"
+    file.write_text(REGIONS)
+    named = mesh.with_subdomains({"patch": lambda x: x[1] > 60})
+    named.save(tmp_path / "two.vtk", encode_cell_data=True, encode_point_data=False)
+    case = case_from_file(file)
+    patch = case.scene.mesh.subdomains["patch"]
+    laws = [case.fabric.at(np.array([[i]])).shear_law for i in (patch[0], 0)]
+    gamma = np.array([[0.3]])
+    values = [float(law.value(gamma)[0, 0]) for law in (Sin2(7.0), Linear(0.5))]
+    assert [float(law.value(gamma)[0, 0]) for law in laws] == pytest.approx(values)
+    assert run(file, tmp_path / "a") == 0
+    assert_runs_alike(tmp_path / "a", tmp_path / "b")
+    assert "the fabric differs" in summary_of(tmp_path / "a")["exact_answer"]
+
+
+FIBRES = """
+pretension_N_per_mm = 0.1
+[tension.in_compression]
+stiffness_N_per_mm = 3
+[tension.weft]
+law = "tables/tension.csv"
+extrapolation = "linear"
+compression = "none"
+pretension_N_per_mm = 0.2
+"""
+
+
+def test_warp_and_weft_have_laws_of_their_own_and_pretension(tmp_path):
+    """On triangles, rotated, and again from the case that the run leaves."""
+    text = SPECIMEN.replace('compression = "none"', FIBRES)
+    text = text.replace("size = [3, 7]", 'source = "delaunay"\nsize = [3, 7]')
+    file = written(tmp_path, text)
+    (tmp_path / "tables" / "tension.csv").write_text(
+        "fibre strain (-),tension (N/mm)\n0,0\n0.01,10\n0.05,100\n"
+    )
+    fabric = case_from_file(file).fabric
+    crimped = CrimpToe(1000, 0.004, 10)
+    assert fabric.families[0].tension == Pretensioned(
+        Asymmetric(crimped, Linear(3.0)), 0.1
+    )
+    table = Tabulated((0.0, 0.01, 0.05), (0.0, 10.0, 100.0), "linear")
+    assert fabric.families[1].tension == Pretensioned(TensionOnly(table), 0.2)
+    assert run(file, tmp_path / "a") == 0
+    shutil.rmtree(tmp_path / "tables")
+    assert_runs_alike(tmp_path / "a", tmp_path / "b", "curve.csv")
+
+
+def test_a_region_has_the_defaults_of_its_scene(tmp_path):
+    """A table of shear in a region, where the scene has a stiffness of its own."""
+    mesh = rectangle(50, 100, (4, 8), "aligned")
+    named = mesh.with_subdomains({"patch": lambda x: x[1] > 60})
+    named.save(tmp_path / "two.vtk", encode_cell_data=True, encode_point_data=False)
+    (tmp_path / "shear.csv").write_text(SHEAR)
+    file = tmp_path / "regions.toml"
+    old = 'law = "sin2"\nstiffness_N_per_mm = 7\n'
+    assert old in REGIONS
+    file.write_text(REGIONS.replace(old, 'law = "shear.csv"\ncontinuation = "odd"\n'))
+    case = case_from_file(file)
+    patch = case.scene.mesh.subdomains["patch"]
+    law = case.fabric.at(np.array([[patch[0]]])).shear_law
+    assert law.value(np.radians([[30.0]])) == pytest.approx(0.1)
+
+
+# What is wrong with a case file is told in one line of its words
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("steps = 2", "stepz = 2", "stepping has no key 'stepz'; the nearest is 'ste"),
+        ("[stepping]", "[steping]", "there is no table 'steping'; the nearest is 'st"),
+        ("steps = 2", "steps = 2.5", "stepping.steps must be int, got float"),
+        ("steps = 2", "steps = '2'", "stepping.steps must be int, got str"),
+        ("steps = 2", "steps = 0", "steps must be at least 1"),
+        ("steps = 2", "steps", "no TOML: "),
+        ("stiffness_N_per_mm", "stiffness", "the nearest is 'stiffness_N_per_mm'"),
+        ("stiffness_N_per_mm", "stiffness_kN_per_m", "nearest is 'stiffness_N_per_"),
+        ("height_mm = 110", "height_cm = 11", "the nearest is 'height_mm'"),
+        (
+            "height_mm = 110",
+            "height_mm = nan",
+            "scene.height_mm must be a finite number, got nan",
+        ),
+        (
+            "rotate_deg = 20",
+            "rotate_deg = inf",
+            "scene.rotate_deg must be a finite number",
+        ),
+        (
+            "rotate_deg = 20",
+            "bend_deg = 20",
+            "scene.bend_deg goes with scene.name trellis",
+        ),
+        ('"specimen"', '"speciment"', "scene.name is 'speciment': it must be one of"),
+        ("[shear]", "[tension.weft]\ntoe = 1\n[shear]", "tension.weft.toe goes with"),
+        ("[shear]", "[tension.wefd]\n[shear]", "'wefd'; the nearest is 'weft'"),
+        ("[shear]", "[tension.in_compression]\n[shear]", "in_compression is a law: le"),
+        ("[shear]", "[tension.weft.weft]\n[shear]", "tension.weft has no key 'weft'"),
+        (
+            'compression = "none"',
+            "pretension_N_per_mm = -1",
+            "tension pretension must be a finite number >= 0",
+        ),
+        ("toe = 0.004\n", "", "tension.toe is missing"),
+        ("toe = 0.004", "toe = -1", "toe must be a finite number > 0, got -1.0"),
+        ('"crimp-toe"', '"linear"', "tension.toe goes with tension.law crimp-"),
+        (
+            '"crimp-toe"',
+            '"crimp"',
+            "tension.law is 'crimp', which is none of linear, F",
+        ),
+        ("tables/shear", "shear", "shear.law "),
+        (
+            '"odd"',
+            '"old"',
+            "'old', which is none of none, odd; the nearest is 'odd'",
+        ),
+        ('"one-point"', '"full"', "formulation.cs_N_per_mm goes with formulation.name"),
+        (
+            "cs_N_per_mm = 2",
+            "cs_N_per_mm = 'aut'",
+            "is 'aut', which is none of a number, auto",
+        ),
+        (
+            '["free", 12]',
+            '["fre", 12]',
+            "scene.move_mm is 'fre', which is none of a number, f",
+        ),
+        ('["free", 12]', "[12]", "scene.move_mm"),
+        ("top = ", "lid = ", "the mesh has no boundary 'lid'"),
+        (
+            "right = [0.5, 0]",
+            "right = [inf, 0]",
+            "loads.force_N.right must be a finite number",
+        ),
+        ("size = [3, 7]", "source = 'x.msh'", "neither a file nor one of aligned"),
+        ("size = [3, 7]", "size = [3]", "mesh.size must be array of length 2, got 1"),
+        ("size = [3, 7]", "size = 1979-05-27", "mesh.size must be array, got date"),
+        ('solver = "superlu"', 'solver = "supreme"', "which is none of auto, cholmod"),
+        (
+            "[loads.force_N]",
+            "[loads]\nforce_N = 1\n[x]",
+            "loads.force_N must be a table, got int",
+        ),
+        ("[shear]", "[regions.patch]\n[shear]", "no subdomain 'patch' (it has: none)"),
+        (
+            "[shear]",
+            "[regions.a]\n[fabric]\nfile = 'a.inp'\n[shear]",
+            "[tension] has a law, but fabric.file",
+        ),
+        (
+            "[shear]",
+            "[fabric]\nunits = 'N m'\n[shear]",
+            "units and material go with fabric.file",
+        ),
+        (
+            "[shear]",
+            "[fabric]\nfile = 'a.inp'\n[shear]",
+            "[tension] has a law, but fabric.file",
+        ),
+        ("[mesh]", "[mesh]\ndirections = 'a.csv'", "a.csv"),
+        ("[shear]", "[regions.a.tensio]\n[shear]", "regions.a has no key 'tensio'"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_told_in_one_line_of_its_words(
+    tmp_path, capsys, old, new, message
+):
+    assert old in SPECIMEN
+    file = written(tmp_path, SPECIMEN.replace(old, new))
+    said = refused(capsys, "run", str(file), "--out", str(tmp_path / "out"))
+    assert message in said
+    assert "one.toml: " in said
+    assert "--" not in said
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"\xff", "no text in UTF-8"),
+        (b"x = " + b"[" * 100_000, "too deeply"),
+        (b"#" * 1_000_001, "more than 1000000 bytes"),
+        (b"", "scene.name is missing: it must be one of strip"),
+        (b"scene = 3", "scene must be a table, not 3"),
+        (b"[scene]\nname = 'strip'\n[stepping]\nsteps = " + b"9" * 5000, "no TOML"),
+    ],
+)
+def test_a_file_that_is_no_case_is_refused(tmp_path, capsys, content, message):
+    file = tmp_path / "bad.TOML"
+    file.write_bytes(content)
+    assert message in refused(capsys, "run", str(file), "--out", str(tmp_path / "o"))
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path, capsys):
+    out = ("--out", str(tmp_path / "out"))
+    assert "no.toml" in refused(capsys, "run", str(tmp_path / "no.toml"), *out)
+    (tmp_path / "folder.toml").mkdir()
+    assert "folder.toml" in refused(capsys, "run", str(tmp_path / "folder.toml"), *out)
+    assert "must end with .toml" in refused(capsys, "init", str(tmp_path / "x.txt"))
+
+
+def test_a_case_of_the_user_is_not_replaced(tmp_path, capsys):
+    file = written(tmp_path).rename(tmp_path / "case.toml")
+    said = refused(capsys, "run", str(file), "--out", str(tmp_path))
+    assert "was not written by a run" in said
+    assert file.read_text() == SPECIMEN
+    assert run(file, tmp_path / "out") == 0
+    assert run(tmp_path / "out" / "case.toml", tmp_path / "out") == 0  # in its place
+
+
+def test_functions_are_refused(tmp_path):
+    tables = {"scene": {"name": "strip"}, "shear": {"law": lambda x: x}}
+    with pytest.raises(CaseFileError, match=r"shear\.law is a function, which a case"):
+        case_from_tables(tables)
+
+
+# The case that a run leaves: a run of it gives the same results
+
+
+OF_FILES = """
+[scene]
+name = "bias_extension"
+[mesh]
+size = [3, 6]
+directions = "fibres.csv"
+[fabric]
+file = "cloth.inp"
+thickness_mm = 0.2
+[stepping]
+steps = 2
+solver = "superlu"
+[output]
+pictures = false
+"""
+
+
+def test_a_run_of_the_written_case_is_the_same_bit_for_bit(tmp_path):
+    outs = [tmp_path / name for name in ("a", "b", "c")]
+    assert run(written(tmp_path), outs[0]) == 0
+    shutil.rmtree(tmp_path / "tables")  # the results have a copy
+    for before, after in pairwise(outs):
+        assert_runs_alike(before, after, "curve.csv")
+    first, last = (summary_of(out) for out in (outs[0], outs[-1]))
+    assert [first.pop("inputs"), last.pop("inputs")]
+    assert first == last
+
+
+def test_a_run_of_the_written_case_is_the_same_with_the_solver_of_the_machine(tmp_path):
+    auto = SPECIMEN.replace('solver = "superlu"', 'solver = "auto"')
+    assert run(written(tmp_path, auto), tmp_path / "a") == 0
+    assert run(tmp_path / "a" / "case.toml", tmp_path / "b") == 0
+    first, last = (
+        np.loadtxt(tmp_path / out / "curve.csv", delimiter=",", skiprows=1)
+        for out in "ab"
+    )
+    assert np.abs(first - last).max() <= 1e-10 * np.abs(first).max()
+
+
+def test_a_line_and_the_case_that_it_leaves_are_the_same(tmp_path):
+    """On a mesh of triangles from a file."""
+    line = ["run", "strip", "--mesh", str(MESH), "--steps", "2", "--no-render"]
+    laws = ["--shear-law", "sin2", "--shear-stiffness", "1", "--solver", "superlu"]
+    laws += ["--formulation", "one-point"]
+    assert (
+        cli.main([*line, *laws, "--force", "top=1,0", "--out", str(tmp_path / "a")])
+        == 0
+    )
+    copied = tmp_path / "a" / "case_files" / "mesh.msh"
+    assert copied.read_bytes() == MESH.read_bytes()
+    assert_runs_alike(tmp_path / "a", tmp_path / "b")
+
+
+def test_a_law_of_a_file_is_beside_the_written_case(tmp_path):
+    write_law(Sin2(0.3), tmp_path / "law.json")
+    line = ["run", "strip", "--size", "3x4", "--steps", "2", "--no-render"]
+    line += ["--shear-law", str(tmp_path / "law.json")]
+    assert cli.main([*line, "--out", str(tmp_path / "a")]) == 0
+    (tmp_path / "law.json").unlink()
+    assert case_from_file(tmp_path / "a" / "case.toml").fabric.shear_law == Sin2(0.3)
+    assert cli.main([*line[:-2], "--out", str(tmp_path / "a")]) == 0
+    assert not (tmp_path / "a" / "case_files" / "shear.json").exists()
+
+
+def test_directions_and_fabric_are_of_files_beside_the_case(tmp_path):
+    """And of the results, whose case has copies of them."""
+    scene = bias_extension(size=(3, 6))
+    own = Fabric(warp=scene.warp, weft=scene.weft)
+    given = directions_of(scene.mesh, own)
+    turned = FibreDirections.of_angles(*(angle + 5 for angle in given.angles_deg()))
+    inputs = tmp_path / "inputs"
+    inputs.mkdir()
+    write_directions(inputs / "fibres.csv", scene.mesh, turned)
+    write_fabric(inputs / "cloth.inp", Fabric(1e5, Sin2(0.3)), 0.2)
+    (inputs / "one.toml").write_text(OF_FILES)
+    assert run(inputs / "one.toml", tmp_path / "a") == 0
+    case = case_from_file(inputs / "one.toml")
+    gamma = np.array([0.5])
+    assert case.fabric.shear_law.value(gamma) == pytest.approx(
+        Sin2(0.3).value(gamma), rel=1e-4
+    )
+    shutil.rmtree(inputs)
+    assert_runs_alike(tmp_path / "a", tmp_path / "b", "fibres.csv")
+    text = (tmp_path / "a" / "case.toml").read_text()
+    assert "[tension]" not in text
+    assert tomllib.loads(text)["fabric"] == {
+        "file": "case_files/fabric.inp",
+        "thickness_mm": 0.2,
+        "units": "N mm",
+    }

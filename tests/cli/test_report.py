@@ -1,0 +1,243 @@
+"""The report of a run, and the curves of tests that it shows."""
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skfem_textile
+from skfem_textile.cli import main as cli
+from skfem_textile.cli.curve import read_test_curve
+from tests.helpers.command_line import refused
+
+# The report of a run: one page that holds all it shows
+
+
+VOID = {"meta", "link", "img", "br", "wbr"}
+RUN = ("--size", "2x4", "--steps", "2", "--no-render", "--shear-law", "sin2")
+NO_CURVE = "[scene]\nname = 'strip'\n[output]\ntest_curve = 'no.csv'"
+CURVE = "displacement (mm),force (N)\n0,0\n4,1\n8,3\n"
+
+
+class Page(HTMLParser):
+    """Elements, sources and text of a page whose elements all close."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.sources, self.text = [], [], [], ""
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.sources += [v for k, v in attrs if k in ("src", "href", "srcset", "data")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def reported(out, *more):
+    assert cli.main(["report", str(out), *more]) == 0
+    return Page((out / "report.html").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Results of a run with the curve of a test."""
+    folder = tmp_path_factory.mktemp("results")
+    (folder / "test.csv").write_text(CURVE)
+    test = ("--test-curve", str(folder / "test.csv"))
+    out = folder / "out"
+    assert cli.main(["run", "bias_extension", "--out", str(out), *RUN, *test]) == 0
+    return out
+
+
+def test_a_report_refers_to_nothing_outside(results):
+    page = reported(results)
+    assert page.sources
+    assert all(source.startswith("data:") for source in page.sources)
+    text = (results / "report.html").read_text(encoding="utf-8")
+    css = re.search(r"<style>(.*?)</style>", text, re.S)[1]
+    assert "url(" not in css
+    assert "@import" not in css
+    assert "script" not in page.tags
+    assert "://" not in re.sub(r'"data:[^"]*"', "", text)
+
+
+def test_a_report_tells_what_the_run_has_found(results):
+    page = reported(results)
+    summary = json.loads((results / "summary.json").read_text())
+    for said in (
+        f"{summary['reaction_y']:.6g}",
+        "Every step converged",
+        "stable",
+        "Hamila",
+        f"skfem_textile {skfem_textile.__version__}",
+        summary["versions"]["numpy"],
+        "The run has drawn no pictures",
+        'law = "sin2"',
+    ):
+        assert said in page.text
+    whole = (results / "case.toml").read_text()
+    assert whole in page.text
+
+
+def test_curves_of_run_and_test_are_drawn(results, monkeypatch, tmp_path):
+    curves = pytest.importorskip("skfem_textile.plot.curves")
+    drawn, draw = {}, curves.curves
+
+    def kept(panels, *labels_and_file):
+        drawn.update(panels)
+        draw(panels, *labels_and_file)
+
+    monkeypatch.setattr(curves, "curves", kept)
+    assert len(reported(results).sources) == 4  # with the icon
+    assert list(drawn) == [
+        *("Force against displacement", "Force against shear angle"),
+        "Normalised shear force",
+    ]
+    for lines in drawn.values():
+        assert list(lines) == ["run", "test"]
+    assert drawn["Force against displacement"]["test"][1].tolist() == [0, 1, 3]
+    other = tmp_path / "other.csv"
+    other.write_text(CURVE.replace("8,3", "9,7"))
+    reported(results, "--test-curve", str(other))
+    assert drawn["Force against displacement"]["test"][1].tolist() == [0, 1, 7]
+
+
+def test_pictures_are_held_by_the_page(results, tmp_path):
+    out = tmp_path / "copy"
+    out.mkdir()
+    for name in ("summary.json", "case.toml"):
+        (out / name).write_bytes((results / name).read_bytes())
+    (out / "case.toml").write_text((out / "case.toml").read_text().split("[output]")[0])
+    (out / "shear_angle.png").write_bytes(b"\x89PNG" + bytes(100))
+    (out / "animation.gif").write_bytes(b"GIF89a" + bytes(100))
+    kinds = [source[:16] for source in reported(out).sources]
+    assert kinds == ["data:,", "data:image/png;b", "data:image/gif;b"]
+
+
+def test_a_run_that_stopped_early_says_so(results, tmp_path):
+    summary = json.loads((results / "summary.json").read_text())
+    summary |= {"converged": False, "load_factor": 0.25, "stable": None}
+    summary["scene"] = "<script>alert(1)</script>"
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    page = reported(tmp_path)
+    assert "The run stopped at load factor 0.25." in page.text
+    assert "not applied: the run stopped early" in page.text
+    assert "script" not in page.tags
+    assert "The folder holds no case.toml." in page.text
+    assert "The folder holds no curve.csv." in page.text
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("summary.json", "{", "summary.json is damaged: it is no summary of a run"),
+        ("summary.json", "[1]", "summary.json is damaged"),
+        ("summary.json", None, "holds no results, no summary.json"),
+        ("case.toml", "x", "case.toml is damaged: it is no case"),
+        ("case.toml", NO_CURVE, "no.csv"),
+        ("curve.csv", "x", "curve.csv, row 1: the first row must name columns"),
+    ],
+)
+def test_damaged_results_are_refused(results, tmp_path, capsys, name, content, message):
+    for kept in ("summary.json", "case.toml", "curve.csv"):
+        (tmp_path / kept).write_bytes((results / kept).read_bytes())
+    (tmp_path / "case_files").mkdir()
+    (tmp_path / "case_files" / "test_curve.csv").write_text(CURVE)
+    (tmp_path / name).unlink()
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    assert message in refused(capsys, "report", str(tmp_path))
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_a_folder_without_results_is_not_made(tmp_path, capsys):
+    assert "holds no results" in refused(capsys, "report", str(tmp_path / "no"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_citation_is_that_of_the_repository(results):
+    cited = (Path(__file__).parents[2] / "CITATION.cff").read_text()
+    words = " ".join(reported(results).text.split())
+    for name in ("title", "journal", "volume", "year"):
+        value = re.findall(rf"^ *{name}: *(?:>-)?\s*((?:.+\n?)+?)^ *\w+:", cited, re.M)
+        found = re.search(rf"^  +{name}: (?!>-)(.*)", cited, re.M)
+        said = found[1] if found else " ".join(value[-1].split())
+        assert said in words
+
+
+# Curves of tests in CSV files
+
+
+OUT = ("--size", "4x8", "--steps", "2", "--no-render")
+
+
+def test_columns_are_read_by_their_headings(tmp_path):
+    file = tmp_path / "test.csv"
+    text = "\ufeffForce (N) , angle (deg)\n\n0,0\n1.5,\n3,20\n"
+    file.write_text(text, encoding="utf-8")
+    curve = read_test_curve(file)
+    assert set(curve) == {"force (N)", "angle (deg)"}
+    assert curve["force (N)"].tolist() == [0, 1.5, 3]
+    assert np.array_equal(curve["angle (deg)"], [0, np.nan, 20], equal_nan=True)
+
+
+def test_the_curve_of_a_run_is_such_a_curve(tmp_path):
+    out = tmp_path / "out"
+    assert cli.main(["run", "bias_extension", "--out", str(out), *OUT]) == 0
+    curve = read_test_curve(out / "curve.csv")
+    summary = json.loads((out / "summary.json").read_text())
+    assert curve["force (N)"][-1] == float(f"{summary['reaction_y']:.12g}")
+    numbers = (out / "curve.csv").read_text().split("\n", 1)[1].replace("\n", ",")
+    digits = [re.sub(r"e.*|\D", "", x).strip("0") for x in numbers.split(",")]
+    assert max(map(len, digits)) == 12
+    assert curve["angle (deg)"] == pytest.approx([0, 20, 40])
+    moment = 0.5 * np.radians(curve["angle (deg)"])
+    expected = moment / np.cos(np.radians(curve["angle (deg)"]))
+    assert curve["normalised shear force (N/mm)"] == pytest.approx(expected, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the file is empty"),
+        ("time (s)\n1\n2\n", "row 1: the first row must name columns"),
+        ("force (N)\n1\n2\n", "row 1: the header must name"),
+        (
+            "displacement (mm),force (t)\n0,0\n1,1\n",
+            "'force' has the unit 't', which is none of N",
+        ),
+        ("angle (deg),force (N),force (N)\n0,0,0\n1,1,1\n", "row 1: there are two"),
+        ("angle (deg),force (N)\n0,0\n", "at least two rows"),
+        ("angle (deg),force (N)\n0,0\n1,one\n", "row 3: '1,one' lacks a finite"),
+        ("angle (deg),force (N)\n0,0\n1,inf\n", "row 3: '1,inf' lacks a finite"),
+        ("angle (deg),force (N)\n0,0\n1\n", "row 3: '1' lacks a finite number"),
+        ("\0\xff", "no CSV file in UTF-8"),
+    ],
+)
+def test_a_file_that_is_no_curve_is_refused_before_a_run(
+    tmp_path, capsys, text, message
+):
+    file = tmp_path / "test.csv"
+    file.write_text(text, encoding="latin-1")
+    out = ("--out", str(tmp_path / "out"), *OUT)
+    said = refused(capsys, "run", "strip", "--test-curve", str(file), *out)
+    assert message in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path, capsys):
+    out = ("--out", str(tmp_path / "out"), *OUT)
+    said = refused(capsys, "run", "strip", "--test-curve", "no.csv", *out)
+    assert "no.csv" in said

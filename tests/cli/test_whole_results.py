@@ -1,0 +1,149 @@
+"""Full disks, closed pipes and killed runs: one line, and results that are whole."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from skfem_textile import Fabric, LoadStepper, OnePoint, Ply
+from skfem_textile.cli import main as cli
+from skfem_textile.cli.output import OutputError
+from skfem_textile.cli.result_folder import ResultFolder
+from skfem_textile.io import write_fields, write_history
+from skfem_textile.scenes import strip
+from tests.helpers import full_disk
+from tests.helpers.command_line import QUICK, is_whole
+
+ROOT = Path(__file__).parents[2]
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="locks are POSIX's")
+
+
+@pytest.mark.parametrize("change", ["unlink", "replace", "mkdir"])
+def test_a_summary_never_speaks_of_files_that_are_not_there(
+    tmp_path, monkeypatch, change
+):
+    """Looked at before every change of the folder, a shorter run after a longer one."""
+    out = tmp_path / "out"
+    plain, seen = getattr(Path, change), []
+
+    def watched(path, *arguments, **options):
+        if out in path.parents:
+            seen.append(is_whole(out))
+        return plain(path, *arguments, **options)
+
+    options = ("run", "strip", *QUICK, "--out", str(out))
+    assert cli.main(options) == 0
+    monkeypatch.setattr(Path, change, watched)
+    assert cli.main([*options, "--steps", "2"]) == 0
+    assert seen
+    assert all(seen)
+    assert is_whole(out)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ((), "nothing is kept, as --checkpoint was not given"),
+        (("--checkpoint",), "/checkpoint remains, and --resume goes on from there"),
+    ],
+)
+def test_a_full_disk_is_named_and_what_is_left(
+    tmp_path, capsys, monkeypatch, options, told
+):
+    out = tmp_path / "out"
+    command = ["run", "strip", *QUICK, "--out", str(out)]
+    assert cli.main(command) == 0
+    before = (out / "summary.json").read_text()
+    capsys.readouterr()
+    with monkeypatch.context() as patch:
+        patch.setattr("meshio.Mesh.write", full_disk)
+        assert cli.main([*command, *options]) == 1
+    printed, said = capsys.readouterr()
+    assert printed == ""
+    assert said.startswith(
+        f"skfem-textile: error: cannot write results to {out}: No space left on device;"
+    )
+    assert said.endswith(told + "\n")
+    assert said.count("\n") == 1
+    assert (out / "summary.json").read_text() == before
+    assert is_whole(out)
+    assert not list(out.glob(".unfinished-*"))
+    if options:
+        assert cli.main([*command, "--resume"]) == 0
+
+
+@pytest.mark.parametrize("write", [write_fields, write_history])
+def test_who_writes_one_thing_to_a_full_disk_is_told_where(
+    tmp_path, monkeypatch, write
+):
+    scene = strip(size=(3, 4))
+    ply = Ply(scene.mesh, Fabric(), OnePoint(10.0))
+    result = LoadStepper(ply, scene.conditions, 1).run()
+    monkeypatch.setattr("meshio.Mesh.write", full_disk)
+    monkeypatch.setattr("csv.DictWriter.writeheader", full_disk)
+    with pytest.raises(OSError, match=r"No space left on device: '.*/out'"):
+        write(result, tmp_path / "out")
+
+
+def test_a_disk_that_fills_while_files_are_moved_in_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "replace", full_disk)
+    message = r"cannot write results to .*/out: No space left on device"
+    with (
+        pytest.raises(OutputError, match=message),
+        ResultFolder(tmp_path / "out", ["a"]) as folder,
+    ):
+        (folder / "a").write_text("a")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_next_run_removes_what_a_killed_one_left_unfinished(tmp_path):
+    left, own = tmp_path / ".unfinished-left", tmp_path / "own"
+    for path in (left / "fields", own):
+        path.mkdir(parents=True)
+        (path / "file").write_text("half a fi")
+    with ResultFolder(tmp_path, ["a"]) as folder:
+        (folder / "a").write_text("a")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "own"]
+
+
+def test_what_a_living_run_has_not_finished_is_left_to_it(tmp_path):
+    with ResultFolder(tmp_path, ["a"]) as folder:
+        (folder / "a").write_text("a")
+        with pytest.raises(BlockingIOError, match="another run is writing to"):
+            ResultFolder(tmp_path, ["a"])
+    assert (tmp_path / "a").read_text() == "a"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+@pytest.mark.parametrize(
+    "arguments",
+    [pytest.param(("list",), marks=pytest.mark.long), ("--help",), ("run", "strip")],
+)
+def test_what_cannot_be_printed_is_told_in_one_line(tmp_path, arguments):
+    if arguments[0] == "run":
+        arguments += (*QUICK, "--out", str(tmp_path / "out"))
+    with open("/dev/full", "w") as stdout:
+        child = subprocess.run(
+            [sys.executable, "-m", "skfem_textile", *arguments],
+            stdout=stdout,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )
+    assert child.returncode == 1
+    message = "skfem-textile: error: cannot print: No space left on device\n"
+    assert child.stderr == message
+    if arguments[0] == "run":
+        assert (tmp_path / "out" / "summary.json").exists()
+
+
+def test_a_message_is_one_line_without_control_characters(tmp_path, capsys):
+    command = ["run", "strip", "--mesh", "a\nb\x1b[31m", "--out", str(tmp_path / "o")]
+    assert cli.main(command) == 2
+    said = capsys.readouterr().err
+    assert r"mesh.source a\nb\x1b[31m: neither a file nor" in said
+    assert said.count("\n") == 1

@@ -1,0 +1,263 @@
+"""Plies in equilibrium on surfaces, and what is refused."""
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import (
+    BodyForce,
+    CheckpointError,
+    Condition,
+    Fabric,
+    LoadStepper,
+    Macro,
+    OnSurface,
+    Ply,
+    Result,
+    StepError,
+    Traction,
+    drape,
+    equilibrium_near,
+)
+from skfem_textile.drape import Sphere
+from skfem_textile.scenes import Case, hemisphere
+from skfem_textile.solve.continuation import loads_drive, moves
+from skfem_textile.solve.problem import Tangent
+from skfem_textile.solve.states import NoEquilibriumError
+from tests.helpers import place_of, wobble
+from tests.helpers.tools import RADIUS, SYMMETRY, laid, positions, problem_of, square
+
+# Plies in equilibrium on surfaces: tangent, forces, folds, checkpoints
+
+
+@pytest.mark.parametrize("held", [{}, SYMMETRY, {"slope": None}])
+def test_the_reduced_tangent_is_that_of_the_energy_on_the_surface(held):
+    """Against second differences of the energy along retracted motions."""
+    fabric = Fabric(50.0, 0.5, warp=(2, 1), weft=(-1, 3))
+    ply = square(6.0, 2, fabric)
+    if "slope" in held:  # an inclined direction, beside which the normal is turned
+        held = {"slope": Condition("left", 0.0, direction=(1.0, 2.0, 0.3))}
+    sphere = drape.Sphere(8.0, (0, 0, -8))
+    problem = problem_of(ply, {"on": OnSurface(sphere)} | held).at(1.0)
+    u = problem.moved(laid(ply, sphere), wobble(ply, 1, 0.1))
+    p, h = ply.parameters_at_rest, 1e-3
+    tangent = Tangent(problem, u, p)
+    free, turn = problem.system.free, problem.turn(u)
+    upper = tangent._matrix.upper
+    K = (upper + upper.T).toarray() - np.diag(upper.diagonal())
+    rng, f = np.random.default_rng(2), problem.residual(u, p)
+    for _ in range(3):
+        q = np.zeros(ply.basis.N)
+        q[free] = rng.standard_normal(len(free))
+        d = turn @ q
+        there, back = (problem.moved(u, s * h * d) for s in (1, -1))
+        ends = problem.energy(there, p), problem.energy(back, p)
+        energy = sum(ends) - 2 * problem.energy(u, p)
+        # Retraction along the normal is second-order: what the slope sees of its bend
+        # along the surface is taken off.
+        bend = problem.unfixed(f, u) @ (there + back - 2 * u)
+        expected = q[free] @ K @ q[free]
+        assert (energy - bend) / h**2 == pytest.approx(expected, rel=2e-5)
+        slope = (ends[0] - ends[1]) / (2 * h)
+        assert slope == pytest.approx(problem.unfixed(f, u) @ d, rel=1e-5)
+
+
+def test_nodes_lie_on_the_surface_and_no_force_is_left_along_it():
+    ply = square(
+        loads=[Traction("right", (0.5, 0, -0.3)), Traction("top", (0, 0.5, 0))]
+    )
+    sphere = drape.Sphere(100.0, (0, 0, -100))
+    conditions = {"on": OnSurface(sphere)} | SYMMETRY
+    start = laid(ply, sphere)
+    state = equilibrium_near(ply, conditions, start)
+    x = positions(ply, state.u)
+    np.testing.assert_allclose(sphere.level(x), 0.0, atol=1e-9)
+    forces, n = ply.nodal(ply.residual(*place_of(state))), sphere.gradient(x)
+    along = forces - (forces * n).sum(axis=0) * n
+    inner = (ply.nodes > 0).all(axis=0)
+    assert np.abs(along[:, inner]).max() < 1e-7
+    assert state.verdict.stable
+    np.testing.assert_allclose(state.reactions["on"], forces.sum(axis=1))
+
+
+def test_an_element_that_is_turned_over_is_folded():
+    ply = square(cells=4)
+    sphere = drape.Sphere(100.0, (0, 0, -100))
+    problem = problem_of(ply, {"on": OnSurface(sphere)}).at(1.0)
+    x = drape.exponential_map(sphere, ply.nodes)
+    assert (problem.area_ratio(drape.displacement(ply.nodes, x)) > 0).all()
+    mirrored = x * [[-1], [1], [1]]
+    ratio = problem.area_ratio(drape.displacement(ply.nodes, mirrored))
+    assert (ratio > 0).all()  # the other face of the ply, but no fold
+    x[0, ply.nodes[0] > 50] -= 2 * 15.0  # the last column laid back over the others
+    x = x * 100.0 / np.linalg.norm(x - sphere.centre[:, None], axis=0)
+    ratio = problem.area_ratio(drape.displacement(ply.nodes, x))
+    folded = ply.mesh.p[0, ply.mesh.t].max(axis=0) > 50
+    np.testing.assert_array_equal(ratio < 0, folded)
+
+
+def test_nodes_by_name_lie_on_surfaces_and_others_are_free():
+    ply = square(loads=[Traction("top", (0.0, 1.0, 0.0))])
+    plane = drape.Plane((0, 0, 0), (0, 0, 1))
+    slope = drape.Plane((60, 0, 0), (-1, 0, 1))
+    conditions = {
+        "flat": OnSurface(plane, lambda X: X[0] < 59),
+        "rail": OnSurface(slope, "right"),
+        "clamp": Condition("left"),
+        "foot": Condition("bottom", (None, 0.0, None)),
+    }
+    start = ply.basis.zeros()
+    state = equilibrium_near(ply, conditions, start)
+    x = positions(ply, state.u)
+    np.testing.assert_allclose(x[2, ply.nodes[0] < 59], 0.0, atol=1e-9)
+    right = ply.nodes[0] == 60
+    np.testing.assert_allclose(x[2, right], x[0, right] - 60, atol=1e-9)
+    assert state.verdict.stable
+
+
+def test_a_run_goes_on_from_its_checkpoint_on_the_same_surface_only(tmp_path):
+    c = np.sqrt(0.5)
+    ply = square(100.0, 4, Fabric(1e5, 0.1, warp=(c, c), weft=(-c, c)))
+
+    def stepper(radius):
+        sphere = drape.Sphere(radius, (0, 0, -radius))
+        conditions = {"on": OnSurface(sphere)} | SYMMETRY
+        return LoadStepper(ply, conditions, 2, checkpoint=tmp_path)
+
+    u = stepper(100.0).run().u
+    np.testing.assert_allclose(stepper(100.0).run(resume=True).u, u, atol=1e-9)
+    with pytest.raises(CheckpointError, match="surfaces"):
+        stepper(101.0).run(resume=True)
+
+
+def test_a_state_without_a_run_has_a_result():
+    scene = hemisphere(size=(4, 4))
+    case = Case(scene=scene, fabric=Fabric(1e4, 0.1), steps=1)
+    ply, run = case.ply(), case.run()
+    state = equilibrium_near(ply, scene.conditions, run.u, warn_only=["stabilisation"])
+    result = Result.of_state(ply, scene.conditions, state)
+    assert result.converged
+    np.testing.assert_allclose(result.u, run.u, atol=1e-3)
+    found = scene.summary(result)
+    assert found["max_contact_pressure_N_per_mm2"] == pytest.approx(
+        scene.summary(run)["max_contact_pressure_N_per_mm2"], rel=1e-3
+    )
+    assert found["error_estimate"].startswith("none: ")
+
+
+# Surfaces and conditions on them that are refused
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda s: {"a": OnSurface(s), "b": OnSurface(s, "top")}, "on another surface"),
+        (lambda s: {"a": OnSurface(s, "nowhere")}, "no boundary 'nowhere'"),
+        (
+            lambda s: {"a": OnSurface(drape.Sphere(1.0))},
+            r"does not touch the plane z = 0 at \(0.0, 0.0\), where it has no tangent",
+        ),
+        (
+            lambda s: {"a": OnSurface(drape.Plane((0, 0, -0.25)))},
+            r"at \(0.0, 0.0\), where it is 0.25 mm away: move it",
+        ),
+        (
+            lambda s: {"a": OnSurface(drape.Plane((0, 0, 0), (0, 3, 4)))},
+            r"at \(0.0, 0.0\), where it is inclined by 37°: move it",
+        ),
+        (
+            lambda s: {"a": OnSurface(s, touch=(5.0, 0.0))},
+            r"where it is 0.12\d mm away",
+        ),
+    ],
+)
+def test_conditions_that_cannot_be_are_refused(build, message):
+    conditions = build(drape.Sphere(100.0, (0, 0, -100)))
+    with pytest.raises(ValueError, match=message):
+        LoadStepper(square(), conditions, 1)
+
+
+class Broken(drape.Plane):
+    """A surface that is not one."""
+
+    def __init__(self, level):
+        super().__init__()
+        self.__dict__["level"] = level
+
+
+@pytest.mark.parametrize(
+    ("surface", "message"),
+    [
+        (5, "a surface must be like"),
+        (drape.Sphere, "a surface must be like"),
+        (Broken(lambda x: x), "must have the shape"),
+        (Broken(lambda x: x[7]), "level of the surface fails"),
+    ],
+)
+def test_what_is_no_surface_is_refused(surface, message):
+    with pytest.raises(ValueError, match=f"condition 'on'.*{message}"):
+        LoadStepper(square(), {"on": OnSurface(surface)})
+
+
+def test_a_surface_that_is_not_finite_is_no_answer():
+    nowhere = Broken(lambda x: np.where(x[0] > 30, np.nan, x[2]))
+    conditions = {"on": OnSurface(nowhere), "clamp": Condition("left")}
+    ply = square()
+    with pytest.raises(NoEquilibriumError, match="no way to the surface"):
+        equilibrium_near(ply, conditions, ply.basis.zeros())
+
+
+def test_a_ply_in_its_plane_lies_on_no_surface():
+    ply = Ply(MeshQuad().refined(1), Fabric(1e4, 1.0))
+    with pytest.raises(ValueError, match="only a ply in space"):
+        LoadStepper(ply, {"on": OnSurface(drape.Plane())})
+
+
+def test_a_ply_that_slides_around_its_sphere_is_refused():
+    ply, sphere = square(), drape.Sphere(100.0, (0, 0, -100))
+    with pytest.raises(StepError, match=r"stiffness|stable"):
+        LoadStepper(ply, {"on": OnSurface(sphere)}, 1, max_halvings=1).run()
+
+
+def test_conditions_across_a_surface_are_refused():
+    sphere = drape.Sphere(100.0, (0, 0, -100))
+    conditions = {
+        "on": OnSurface(sphere),
+        "held": Condition([0], (None, None, 0.0)),
+    } | SYMMETRY
+    ply = square()
+    start = laid(ply, sphere)
+    conditions.pop("x"), conditions.pop("y")
+    with pytest.raises(NoEquilibriumError, match="across its surface already"):
+        equilibrium_near(ply, conditions, start)
+
+
+# What drives a ply on a surface: its loads, or the surface
+
+
+def weight(w):
+    return BodyForce((0.0, 0.0, -w))
+
+
+@pytest.mark.parametrize(("w", "drives"), [(1e-12, False), (1e-5, False), (1e-2, True)])
+def test_a_load_drives_a_ply_on_a_tool_if_it_does_most_of_the_work(w, drives):
+    tool = Sphere(RADIUS, (0.0, 0.0, -RADIUS))
+    ply = square(30.0, 4, Fabric(1e3, 0.1, bending=(1.0, 1.0)), loads=[weight(w)])
+    conditions = {"on": OnSurface(tool)} | SYMMETRY
+    state = equilibrium_near(ply, conditions, laid(ply, tool))
+    problem = problem_of(ply, conditions).at(1.0)
+    place = state.u, state.parameters, state.energies
+    assert loads_drive(problem, *place, moves(problem, [1.0])) == drives
+
+
+@pytest.mark.long
+def test_a_light_ply_takes_the_way_of_one_without_weight():
+    """A step that is hard for the ply is not one whose load passes a limit."""
+    scene = hemisphere(
+        size=(6, 6), radius=60.0, width=120.0, height=120.0, tension=0.0, part="quarter"
+    )
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(1.0, 1.0))
+    loads = [*scene.loads_of(fabric), weight(1e-12)]
+    options = {"dimension": 3, "fibre_ends": scene.fibre_ends}
+    ply = Ply(scene.mesh, fabric, Macro(), loads, **options)
+    assert LoadStepper(ply, scene.conditions, 4).run().converged

@@ -1,0 +1,275 @@
+"""Plies on surfaces against exact answers."""
+
+import numpy as np
+import pytest
+from skfem import MeshQuad, MeshTri
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Macro,
+    OnePoint,
+    OnSurface,
+    Ply,
+    Quadratic,
+    Traction,
+    drape,
+    equilibrium_near,
+)
+from skfem_textile.solve.states import NoEquilibriumError
+from studies.formulations.drape import chebyshev
+from studies.formulations.drape import rolled as rolled_plies
+from studies.formulations.drape.rolled import FAN
+from tests.helpers import place_of
+from tests.helpers.tools import SYMMETRY, laid, square
+
+# Plies on surfaces against exact answers: shear angles and contact pressure
+
+
+SADDLE = drape.HeightField(
+    lambda x, y: drape.Height(
+        *(0.002 * (x * x - y * y), 0.004 * x, -0.004 * y),
+        *(0.004 + 0 * x, 0 * x, -0.004 + 0 * x),
+    )
+)
+
+
+@pytest.mark.parametrize("cells", [16, 32])
+@pytest.mark.parametrize(
+    ("formulation", "bounds"),
+    [(Macro(), {16: 0.1, 32: 0.03}), (OnePoint(), {16: 0.05, 32: 0.015})],
+)
+def test_the_chebyshev_net_is_found_in_a_few_solves(formulation, bounds, cells):
+    parts = 2 if isinstance(formulation, Macro) else 1
+    ply, conditions, start = chebyshev.problem(formulation, cells // parts)
+    state = equilibrium_near(ply, conditions, start)
+    largest, _ = chebyshev.error(ply, state.u)
+    assert largest < bounds[cells]
+    assert state.linear_solves <= 8
+    assert state.verdict.stable
+
+
+def test_its_largest_error_falls_with_second_order_until_the_mesh_is_fine():
+    """What is stabilised out of the plane does not resist the warp of a sphere."""
+    errors = []
+    for parts in (16, 32, 64):
+        ply, conditions, start = chebyshev.problem(Macro(), parts)
+        state = equilibrium_near(ply, conditions, start)
+        assert state.linear_solves <= 8
+        errors.append(chebyshev.error(ply, state.u)[0])
+    assert (np.diff(np.log2(errors)) < -1.8).all()
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e3])
+@pytest.mark.parametrize(("shear", "tension"), [(0.1, 0.1), (0.1, 50.0), (1e-4, 20.0)])
+def test_no_stiffness_tension_or_unit_of_force_takes_more_solves(shear, tension, unit):
+    for formulation, cells in ((Macro(), 8), (OnePoint(), 16)):
+        given = (unit * x for x in (1e5, shear, tension))
+        ply, conditions, start = chebyshev.problem(formulation, cells, *given)
+        state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
+        assert state.linear_solves <= 8
+
+
+def test_a_coarse_mesh_takes_no_more_solves():
+    """Its stiffnesses are those of predicted tensions, so that none is found again."""
+    ply, conditions, start = chebyshev.problem(Macro(), 4)
+    state = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
+    assert state.linear_solves <= 8
+
+
+def test_a_net_is_as_good_a_start():
+    ply, conditions, _ = chebyshev.problem(OnePoint(), 16)
+    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / 16, (0, 16), (0, 16))
+    start = drape.displacement(ply.nodes, net.at(ply.nodes))
+    state = equilibrium_near(ply, conditions, start)
+    assert chebyshev.error(ply, state.u)[0] < 0.05
+    assert state.linear_solves <= 6
+
+
+def rolled(angle, formulation, q=1.0, side=chebyshev.SIDE, mesh=MeshQuad, warn_only=()):
+    """A ply rolled around a cylinder of radius 60, pulled along and around it."""
+    radius = 60.0
+    end = side / radius
+    loads = [
+        Traction("right", (q * np.cos(end), 0, -q * np.sin(end))),
+        Traction("top", (0.0, q, 0.0)),
+    ]
+    c, s = np.cos(angle), np.sin(angle)
+    fabric = Fabric(1e5, 0.1, warp=(c, s), weft=(-s, c))
+    ply = square(side, 12, fabric, formulation, loads, mesh=mesh)
+    cylinder = drape.Cylinder(radius, (0, 0, -radius))
+    conditions = {"on": OnSurface(cylinder)} | SYMMETRY
+    start = laid(ply, cylinder)
+    state = equilibrium_near(ply, conditions, start, warn_only=warn_only)
+    return ply, cylinder, state
+
+
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
+def test_a_cylinder_shears_no_ply_and_presses_by_tension_over_radius(formulation):
+    ply, cylinder, state = rolled(0.0, formulation)
+    assert np.abs(ply.shear_angle(state.u)).max() < 1e-8
+    pressure = drape.contact_pressure(ply, cylinder, *place_of(state))
+    inner = ply.nodes[0] < chebyshev.SIDE - 1e-9
+    np.testing.assert_allclose(pressure[inner], 1.0 / 60.0, rtol=0.02)
+    assert not drape.wrinkle_risk(ply, state.u).any()
+
+
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
+def test_a_cylinder_shears_no_bias_ply_but_by_the_pull_on_its_last_elements(
+    formulation,
+):
+    """Which lie askew to it by h/(2R): q h²/(8R² (q + 2G)) with fibres at ±45°."""
+    q, shear, radius = 1.0, 0.1, 60.0
+    ply, _, state = rolled(np.pi / 4, formulation, q=0.0)
+    assert np.abs(ply.shear_angle(state.u)).max() < 1e-8
+    ply, _, state = rolled(np.pi / 4, formulation, q)
+    h = chebyshev.SIDE / (12 * (2 if isinstance(formulation, Macro) else 1))
+    exact = q * h**2 / (8 * radius**2 * (q + 2 * shear))
+    np.testing.assert_allclose(np.abs(ply.shear_angle(state.u)), exact, rtol=0.01)
+
+
+@pytest.mark.parametrize("tension", [0.0, 1.0])
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
+@pytest.mark.parametrize(
+    "how", [rolled_plies.CYLINDER, rolled_plies.BIAS, rolled_plies.FAN]
+)
+def test_no_ply_shears_whose_elements_lie_between_generators(how, formulation, tension):
+    """Pulled in the planes of its strips, or not."""
+    cells = 6 if isinstance(formulation, Macro) else 12
+    ply, conditions, surface, start = rolled_plies.problem(
+        how, formulation, cells, 12, tension
+    )
+    state = equilibrium_near(ply, conditions, start)
+    assert np.abs(ply.shear_angle(state.u)).max() < 1e-10
+    pressure = drape.contact_pressure(ply, surface, *place_of(state))
+    mesh = ply.users_mesh
+    on_edge = np.isin(mesh.t, mesh.boundary_nodes()).any(axis=0)[ply.parent]
+    inner = np.setdiff1d(ply.mesh.t, ply.mesh.t[:, on_edge])
+    exact = rolled_plies.pressure(how, tension, ply.nodes)
+    np.testing.assert_allclose(pressure[inner], exact[inner], rtol=0.01, atol=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 25.0, 45.0])
+def test_no_ply_shears_on_a_cone_at_any_angle_of_its_fibres(degrees):
+    plain, conditions, _, start = rolled_plies.problem(FAN, Macro(), 6, 12)
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    fabric = Fabric(1e5, 0.1, warp=(c, s), weft=(-s, c))
+    ply = Ply(plain.users_mesh, fabric, Macro(), dimension=3)
+    state = equilibrium_near(ply, conditions, start)
+    assert np.abs(ply.shear_angle(state.u)).max() < 1e-10
+
+
+def test_the_sphere_presses_by_the_sum_of_tensions_over_its_radius():
+    ply, conditions, start = chebyshev.problem(OnePoint(), 24)
+    state = equilibrium_near(ply, conditions, start)
+    pressure = drape.contact_pressure(ply, chebyshev.SPHERE, *place_of(state))
+    tension = ply.fibre_tension(state.u)[..., 0].sum(axis=0)
+    angle = ply.shear_angle(state.u)[:, 0]
+    exact = tension / chebyshev.RADIUS / np.cos(angle)
+    centres = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+    inner = (centres < 0.95 * chebyshev.SIDE).all(axis=0)
+    of_elements = pressure[ply.mesh.t].mean(axis=0)
+    np.testing.assert_allclose(of_elements[inner], exact[inner], rtol=0.02)
+
+
+@pytest.mark.parametrize("tension", [(3.0, 1.0), (1.0, 3.0)])
+def test_a_saddle_presses_or_would_have_to_pull(tension):
+    """Fibres along x lift off the saddle, those along y press on it."""
+    loads = [
+        Traction(name, sign * tension[i] * np.eye(3)[i])
+        for name, i, sign in zip(
+            *(("left", "right", "bottom", "top"), (0, 0, 1, 1), (-1, 1, -1, 1)),
+            strict=True,
+        )
+    ]
+    s = np.linspace(-30, 30, 13)
+    mesh = MeshQuad.init_tensor(s, s).with_defaults()
+    ply = Ply(mesh, Fabric(1e5, 0.1), OnePoint(), loads, dimension=3)
+    (middle,) = np.flatnonzero((ply.nodes == 0).all(axis=0))
+    conditions = {
+        "on": OnSurface(SADDLE),
+        "x": Condition(lambda X: np.abs(X[0]) < 1e-9, (0.0, None, None)),
+        "y": Condition(lambda X: np.abs(X[1]) < 1e-9, (None, 0.0, None)),
+    }
+    start = laid(ply, SADDLE)
+    state = equilibrium_near(ply, conditions, start)
+    pressure = drape.contact_pressure(ply, SADDLE, *place_of(state))
+    warp, weft = tension
+    assert pressure[middle] == pytest.approx(0.004 * (weft - warp), rel=0.02)
+
+
+@pytest.mark.parametrize("formulation", [Macro(), Quadratic(80.0), OnePoint()])
+def test_triangles_press_as_quadrilaterals_do(formulation):
+    """A cylinder presses by q/R whatever the elements; all forces add up to it."""
+    warned = "stabilisation", "deviation"
+    ply, cylinder, state = rolled(0.0, formulation, 1.0, 60.0, MeshTri, warned)
+    pressure = drape.contact_pressure(ply, cylinder, *place_of(state))
+    inner = (ply.nodes[0] > 4.0) & (ply.nodes[0] < 56.0)
+    np.testing.assert_allclose(pressure[inner], 1.0 / 60.0, rtol=0.02)
+
+
+# Where fibres on a surface may wrinkle
+
+
+def test_wrinkle_risk_starts_at_the_shear_stiffness():
+    for tension, risk in ((-0.99, False), (-1.01, True)):
+        ply = square(1.0, 2, Fabric(100.0, 1.0))
+        u = ply.basis.zeros()
+        u[0::3] = ply.nodes[0] * np.expm1(tension / 100.0)
+        assert drape.wrinkle_risk(ply, u).all() == risk
+    assert drape.wrinkle_risk(ply, np.nan * u).all()
+
+
+def test_formulations_agree_on_where_fibres_wrinkle():
+    """Tensions at the points of quadratic triangles oscillate from -8 to 8 N/mm."""
+    tool, c, s = drape.Sphere(150.0, (0, 0, -150)), np.cos(0.3), np.sin(0.3)
+    fabric = Fabric(2e4, 0.2, (c, s), (-s, c), bending=(40.0, 60.0))
+    shares = []
+    for formulation in (Macro(), OnePoint(), Quadratic(), Quadratic(10.0)):
+        ply = square(60.0, 12, fabric, formulation)
+        held = {"on": OnSurface(tool)} | SYMMETRY
+        state = equilibrium_near(ply, held, laid(ply, tool))
+        shares.append(drape.wrinkle_risk(ply, state.u).mean())
+    assert 0 < min(shares) <= max(shares) < 0.1
+
+
+def test_past_the_wrinkling_angle_any_compression_is_a_risk():
+    """In the region that has one, and not where the fibres are pulled."""
+    parts = {"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5}
+    mesh = MeshQuad().refined(1).with_subdomains(parts)
+    plain, locks = Fabric(100.0, 1.0), Fabric(100.0, 1.0, wrinkling_angle=0.4)
+    ply = Ply(mesh, {"left": plain, "right": locks}, dimension=3)
+    x = ply.nodes[0]
+    right = x[ply.mesh.t].mean(axis=0) > 0.5
+    for tension, angle, risk in (
+        (-0.1, 0.41, True),
+        (-0.1, 0.39, False),
+        (0.1, 0.41, False),
+    ):
+        u, stretch = ply.basis.zeros(), np.exp(tension / 100.0)
+        u[0::3] = x * (stretch * np.cos(angle) - 1.0)
+        u[1::3] = x * stretch * np.sin(angle)
+        np.testing.assert_array_equal(drape.wrinkle_risk(ply, u), right & risk)
+
+
+@pytest.mark.parametrize(("tension", "risk"), [(-0.99, False), (-1.01, True)])
+def test_a_net_buckles_in_its_plane_where_wrinkles_become_a_risk(tension, risk):
+    """Fibres along x, ends held, edges along them free: T = −G (Rosen 1965)."""
+    s, t = np.linspace(0, 60, 13), np.linspace(0, 15, 5)
+    mesh = MeshQuad.init_tensor(s, t).with_defaults()
+    ply = Ply(mesh, Fabric(1e5, 1.0), OnePoint(), dimension=3)
+    move = 60 * np.expm1(tension / 1e5)
+    conditions = {
+        "on": OnSurface(drape.Plane()),
+        "left": Condition("left"),
+        "right": Condition("right", (move, 0.0, None)),
+    }
+    u = ply.basis.zeros()
+    u[0::3] = ply.nodes[0] * move / 60
+    assert drape.wrinkle_risk(ply, u).all() == risk
+    if risk:
+        with pytest.raises(NoEquilibriumError, match="not stable"):
+            equilibrium_near(ply, conditions, u, method="plain")
+    else:
+        state = equilibrium_near(ply, conditions, u, method="plain")
+        assert state.verdict.stable

@@ -1,0 +1,171 @@
+"""Surfaces that grow out of the plane of a ply."""
+
+import numpy as np
+import pytest
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    LoadStepper,
+    Locking,
+    Macro,
+    Newton,
+    OnePoint,
+    OnSurface,
+    StepError,
+    drape,
+    equilibrium_near,
+)
+from skfem_textile.scenes import Case, double_dome
+from skfem_textile.solve import problem as tangent_module
+from skfem_textile.solve.continuation import on_grown_surface
+from skfem_textile.solve.problem import Tangent
+from skfem_textile.solve.states import NoEquilibriumError
+from studies.formulations.drape import chebyshev
+from tests.helpers.tools import SYMMETRY, laid, positions, problem_of, square
+
+
+def test_a_ply_grows_with_the_surface():
+    sphere = drape.Sphere(100.0, (0, 0, -100))
+    c = np.sqrt(0.5)
+    ply = square(100.0, 8, Fabric(1e5, 0.1, warp=(c, c), weft=(-c, c)))
+    conditions = {"on": OnSurface(sphere)} | SYMMETRY
+    result = LoadStepper(ply, conditions, 2).run()
+    assert result.converged
+    for state, radius in zip(result.states, (np.inf, 200.0, 100.0), strict=True):
+        x = positions(ply, state.u)
+        sagitta = x[2] + (x**2).sum(axis=0) / (2 * radius)
+        np.testing.assert_allclose(sagitta, 0.0, atol=1e-8)
+    assert "nothing that moves" in result.summary()["error_estimate"]
+
+
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint()])
+@pytest.mark.parametrize("parts", [8, 16, 32])
+def test_the_chebyshev_net_grows_in_one_step_of_a_few_solves(formulation, parts):
+    own = 2 if isinstance(formulation, Macro) else 1
+    ply, conditions, start = chebyshev.problem(formulation, parts // own)
+    result = LoadStepper(ply, conditions, 1).run()
+    assert len(result.states) == 2
+    assert result.linear_solves <= 8
+    along = equilibrium_near(ply, conditions, start, warn_only=["stabilisation"])
+    np.testing.assert_allclose(result.u, along.u, atol=1e-3)
+
+
+@pytest.mark.parametrize("fibres", [0, 45])
+@pytest.mark.parametrize("stretch", [1e4, 1e5])
+def test_a_double_dome_grows_in_one_step_of_a_few_solves(fibres, stretch):
+    scene = double_dome(size=(16, 9), fibres=float(np.radians(fibres)))
+    fabric = Fabric(stretch, 0.1, scene.warp, scene.weft)
+    result = Case(scene=scene, fabric=fabric, steps=1).run()
+    assert result.converged
+    assert len(result.states) == 2
+    assert result.linear_solves <= 12  # 44 where each step starts from the one before
+
+
+def problem_and_start(ply, surface, **which):
+    """The problem at the end of growth, and the ply at rest."""
+    conditions = {"on": OnSurface(surface, **which)} | SYMMETRY
+    problem = problem_of(ply, conditions)
+    return problem.at(1.0), problem.start(ply.basis.zeros(), ply.parameters_at_rest)
+
+
+def test_a_start_on_a_grown_cylinder_is_the_rolled_ply():
+    """From any state before, for a cylinder rolls off without strain."""
+    ply = square(60.0, 4, Fabric(1e4, 0.1))
+    cylinder = drape.Cylinder(40.0, (0, 0, -40))
+    problem, rest = problem_and_start(ply, cylinder)
+    u = on_grown_surface(problem.at(0.5), rest).u
+    half = problem.at(0.5).start(u, rest.parameters)
+    exact = laid(ply, cylinder)
+    assert np.abs(half.u - exact).max() > 1.0
+    for start in (rest, half):
+        off = np.abs(on_grown_surface(problem, start).u - exact).max()
+        assert off < 1e-3 * 40  # as a share of the radius
+
+
+@pytest.mark.parametrize(
+    ("surface", "fabric", "which"),
+    [
+        (drape.Sphere(10.0, (0, 0, -10)), Fabric(1e4, 0.1), {}),
+        (
+            drape.Sphere(50.0, (0, 0, -50)),
+            Fabric(1e4, Locking(0.1, 0.2)),
+            {},
+        ),
+        (
+            drape.Sphere(100.0, (0, 0, -100)),
+            Fabric(1e4, 0.1),
+            {"where": lambda X: X[0] < 40},
+        ),
+    ],
+    ids=["folded", "past a law", "some nodes"],
+)
+def test_where_geodesics_are_no_start_the_state_before_is(surface, fabric, which):
+    ply = square(60.0, 4, fabric)
+    problem, rest = problem_and_start(ply, surface, **which)
+    assert on_grown_surface(problem, rest) is rest
+
+
+FAR = 1e4
+
+
+def far_ply():
+    """A quarter ply that touches its sphere far from the origin."""
+    ply = square(60.0, 4, Fabric(1e5, 0.1), Macro(), corner=(FAR, -FAR))
+    sphere = drape.Sphere(100.0, (FAR, -FAR, -100.0))
+    return ply, {"on": OnSurface(sphere, touch=(FAR, -FAR))} | SYMMETRY
+
+
+def test_a_ply_far_from_the_origin_balances_as_well_as_positions_are_rounded():
+    near = square(60.0, 4, Fabric(1e5, 0.1), Macro())
+    sphere = drape.Sphere(100.0, (0, 0, -100.0))
+    result = LoadStepper(near, {"on": OnSurface(sphere)} | SYMMETRY, 1).run()
+    ply, conditions = far_ply()
+    far = LoadStepper(ply, conditions, 1).run()
+    np.testing.assert_allclose(far.u, result.u, atol=1e-6)
+
+
+def test_a_ply_without_surfaces_balances_to_its_displacements_alone():
+    """However far from the origin, for rounding of positions does not reach it."""
+    found = []
+    for corner in (0.0, FAR):
+        ply = square(60.0, 4, Fabric(1e5, 0.1), corner=(corner, corner))
+        problem = problem_of(ply, {"flat": Condition("left")})
+        u = ply.basis.zeros()
+        p, pulled = ply.parameters_at_rest, np.ones_like(ply.fibre_tension(u))
+        tangent = Tangent(problem, u, p, pulled)
+        found.append(tangent.tolerance(u, problem.residual(u, p)))
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
+
+
+def test_where_rounding_is_left_the_refusal_says_so(monkeypatch):
+    monkeypatch.setattr(tangent_module, "_ROUNDINGS", 0.01)
+    ply, conditions = far_ply()
+    start = laid(ply, conditions["on"].surface, touch=(FAR, -FAR))
+    with pytest.raises(NoEquilibriumError, match="N unbalanced") as error:
+        equilibrium_near(ply, conditions, start)
+    assert "nearer to the origin" in error.value.advice
+
+
+def test_a_refusal_at_rest_blames_rounding_and_no_load(monkeypatch):
+    """The plane of the ply at rest is not quite that of a surface from a file."""
+    monkeypatch.setattr(tangent_module, "_ROUNDINGS", 0.01)
+    ply, conditions = far_ply()
+    plane = drape.Plane((FAR, -FAR, 0.0), (5e-5, 0.0, 1.0))
+    tilted = conditions | {"on": OnSurface(plane, touch=(FAR, -FAR))}
+    with pytest.raises(StepError, match="nearer to the origin"):
+        LoadStepper(ply, tilted, 1, method=Newton(most=4)).run()
+
+
+@pytest.mark.parametrize("tension", [0.0, 2.0])
+def test_half_a_turn_leaves_a_ply_on_a_double_dome_as_it_is(tension):
+    """Forces that keep it from turning are alike on both sides of its middle."""
+    given = {"width": 160.0, "height": 110.0, "size": (6, 6), "part": "whole"}
+    scene = double_dome(fibres=np.radians(30), tension=tension, **given)
+    fabric = Fabric(1e4, 0.1, scene.warp, scene.weft, bending=(5.0, 5.0))
+    result = Case(scene=scene, fabric=fabric, steps=2).run()
+    ply, angle = result.ply, result.ply.shear_angle(result.u).mean(axis=1)
+    centre = ply.mesh.p[:, ply.mesh.t].mean(axis=1)
+    across = np.linalg.norm(centre[:, :, None] + centre[:, None], axis=0).argmin(axis=0)
+    assert np.degrees(np.abs(angle).max()) > 0.5
+    assert np.degrees(np.abs(angle - angle[across]).max()) < 1e-8

@@ -1,0 +1,189 @@
+"""Laws and fabrics in files."""
+
+import numpy as np
+import pytest
+
+import skfem_textile.fabric
+from skfem_textile import (
+    Asymmetric,
+    CrimpInterchange,
+    CrimpToe,
+    Linear,
+    Locking,
+    Polynomial,
+    Pretensioned,
+    Sin2,
+    Tabulated,
+    TensionOnly,
+)
+from skfem_textile.fabric import CrimpedYarns, Softening, TangentShear, TwoLaws
+from skfem_textile.fabric.files import read_law, write_law
+
+# CSV files of measured laws: what is read, and what is refused in one line
+
+
+def written(tmp_path, text):
+    file = tmp_path / "law.csv"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return file
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "values"),
+    [
+        ("shear angle (deg),moment (N mm/mm2)\n0,0\n90,1\n", [0, np.pi / 2], [0, 1]),
+        ("Shear Angle (rad), shear moment ( N/mm )\n0,0\n1,1", [0, 1], [0, 1]),
+        (
+            "\ufeffshear angle (°),moment (N·mm/mm²)\r\n0,0\r\n\r\n45,2",
+            [0, np.pi / 4],
+            [0, 2],
+        ),
+        (
+            "shear angle (deg),normalised shear force (N/mm)\n0,0\n60,3\n",
+            [0, np.pi / 3],
+            [0, 1.5],
+        ),
+        ("fibre strain (-),tension (N/mm)\n-0.1,-1\n1e-2,2\n", [-0.1, 0.01], [-1, 2]),
+        ("fibre strain (%),tension (kN/m)\n 0 , 0 \n2,5\n", [0, 0.02], [0, 5]),
+    ],
+)
+def test_the_header_tells_the_units(tmp_path, text, arguments, values):
+    law = Tabulated.from_csv(written(tmp_path, text))
+    np.testing.assert_allclose(law.arguments, arguments)
+    np.testing.assert_allclose(law.values, values)
+
+
+SHEAR_HEADER = "shear angle (deg),moment (N mm/mm2)\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "law.csv: the file is empty"),
+        (b"\xff\xfe", "law.csv: no CSV file in UTF-8"),
+        ("0,0\n1,1\n", "row 1: the header must be like 'shear angle .*, got '0,0'"),
+        ("shear angle,moment\n0,0\n1,1", "row 1: the header must be like"),
+        ("shear angle (grad),moment (N/mm)\n0,0\n1,1", "row 1: the header must be"),
+        ("shear angle (deg),tension (N/mm)\n0,0\n1,1", "row 1: the header must be"),
+        ("shear angle (deg);moment (N/mm)\n0;0\n1;1", "separated by semicolons"),
+        (SHEAR_HEADER, "law.csv, a table needs at least two points, got 0"),
+        (SHEAR_HEADER + "0,0\n", "a table needs at least two points, got 1"),
+        (SHEAR_HEADER + "0,0\n1;1\n", "row 3: '1;1' is not two numbers"),
+        (SHEAR_HEADER + "0,0\n1,1,1\n", "row 3: '1,1,1' is not two numbers"),
+        (SHEAR_HEADER + "0,0\n1,x\n", "row 3: '1,x' is not two numbers"),
+        (SHEAR_HEADER + "0,0\n\n1,inf\n", "row 4: 1, inf are not finite numbers"),
+        (
+            SHEAR_HEADER + "0,0\n\n2,1\n1,2",
+            "row 5: 1 comes after 2; the first column must",
+        ),
+        (
+            SHEAR_HEADER + "1,0\n2,1\n",
+            "law.csv: the table goes from 0.0174533 to .* leaves",
+        ),
+    ],
+)
+def test_what_is_no_table_is_refused_by_file_and_row(tmp_path, text, message):
+    with pytest.raises(ValueError, match=message) as refusal:
+        Tabulated.from_csv(written(tmp_path, text))
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_table_of_the_other_kind_is_refused(tmp_path):
+    file = written(tmp_path, SHEAR_HEADER + "0,0\n1,1\n")
+    assert Tabulated.from_csv(file, of="shear").values == (0.0, 1.0)
+    with pytest.raises(ValueError, match=r"must be like 'fibre strain \(-\),tension"):
+        Tabulated.from_csv(file, of="tension")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("shear angle (rad),moment (N/mm)\n0,0\n40,2\n", r"row 3 has 2292°.*degrees"),
+        (
+            "shear angle (deg),moment (N/mm)\n0,0\n120,2\n",
+            r"row 3 has 120°.* rad$",
+        ),
+        (
+            "fibre strain (-),tension (N/mm)\n0,0\n3,9\n",
+            r"has 3, but strains end at 1: in per",
+        ),
+    ],
+)
+def test_an_argument_in_other_units_is_refused_with_its_row(tmp_path, text, words):
+    with pytest.raises(ValueError, match=words):
+        Tabulated.from_csv(written(tmp_path, text))
+
+
+def test_laws_refuse_degrees_and_per_cent():
+    for law in (lambda: Tabulated([0, 60], [0, 1]), lambda: Locking(0.1, 40.0)):
+        with pytest.raises(ValueError, match="in degrees"):
+            law()
+    with pytest.raises(ValueError, match="in per cent"):
+        CrimpToe(1e4, toe=3, initial_stiffness=1.0)
+
+
+# Laws in files; fabrics are in tests/io/test_fabrics.py
+
+
+SHEAR = (
+    Sin2(0.1),
+    Polynomial((0.1, 0.0, 1 / 3), sine=True),
+    Locking(0.1, 1.0),
+    Tabulated([0.0, 0.5], [0.0, 0.1], odd=True),
+    TangentShear(0.1, 0.7, 0.8),
+)
+TENSION = (
+    Linear(1e5),
+    TensionOnly(CrimpToe(1e5, 0.004, 10.0)),
+    Asymmetric(Linear(1e5), Linear(10.0)),
+    Pretensioned(Linear(1e3), 5.0),
+)
+BOTH = (
+    CrimpInterchange(1e4, 0.01, 1, 1e-3, 1),
+    CrimpedYarns((Softening(4e2, 3.0), Linear(1e3)), 0.1, (0.1, 1 / 3), 2.0),
+    TwoLaws(Linear(1e5), Linear(1e3)),
+)
+
+
+@pytest.mark.parametrize("law", [*SHEAR, *TENSION, *BOTH])
+def test_a_law_comes_back_to_the_last_digit(law, tmp_path):
+    write_law(law, tmp_path / "law.json")
+    assert repr(read_law(tmp_path / "law.json")) == repr(law)
+
+
+def test_every_law_of_the_library_has_a_file():
+    laws = {type(law) for law in (*SHEAR, *TENSION, *BOTH, TENSION[1].law)}
+    laws.add(Softening)  # within another
+    names = skfem_textile.fabric.__all__
+    public = [getattr(skfem_textile.fabric, name) for name in names]
+    assert laws == {one for one in public if is_law(one)}
+
+
+def is_law(one):
+    """Whether it is the class of a law with parameters."""
+    own = one.__module__.startswith("skfem_textile.fabric.") if callable(one) else False
+    return own and hasattr(one, "tangent") and hasattr(one, "__dataclass_fields__")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("{", "no JSON"),
+        ("[]", "an object with the 'kind' of a law"),
+        ("3", "an object with the 'kind' of a law"),
+        ('{"kind": "AlongCurve", "points": [[0, 1], [0, 1]]}', "with the 'kind' of a"),
+        ('{"kind": "Cubic"}', "no law 'Cubic'"),
+        (
+            '{"kind": "Sin2", "stiffness": 1, "angle": 2}',
+            "Sin2 has no parameter 'angle'",
+        ),
+        ('{"kind": "Sin2"}', "Sin2 needs the parameter 'stiffness'"),
+        ('{"kind": "Sin2", "stiffness": -1}', "stiffness must be"),
+    ],
+)
+def test_what_is_no_law_is_refused_in_one_line(content, said, tmp_path):
+    (tmp_path / "law.json").write_text(content)
+    with pytest.raises(ValueError, match=said) as told:
+        read_law(tmp_path / "law.json")
+    assert str(told.value).startswith(str(tmp_path / "law.json"))
+    assert "\n" not in str(told.value)

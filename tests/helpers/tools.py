@@ -1,0 +1,114 @@
+"""Plies on tools: of analytic surfaces, of triangles, and of files."""
+
+import json
+
+import meshio
+import numpy as np
+from scipy.interpolate import RegularGridInterpolator
+from skfem import MeshQuad
+
+from skfem_textile import Condition, Fabric, OnePoint, Ply, drape
+from skfem_textile.cli import main as cli
+from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.linear import solver_named
+from skfem_textile.solve.problem import Problem
+from studies.formulations.drape import chebyshev
+from tests.helpers import graph, sphere
+
+# Square plies that are laid on surfaces, held where their symmetry holds them
+
+
+RADIUS = 60.0
+SYMMETRY = {
+    "x": Condition("left", (0.0, None, None)),
+    "y": Condition("bottom", (None, 0.0, None)),
+}
+
+
+def square(
+    side=60.0,
+    cells=4,
+    fabric=None,
+    formulation=None,
+    loads=(),
+    corner=(0.0, 0.0),
+    mesh=MeshQuad,
+):
+    s = np.linspace(0, side, cells + 1)
+    mesh = mesh.init_tensor(s, s).translated(corner).with_defaults()
+    fabric, formulation = fabric or Fabric(1e4, 0.1), formulation or OnePoint()
+    return Ply(mesh, fabric, formulation, loads, dimension=3)
+
+
+def problem_of(ply, conditions):
+    constraints = Constraints(ply.basis, conditions)
+    return Problem(ply, constraints, solver_named("superlu"))
+
+
+def laid(ply, surface, **options):
+    """The displacement that lays a ply on a surface along its geodesics."""
+    x = drape.exponential_map(surface, ply.nodes, **options)
+    return drape.displacement(ply.nodes, x)
+
+
+def positions(ply, u):
+    """Where the nodes are in space, shape (3, n)."""
+    return np.pad(ply.nodes, ((0, 1), (0, 0))) + ply.nodal(u)
+
+
+def rolled(X):
+    """Points of the flat ply on a cylinder of `RADIUS`, whose axis is y."""
+    angle = X[0] / RADIUS
+    return np.array([RADIUS * np.sin(angle), X[1], RADIUS * (np.cos(angle) - 1)])
+
+
+def in_net(X):
+    """Points of the flat ply in the Chebyshev net of the sphere."""
+    n = 200
+    net = drape.net(chebyshev.SPHERE, chebyshev.SIDE / n, (0, n), (0, n))
+    s = np.linspace(0, chebyshev.SIDE, n + 1)
+    place = RegularGridInterpolator((s, s), np.moveaxis(net.positions, 0, -1), "cubic")
+    return place(X.T).T
+
+
+# Tools of triangles, their files, and runs of the command line on them
+
+
+SMALL = "--size", "6x6", "--steps", "2", "--no-render"
+
+#: Fibres that resist bending, without tension: no net takes time.
+BENT = "--tension", "0", "--set", "bending.warp_N_mm=5", "bending.weft_N_mm=5"
+
+
+def write(file, x, triangles):
+    meshio.write_points_cells(file, np.transpose(x), [("triangle", triangles.T)])
+    return file
+
+
+def ball(file, n=2502, radius=100.0, centre=(13.0, -7.0, 40.0)):
+    """A sphere of 2n − 4 triangles, as an STL file."""
+    x, t = sphere(n)
+    return write(file, radius * x + np.array(centre)[:, None], t)
+
+
+def bump(x, y):
+    return 30 * np.exp(-((x - 5) ** 2 + 1.5 * y**2) / 3200)
+
+
+def plate(side=100.0, n=29, height=bump):
+    """Points and triangles of a tool z = h(x, y) over a square."""
+    return graph(np.linspace(-side, side, n), height)
+
+
+def line(out, *options, tool):
+    """Words of the command that runs a small ply on a tool."""
+    words = "run", "drape", "--tool", str(tool), *SMALL, *BENT, *options
+    return [*words, "--out", str(out)]
+
+
+def command(out, *options, tool):
+    return cli.main(line(out, *options, tool=tool))
+
+
+def summary(out):
+    return json.loads((out / "summary.json").read_text())

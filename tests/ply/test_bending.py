@@ -1,0 +1,515 @@
+"""Fibres that resist bending."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp
+from scipy.sparse.linalg import spsolve
+from scipy.spatial.transform import Rotation
+from skfem import MeshQuad, MeshTri
+
+from skfem_textile import (
+    BodyForce,
+    Condition,
+    Fabric,
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    Traction,
+)
+from skfem_textile.ply.refinement import refine
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve.conditions import Constraints
+from skfem_textile.solve.linear import solver_named
+from skfem_textile.solve.problem import Problem, Tangent
+from tests.helpers import distorted, wobble, zero_modes
+from tests.helpers.plies import SIDE, D, every_formulation, inclined, square
+
+# Stiffness against bending: fibres at rest, elements, regions, what is refused
+
+
+@every_formulation
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_fibres_that_are_curved_at_rest_do_not_bend_in_a_homogeneous_motion(
+    formulation, dimension
+):
+    fabric = Fabric(
+        50.0,
+        0.5,
+        warp=lambda x: np.stack([np.cos(0.4 * x[1]), np.sin(0.4 * x[1])]),
+        weft=lambda x: np.stack([-np.sin(0.3 * x[0]), np.cos(0.3 * x[0])]),
+        bending=(3.0, 1.0),
+    )
+    ply = Ply(distorted(1, jitter=0.2), fabric, formulation, dimension=dimension)
+    H = np.random.default_rng(3).standard_normal((dimension, 2))
+    u = (H @ ply.nodes).T.ravel()
+    wave = ply.energies(wobble(ply, 2, 0.1))["bending"]
+    assert ply.energies(u)["bending"] < 1e-12 * wave
+
+
+def test_directions_that_turn_from_element_to_element_bend_alike():
+    """Fibres along circles, as a field and as one direction in each element."""
+    mesh = rectangle(10, 10, (16, 16), "irregular", 0.2, 1)
+
+    def warp(x):
+        return np.stack([20 + x[1], -x[0]])
+
+    def weft(x):
+        return np.stack([x[0], 20 + x[1]])
+
+    centres = mesh.p[:, mesh.t].mean(axis=1)
+    fields = Fabric(warp=warp, weft=weft, bending=(D, 0.0))
+    arrays = Fabric(warp=warp(centres), weft=weft(centres), bending=(D, 0.0))
+    plies = [Ply(mesh, fabric, Full(), dimension=3) for fabric in (fields, arrays)]
+    x, y = mesh.p
+    u = plies[0].basis.zeros()
+    u[2::3] = 0.01 * x**2 + 0.02 * x * y - 0.01 * y**2
+    first, second = (ply.energies(u)["bending"] for ply in plies)
+    assert second == pytest.approx(first, rel=1e-12)
+    A = warp(centres) / np.hypot(*warp(centres))
+    curvature = 0.02 * A[0] ** 2 + 0.04 * A[0] * A[1] - 0.02 * A[1] ** 2
+    area = plies[0].basis.dx.sum(axis=1)
+    assert first == pytest.approx(0.5 * D * (area * curvature**2).sum(), rel=0.02)
+
+
+def test_each_family_and_each_element_has_its_own_stiffness():
+    """½ D κ² of a cylinder, to the area beside the ends of the fibres."""
+    mesh = square(8, side=8.0).with_subdomains({"all": np.arange(64)})
+    x, y = mesh.p
+    for given, of_warp, of_weft in (
+        ((2.0, 3.0), 2.0, 3.0),
+        ((np.full(64, 2.0), 3.0), 2.0, 3.0),
+        ((0.0, 3.0), 0.0, 3.0),
+    ):
+        fabric = Fabric(bending=given)
+        for chosen in (fabric, {"all": fabric}):
+            ply = Ply(mesh, chosen, Full(), dimension=3)
+            for shape, stiffness in ((x**2, of_warp), (y**2, of_weft), (x * y, 0.0)):
+                u = ply.basis.zeros()
+                u[2::3] = 0.5 * 0.1 * shape
+                energy = ply.energies(u)["bending"]
+                assert energy == pytest.approx(64 * 0.5 * stiffness * 0.01, abs=1e-12)
+
+
+def test_stiffness_that_differs_between_elements_bends_where_it_is():
+    mesh = square(16, side=8.0)
+    left = mesh.p[0, mesh.t].mean(axis=0) < 4
+    ply = Ply(mesh, Fabric(bending=(np.where(left, 1.0, 5.0), 0.0)), Macro())
+    u = ply.basis.zeros()
+    u[1::2] = 0.05 * ply.nodes[0] ** 2
+    assert ply.energies(u)["bending"] == pytest.approx(32 * 0.5 * 0.01 * 6, rel=0.02)
+
+
+def test_bending_goes_with_finer_and_refined_plies_and_their_ends():
+    mesh = MeshTri().refined(2).scaled(10.0).with_defaults()
+    fabric = Fabric(bending=(np.linspace(1, 2, mesh.nelements), 3.0))
+    ends = {"left": "clamped", "bottom": "mirror"}
+    ply = Ply(mesh, fabric, Macro(), dimension=3, fibre_ends=ends)
+    refined = refine(ply, [0, 1]).ply
+    for other in (ply.with_terms(BodyForce((0, 0, 1.0))), ply.finer().ply, refined):
+        assert other.fibre_ends == ends
+        u = other.basis.zeros()
+        u[2::3] = 0.05 * other.nodes[0] ** 2
+        energy = other.energies(u)["bending"]
+        assert energy == pytest.approx(100 * 0.5 * 1.5 * 0.01, rel=0.15)
+
+
+def test_a_planar_ply_without_bending_has_no_term_of_it():
+    ply = Ply(square(2), Fabric(), OnePoint())
+    assert "bending" not in ply.energies(ply.basis.zeros())
+
+
+@pytest.mark.parametrize(
+    "wrong", [1.0, (1.0,), (1.0, -1.0), (np.nan, 1.0), (np.ones((2, 2)), 1.0)]
+)
+def test_bending_stiffnesses_that_are_none_are_refused(wrong):
+    with pytest.raises(ValueError, match="bending"):
+        Fabric(bending=wrong)
+
+
+@pytest.mark.parametrize(
+    ("ends", "reason"),
+    [
+        ({"nowhere": "clamped"}, "no boundary 'nowhere'"),
+        ({"left": "glued"}, "must be clamped, mirror or a function.* not 'glued'"),
+        ({"left": lambda t: (0.0, t, 0.0)}, "turn of 'left' must be an angle"),
+        ({"left": "clamped", "same": "mirror"}, "overlaps"),
+        ({"middle": "clamped"}, "inside the ply"),
+        ("clamped", "must be a mapping"),
+    ],
+)
+def test_fibre_ends_that_are_unknown_are_refused(ends, reason):
+    mesh = square(2).with_defaults()
+    inside = np.flatnonzero(mesh.f2t[1] >= 0)
+    mesh = mesh.with_boundaries({"same": mesh.boundaries["left"], "middle": inside})
+    with pytest.raises(ValueError, match=reason):
+        Ply(mesh, Fabric(bending=(1.0, 1.0)), OnePoint(), fibre_ends=ends)
+
+
+def test_values_of_bending_for_too_few_elements_are_refused():
+    fabric = Fabric(bending=(np.ones(3), 1.0))
+    with pytest.raises(ValueError, match="bending of warp: 3 values for 4 elements"):
+        Ply(square(2), fabric)
+
+
+# Twist: its stiffness, and what is free without it
+
+
+def test_twist_goes_with_elements_and_regions():
+    mesh = square(8, side=8.0).with_subdomains({"all": np.arange(64)})
+    given = np.where(mesh.p[0, mesh.t].mean(axis=0) < 4, 1.0, 3.0)
+    fabric = Fabric(twist=given)
+    for chosen in (fabric, {"all": fabric}):
+        for formulation in (Full(), Macro()):
+            ply = Ply(mesh, chosen, formulation, dimension=3)
+            u = ply.basis.zeros()
+            u[2::3] = 0.1 * ply.nodes.prod(axis=0)
+            energy = ply.energies(u)["bending"]
+            assert energy == pytest.approx(64 * 0.5 * 2.0 * 0.01, rel=1e-12)
+    with pytest.raises(ValueError, match="twist must be a finite number"):
+        Fabric(twist=-1.0)
+    with pytest.raises(ValueError, match="twist: 3 values for 64 elements"):
+        Ply(mesh, Fabric(twist=np.ones(3)))
+
+
+def test_zero_modes_of_a_free_flat_patch_that_bends():
+    """Rigid motions and z = xy, which a small stiffness against twist removes."""
+    lines = np.linspace(0, 10, 5)
+    mesh = MeshQuad.init_tensor(lines, lines)
+    for formulation, modes in (
+        (OnePoint(0.0), 7),
+        (Full(), 7),
+        (Quadratic(), 7),
+        (OnePoint(), 6),
+    ):
+        fabric = Fabric(1e3, 1.0, bending=(1.0, 1.0))
+        ply = Ply(mesh, fabric, formulation, dimension=3)
+        assert zero_modes(ply.tangent(ply.basis.zeros())) == modes
+
+
+@every_formulation
+@pytest.mark.parametrize("degrees", [0, 45])
+def test_twist_of_a_saddle_is_half_of_its_stiffness_times_its_square(
+    formulation, degrees
+):
+    """½ D_t c² per area of z = c x y, turned with the fibres and in space."""
+    fabric = Fabric(50.0, **inclined(degrees), twist=3.0)
+    ply = Ply(square(8, side=8.0), fabric, formulation, dimension=3)
+    turn = Rotation.from_rotvec((0.3, -1.0, 0.7)).as_matrix()
+    s, t = np.array([fabric.warp, fabric.weft]) @ ply.nodes
+    u = turn @ [*ply.nodes, 0.1 * s * t] - [*ply.nodes, 0 * s]
+    energy = ply.energies(u.T.ravel())["bending"]
+    assert energy == pytest.approx(64 * 0.5 * 3.0 * 0.01, rel=1e-10)
+
+
+@pytest.mark.parametrize("degrees", [15, 30])
+@pytest.mark.parametrize(
+    "formulation", [Full(), Quadratic()], ids=["quadrilaterals", "triangles"]
+)
+def test_twist_that_varies_is_of_second_order_on_irregular_meshes(formulation, degrees):
+    angle, k = np.radians(degrees), np.pi / SIDE
+
+    def off(n):
+        fabric = Fabric(50.0, **inclined(degrees), twist=3.0)
+        ply = Ply(square(n, 0.2), fabric, formulation, dimension=3)
+        u = ply.basis.zeros()
+        u[2::3] = np.sin(k * ply.nodes).prod(axis=0)
+        # The twist is k² cos 2α cos kx cos ky, with this mean of its square:
+        mean = 0.25 * np.cos(2 * angle) ** 2 * k**4
+        return ply.energies(u)["bending"] / (0.5 * 3.0 * SIDE**2 * mean) - 1
+
+    coarse, fine = off(16), off(32)
+    assert abs(fine) < 0.02
+    assert abs(coarse) > 2.5 * abs(fine)
+
+
+@every_formulation
+def test_with_a_twist_stiffness_rigid_motions_alone_are_free(formulation):
+    fabric = Fabric(1e3, 1.0, bending=(1.0, 1.0), twist=0.1)
+    made = OnePoint(0.0) if isinstance(formulation, OnePoint) else formulation
+    halves = 2 if isinstance(formulation, Macro) else 1
+    ply = Ply(square(4 // halves, 0.2, 10.0), fabric, made, dimension=3)
+    assert zero_modes(ply.tangent(ply.basis.zeros())) == 6
+
+
+# Plates: the deflection of simply supported squares
+
+
+def bending(ply):
+    return next(term for term in ply.terms if term.name == "bending")
+
+
+def across(ply):
+    """The matrix of the displacement along z."""
+    return bending(ply).matrix[2::3, 2::3].tocsr()
+
+
+def plate(mesh, degrees, formulation, held, ends=None):
+    """Deflection under p sin sin over the largest exact one; pinned where held."""
+    fabric = Fabric(1e4, 0.1, **inclined(degrees), bending=(D, D))
+    ply = Ply(mesh, fabric, formulation, dimension=3, fibre_ends=ends)
+    x, y = ply.nodes
+    shape = np.sin(np.pi * x / SIDE) * np.sin(np.pi * y / SIDE)
+    load = BodyForce(
+        lambda X: (
+            np.stack([0 * X[0], 0 * X[0], *np.sin(np.pi * X / SIDE)[:1]])
+            * np.sin(np.pi * X[1] / SIDE)
+        )
+    )
+    f = load.on(ply.basis).vector[2::3]
+    free = np.flatnonzero(~held(x, y))
+    w = np.zeros(len(x))
+    w[free] = spsolve(across(ply)[free][:, free].tocsc(), f[free])
+    families = 2 if degrees % 90 == 0 else 4
+    return w * families * D * (np.pi / SIDE) ** 4 - shape
+
+
+def on_sides(x, y):
+    return (np.minimum(x, y) < 1e-9) | (np.maximum(x, y) > SIDE - 1e-9)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
+@pytest.mark.parametrize("degrees", [0, 45])
+def test_a_simply_supported_plate_is_of_second_order(degrees, jitter):
+    coarse, fine = (
+        np.abs(plate(square(n, jitter), degrees, OnePoint(), on_sides)).max()
+        for n in (8, 16)
+    )
+    assert fine < 0.02
+    assert coarse / fine > 3
+
+
+@pytest.mark.parametrize("degrees", [0, 45])
+def test_quadratic_triangles_are_of_second_order_too(degrees):
+    coarse, fine = (
+        np.abs(plate(square(n, 0.2), degrees, Quadratic(), on_sides)).max()
+        for n in (8, 16)
+    )
+    assert fine < 0.012
+    assert coarse / fine > 3
+
+
+@pytest.mark.parametrize("formulation", [OnePoint(), Quadratic()], ids=["quad", "tri"])
+@pytest.mark.parametrize("degrees", [0, 45])
+def test_planes_of_symmetry_stand_for_the_other_half(degrees, formulation):
+    """A quarter of the plate."""
+    ends = {"right": "mirror", "top": "mirror"}
+    errors = [
+        np.abs(
+            plate(
+                square(n, side=SIDE / 2).with_defaults(),
+                degrees,
+                formulation,
+                lambda x, y: np.minimum(x, y) < 1e-9,
+                ends,
+            )
+        ).max()
+        for n in (4, 8)
+    ]
+    assert errors[1] < 0.04
+    assert errors[0] / errors[1] > 2.5
+
+
+# Cantilevers against the elastica
+
+
+def elastica(alpha, weight=False):
+    """Tip of a cantilever of unit length and stiffness."""
+
+    def slopes(s, y):
+        load = alpha * (1 - s) if weight else alpha
+        return np.array([y[1], -load * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])])
+
+    def ends(a, b):
+        return np.array([a[0], b[1], a[2], a[3]])
+
+    s = np.linspace(0, 1, 201)
+    guess = np.array([s * min(1.2, alpha / 3), 1 - s, s, 0 * s])
+    found = solve_bvp(slopes, ends, s, guess, tol=1e-10, max_nodes=100_000)
+    return found.y[2:, -1]
+
+
+def cantilever(n, alpha, weight, formulation):
+    """Tip over the length after a single step, and how many steps it took."""
+    mesh = MeshQuad.init_tensor(np.linspace(0, SIDE, n + 1), np.linspace(0, 20, 3))
+    load = (0.0, 0.0, alpha * D / SIDE**2)
+    loads = [Traction("right", load)]
+    if weight:
+        loads = [BodyForce((0.0, 0.0, alpha * D / SIDE**3))]
+    ply = Ply(
+        *(mesh.with_defaults(), Fabric(1e4, 0.1, bending=(D, D)), formulation, loads),
+        dimension=3,
+        fibre_ends={"left": "clamped"},
+    )
+    conditions = {"left": Condition("left")}
+    result = LoadStepper(ply, conditions, 1, solver="superlu").run()
+    tip = ply.nodes[0] > SIDE - 1e-9
+    x, _, z = ply.nodal(result.u)[:, tip].mean(axis=1) / SIDE
+    return np.array([1 + x, z]), len(result.states) - 1
+
+
+def test_the_elastica_that_the_tip_is_compared_with():
+    """Values computed by another program."""
+    for alpha, weight, tip in (
+        (1.0, False, (0.943567, 0.301721)),
+        (10.0, False, (0.445004, 0.810609)),
+        (8.0, True, (0.724425, 0.640631)),
+    ):
+        np.testing.assert_allclose(elastica(alpha, weight), tip, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("formulation", "halved"),
+    [(OnePoint(), 1), (Macro(), 2)],
+    ids=["one point", "macro"],
+)
+@pytest.mark.parametrize(
+    ("alpha", "weight", "off"),
+    [(1.0, False, 2e-4), (10.0, False, 1e-3), (8.0, True, 1e-3)],
+)
+def test_a_cantilever_is_an_elastica_to_second_order_in_one_step(
+    formulation, halved, alpha, weight, off
+):
+    exact = elastica(alpha, weight)
+    (coarse, _), (fine, steps) = (
+        cantilever(n // halved, alpha, weight, formulation) for n in (16, 32)
+    )
+    assert steps == 1
+    assert abs(fine[1] - exact[1]) < off
+    assert (np.abs(coarse - exact) > 3.3 * np.abs(fine - exact)).all()
+
+
+def test_a_cantilever_of_quadratic_triangles_is_an_elastica():
+    tip, _ = cantilever(32, 1.0, False, Quadratic())
+    np.testing.assert_allclose(tip, elastica(1.0), atol=5e-4)
+
+
+# Strips between clamps that turn: circles
+
+
+def arc(n, formulation, jitter, slope):
+    """A strip whose clamps turn by ± slope: its last state over the circle."""
+    halves = 2 if isinstance(formulation, Macro) else 1
+    size = n // halves, 2 // halves
+    mesh = rectangle(SIDE, 20.0, size, "irregular", jitter, 1)
+    ends = {
+        "left": lambda t: (0.0, -t * slope, 0.0),
+        "right": lambda t: (0.0, t * slope, 0.0),
+    }
+    fabric = Fabric(1e4, 0.1, bending=(D, D))
+    ply = Ply(mesh, fabric, formulation, dimension=3, fibre_ends=ends)
+    held = {"left": Condition("left"), "right": Condition("right", (None, 0.0, 0.0))}
+    result = LoadStepper(ply, held, 2, solver="superlu").run()
+    assert result.path_resolved
+    state = result.states[-1]
+    x, _, z = ply.nodal(state.u)
+    tip = x[ply.nodes[0] > SIDE - 1e-9].mean() / SIDE
+    exact = 0.5 * D * (2 * slope / SIDE) ** 2 * SIDE * 20.0
+    return np.array(
+        [
+            state.energies["bending"] / exact - 1,
+            tip - (np.sin(slope) / slope - 1),
+            z.max() / SIDE - (1 - np.cos(slope)) / (2 * slope),
+        ]
+    )
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
+@pytest.mark.parametrize("slope", [0.1, 0.5 * np.pi, 2.5])
+@pytest.mark.parametrize(
+    ("formulation", "off"),
+    [(OnePoint(), 3e-3), (Macro(), 3e-3), (Quadratic(), 6e-3)],
+    ids=["one point", "macro", "quadratic"],
+)
+def test_clamps_that_turn_bend_a_strip_to_a_circle(formulation, off, slope, jitter):
+    """Moment 2 D φ/L: energy, end and height."""
+    coarse, fine = (arc(n, formulation, jitter, slope) for n in (16, 32))
+    assert np.abs(fine).max() < off
+    assert np.abs(coarse).max() > 2 * np.abs(fine).max()
+
+
+@every_formulation
+def test_forces_of_clamps_that_turn_are_the_slope_of_the_energy(formulation):
+    """In the plane, where the fibres along an edge do not end."""
+    fabric = Fabric(50.0, 0.5, bending=(3.0, 1.0), twist=0.5)
+    ends = {"left": "clamped", "right": lambda t: 0.5 * t, "top": "mirror"}
+    mesh = square(4, 0.2, 10.0)
+    ply = Ply(mesh, fabric, formulation, fibre_ends=ends)
+    u, du = wobble(ply, 3, 0.1), wobble(ply, 4, 1e-4)
+    for t in (0.0, 0.7):
+        rise = ply.energies(u + du, t)["bending"] - ply.energies(u - du, t)["bending"]
+        assert rise == pytest.approx(2 * ply.residuals(u, t)["bending"] @ du, rel=1e-8)
+    assert ply.energies(u, 0.7)["bending"] != ply.energies(u, 0.0)["bending"]
+    turned = Ply(mesh, fabric, formulation, fibre_ends=ends | {"right": lambda t: 0.0})
+    plain = Ply(mesh, fabric, formulation, fibre_ends=ends | {"right": "clamped"})
+    energies = (one.energies(u, 1.0)["bending"] for one in (turned, plain))
+    assert next(energies) == pytest.approx(next(energies), rel=1e-12)
+
+
+def test_a_strip_bent_in_its_plane_between_clamps_that_turn_has_the_energy_of_an_arc():
+    def off(n, formulation):
+        mesh = rectangle(SIDE, 20.0, (n, 4), "irregular", 0.0, 1)
+        ends = {"left": lambda t: -0.5 * t, "right": lambda t: 0.5 * t}
+        fabric = Fabric(1e4, 0.1, bending=(D, 0.0))
+        ply = Ply(mesh, fabric, formulation, fibre_ends=ends)
+        X, Y = ply.nodes
+        angle = X / SIDE - 0.5
+        arc = [SIDE * np.sin(angle) - X, -SIDE * np.cos(angle) + 0 * Y]
+        energy = ply.energies(np.array(arc).T.ravel(), 1.0)["bending"]
+        return energy / (0.5 * D * 20.0 / SIDE) - 1
+
+    for formulation in (Full(), Quadratic()):
+        assert abs(off(32, formulation)) < 1e-3
+        assert abs(off(16, formulation)) > 3.5 * abs(off(32, formulation))
+
+
+# Compressed plies: where they buckle, with and without bending
+
+
+IN_PLANE = {
+    "left": Condition("left"),
+    "right": Condition("right"),
+    "plane": Condition(lambda X: X[0] > -1, (None, None, 0.0)),
+}
+
+
+def critical_tension(n, stiffness, conditions, guess):
+    """Where fibres along x, compressed evenly, are no more stable."""
+    E = 1e5
+    fabric = Fabric(E, 0.1, bending=(stiffness, stiffness))
+    ply = Ply(square(n).with_defaults(), fabric, OnePoint(), dimension=3)
+    constraints = Constraints(ply.basis, conditions)
+    problem = Problem(ply, constraints, solver_named("superlu")).at(1.0)
+    low, high = 1.9 * guess, 0.0  # no middle is the guess, where it is singular
+    for _ in range(14):
+        u, middle = ply.basis.zeros(), (low + high) / 2
+        u[::3] = np.expm1(middle / E) * ply.nodes[0]
+        stable = Tangent(problem, u, ply.parameters_at_rest).definite
+        low, high = (low, middle) if stable else (middle, high)
+    return high
+
+
+@pytest.mark.parametrize("n", [4, 8])
+def test_an_inextensible_net_buckles_in_its_plane_at_minus_its_shear_stiffness(n):
+    """T = −G without bending (Rosen)."""
+    assert critical_tension(n, 0.0, IN_PLANE, -0.1) == pytest.approx(-0.1, rel=5e-3)
+
+
+@pytest.mark.parametrize("stiffness", [10.0, 100.0])
+def test_bending_holds_a_net_that_buckles_in_its_plane(stiffness):
+    """T = −(G + D (π/L)²)."""
+    exact = -(0.1 + stiffness * (np.pi / SIDE) ** 2)
+    found = critical_tension(16, stiffness, IN_PLANE, exact)
+    assert found == pytest.approx(exact, rel=5e-3)
+
+
+@pytest.mark.parametrize("stiffness", [0.1, 10.0, 1000.0])
+def test_a_ply_that_is_held_all_round_buckles_out_of_its_plane(stiffness):
+    """T = −2 D (π/L)²."""
+    sides = ("left", "right", "bottom", "top")
+    conditions = {side: Condition(side) for side in sides}
+    exact = -2 * stiffness * (np.pi / SIDE) ** 2
+    found = critical_tension(16, stiffness, conditions, exact)
+    assert found == pytest.approx(exact, rel=1e-2)

@@ -1,0 +1,392 @@
+"""Terms of one's own: what they add, their parameters, and what is refused."""
+
+import pickle
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from skfem import BilinearForm, CellBasis, FacetBasis, InteriorFacetBasis, MeshQuad
+
+from skfem_textile import (
+    Fabric,
+    Forms,
+    FormTerm,
+    Full,
+    LoadStepper,
+    Macro,
+    MatrixTerm,
+    Newton,
+    OnePoint,
+    Ply,
+    Quadratic,
+    Sin2,
+    Values,
+    VectorTerm,
+    forms,
+)
+from skfem_textile.mesh.splitting import cut
+from skfem_textile.ply.kernels.kernel import ShearKernel
+from skfem_textile.solve.states import NoEquilibriumError
+from tests.helpers import derivative, distorted, wobble
+from tests.helpers.plies import CONDITIONS, ELEMENT, SPRINGS, Spring, drag, plain
+
+# Terms of one's own: energies, forces and tangent, and runs with them
+
+
+BASES = {
+    "cells": lambda mesh: CellBasis(mesh, ELEMENT),
+    "a subdomain": lambda mesh: CellBasis(mesh, ELEMENT, elements="some"),
+    "a boundary": lambda mesh: FacetBasis(mesh, ELEMENT, facets="top"),
+    "interior facets": lambda mesh: InteriorFacetBasis(mesh, ELEMENT),
+}
+
+
+@pytest.mark.parametrize("basis", BASES.values(), ids=BASES)
+@pytest.mark.parametrize("t", [0.0, 0.7])
+def test_a_term_adds_its_energy_forces_and_tangent_on_any_basis(basis, t):
+    ply = plain()
+    term = FormTerm("springs", SPRINGS, basis(ply.mesh))
+    sprung, u, du = ply.with_terms(term), wobble(ply, 1), wobble(ply, 2)
+    energy = sprung.energies(u, t)["springs"]
+    assert energy > 0
+    assert sprung.energy(u, t) == pytest.approx(ply.energy(u, t) + energy)
+    more = sprung.residual(u, t) - ply.residual(u, t)
+    np.testing.assert_allclose(more, term.residual(u, t), atol=1e-9)
+    assert derivative(lambda x: sprung.energy(x, t), u, du) == pytest.approx(
+        sprung.residual(u, t) @ du
+    )
+    np.testing.assert_allclose(
+        derivative(lambda x: sprung.residual(x, t), u, du),
+        sprung.tangent(u, t=t) @ du,
+        atol=1e-5 * abs(sprung.tangent(u, t=t)).max(),
+    )
+
+
+def test_a_term_of_quadratic_triangles_sees_all_their_nodes():
+    mesh = cut(distorted(1)).with_defaults()
+    ply = Ply(mesh, Fabric(1e3, 0.5), Quadratic())
+    springs = FormTerm("springs", SPRINGS, FacetBasis(mesh, ply.basis.elem))
+    sprung, u, du = ply.with_terms(springs), wobble(ply, 1), wobble(ply, 2)
+    np.testing.assert_allclose(
+        derivative(sprung.residual, u, du), sprung.tangent(u) @ du, atol=1e-3
+    )
+
+
+def test_a_kernel_gives_the_same_numbers_as_its_forms():
+    ply, further = plain(), Fabric(1e3, Sin2(2.0))
+    u = wobble(ply, 3)
+    own = [
+        ply.with_terms(FormTerm("more", forms.shear(further), ply.basis, kernel))
+        for kernel in (None, ShearKernel(further))
+    ]
+    slow, fast = own
+    assert fast.energy(u) == pytest.approx(slow.energy(u), rel=1e-12)
+    np.testing.assert_allclose(fast.residual(u), slow.residual(u), atol=1e-9)
+    assert abs(fast.tangent(u) - slow.tangent(u)).max() < 1e-9
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_a_class_of_ones_own_is_a_term(named):
+    ply = plain()
+    last = ply.nodes.shape[1] - 1
+    couples = (np.array([[0], [last]]),) if named else None
+    spring = Spring(ply.basis.N, couples)
+    sprung, u = ply.with_terms(spring), wobble(ply, 1)
+    K = (sprung.tangent(u) - ply.tangent(u)).toarray()
+    np.testing.assert_allclose(K, spring.K.toarray(), atol=1e-9)
+    matrix = ply.with_terms(MatrixTerm("spring", spring.K))
+    assert abs(matrix.tangent(u) - sprung.tangent(u)).max() < 1e-9
+    assert matrix.energy(u) == pytest.approx(sprung.energy(u))
+
+
+def test_terms_of_a_ply_cannot_be_changed_behind_its_back():
+    ply = plain()
+    with pytest.raises(AttributeError):
+        ply.terms = ()
+    with pytest.raises(AttributeError):
+        ply.terms.append(None)
+
+
+def test_a_run_knows_all_terms_and_their_roles(tmp_path):
+    ply = plain(Full())
+    force = np.zeros(ply.basis.N)
+    force[1::2] = 1e-3
+    terms = (
+        FormTerm("springs", SPRINGS, BASES["a boundary"](ply.mesh)),
+        FormTerm("held", SPRINGS, ply.basis, role="stabilisation"),
+        VectorTerm("lift", force),
+    )
+    loaded = ply.with_terms(*terms)
+    whole = LoadStepper(loaded, CONDITIONS, 4).run()
+    state = whole.states[-1]
+    assert list(state.potentials) == ["lift"]
+    assert {"springs", "held"} < set(state.energies)
+    summary = whole.summary()
+    assert summary["springs_energy"] == state.energies["springs"]
+    assert summary["lift_potential"] == pytest.approx(-force @ state.u)
+    inside = sum(state.energies.values())
+    assert summary["energy"] == pytest.approx(inside)
+
+    def stop(state):
+        if state.load_factor > 0.4:
+            raise KeyboardInterrupt
+
+    stepper = LoadStepper(loaded, CONDITIONS, 4, checkpoint=tmp_path, on_step=stop)
+    with pytest.raises(KeyboardInterrupt):
+        stepper.run()
+    resumed = LoadStepper(loaded, CONDITIONS, 4, checkpoint=tmp_path).run(resume=True)
+    np.testing.assert_array_equal(resumed.u, whole.u)
+    assert resumed.states[-1].potentials == state.potentials
+    with pytest.raises(ValueError, match="is of another run"):
+        LoadStepper(ply, CONDITIONS, 4, checkpoint=tmp_path).run(resume=True)
+
+
+# Parameters of terms: immutable values, which plies do not hold
+
+
+WITH_PARAMETERS = {
+    "macro": Macro(),
+    "one point": OnePoint(),
+    "rate": OnePoint(1.0, "rate"),
+    "mean": Quadratic(80.0),
+}
+every_formulation = pytest.mark.parametrize(
+    "formulation", WITH_PARAMETERS.values(), ids=WITH_PARAMETERS
+)
+
+
+def copied(parameters):
+    """The arrays of parameters, by names of term and value."""
+    return {
+        (term, name): array.copy()
+        for term, values in parameters.items()
+        for name, array in values.items()
+    }
+
+
+def assert_unchanged(parameters, before):
+    now = copied(parameters)
+    assert now.keys() == before.keys()
+    for key, array in before.items():
+        np.testing.assert_array_equal(now[key], array)
+
+
+@pytest.mark.parametrize("role", ["internal", "load"])
+def test_plies_that_share_a_term_do_not_influence_each_other(role):
+    ply = plain()
+    term = drag(ply, role=role)
+    first, u = ply.with_terms(term), wobble(ply, 1)
+    advanced = first.advanced(first.parameters_at_rest, u)
+    np.testing.assert_array_equal(advanced["drag"]["last"], u)
+    assert LoadStepper(first, CONDITIONS, 2).run().converged
+    for second in (
+        first,
+        first.with_terms(MatrixTerm("none", 0 * Spring(ply.basis.N).K)),
+        ply.with_terms(term),
+    ):
+        assert not second.parameters_at_rest["drag"]["last"].any()
+        assert second.energies(u)["drag"] == first.energies(u)["drag"]
+        assert second.energies(u, 1.0, advanced)["drag"] == 0.0
+
+
+def test_plies_with_and_without_a_term_have_the_same_parameters():
+    ply = plain(OnePoint())
+    sprung, u = ply.with_terms(FormTerm("springs", SPRINGS, ply.basis)), wobble(ply, 1)
+    before = copied(ply.parameters_at_rest)
+    updated = sprung.updated(sprung.parameters_at_rest, 0.05 * u)
+    assert_unchanged(ply.parameters_at_rest, before)
+    energies = [each.energies(u, 1.0, updated) for each in (ply, sprung)]
+    assert energies[0]["stabilisation"] == energies[1]["stabilisation"]
+
+
+@every_formulation
+def test_updates_return_new_values_and_change_nothing(formulation):
+    ply = plain(formulation)
+    ply = ply.with_terms(drag(ply))
+    rest = ply.parameters_at_rest
+    before = copied(rest)
+    u, v = wobble(ply, 1), wobble(ply, 2)
+    updated, advanced = ply.updated(rest, u), ply.advanced(rest, u)
+    assert advanced is not rest
+    assert (updated is not rest) == (formulation != OnePoint(1.0, "rate"))
+    seen = copied(updated), copied(advanced)
+    ply.advanced(ply.updated(advanced, v), v)
+    assert_unchanged(rest, before)
+    assert_unchanged(updated, seen[0])
+    assert_unchanged(advanced, seen[1])
+    assert ply.parameters_at_rest is rest
+
+
+@every_formulation
+def test_parameters_without_a_change_are_returned_as_they_are(formulation):
+    ply = plain(formulation)
+    rest, u = ply.parameters_at_rest, wobble(ply, 1)
+    assert ply.updated(rest, ply.basis.zeros()) is rest
+    updated = ply.updated(rest, u)
+    assert ply.updated(updated, u) is updated
+    again = ply.advanced(updated, u)
+    assert (again is updated) == (formulation != OnePoint(1.0, "rate"))
+
+
+@every_formulation
+def test_parameters_cannot_be_changed_in_place(formulation):
+    ply = plain(formulation)
+    ply = ply.with_terms(drag(ply))
+    rest, u = ply.parameters_at_rest, wobble(ply, 1)
+    for parameters in (rest, ply.updated(rest, u), ply.advanced(rest, u)):
+        for term, values in parameters.items():
+            with pytest.raises(TypeError, match="item assignment"):
+                parameters[term] = values
+            for name, array in values.items():
+                with pytest.raises(TypeError, match="item assignment"):
+                    values[name] = array
+                with pytest.raises(ValueError, match="read-only"):
+                    array[...] = 0.0
+
+
+def test_values_are_copies_of_arrays_that_can_be_changed():
+    array = np.zeros(3)
+    values = Values({"last": array})
+    array += 1.0
+    assert not values["last"].any()
+    assert Values({"last": values["last"]})["last"] is values["last"]
+
+
+@pytest.mark.parametrize("copy", [deepcopy, lambda x: pickle.loads(pickle.dumps(x))])
+def test_copied_parameters_are_equal(copy):
+    ply = plain(Macro())
+    parameters = ply.updated(ply.parameters_at_rest, wobble(ply, 1))
+    assert_unchanged(copy(parameters), copied(parameters))
+
+
+@pytest.mark.parametrize("depends_on_steps", [False, True])
+def test_parameters_are_advanced_once_for_every_converged_state(depends_on_steps):
+    """At rest too, and not by steps that fail: here one in two does at first."""
+    ply = plain(OnePoint())
+    ply = ply.with_terms(drag(ply, depends_on_steps))
+    refused = iter([True, False, True])
+
+    class Moody(Newton):
+        def solve(self, *arguments):
+            if next(refused, False):
+                raise NoEquilibriumError("not today")
+            return super().solve(*arguments)
+
+    result = LoadStepper(ply, CONDITIONS, 4, method=Moody()).run()
+    assert result.steps_cut == 2
+    used = [state.parameters["drag"] for state in result.states]
+    assert [p["times"][0] for p in used] == list(range(len(result.states)))
+    for values, state in zip(used[1:], result.states[:-1], strict=True):
+        np.testing.assert_array_equal(values["last"], state.u)
+
+
+@every_formulation
+def test_a_run_changes_nothing_in_a_ply(formulation):
+    """Energies and forces at any parameters are the same before and after it."""
+    ply = plain(formulation)
+    ply = ply.with_terms(drag(ply))
+    u, rest = wobble(ply, 1), ply.parameters_at_rest
+    other = ply.updated(ply.advanced(rest, wobble(ply, 2)), wobble(ply, 2))
+
+    def numbers():
+        return [
+            [ply.energy(u, t, p), ply.energies(u, t, p), ply.residual(u, t, p).tolist()]
+            for t in (0.0, 1.0)
+            for p in (None, rest, other)
+        ]
+
+    before, held = numbers(), copied(rest)
+    first = LoadStepper(ply, CONDITIONS, 2).run()
+    assert numbers() == before
+    assert ply.parameters_at_rest is rest
+    assert_unchanged(rest, held)
+    second = LoadStepper(ply, CONDITIONS, 2).run()
+    np.testing.assert_array_equal(second.u, first.u)
+    assert second.history() == first.history()
+
+
+def test_a_ply_without_parameters_has_none():
+    ply = plain()
+    assert dict(ply.parameters_at_rest) == {}
+    assert ply.advanced(ply.parameters_at_rest, wobble(ply, 1)) is (
+        ply.parameters_at_rest
+    )
+
+
+# Terms of one's own that are refused, each with its name
+
+
+def test_a_tangent_that_couples_what_it_does_not_say_is_refused():
+    ply = plain()
+    sprung = ply.with_terms(Spring(ply.basis.N, couples=()))
+    with pytest.raises(ValueError, match="'spring': its tangent couples nodes"):
+        sprung.tangent(ply.basis.zeros())
+
+
+def test_a_tangent_that_is_not_symmetric_is_refused():
+    ply = plain()
+    lopsided = Forms(*SPRINGS[:2], BilinearForm(lambda u, v, w: u[0] * v[1]))
+    for term in (
+        FormTerm("wind", lopsided, ply.basis),
+        MatrixTerm("wind", np.triu(np.ones((ply.basis.N, ply.basis.N)))),
+    ):
+        with pytest.raises(ValueError, match="'wind': its tangent is not symmetric"):
+            ply.with_terms(term)
+
+
+def test_terms_of_another_ply_or_name_are_refused():
+    ply, N = plain(), plain().basis.N
+    other, odd = CellBasis(MeshQuad(), ELEMENT), object()
+    for term, complaint in (
+        (FormTerm("a", SPRINGS, other), "its basis is not one of the displacement"),
+        (MatrixTerm("a", np.eye(3)), "its matrix must be"),
+        (VectorTerm("a", np.full(N, np.nan)), "its vector must be"),
+        (VectorTerm("a", np.ones(N), role="force"), "role must be one of"),
+        (VectorTerm("shear", np.ones(N)), "two terms are named 'shear'"),
+        (3.0, "is no term: it has no name"),
+        (VectorTerm, "is no term: it is a class"),
+        (VectorTerm("", np.ones(N)), "name must be some text"),
+        (FormTerm("a", SPRINGS, None), "its basis is not one of the displacement"),
+        (FormTerm("a", SPRINGS, ply.basis, parameters=odd), "its parameters have no"),
+    ):
+        with pytest.raises(ValueError, match=complaint):
+            ply.with_terms(term)
+
+
+def test_a_basis_of_other_places_or_cells_is_refused():
+    """However many unknowns it has: the numbers of the nodes are what counts."""
+    ply = plain()
+    turned = MeshQuad(ply.mesh.p[:, ::-1], ply.mesh.nvertices - 1 - ply.mesh.t)
+    for mesh in (ply.mesh.scaled(10.0), turned):
+        term = FormTerm("springs", SPRINGS, CellBasis(mesh, ELEMENT))
+        with pytest.raises(ValueError, match="its basis is not one of"):
+            ply.with_terms(term)
+    copied = MeshQuad(ply.mesh.p.copy(), ply.mesh.t.copy())
+    ply.with_terms(FormTerm("springs", SPRINGS, CellBasis(copied, ELEMENT)))
+
+
+WRONG_PARTS = {
+    "energy of numbers": ("energy", lambda own, u: u, "its energy must be one real"),
+    "column": ("residual", lambda own, u: own[:, None], "its residual must be"),
+    "one number": ("residual", lambda own, u: 0.0, "its residual must be"),
+    "complex": ("residual", lambda own, u: own + 0j, "its residual must be"),
+    "small": ("tangent", lambda own, u: own[:-2, :-2], "its tangent must be"),
+    "not finite": ("residual", lambda own, u: own * np.nan, "its residual is not fin"),
+    "broken": ("energy", lambda own, u: u.nothing, "its energy fails: AttributeError"),
+    "ten times": ("energy", lambda own, u: 10 * own, "its energy changes by"),
+    "negative": ("tangent", lambda own, u: -own, "its residual changes by"),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG_PARTS.values(), ids=WRONG_PARTS)
+def test_parts_of_a_term_that_do_not_fit_are_refused_with_its_name(wrong):
+    part, change, complaint = wrong
+
+    class Wrong(Spring):
+        pass
+
+    own = getattr(Spring, part)
+    setattr(Wrong, part, lambda self, u, t, p: change(own(self, u, t, p), u))
+    ply = plain()
+    with pytest.raises(ValueError, match=f"term 'spring': {complaint}"):
+        ply.with_terms(Wrong(ply.basis.N))

@@ -1,0 +1,231 @@
+"""Pulls of fabrics whose answer is known."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from skfem_textile import (
+    Condition,
+    CrimpInterchange,
+    CrimpToe,
+    Fabric,
+    Linear,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Polynomial,
+    Pretensioned,
+    Quadratic,
+    StepError,
+    split,
+)
+from skfem_textile.scenes.rectangle import rectangle
+from tests.helpers import FORMULATIONS_ON_MESHES, fitting
+from tests.helpers import independent as plain
+
+# A pull along one family, edges free to slide: exact for every mesh and law
+
+
+STRAIN = 0.02
+WIDTH, HEIGHT = 40.0, 60.0  # along warp and weft, mm
+
+
+LAWS = {
+    "soft": 1e3,
+    "linear": 1e5,
+    "stiff": 1e8,
+    **{f"toe, k = {k:g}": CrimpToe(1e5, 0.004, k) for k in (1.0, 10.0, 1000.0)},
+    # Slack fibres across the pull would be free to contract: these resist.
+    "no compression": (1e4, CrimpToe(1e5, 0.004, 0.0)),
+    "stiffening": Polynomial((1e3, 0.0, 1e7)),
+}
+FORMULATIONS = FORMULATIONS_ON_MESHES | {
+    "quadratic of quads": (Quadratic(80.0), "irregular")
+}
+
+
+def pulled(law, G, formulation, kind, strain=STRAIN):
+    mesh = fitting(rectangle(WIDTH, HEIGHT, (3, 4), kind, seed=3), formulation)
+    ply = Ply(mesh, Fabric(law, G), formulation)
+    conditions = {
+        "bottom": Condition("bottom", direction=(0, 1)),
+        "top": Condition("top", HEIGHT * strain, direction=(0, 1)),
+        "corner": Condition(lambda X: np.hypot(*X) < 1e-9, direction=(1, 0)),
+    }
+    return LoadStepper(ply, conditions, steps=1).run()
+
+
+@pytest.mark.parametrize("G", [0.0, 0.5])
+@pytest.mark.parametrize("formulation", FORMULATIONS.values(), ids=FORMULATIONS)
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_the_force_is_exact(law, formulation, G):
+    result = pulled(law, G, *formulation)
+    state, T = result.states[-1], result.ply.fabric.laws[1]
+    tension = T.value(np.array([np.log1p(STRAIN)]))[0]
+    force = WIDTH * tension / (1 + STRAIN)
+    assert state.reactions["top"][1] == pytest.approx(force, rel=1e-8)
+    assert state.verdict.negative_pivots == 0
+    assert state.linear_solves <= 8
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS.values(), ids=FORMULATIONS)
+def test_pre_tension_contracts_the_other_family(formulation):
+    """Its stress-free length is where T = 0; what is pulled is exact all the same."""
+    result = pulled(Pretensioned(Linear(1e4), 5.0), 0.5, *formulation)
+    tension = 5.0 + 1e4 * np.log1p(STRAIN)
+    width = WIDTH * np.exp(-5e-4)
+    force = WIDTH * tension / (1 + STRAIN)
+    state = result.states[-1]
+    assert state.reactions["top"][1] == pytest.approx(force, rel=1e-8)
+    x = result.ply.nodes[0] + result.ply.nodal(result.u)[0]
+    assert np.ptp(x) == pytest.approx(width, rel=1e-8)
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS.values(), ids=FORMULATIONS)
+def test_a_motion_that_nothing_resists_is_named(formulation):
+    """No shear stiffness, and a family without any: the ply is a mechanism."""
+    with pytest.raises(StepError, match="some motion meets no stiffness"):
+        pulled((1e4, 0.0), 0.0, *formulation)
+
+
+# Biaxial and uniaxial pulls of a fabric whose families exchange crimp: all exact
+
+
+PARAMETERS = {
+    "balanced": ((1e4, 1e4), (0.01, 0.01), 1.0, 2e-3, 1.0),
+    "unbalanced": ((1e4, 2e3), (0.02, 0.002), 0.5, 1e-3, 0.5),
+    "straight warp": ((1e5, 1e4), (0.0, 0.02), 2.0, 4e-3, 10.0),
+}
+
+every_crimp = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
+every_formulation = pytest.mark.parametrize(
+    "formulation", FORMULATIONS_ON_MESHES.values(), ids=FORMULATIONS_ON_MESHES
+)
+
+
+@cache
+def rectangular(law, formulation, kind):
+    """A ply of one fabric, which every pull takes from its state at rest."""
+    mesh = fitting(rectangle(WIDTH, HEIGHT, (3, 4), kind, seed=3), formulation)
+    return Ply(mesh, Fabric(law, 0.5), formulation)
+
+
+def stretched(law, formulation, kind, warp, weft=None, steps=1):
+    """A rectangle stretched along the warp, and along the weft if that is given."""
+    conditions = {
+        "left": Condition("left", direction=(1, 0)),
+        "right": Condition("right", WIDTH * warp, direction=(1, 0)),
+        "corner": Condition(lambda X: np.hypot(*X) < 1e-9, direction=(0, 1)),
+    }
+    if weft is not None:
+        del conditions["corner"]
+        conditions["bottom"] = Condition("bottom", direction=(0, 1))
+        conditions["top"] = Condition("top", HEIGHT * weft, direction=(0, 1))
+    ply = rectangular(law, formulation, kind)
+    return LoadStepper(ply, conditions, steps=steps).run()
+
+
+def free_weft(law, warp_strain):
+    """The strain at which the weft has no tension, by halving."""
+    low, high = -0.5, 0.0
+    for _ in range(100):
+        middle = (low + high) / 2
+        T = law.value(np.array(warp_strain), np.array(middle))[1]
+        low, high = (middle, high) if T < 0 else (low, middle)
+    return low
+
+
+@every_crimp
+@every_formulation
+@pytest.mark.parametrize(
+    "stretch",
+    [
+        (0.02, 0.01),
+        pytest.param((0.005, 0.02), marks=pytest.mark.long),
+        (0.025, -0.01),
+    ],
+)
+def test_the_forces_of_a_biaxial_pull_are_exact(parameters, formulation, stretch):
+    result = stretched(CrimpInterchange(*parameters), *formulation, *stretch)
+    tensions = plain.interchange(*parameters).value(*np.log1p(stretch))
+    state = result.states[-1]
+    found = state.reactions["right"][0], state.reactions["top"][1]
+    sides = HEIGHT, WIDTH
+    for force, T, side, e in zip(found, tensions, sides, stretch, strict=True):
+        assert force == pytest.approx(side * T / (1 + e), rel=1e-8)
+    assert state.verdict.negative_pivots == 0
+
+
+@every_crimp
+@every_formulation
+def test_a_free_weft_contracts_as_the_warp_straightens(parameters, formulation):
+    stretch = 0.02
+    result = stretched(CrimpInterchange(*parameters), *formulation, stretch)
+    law = plain.interchange(*parameters)
+    weft = free_weft(law, np.log1p(stretch))
+    T = law.value(np.log1p(stretch), np.array(weft))[0]
+    state = result.states[-1]
+    assert state.reactions["right"][0] == pytest.approx(
+        HEIGHT * T / (1 + stretch), rel=1e-8
+    )
+    y = result.ply.nodes[1] + result.ply.nodal(result.u)[1]
+    assert np.ptp(y) == pytest.approx(HEIGHT * np.exp(weft), rel=1e-8)
+    if parameters[1][0] > 0:
+        assert weft < -1e-3  # the crimp that the warp has lost
+
+
+@every_formulation
+def test_without_crimp_each_family_has_its_own_law(formulation):
+    E, _, K, toe, k = PARAMETERS["unbalanced"]
+    pulls = [
+        stretched(law, *formulation, 0.02, 0.01)
+        for law in (
+            CrimpInterchange(E, 0.0, K, toe, k),
+            tuple(CrimpToe(E_i, toe, k) for E_i in E),
+        )
+    ]
+    coupled, alone = (result.states[-1] for result in pulls)
+    assert coupled.energies == pytest.approx(alone.energies, rel=1e-9)
+    for edge in ("right", "top"):
+        assert coupled.reactions[edge] == pytest.approx(
+            alone.reactions[edge], rel=1e-9, abs=1e-9
+        )
+
+
+def test_a_weft_that_is_pulled_along_stiffens_the_warp():
+    """At a warp strain of 1 %, for three ratios of strains; the weft's lifts both."""
+    law = CrimpInterchange(*PARAMETERS["balanced"])
+    tensions = [
+        stretched(law, Macro(), "irregular", 0.01, weft)
+        .states[-1]
+        .reactions["right"][0]
+        for weft in (-0.01, 0.0, 0.01)
+    ]
+    assert tensions[1] > 1.3 * tensions[0]
+    assert tensions[2] > 1.3 * tensions[1]
+
+
+# The pull of a crimped fabric along the bisector of its fibres
+
+
+def load(mesh, formulation):
+    """Force in N that lengthens 100 mm by 10 mm, fibres at 45 degrees."""
+    fabric = Fabric(CrimpToe(1e5, 0.004, 10.0), 0.5, warp=(1, 1), weft=(-1, 1))
+    pull = {"clamp": Condition("bottom"), "pull": Condition("top", (0, 10))}
+    ply = Ply(mesh, fabric, formulation)
+    return LoadStepper(ply, pull, steps=5).run().states[-1].reactions["pull"][1]
+
+
+@pytest.fixture(scope="module")
+def converged():
+    """At 32 edges across, which 64 change by 0.12 %."""
+    return load(rectangle(50, 100, (32, 64)), OnePoint())
+
+
+@pytest.mark.parametrize("kind", ["irregular", "delaunay"])
+def test_macro_elements_read_the_load_of_a_crimped_fabric(kind, converged):
+    """At rest fibres are as soft as crimp, and deviations in elements must not be."""
+    macro = load(split(rectangle(50, 100, (8, 16), kind)), Macro())
+    assert macro == pytest.approx(converged, rel=0.02)

@@ -1,0 +1,253 @@
+"""What a run tells: its states, its history, its messages."""
+
+import logging
+
+import numpy as np
+import pytest
+from scipy.sparse import identity
+from skfem import MeshQuad
+
+from skfem_textile import (
+    BodyForce,
+    Condition,
+    Fabric,
+    Force,
+    Full,
+    LoadStepper,
+    Macro,
+    OnePoint,
+    Ply,
+    Quadratic,
+    Sin2,
+    Term,
+    Traction,
+    equilibrium_near,
+)
+from skfem_textile.mesh.splitting import split
+from skfem_textile.scenes import bias_extension
+from skfem_textile.scenes.rectangle import rectangle
+from skfem_textile.solve.conditions import Constraints
+from tests.helpers import Pretensioned, place_of
+from tests.helpers.pulled import ShortSteps, load_factors, pulled
+
+# What a run tells: its states, its history, its messages
+
+
+def test_a_uniform_pull_is_exact():
+    ply, conditions = pulled(0.5)
+    result = LoadStepper(ply, conditions, steps=4).run()
+    assert result.converged
+    assert load_factors(result) == [0.0, 0.25, 0.5, 0.75, 1.0]
+    force = 10.0 * np.log(1.5) / 1.5
+    for name, sign in (("pull", 1), ("clamp", -1)):
+        np.testing.assert_allclose(
+            result.states[-1].reactions[name], [0, sign * force], atol=1e-7
+        )
+    assert result.summary()["energy"] == pytest.approx(5 * np.log(1.5) ** 2)
+
+
+def test_reactions_do_the_work_of_the_energy():
+    ply, conditions = pulled(lambda X, t: 0.3 * t * X[0])
+    result = LoadStepper(ply, conditions, steps=40).run()
+    rows = result.history()
+    assert rows[-1]["work"] == pytest.approx(rows[-1]["energy"], rel=1e-3)
+    assert rows[20]["work"] == pytest.approx(rows[20]["energy"], rel=1e-2)
+
+
+def test_history_has_a_row_per_state_with_what_is_needed():
+    ply, conditions = pulled(0.5)
+    result = LoadStepper(ply, conditions, steps=3).run()
+    rows = result.history()
+    assert len(rows) == 4
+    assert rows[0]["energy"] == 0.0
+    for row, state in zip(rows[1:], result.states[1:], strict=True):
+        assert row["linear_solves"] == len(state.residuals) > 0
+        assert row["residual"] <= row["tolerance"]
+        assert row["pull_reaction_y"] > 0
+        assert row["negative_pivots"] == 0
+        assert row["min_det_F"] > 1
+        assert row["energy"] == pytest.approx(
+            row["tension_energy"] + row["shear_energy"] + row["stabilisation_energy"]
+        )
+    assert result.linear_solves == sum(row["linear_solves"] for row in rows)
+
+
+def test_a_printed_result_is_a_table_of_its_states():
+    ply, conditions = pulled(0.5)
+    result = LoadStepper(ply, conditions, steps=40).run()
+    lines = str(result).splitlines()
+    assert lines[0].split()[:2] == ["load", "factor"]
+    assert [line.split()[0] for line in lines[1:-2]] == [
+        f"{t:.4f}" for t in np.linspace(0, 1, 11)
+    ]
+    assert all(line.endswith("yes") for line in lines[1:-2])
+    assert lines[-2].split()[:3] == ["…", "30", "more"]
+    assert "converged at load factor 1, 40 steps" in lines[-1]
+    assert "…" not in str(LoadStepper(ply, conditions, steps=10).run())
+
+
+class Grip(Term):
+    """A term of one's own that pulls all nodes to a place which moves with t."""
+
+    def __init__(self, name, role):
+        self.name, self.role = name, role
+
+    def energy(self, u, t, p):
+        return 0.5e-3 * float(((u - 0.01 * t) ** 2).sum())
+
+    def residual(self, u, t, p):
+        return 1e-3 * (u - 0.01 * t)
+
+    def tangent(self, u, t, p):
+        return 1e-3 * identity(len(u), format="csr")
+
+
+@pytest.fixture
+def sheet():
+    """A way to run a square whose bottom is clamped, with further arguments."""
+
+    def run(top, fabric=None, terms=(), held=None):
+        mesh = MeshQuad().refined(2).with_defaults()
+        ply = Ply(mesh, fabric or Fabric(10.0, 1.0), Full(), terms)
+        conditions = held or {"bottom": Condition("bottom"), "top": top}
+        return LoadStepper(ply, conditions, 2).run()
+
+    return run
+
+
+@pytest.mark.parametrize("top", [(0.0, 0.0), lambda X, t: 0 * X])
+def test_a_run_in_which_nothing_moves_says_so_once(sheet, caplog, top):
+    result = sheet(Condition("top", top))
+    assert not np.any(result.u)
+    (record,) = caplog.records
+    assert record.levelname == "WARNING"
+    assert record.message.startswith("nothing will move: no condition prescribes")
+
+
+def test_what_drives_a_run_is_not_taken_for_nothing(sheet, caplog):
+    """Motions there and back, loads, tension at rest, a term of one's own."""
+    clamp = Condition("top")
+    there_and_back = Condition("top", lambda X, t: 0.04 * t * (1 - t) + 0 * X)
+    sheet(there_and_back)
+    sheet(clamp, terms=[BodyForce((0.0, 1e-3))])
+    sheet(clamp, terms=[Force("top", (0.0, 1e-3))])  # the reaction tells of it
+    sheet(clamp, Fabric(Pretensioned(10.0, 0.1), 1.0))
+    sheet(clamp, terms=[Grip("grip", "internal")])
+    assert "nothing will move" not in caplog.text
+
+
+def test_the_one_strain_of_the_table_is_the_one_that_the_law_sees():
+    scene = bias_extension(split(rectangle(50, 100, (2, 4), "irregular", 0.2)))
+    ply = Ply(scene.mesh, Fabric(1e4, 0.5, scene.warp, scene.weft), Macro())
+    result = LoadStepper(ply, scene.conditions, 2).run()
+    head, *_, last, _ = str(result).splitlines()
+    assert "fibre strain" in head
+    assert head.count("strain") == 1
+    seen = np.abs(ply.law_strain(result.u)).max()
+    assert float(last.split()[3]) == pytest.approx(seen, rel=1e-2)
+    row, summary = result.history()[-1], result.summary()
+    assert row["max_fibre_strain"] == summary["max_fibre_strain"] == seen
+    assert row["mesh_fibre_strain"] == summary["mesh_fibre_strain"] > 2 * seen
+    assert result.history()[1]["max_fibre_strain"] < seen
+
+
+def test_the_history_tells_how_far_the_nodes_of_a_condition_move():
+    ply, conditions = pulled(lambda X, t: 0.3 * t * X[0])
+    result = LoadStepper(ply, conditions, steps=2).run()
+    top = ply.nodes[1] == 1.0
+    for row, state in zip(result.history(), result.states, strict=True):
+        assert row["clamp_displacement_x"] == row["clamp_displacement_y"] == 0.0
+        assert row["pull_displacement_y"] == pytest.approx(0.15 * state.load_factor)
+        free = ply.nodal(state.u)[0, top].mean()
+        assert row["pull_displacement_x"] == pytest.approx(free)
+    assert free != 0
+
+
+def test_callbacks_are_told_every_iteration_and_every_state():
+    ply, conditions = pulled(0.5)
+    states, iterations = [], []
+    result = LoadStepper(
+        ply, conditions, 2, on_step=states.append, on_iteration=iterations.append
+    ).run()
+    assert states == result.states[1:]
+    assert len(iterations) == result.linear_solves
+    assert iterations[0].load_factor == iterations[0].step == 0.5
+    assert iterations[0].method == "newton"
+    assert iterations[-1].residual <= iterations[-1].tolerance
+
+
+def test_the_log_tells_iterations_and_steps(caplog):
+    ply, conditions = pulled(0.5)
+    with caplog.at_level(logging.DEBUG, logger="skfem_textile"):
+        result = LoadStepper(ply, conditions, 1, method=ShortSteps()).run()
+    levels = [record.levelno for record in caplog.records]
+    assert levels.count(logging.DEBUG) == result.linear_solves
+    assert "step to 1 failed, halved: no acceptable state at 1: too long" in caplog.text
+    assert "load factor 0.25" in caplog.text
+
+
+# States hold all on which their energies and forces depend
+
+
+FORMULATIONS = {
+    "macro": Macro(),
+    "one point": OnePoint(),
+    "one point, C_s": OnePoint(4.0),
+    "rate": OnePoint(1.0, "rate"),
+    "quadratic": Quadratic(),
+    "quadratic, mean": Quadratic(80.0),
+    "full": Full(),
+}
+every_formulation = pytest.mark.parametrize(
+    "formulation", FORMULATIONS.values(), ids=FORMULATIONS
+)
+
+
+def extended(formulation):
+    """Ply and conditions of a bias extension, its sides under a traction."""
+    scene = bias_extension(size=(4, 8))
+    fabric = Fabric(1e4, Sin2(0.5), scene.warp, scene.weft)
+    loads = [Traction(side, (0.0, 0.002)) for side in ("left", "right")]
+    return Ply(scene.mesh, fabric, formulation, loads), scene.conditions
+
+
+@every_formulation
+def test_the_parameters_of_a_state_give_its_energies_and_forces(formulation):
+    ply, conditions = extended(formulation)
+    free = Constraints(ply.basis, conditions).free
+    states = LoadStepper(ply, conditions, 2).run().states
+    assert len(states) > 2
+    for state in states:
+        assert state.parameters.keys() == ply.parameters_at_rest.keys()
+        energies = ply.energies(*place_of(state))
+        assert energies == state.energies | state.potentials
+        f = ply.residual(*place_of(state))
+        assert np.abs(f[free]).max() <= state.tolerance
+        for name, reaction in state.reactions.items():
+            nodes = conditions[name].nodes(name, ply.basis)
+            np.testing.assert_array_equal(ply.nodal(f)[:, nodes].sum(axis=1), reaction)
+
+
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint(), Quadratic(80.0)])
+def test_other_parameters_do_not_balance_a_state(formulation):
+    ply, conditions = extended(formulation)
+    free = Constraints(ply.basis, conditions).free
+    last = LoadStepper(ply, conditions, 2).run().states[-1]
+    f = ply.residual(last.u, last.load_factor)
+    assert np.abs(f[free]).max() > 1e3 * last.tolerance
+    assert ply.energies(last.u) != last.energies | last.potentials
+
+
+@pytest.mark.parametrize("formulation", [Macro(), OnePoint(), Quadratic(80.0)])
+def test_a_state_is_found_again_from_its_displacement_and_parameters(formulation):
+    ply, conditions = extended(formulation)
+    last = LoadStepper(ply, conditions, 2).run().states[-1]
+    place, warn_only = (ply, conditions, last.u), ("stabilisation", "deviation")
+    near, far = (
+        equilibrium_near(*place, parameters=parameters, warn_only=warn_only)
+        for parameters in (last.parameters, None)
+    )
+    assert near.linear_solves < far.linear_solves
+    energy, found = (sum(state.energies.values()) for state in (last, near))
+    assert found == pytest.approx(energy, rel=1e-2)
+    np.testing.assert_allclose(near.u, last.u, atol=1e-2)

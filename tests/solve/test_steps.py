@@ -1,0 +1,303 @@
+"""Steps of a run: settings, halving, errors of users, what a run tells."""
+
+import sys
+from itertools import count
+
+import numpy as np
+import pytest
+from skfem import MeshQuad
+
+from skfem_textile import (
+    Condition,
+    Fabric,
+    Full,
+    Linear,
+    LoadStepper,
+    Newton,
+    Ply,
+    StepError,
+)
+from skfem_textile.ply.terms import Term
+from skfem_textile.solve.states import NoEquilibriumError, UserError
+from tests.helpers.pulled import CLAMP, ShortSteps, load_factors, pulled
+
+# Steps: halved where they fail, grown again, and what stops a run
+
+
+class ShyAtFirst(Newton):
+    """Fails beyond the first tenth of the way unless steps are short."""
+
+    def solve(self, problem, start, fixed_values, most_altered, report):
+        at = np.abs(start.u).max()
+        if at < 0.05 and fixed_values.max() - at > 0.03:
+            raise NoEquilibriumError("too long")
+        return super().solve(problem, start, fixed_values, most_altered, report)
+
+
+def test_a_failed_step_is_halved_and_counted():
+    ply, conditions = pulled(0.5)
+    result = LoadStepper(ply, conditions, 1, method=ShortSteps()).run()
+    assert load_factors(result) == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert result.steps_cut == result.summary()["steps_cut"] >= 2
+
+
+def test_steps_grow_again_and_land_on_the_requested_load_factors():
+    ply, conditions = pulled(0.5)
+    result = LoadStepper(ply, conditions, 5, method=ShyAtFirst()).run()
+    reached = load_factors(result)
+    assert set(np.linspace(0, 1, 6)) <= set(reached)
+    assert np.diff(reached).min() < 0.06
+    np.testing.assert_allclose(np.diff(reached)[-3:], 0.2)
+
+
+def test_it_says_plainly_when_it_cannot_and_keeps_what_it_has():
+    """A ply squeezed to nothing buckles, then folds: nothing is accepted past that."""
+    ply, conditions = pulled(-1.5)
+    with pytest.raises(
+        StepError,
+        match=r"stopped at load factor 0\.\d+ \(.* mm\): no acceptable state at 0\.",
+    ) as e:
+        LoadStepper(ply, conditions, steps=4, max_halvings=1).run()
+    result = e.value.result
+    assert not result.converged
+    assert result.states[-1].load_factor >= 0.25
+    assert result.linear_solves > sum(s.linear_solves for s in result.states)
+    assert ply.area_ratio(result.u).min() > 0
+
+
+def test_a_value_that_goes_wrong_on_the_way_keeps_what_was_computed():
+    ply, conditions = pulled(
+        lambda X, t: 0.5 * t + (np.nan if t == 0.75 else 0.0) * X[0]
+    )
+    stepper = LoadStepper(ply, conditions, 2, method=ShortSteps())
+    with pytest.raises(StepError, match=r"not finite at load factor 0\.75") as error:
+        stepper.run()
+    assert error.value.result.states[-1].load_factor == 0.5
+
+
+@pytest.mark.parametrize("halvings", [0, 2])
+def test_a_run_that_fails_counts_the_steps_that_it_cut(halvings):
+    ply, conditions = pulled(lambda X, t: -1.5 * (t > 0) + 0 * X[0])
+    with pytest.raises(StepError) as error:
+        LoadStepper(ply, conditions, 1, max_halvings=halvings).run()
+    assert error.value.result.steps_cut == halvings
+
+
+def test_an_interrupted_run_keeps_its_states():
+    ply, conditions = pulled(0.5)
+
+    def interrupt(state):
+        if state.load_factor == 0.5:
+            raise KeyboardInterrupt
+
+    stepper = LoadStepper(ply, conditions, 4, on_step=interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        stepper.run()
+    assert load_factors(stepper.result) == [0.0, 0.25, 0.5]
+    assert not stepper.result.converged
+
+
+def interrupt_at(number):
+    """Interrupt the library at its call of that number, from now on."""
+    calls = count()
+
+    def interrupt(frame, event, argument):
+        of_library = frame.f_globals.get("__name__", "").startswith("skfem_textile")
+        if event == "call" and of_library and next(calls) == number:
+            sys.setprofile(None)
+            raise KeyboardInterrupt
+
+    sys.setprofile(interrupt)
+
+
+@pytest.mark.parametrize("number", range(0, 78, 7))
+def test_a_run_may_be_interrupted_wherever_it_begins(number):
+    ply, conditions = pulled(0.5)
+    stepper = LoadStepper(ply, conditions, 1)
+    interrupt_at(number)
+    with pytest.raises(KeyboardInterrupt):
+        stepper.run()
+    assert stepper.run().converged
+
+
+def test_a_function_that_fails_on_the_way_stops_the_run():
+    """At a load factor that only halving reaches."""
+
+    def value(X, t):
+        return np.full(X.shape[1], 1.5 * t if t in (0, 1) else {}["x\ny"])
+
+    mesh = MeshQuad().refined(1).with_defaults()
+    stepper = LoadStepper(
+        Ply(mesh, Fabric(1e4, 1.0), Full()),
+        {"clamp": Condition("bottom"), "c": Condition("top", value, (0, -1))},
+        steps=1,
+    )
+    with pytest.raises(StepError, match=r"'c': the value fails: KeyError 'x.ny'$"):
+        stepper.run()
+
+
+# Settings of a run that nobody can mean are refused before it begins
+
+
+@pytest.mark.parametrize(
+    "steps", [0, -3, 2.5, np.nan, np.inf, "3", None, 10**6 + 1, 10**23]
+)
+def test_steps_that_nobody_can_mean_are_refused(steps):
+    ply, conditions = pulled(0.5)
+    with pytest.raises(ValueError, match="steps must be at least 1"):
+        LoadStepper(ply, conditions, steps=steps)
+
+
+def test_before_a_run_there_is_no_result():
+    ply, conditions = pulled(0.5)
+    stepper = LoadStepper(ply, conditions)
+    assert stepper.states == ()
+    with pytest.raises(RuntimeError, match="has not been run"):
+        _ = stepper.result
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"method": "newtn"}, "unknown method 'newtn': choose of newton, plain"),
+        ({"method": Newton}, "neither a nonlinear solver nor its name"),
+        ({"method": Newton(most=0)}, "at least one iteration"),
+        ({"warn_only": ["stable"]}, "unknown check 'stable': choose of folding"),
+        ({"max_halvings": -1}, "max_halvings must be a whole number from 0"),
+        ({"solver": "umfpack"}, "unknown solver 'umfpack': choose of auto"),
+        ({"method": ["newton"]}, "neither a nonlinear solver nor its name"),
+        ({"method": None}, "None is neither a nonlinear solver nor its name"),
+        ({"warn_only": "work"}, "checks in warn_only must be given as a list"),
+        ({"warn_only": None}, "checks in warn_only must be given as a list"),
+        ({"warn_only": [[]]}, r"unknown check \[\]"),
+        ({"solver": ["auto"]}, "unknown solver"),
+        ({"max_halvings": 1.5}, "max_halvings must be a whole number from 0 to 30"),
+        ({"max_halvings": np.nan}, "max_halvings must be a whole number"),
+        ({"max_halvings": 10**6}, "max_halvings must be a whole number"),
+        ({"max_halvings": None}, "max_halvings must be a whole number"),
+        ({"on_step": 3}, "on_step must be a function, not 3"),
+        ({"on_iteration": "print"}, "on_iteration must be a function"),
+        ({"checkpoint": 3}, "checkpoint must be a folder, not 3"),
+        ({"checkpoint": "a\0b"}, "checkpoint 'a.x00b' is no path"),
+        ({"ply": None}, "ply must be a Ply, not NoneType"),
+    ],
+)
+def test_settings_of_another_kind_are_refused_before_the_run(setting, message):
+    mesh = MeshQuad().refined(1).with_defaults()
+    given = {"ply": Ply(mesh, Fabric(1e4, 1.0), Full())} | setting
+    with pytest.raises(ValueError, match=message):
+        LoadStepper(conditions={"clamp": Condition("bottom")}, **given)
+
+
+# A user's function that raises ends the run in one line, with the result so far
+
+
+class Failing(Term):
+    """No force, and an error beyond half of the load."""
+
+    name, role = "failing", "internal"
+
+    def energy(self, u, t, p):
+        return 0.0
+
+    def residual(self, u, t, p):
+        if 0.5 < t < 1.0:  # the ply evaluates it at 1
+            raise KeyError("table\nof temperatures")
+        return 0.0 * u
+
+    def tangent(self, u, t, p):
+        return None
+
+
+class FailingLaw(Linear):
+    """A shear law that raises once it is made to."""
+
+    failing = False
+
+    def value(self, x):
+        if FailingLaw.failing:
+            raise ZeroDivisionError
+        return super().value(x)
+
+
+def late(X, t):
+    if t > 0.5:
+        raise OSError("no such file")
+    return np.stack([0.3 * t + 0 * X[0], 0 * X[0]])
+
+
+def test_a_term_that_raises_ends_the_run_with_the_states_before():
+    ply, conditions = pulled(0.3)
+    stepper = LoadStepper(ply.with_terms(Failing()), conditions, 4)
+    words = r"at load factor 0.5.*KeyError: 'table\\nof temperatures' \(residual, line"
+    with pytest.raises(StepError, match=words) as caught:
+        stepper.run()
+    assert load_factors(caught.value.result)[-1] == 0.5
+    assert "\n" not in str(caught.value)
+
+
+def test_a_term_that_raises_is_no_damage_of_a_checkpoint(tmp_path, monkeypatch):
+    ply, conditions = pulled(0.3)
+    ply = ply.with_terms(Failing())
+    monkeypatch.setattr(Failing, "residual", lambda self, u, t, p: 0.0 * u)
+    LoadStepper(ply, conditions, 4, checkpoint=tmp_path).run()
+
+    def energy(self, u, t, p):
+        return {}["missing"] if t == 0.25 else 0.0
+
+    monkeypatch.setattr(Failing, "energy", energy)
+    with pytest.raises(UserError, match="KeyError: 'missing' \\(energy, line"):
+        LoadStepper(ply, conditions, 4, checkpoint=tmp_path).run(resume=True)
+
+
+def test_a_law_that_raises_ends_the_run_with_the_states_before(monkeypatch):
+    mesh = MeshQuad().refined(2).with_defaults()
+    ply = Ply(mesh, Fabric(10.0, FailingLaw(1.0)), Full())
+
+    def fail(state):
+        monkeypatch.setattr(FailingLaw, "failing", state.load_factor >= 0.5)
+
+    conditions = CLAMP | {"pull": Condition("top", (0.4, 0.0))}
+    stepper = LoadStepper(ply, conditions, 4, on_step=fail)
+    words = r"at load factor 0.5.*: ZeroDivisionError \(value, line"
+    with pytest.raises(StepError, match=words):
+        stepper.run()
+    assert stepper.states[-1].load_factor == 0.5
+
+
+def test_a_callback_that_raises_ends_the_run_with_the_state_it_received():
+    def stop(state):
+        if state.load_factor >= 0.5:
+            raise LookupError("seen enough")
+
+    stepper = LoadStepper(*pulled(0.3), 4, on_step=stop)
+    with pytest.raises(StepError, match="LookupError: seen enough \\(stop, line"):
+        stepper.run()
+    assert stepper.states[-1].load_factor == 0.5
+
+
+def test_a_condition_that_raises_late_ends_the_run_with_the_states_before():
+    ply, _ = pulled(0.3)
+    conditions = CLAMP | {"pull": Condition("top", (0.3, 0.0))}
+    stepper = LoadStepper(ply, conditions, 4)
+    raised = stepper.problem.constraints.fixed_values
+
+    def fixed_values(t):
+        if t > 0.5:
+            late(np.zeros((2, 1)), t)
+        return raised(t)
+
+    stepper.problem.constraints.fixed_values = fixed_values
+    with pytest.raises(StepError, match="OSError: no such file \\(late, line"):
+        stepper.run()
+    assert stepper.states[-1].load_factor == 0.5
+
+
+def test_a_callback_cannot_change_a_state():
+    def spoil(state):
+        state.u.fill(0)
+
+    stepper = LoadStepper(*pulled(0.3), 2, on_step=spoil)
+    with pytest.raises(StepError, match=r"ValueError: .*read-only"):
+        stepper.run()
+    assert np.abs(stepper.result.u).max() > 0.1
