@@ -413,7 +413,7 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
         kinds = {6: "COORD3D, COORD3D", 1: "ANGLE"}
         raise MeshError(f"its *DISTRIBUTION TABLE must be there, with {kinds[width]}")
     by_element: list[tuple[bytes, list[bytes]]] = []
-    values = np.full((width, len(numbers)), np.nan)
+    values, with_default = np.full((width, len(numbers)), np.nan), False
     for words in block.data:
         row = words[:-1] if len(words) > width + 1 and words[-1] == b"" else words
         if len(row) != width + 1:
@@ -424,6 +424,9 @@ def _values(deck: _Deck, block: Block, width: int) -> ndarray:
             continue
         own = from_words(row[1:], "f8")[:, None]
         if row[0] == b"":
+            if with_default:
+                raise MeshError("it has two lines without an element")
+            with_default = True
             values[:] = np.where(np.isnan(values), own, values)
         else:
             chosen = deck.members(row[0].decode(errors="replace").upper())

@@ -245,7 +245,7 @@ def test_a_fabric_of_a_file_is_draped(tmp_path):
         (lambda: hemisphere(width=0.0), "hemisphere: the width must be positive"),
         (lambda: saddle(height=np.nan), "saddle: the height must be positive"),
         (lambda: saddle(radius=-1.0), "saddle: the radius must be positive"),
-        (lambda: cylinder(radius=0.0), "radius must be a positive number"),
+        (lambda: cylinder(radius=0.0), "radius must be a positive length"),
         (lambda: double_dome(tension=-1.0), "edge tension must be 0 or positive"),
         (lambda: cylinder(fibres=np.inf), "fibres must have a finite angle"),
         (lambda: cylinder(fibres=0.3, part="quarter"), "take the whole ply"),

@@ -144,7 +144,7 @@ def test_normals_and_curvatures_of_triangles_are_continuous():
 def test_bad_surfaces_are_refused(tmp_path):
     p, t = sphere(30)
     for build, message in (
-        (lambda: drape.Sphere(-1.0), "radius must be a positive number"),
+        (lambda: drape.Sphere(-1.0), "radius must be a positive length"),
         (lambda: drape.Plane(normal=(0, 0, 0)), "normal must not be zero"),
         (lambda: drape.Cylinder(1.0, (0, 0)), "must be three finite numbers"),
         (lambda: drape.Cone(2.0), "between 0 and"),

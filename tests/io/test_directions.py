@@ -116,6 +116,8 @@ LAST, 20.
     assert np.allclose(of_deck(tmp_path, text).angles_deg()[1], [10, 20])
     text = text.replace("LAST, 20.", "11, 30.")
     assert np.allclose(of_deck(tmp_path, text).angles_deg()[1], [30, 10])
+    with pytest.raises(MeshError, match="two lines without an element"):
+        of_deck(tmp_path, text.replace("11, 30.", ", 30."))
 
 
 def test_each_section_has_its_own_orientation_and_yarns_need_not_be_square(tmp_path):

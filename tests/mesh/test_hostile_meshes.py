@@ -10,8 +10,6 @@ import meshio
 import numpy as np
 from hypothesis import strategies as st
 from skfem import MeshQuad, MeshTri
-from tests.helpers.independent.elements import polygon
-from tests.helpers.independent.kinematics import shear_angle, strain
 
 from skfem_textile import Fabric, Full, Macro, OnePoint, Ply, Quadratic
 from skfem_textile.io import read_mesh
@@ -38,6 +36,7 @@ from tests.helpers.hostile.sheets import (
     shifted,
     together,
 )
+from tests.helpers.independent import polygon, shear_angle, strain
 
 E, G, C_S = 50.0, 2.0, 4.0
 

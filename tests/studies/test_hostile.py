@@ -8,7 +8,8 @@ from argparse import Namespace
 from pathlib import Path
 
 import pytest
-from tests.helpers.processes import is_alive, wait_until
+
+from tests.helpers.sweep_cases import is_alive, wait_until
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="it forks")
 

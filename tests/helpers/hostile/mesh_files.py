@@ -36,7 +36,7 @@ def sound_mesh(rng, one_kind=False):
     x, y = np.meshgrid(np.arange(n + 1.0), np.arange(m + 1.0), indexing="ij")
     p = np.stack([x.ravel(), y.ravel()], axis=1)
     p += rng.uniform(-0.2, 0.2, p.shape) * rng.integers(0, 2)
-    angle, size = rng.uniform(0, 6) * rng.integers(0, 2), 10 ** rng.uniform(-3, 3)
+    angle, size = rng.uniform(0, 6) * rng.integers(0, 2), 10 ** rng.uniform(0, 3)
     c, s = np.cos(angle), np.sin(angle)
     p = (p @ np.array([[c, s], [-s, c]]) + rng.integers(-5, 5, 2)) * size
     number = np.arange((n + 1) * (m + 1)).reshape(n + 1, m + 1)

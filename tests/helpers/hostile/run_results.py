@@ -8,7 +8,6 @@ from pathlib import Path
 import meshio
 import numpy as np
 from skfem import MeshTri
-from tests.helpers.independent.elements import polygon
 
 from skfem_textile.scenes.rectangle import rectangle
 from tests.helpers import independent as plain
@@ -19,6 +18,7 @@ from tests.helpers.hostile import (
     demand_near,
 )
 from tests.helpers.hostile.options import MESHES, SIDES
+from tests.helpers.independent import polygon
 
 # By how much a number may be off, as a share of the largest of its kind.
 _TOLERANCE = 1e-7
