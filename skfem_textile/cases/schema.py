@@ -196,7 +196,9 @@ class Locking(Law, tag="locking"):
     """M_s = G gamma / (1 - (gamma/a)^2)"""
 
     stiffness_N_per_mm: Stiffness
-    locking_angle_deg: Annotated[Degrees, about("angle a, where the law has a pole")]
+    locking_angle_deg: Annotated[
+        float, Meta(gt=0, le=90), about("angle a, where the law has a pole")
+    ]
 
     def build(self, of: "Resistance") -> Any:
         """See `Law.build`."""

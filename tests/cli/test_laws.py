@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from skfem_textile.cli import main as cli
 from tests.helpers.command_line import refused, run
 
 # Without a shear stiffness, which does not go with every law of shear.
@@ -198,7 +199,7 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
                 *("--shear-law", "locking", "--shear-stiffness", "1"),
                 *("--set", "shear.locking_angle_deg=120"),
             ),
-            "locking angle has 120°, but shear angles end at a right angle",
+            "shear.locking_angle_deg must be float <= 90.0",
         ),
         (("--tension-law", "crimp-toe"), "tension.toe is missing"),
         (
@@ -236,3 +237,13 @@ def test_a_file_that_is_no_table_of_the_law_is_refused(tmp_path, capsys):
     assert (
         "tension.stiffness_N_per_mm goes with tension.law linear or crimp-toe" in said
     )
+
+
+def test_an_exact_angle_beyond_a_pole_is_no_exact_answer(tmp_path):
+    """Fibres stretch before they reach the pole; 40 degrees are not reached."""
+    line = ["run", "bias_extension", "--size", "4x8", "--steps", "4", "--no-render"]
+    law = ["--shear-law", "locking", "--set", "shear.locking_angle_deg=35"]
+    assert cli.main([*line, *law, "--out", str(tmp_path)]) == 0
+    found = json.loads((tmp_path / "summary.json").read_text())
+    assert found["exact_answer"].startswith("none: without fibre stretch")
+    assert "load_over_exact" not in found
