@@ -100,7 +100,8 @@ def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     Parameters
     ----------
     arguments
-        What is to be parsed: the name of a case file may stand for a scene.
+        What is to be parsed: the name of a case file may stand for a scene.  Only
+        scenes that it names have their options; all have them if it is empty.
     """
     whole = _Parser(
         prog="skfem-textile",
@@ -115,7 +116,8 @@ def command_parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     )
     scenes = run.add_subparsers(dest="scene", required=True)
     for name, scene in SCENES.items():
-        _add_scene(scenes, name, summary_of(scene), scene)
+        named = not arguments or name in arguments  # the options of others take time
+        _add_scene(scenes, name, summary_of(scene), scene if named else None)
     files = [word for word in arguments[1:2] if is_case_file(word)]
     _add_scene(scenes, _CASE_FILE, "a case in a file", None, aliases=files)
     _add_fits(commands)
