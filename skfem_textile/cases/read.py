@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
-from types import UnionType
+from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -21,6 +21,9 @@ from .table import FILE, named, tag_of
 
 # Larger files are none that a person writes, and take long to read.
 _MOST_BYTES = 1_000_000
+
+# What a case file can hold.
+_HELD = (Mapping, list, tuple, str, int, float, datetime.date, datetime.time, NoneType)
 
 # Laws that stand for the ending of the name of a file.
 _OF_FILES = {".csv": "FILE.csv", ".json": "FILE.json"}
@@ -80,6 +83,8 @@ def declared(
         names the key.
     """
     try:
+        if not isinstance(tables, Mapping):
+            raise ValueError(f"a case is a table of tables, not {_shown(tables)}")
         _refuse_values("", tables)
         scene = _scene_of(tables)
         regions = tables.get("regions", {})
@@ -97,6 +102,8 @@ def declared(
                 for name, region in regions.items()
             },
         )
+    except RecursionError:
+        raise CaseFileError("tables are nested too deeply") from None
     except ValueError as error:
         raise CaseFileError(str(error)) from None
     return with_files(found, lambda path, name: str(Path(folder) / name))
@@ -126,17 +133,19 @@ def with_files(table: Any, place: Callable[[str, str], str], where: str = "") ->
                 region: with_files(own, place, f"region_{number}")
                 for number, (region, own) in enumerate(value.items(), 1)
             }
-        elif FILE in get_args(hints[name]) and value not in (None, *MESH_KINDS):
+        elif FILE in get_args(hints[name]) and value is not None:
+            if name == "source" and value in MESH_KINDS:
+                continue
             changed[name] = place(path, value)
     return msgspec.structs.replace(table, **changed)
 
 
 def _refuse_values(where: str, value: Any) -> None:
-    """Refuse functions, which only Python can hold, and numbers that are not finite."""
-    if callable(value):
+    """Refuse what only Python can hold, and numbers that are not finite."""
+    if not isinstance(value, _HELD):
+        kind = "function" if callable(value) else type(value).__name__
         raise ValueError(
-            f"{where} is a function, which a case file cannot hold: make a Case in "
-            "Python"
+            f"{where} is a {kind}, which a case file cannot hold: make a Case in Python"
         )
     if isinstance(value, float) and not math.isfinite(value):
         raise ValueError(f"{where} must be a finite number, got {value}")
@@ -174,10 +183,8 @@ def _with_defaults(tables: Mapping[str, Any], scene: type[Scene]) -> dict[str, A
                     "leave one of them out"
                 )
     of_mesh = {"size": scene.size, "jitter": scene.jitter, "seed": 1}
-    bending = dict.fromkeys(("warp_N_mm", "weft_N_mm"), scene.bending)
     for name, defaults in (
         ("mesh", of_mesh if _is_made(found["mesh"]) else {}),
-        ("bending", bending),
         ("formulation", {"name": "macro"}),
         ("stepping", {"steps": scene.steps}),
     ):
@@ -191,9 +198,15 @@ def _is_made(mesh: Any) -> bool:
 
 
 def _laws_nested(tables: Any, scene: type[Scene]) -> Any:
-    """Tables with the keys of each law apart from those beside it."""
+    """Tables with the keys of each law apart from those beside it.
+
+    Stiffnesses that are missing in a table are those of the scene.
+    """
     if not isinstance(tables, dict):
         return tables
+    if isinstance(tables.get("bending"), dict):
+        bending = dict.fromkeys(("warp_N_mm", "weft_N_mm"), scene.bending)
+        tables = {**tables, "bending": {**bending, **tables["bending"]}}
     nested: dict[str, tuple[type[Struct], float]] = {
         "tension": (Tension, scene.fibre_stiffness),
         "shear": (Shear, scene.shear_stiffness),
@@ -207,6 +220,10 @@ def _laws_nested(tables: Any, scene: type[Scene]) -> Any:
 def _law_nested(table: Any, kind: type[Struct], stiffness: float) -> Any:
     if not isinstance(table, dict):
         return table
+    if "file" in table:
+        raise ValueError(
+            "a law of a file is named by it: law = 'FILE.csv', without file"
+        )
     beside = {key: v for key, v in table.items() if key in _beside(kind)}
     for part, own in (("in_compression", InCompression), ("weft", Weft)):
         if part in beside:
@@ -239,7 +256,8 @@ def _converted(where: str, given: Any, kind: type[Any]) -> Any:
 
 def _worded(where: str, message: str, given: Any, kind: type[Any]) -> str:
     """A message of msgspec in the words of the file, the path first."""
-    said, _, place = message.partition(" - at ")
+    said, at, place = message.rpartition(" - at ")
+    said, place = (said, place) if at else (message, "")
     keys = re.findall(r"\.(\w+)", place)
     table, beside = _followed(keys, given, kind)
     # The key of a law is written in the table that has the law.

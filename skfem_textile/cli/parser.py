@@ -59,6 +59,9 @@ _OPTIONS_ON_TOOL = {
     "trim": ("output.trim", "a CSV file of the curve that trims the flat pattern"),
 }
 
+# More keys than a path of a case has.
+_MOST_KEYS = 9
+
 # Keys that are the name of a mesh or of a law, or that of a file.
 _NAME_OR_FILE = ("mesh.source", "tension.law", "shear.law")
 
@@ -276,7 +279,7 @@ def tables_of_options(
     """
     found = {name: _copied(own) for name, own in tables.items()}
     settings = [(path, _joined(v)) for path, v in vars(options).items() if "." in path]
-    for path, value in [*settings, *getattr(options, "set", ())]:
+    for path, value in [*settings, *_once(getattr(options, "set", ()))]:
         *around, key = path.split(".")
         table: Any = found
         for name in around:
@@ -285,6 +288,17 @@ def tables_of_options(
                 raise ValueError(f"--set {path}: {name} is a value, not a table")
         table[key] = value
     return found
+
+
+def _once(settings: Sequence[tuple[str, Any]]) -> Sequence[tuple[str, Any]]:
+    """Settings of which none is given twice, nor names another scene."""
+    paths = [path for path, _ in settings]
+    for path in paths:
+        if paths.count(path) > 1:
+            raise ValueError(f"--set {printable(path)} is given twice")
+    if "scene.name" in paths:
+        raise ValueError("--set scene.name: name the scene after `run`")
+    return settings
 
 
 def _joined(value: Any) -> Any:
@@ -308,7 +322,8 @@ def _copied(value: Any) -> Any:
 def _setting(word: str) -> tuple[str, Any]:
     """The path and the value of ``path.to.key=value``, the value as in a case file."""
     path, equals, value = word.partition("=")
-    if not equals or "." not in path or not all(path.split(".")):
+    keys = path.split(".")
+    if not equals or not 1 < len(keys) < _MOST_KEYS or not all(keys):
         raise ArgumentTypeError(f"{word!r} is not like stepping.steps=5")
     return path, _value(value)
 
@@ -324,11 +339,15 @@ def _pair(word: str) -> tuple[str, Any]:
 
 def _value(word: str) -> Any:
     """A value as TOML has it, numbers with commas as an array, or else the word."""
+    if re.fullmatch(r"[-+]?(\d+|(\d+\.\d*|\.\d+)([eE][-+]?\d+)?)", word):
+        return int(word) if word.lstrip("+-").isdigit() else float(word)
     for text in (word, f"[{word}]"):
         try:
-            return tomllib.loads(f"x = {text}")["x"]
+            found = tomllib.loads(f"x = {text}")
         except (ValueError, RecursionError):
             continue
+        if [*found] == ["x"]:
+            return found["x"]
     return word
 
 

@@ -57,6 +57,12 @@ def test_an_unknown_scene_is_refused(tmp_path, capsys):
         (("--set", "steps=4"), "'steps=4' is not like stepping.steps=5"),
         (("--set", "scene.name.x=4"), "name is a value, not a table"),
         (("--set", "mesh.size=3"), "mesh.size must be array, got int"),
+        (("--set", "scene.name=trellis"), "name the scene after `run`"),
+        (("--set", "mesh.seed=2", "mesh.seed=3"), "mesh.seed is given twice"),
+        (("--set", "stepping.steps=2\nfoo=9"), "stepping.steps must be int"),
+        (("--set", f"scene.{'a.' * 1500}b=1"), "is not like stepping.steps=5"),
+        (("--set", "formulation.name=x - at $.y"), "is 'x - at $.y', which is none"),
+        (("--set", "tension.file=a.csv"), "a law of a file is named by it"),
     ],
 )
 def test_bad_input_is_refused_before_anything_is_written(
@@ -66,6 +72,14 @@ def test_bad_input_is_refused_before_anything_is_written(
     error = refused(capsys, "run", "strip", "--out", out, "--no-render", *arguments)
     assert message in error
     assert list(tmp_path.iterdir()) == []
+
+
+def test_numbers_are_written_as_in_any_program(tmp_path):
+    said = ("--force", "top=.5,1.", "--set", "scene.rotate_deg=.5", "mesh.seed=02")
+    assert cli.main(["run", "strip", *QUICK, *said, "--out", str(tmp_path)]) == 0
+    inputs = json.loads((tmp_path / "summary.json").read_text())["inputs"]
+    assert inputs["loads"]["force_N"] == {"top": [0.5, 1.0]}
+    assert (inputs["scene"]["rotate_deg"], inputs["mesh"]["seed"]) == (0.5, 2)
 
 
 def test_numbers_that_make_no_sense_are_refused(capsys, tmp_path):
