@@ -18,7 +18,13 @@ from skfem_textile import (
     Tabulated,
     TensionOnly,
 )
-from skfem_textile.cases import CaseFileError, case_from_file, case_from_tables
+from skfem_textile.cases import (
+    CaseFileError,
+    case_from_file,
+    case_from_tables,
+    declared,
+)
+from skfem_textile.cases.schema import Bending
 from skfem_textile.cli import main as cli
 from skfem_textile.fabric.directions import FibreDirections, directions_of
 from skfem_textile.fabric.files import write_law
@@ -437,3 +443,30 @@ def test_directions_and_fabric_are_of_files_beside_the_case(tmp_path):
         "thickness_mm": 0.2,
         "units": "N mm",
     }
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        (None, "a case is a table of tables, not None"),
+        ({"scene": {"name": "strip"}, "loads": np.zeros(3)}, "loads is a ndarray"),
+        ({"scene": {"name": "strip"}, "mesh": {"size": {2, 3}}}, "size is a set"),
+    ],
+)
+def test_what_no_file_can_hold_is_refused(tables, message):
+    with pytest.raises(CaseFileError, match=message):
+        case_from_tables(tables)
+
+
+def test_tables_within_themselves_are_refused():
+    tables = {"scene": {"name": "strip"}}
+    tables["scene"]["again"] = tables
+    with pytest.raises(CaseFileError, match="nested too deeply"):
+        case_from_tables(tables)
+
+
+def test_a_table_of_bending_in_a_region_has_the_stiffnesses_of_the_scene():
+    region = {"A": {"bending": {"twist_N_mm": 0.5}}}
+    file = declared({"scene": {"name": "cantilever"}, "regions": region})
+    expected = Bending(warp_N_mm=6.0, weft_N_mm=6.0, twist_N_mm=0.5)
+    assert file.regions["A"].bending == expected

@@ -172,12 +172,14 @@ class Defect(NamedTuple):
     """A defect of a mesh.
 
     ``sound`` is True if the mesh must be accepted, None if it may be; ``cells`` are
-    "quads" if the defect needs quadrilaterals, "any" if triangles have it too.
+    "quads" if the defect needs quadrilaterals, "any" if triangles have it too;
+    ``metres`` is True if a file of it is refused as one in metres.
     """
 
     make: Callable
     sound: bool | None = False
     cells: str = "any"
+    metres: bool = False
 
 
 CUT = partial(opened, sheet(), 1.0, 3.0)
@@ -246,7 +248,7 @@ DEFECTS = {
     "node 2^30": Defect(with_number(2**30)),
     "no nodes": Defect(lambda rng: Sheet(np.zeros((2, 0)), np.zeros((4, 0), int))),
     "no cells": Defect(partial(with_cells, make=lambda t, rng: t[:, :0])),
-    "in units of 1e-9": Defect(scaled(1e-9, 1e-9), True),
+    "in units of 1e-9": Defect(scaled(1e-9, 1e-9), True, metres=True),
     "in units of 1e9": Defect(scaled(1e9, 1e9), True),
     "in units of 1e-200": Defect(scaled(1e-200, 1e-200), None),
     "in units of 1e90": Defect(scaled(1e90, 1e90), None),
@@ -308,6 +310,8 @@ WAYS = {
 def attempt(hostile):
     name, way, seed = hostile
     rng, sound = np.random.default_rng(seed), DEFECTS[name].sound
+    if DEFECTS[name].metres and "file" in way:
+        sound = False
     given = defective(name, rng)
     angles = rng.uniform(0, np.pi) + np.array([0.0, rng.uniform(1, 2)])
     A = np.array([np.cos(angles), np.sin(angles)])
