@@ -57,7 +57,7 @@ def case_from_file(path: str | os.PathLike[str]) -> Case:
     Raises
     ------
     CaseFileError
-        If it is no such file; one line says what is wrong with which key.
+        If it describes no case; the message names the key.
     OSError
         If it cannot be read.
     """
@@ -249,7 +249,7 @@ def _with_directions(
 
     if any(isinstance(one, OnSurface) for one in scene.conditions.values()):
         raise ValueError(
-            f"mesh.directions: the fibres of the scene {scene.name} are those of "
+            f"mesh.directions: the fibres of the scene {scene.name} are given by "
             "scene.fibres_deg"
         )
     given = read_directions(file)
@@ -263,7 +263,7 @@ def _with_directions(
 
 
 def _has_other_directions(stated: Fabric, scene: "Scene", taken: Fabric) -> bool:
-    """Whether a file states directions that are not those of a run."""
+    """Whether a file states other directions than the run has."""
     if stated.warp is Fabric.warp and stated.weft is Fabric.weft:
         return False  # a deck without orientations states none
     try:
@@ -294,7 +294,7 @@ def _warn_of_other_directions(file: CaseFile) -> None:
 
 
 def _with_regions(scene: "Scene", fabric: Fabric, file: CaseFile) -> Fabric:
-    """The fabrics of the regions, and that of the ply elsewhere."""
+    """A fabric of the regions, and of the whole ply elsewhere."""
     mesh, fabrics = scene.mesh, {}
     for name, own in file.regions.items():
         fibres = [

@@ -25,6 +25,19 @@ _MOST_BYTES = 1_000_000
 # What a case file can hold.
 _HELD = (Mapping, list, tuple, str, int, float, datetime.date, datetime.time, NoneType)
 
+# Types of msgspec in the words of a user.
+_KINDS = {
+    "object": "a table",
+    "array": "an array",
+    "float": "a number",
+    "int": "an integer",
+    "str": "text",
+    "bool": "true or false",
+    "date": "a date",
+    "datetime": "a date",
+    "time": "a time",
+}
+
 # Laws that stand for the ending of the name of a file.
 _OF_FILES = {".csv": "FILE.csv", ".json": "FILE.json"}
 
@@ -47,7 +60,7 @@ def read_tables(path: Path) -> dict[str, Any]:
         data = file.read(_MOST_BYTES + 1)
     try:
         if len(data) > _MOST_BYTES:
-            raise ValueError(f"more than {_MOST_BYTES} bytes are no case")
+            raise ValueError(f"a case file has at most {_MOST_BYTES} bytes")
         return _toml(data)
     except ValueError as error:
         raise CaseFileError(f"{printable(path)}: {error}") from None
@@ -200,7 +213,7 @@ def _is_made(mesh: Any) -> bool:
 def _laws_nested(tables: Any, scene: type[Scene]) -> Any:
     """Tables with the keys of each law apart from those beside it.
 
-    Stiffnesses that are missing in a table are those of the scene.
+    A stiffness that is missing in a table has the default of the scene.
     """
     if not isinstance(tables, dict):
         return tables
@@ -274,9 +287,9 @@ def _worded(where: str, message: str, given: Any, kind: type[Any]) -> str:
             f"{path} is {excerpt(word)}, which is none of {', '.join(known)}"
             f"{_nearest(word.strip(chr(39)), known)}"
         )
-    said = said.replace("`", "").replace(" | null", "").replace("Expected", "must be")
-    said = said.replace("object", "a table")
-    return printable(f"{path} {said}".strip())
+    said = said.replace(" | null", "").replace("Expected", "must be")
+    said = re.sub(r"`(\w+)", lambda kind: _KINDS.get(kind[1], kind[1]), said)
+    return printable(f"{path} {said.replace('`', '')}".strip())
 
 
 def _followed(keys: list[str], given: Any, kind: Any) -> tuple[Any, list[Any]]:
@@ -327,7 +340,7 @@ def _unknown(path: str, key: str, table: type[Struct], beside: list[Any]) -> str
     tables = dict.fromkeys([table, *around])
     known = [
         *([tag] if tag else []),
-        *(f for one in tables for f in one.__struct_fields__),
+        *(f for one in tables for f in one.__struct_fields__ if f != "file" or not tag),
     ]
     known = [*dict.fromkeys(known)]
     near = _nearest(key, known) or f" (it has: {', '.join(known)})"

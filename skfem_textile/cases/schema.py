@@ -22,6 +22,9 @@ MeshKind: TypeAlias = Literal[
     "aligned", "irregular", "horizontal", "vertical", "delaunay"
 ]
 
+#: A number of elements that a mesh to make may have along one side.
+Count: TypeAlias = Annotated[int, Meta(le=1_000_000)]
+
 #: Kinds of meshes that a scene makes itself.
 MESH_KINDS: tuple[str, ...] = get_args(MeshKind)
 
@@ -35,7 +38,7 @@ class Mesh(Table):
         FILE,
     ] = "irregular"
     size: Annotated[
-        tuple[int, int] | None,
+        tuple[Count, Count] | None,
         about("elements along x and y of a mesh to make, before they are split"),
     ] = None
     jitter: Annotated[
@@ -133,7 +136,7 @@ class LawOfFile(Law, tag="FILE.json"):
         law = read_law(self.file)
         biaxial = isinstance(law, BiaxialLaw)
         if getattr(law, "of", None) not in (None, of) or (of == "shear" and biaxial):
-            raise ValueError(f"{type(law).__name__} is no law of {of}")
+            raise ValueError(f"{type(law).__name__} is not a law of {of}")
         return law
 
 
@@ -237,7 +240,7 @@ class InCompression(Table):
 
 
 class Weft(Table):
-    """The law of the weft, where it is not that of the warp."""
+    """The law of the weft, where it differs from the law of the warp."""
 
     law: TensionLaw
     compression: Annotated[
@@ -460,7 +463,7 @@ class Output(Table):
     pictures: Annotated[bool, about("draw pictures")] = True
     test_curve: Annotated[
         str | None,
-        about("CSV file with the curve of a test, drawn beside that of the run"),
+        about("CSV file with the curve of a test, drawn beside the curve of the run"),
         FILE,
     ] = None
     part_mesh: Annotated[

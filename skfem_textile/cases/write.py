@@ -152,7 +152,7 @@ def refuse_foreign_case(folder: Path) -> None:
 
 
 def _keys(table: Struct) -> Iterator[_Key]:
-    """The keys of a table as a file has them: its name first, a law's keys in place."""
+    """The keys of a table as they are written: its name first, a law's keys inline."""
     hints = get_type_hints(type(table), include_extras=True)
     config = table.__struct_config__
     if config.tag_field and config.tag and "file" not in table.__struct_fields__:
@@ -230,7 +230,7 @@ def _line(key: str, value: Any) -> str:
     if isinstance(value, tuple | list):  # on one line
         inner = ", ".join(_line("x", one).partition(" = ")[2] for one in value)
         return f"{_toml_key(key)} = [{inner}]"
-    import tomli_w  # not needed but for a case file
+    import tomli_w  # only a case file needs it
 
     return tomli_w.dumps({key: value}).rstrip("\n")
 

@@ -37,7 +37,7 @@ _SUFFIX = ".toml"
 
 _CASE_FILE = f"CASE{_SUFFIX}"
 
-# Keys that have an option of their own, beside those of the scene.
+# Options of the usual keys, beside the keys of the scene.
 _OPTIONS = {
     "mesh": ("mesh.source", "a file, or a kind of mesh to make"),
     "size": ("mesh.size", "elements along x and y of a mesh to make, such as 8x16"),
@@ -62,7 +62,7 @@ _OPTIONS_ON_TOOL = {
 # More keys than a path of a case has.
 _MOST_KEYS = 9
 
-# Keys that are the name of a mesh or of a law, or that of a file.
+# Keys whose value is the name of a mesh, of a law or of a file.
 _NAME_OR_FILE = ("mesh.source", "tension.law", "shear.law")
 
 # The option of a key of a scene that is not its name without the unit.
@@ -230,7 +230,8 @@ def _add_key(parser: Any, flag: str, path: str, hint: Any, about: str) -> None:
         given["choices"] = get_args(kind)
     elif get_origin(kind) is tuple:
         first, *others = get_args(kind)
-        given |= {"nargs": "+" if ... in others else len(others) + 1}
+        several = {"nargs": "+", "action": "extend"}
+        given |= several if ... in others else {"nargs": len(others) + 1}
         given |= {"choices": get_args(first)} if get_args(first) else {"type": first}
         given["metavar"] = flag.upper()
     elif get_origin(kind) is dict:
@@ -275,7 +276,7 @@ def tables_of_options(
     Raises
     ------
     ValueError
-        If a path leads through a key that is no table, or a name is given twice.
+        If a path leads through a key that is not a table, or a name is given twice.
     """
     found = {name: _copied(own) for name, own in tables.items()}
     settings = [(path, _joined(v)) for path, v in vars(options).items() if "." in path]

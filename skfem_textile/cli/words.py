@@ -12,7 +12,7 @@ def degrees(word: str) -> float:
     except ValueError:
         angle = float("nan")
     if not abs(angle) <= MOST_DEGREES:
-        raise ArgumentTypeError(f"{word!r} is no angle of at most a hundred turns")
+        raise ArgumentTypeError(f"{word!r} is not an angle of at most a hundred turns")
     return angle
 
 

@@ -79,7 +79,7 @@ def test_sides_may_be_free_or_on_inclined_rollers(tmp_path, options, rollers):
 
 
 def test_several_sides_may_be_free(tmp_path):
-    free = ("--free", "top", "left")
+    free = ("--free", "top", "--free", "left")
     out = tmp_path / "out"
     size = ("--size", "3x3", "--steps", "1", "--no-render")
     assert cli.main(["run", "trellis", "--out", str(out), *size, *free]) == 0
@@ -118,7 +118,11 @@ def test_a_run_takes_half_of_a_bias_extension_and_its_fibres(tmp_path):
     [
         ("trellis", ("--free", "lid"), "argument --free: invalid choice: 'lid'"),
         ("trellis", ("--roller", "left"), "'left' is not like top=0,40"),
-        ("trellis", ("--roller", "left=up"), "scene.roller_deg must be float, got str"),
+        (
+            "trellis",
+            ("--roller", "left=up"),
+            "roller_deg must be a number, got text",
+        ),
         (
             "trellis",
             ("--roller", "lid=3"),

@@ -207,7 +207,7 @@ def test_show_takes_angles_for_a_mesh_without_directions(tmp_path):
         (("none.vtu",), "no such file"),
         (("ply.vtu", "--warp", "0"), "go together"),
         (("ply.vtu", "--warp", "0", "--weft", "180"), "parallel"),
-        (("ply.vtu", "--warp", "east", "--weft", "90"), "'east' is no angle"),
+        (("ply.vtu", "--warp", "east", "--weft", "90"), "'east' is not an angle"),
         (("ply.vtu", "--warp", "0", "--weft", "90", "--directions", "x"), "leave one"),
         (("ply.vtu", "--directions", "other.csv"), "other.csv: 1 directions for 32"),
     ],

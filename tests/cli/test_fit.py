@@ -168,7 +168,7 @@ def test_a_law_of_tension_is_no_law_of_shear(tmp_path, capsys):
     )
     file = str(tmp_path / "law.json")
     command = "run", "strip", "--out", str(tmp_path / "o"), "--shear-law", file
-    assert "CrimpToe is no law of shear" in refused(capsys, *command)
+    assert "CrimpToe is not a law of shear" in refused(capsys, *command)
 
 
 def test_the_help_names_every_law():

@@ -199,7 +199,7 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
                 *("--shear-law", "locking", "--shear-stiffness", "1"),
                 *("--set", "shear.locking_angle_deg=120"),
             ),
-            "shear.locking_angle_deg must be float <= 90.0",
+            "shear.locking_angle_deg must be a number <= 90.0",
         ),
         (("--tension-law", "crimp-toe"), "tension.toe is missing"),
         (
@@ -208,7 +208,7 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
         ),
         (
             ("--shear-law", "polynomial", "--set", "shear.coefficients_N_per_mm=1,a"),
-            "shear.coefficients_N_per_mm must be array, got str",
+            "shear.coefficients_N_per_mm must be an array, got text",
         ),
         (
             ("--shear-law", "sin2", "--set", "shear.locking_angle_deg=60"),

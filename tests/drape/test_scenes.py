@@ -167,7 +167,7 @@ def test_the_wrinkling_angle_of_a_case_is_in_the_summary(tmp_path, capsys):
     assert 0 < shares["90"] < shares["15"] < 1
     out = str(tmp_path / "91")
     assert cli.main([*line, "--set", f"{angle}=91", "--out", out]) != 0
-    assert f"{angle} must be float <= 90" in capsys.readouterr().err
+    assert f"{angle} must be a number <= 90" in capsys.readouterr().err
 
 
 def test_tension_on_the_edges_is_that_of_the_fibres():
@@ -302,7 +302,7 @@ def test_directions_of_a_file_do_not_replace_those_of_a_tool(tmp_path, capsys):
     line = "run", "hemisphere", "--size", "4x4", "--directions", str(file)
     assert cli.main([*line, "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
-    assert "those of scene.fibres_deg" in said
+    assert "given by scene.fibres_deg" in said
 
 
 def a_table_from_zero_on(scene):
