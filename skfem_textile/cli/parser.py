@@ -5,6 +5,7 @@ import re
 import sys
 import tomllib
 from argparse import ArgumentTypeError
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import NoneType
@@ -280,7 +281,13 @@ def tables_of_options(
     """
     found = {name: _copied(own) for name, own in tables.items()}
     settings = [(path, _joined(v)) for path, v in vars(options).items() if "." in path]
-    for path, value in [*settings, *_once(getattr(options, "set", ()))]:
+    further = getattr(options, "set", ())
+    for path, times in Counter(path for path, _ in further).items():
+        if times > 1:
+            raise ValueError(f"--set {printable(path)} is given twice")
+        if path == "scene.name":
+            raise ValueError("--set scene.name: name the scene after `run`")
+    for path, value in [*settings, *further]:
         *around, key = path.split(".")
         table: Any = found
         for name in around:
@@ -289,17 +296,6 @@ def tables_of_options(
                 raise ValueError(f"--set {path}: {name} is a value, not a table")
         table[key] = value
     return found
-
-
-def _once(settings: Sequence[tuple[str, Any]]) -> Sequence[tuple[str, Any]]:
-    """Settings of which none is given twice, nor names another scene."""
-    paths = [path for path, _ in settings]
-    for path in paths:
-        if paths.count(path) > 1:
-            raise ValueError(f"--set {printable(path)} is given twice")
-    if "scene.name" in paths:
-        raise ValueError("--set scene.name: name the scene after `run`")
-    return settings
 
 
 def _joined(value: Any) -> Any:
