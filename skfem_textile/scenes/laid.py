@@ -268,7 +268,7 @@ def _in_planes(name: str, mesh: Mesh) -> dict[str, Condition]:
     if np.abs(mesh.p.min(axis=1)).max() > _OFF * np.ptp(mesh.p):
         raise MeshError(
             f"{name}: the lower left corner of a quarter must be at the origin; for a "
-            "whole ply set part to \'whole\'"
+            "whole ply set part to 'whole'"
         )
     return {side: Condition(side, value) for side, value in _SYMMETRY.items()}
 
