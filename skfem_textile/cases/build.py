@@ -18,7 +18,7 @@ from ..mesh.user_input import printable
 from ..ply.loads import Force
 from ..scenes.case import Case
 from ..solve.surface import OnSurface
-from .read import CaseFileError, declared, read_tables
+from .read import CaseFileError, declared, read_tables, with_files
 from .scenes import AnyScene, OnTool
 from .schema import (
     MESH_KINDS,
@@ -112,6 +112,7 @@ def built(file: CaseFile) -> Case:
     OSError
         If a file that it names cannot be read.
     """
+    with_files(file, _refuse_missing)
     _refuse_contradictions(file)
     scene = _scene(file.scene, file.mesh, file.fabric.file)
     if file.fabric.file is None:
@@ -142,6 +143,15 @@ def built(file: CaseFile) -> Case:
         solver=file.stepping.solver,
         pictures=file.output.pictures,
     )
+
+
+def _refuse_missing(key: str, name: str) -> str:
+    """Refuse the name of a file that does not exist."""
+    if key != "mesh.source" and not os.path.isfile(name):  # it may be a kind of mesh
+        law = key.endswith(".file") and key != "fabric.file"
+        key = f"{key.removesuffix('.file')}.law" if law else key
+        raise ValueError(f"{key} {printable(name)}: no such file")
+    return name
 
 
 def _refuse_contradictions(file: CaseFile) -> None:
@@ -228,9 +238,6 @@ def _named(table: str, build: Callable[[], Any]) -> Any:
     """The law of a table, which an error names."""
     try:
         return build()
-    except OSError as error:
-        file = printable(error.filename)
-        raise ValueError(f"{table}.law {file}: {error.strerror}") from None
     except ValueError as error:
         raise ValueError(f"{table} {printable(error)}") from None
 

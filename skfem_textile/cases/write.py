@@ -42,7 +42,7 @@ WRITTEN_FILES = (
     *(f"{FILES}/{key}{end}" for key in _OF_MESH for end in _WHOLE),
     *(f"{FILES}/fabric{end}" for end in (".json", ".inp", ".rad")),
     *(f"{FILES}/directions{end}" for end in (".vtu", ".csv", ".inp")),
-    *(f"{FILES}/{key}.csv" for key in ("test_curve", "trim")),
+    *(f"{FILES}/{key}*" for key in ("test_curve", "trim")),
 )
 
 _UNITS = "# Lengths are in mm, forces in N and angles in degrees, as the keys say."

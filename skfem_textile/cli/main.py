@@ -97,7 +97,7 @@ def _init(scene: str, file: Path) -> int:
     """Write a case file of a scene, with all defaults and comments."""
     from ..cases.write import case_text
 
-    head = f"# A case: skfem-textile run {file.name} --out results"
+    head = f"# A case: skfem-textile run {printable(file.name)} --out results"
     text = case_text(declared({"scene": {"name": scene}}), head)
     with open(file, "x", encoding="utf-8") as opened:
         opened.write(text)

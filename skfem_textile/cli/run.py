@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
+import numpy as np
 
 from .. import __version__
 from ..cases.build import built
@@ -37,6 +38,7 @@ _PICTURES = (
 )
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def run(file: CaseFile, options: argparse.Namespace) -> int:
     """Load a case and write its results; returns the exit code.
 

@@ -162,8 +162,8 @@ def test_a_checkpoint_knows_the_points_of_a_table(tmp_path, capsys):
             ("--shear-law", "sin"),
             "shear.law is 'sin', which is none of linear, sin2, FILE.csv",
         ),
-        (("--shear-law", "no.csv"), "shear.law no.csv: No such file"),
-        (("--shear-law", "FILE.csv"), "shear.law FILE.csv: No such file"),
+        (("--shear-law", "no.csv"), "shear.law no.csv: no such file"),
+        (("--shear-law", "FILE.csv"), "shear.law FILE.csv: no such file"),
         (
             ("--tension-law", "sin2"),
             "'sin2', which is none of linear, FILE.csv, crimp-toe, crimp-interchange",

@@ -240,4 +240,4 @@ def test_a_file_that_is_no_curve_is_refused_before_a_run(
 def test_a_file_that_is_not_there_is_refused(tmp_path, capsys):
     out = ("--out", str(tmp_path / "out"), *OUT)
     said = refused(capsys, "run", "strip", "--test-curve", "no.csv", *out)
-    assert "no.csv" in said
+    assert "output.test_curve no.csv: no such file" in said

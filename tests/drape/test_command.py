@@ -216,8 +216,8 @@ def test_what_is_no_tool_is_refused_in_one_line(number, tmp_path, capsys):
         (("--point", "0", "0", "1e306"), "from the tool: give a point on it"),
         (("--point", "130", "0", "0"), "the tool has no triangle at 129.8"),
         (("--point", "0", "0"), "expected 3 arguments"),
-        (("--part-mesh", "none.stl"), "none.stl: no such file"),
-        (("--trim", "none.csv"), "No such file"),
+        (("--part-mesh", "none.stl"), "output.part_mesh none.stl: no such file"),
+        (("--trim", "none.csv"), "output.trim none.csv: no such file"),
         (("--width", "-5"), "the width must be positive"),
     ],
 )
